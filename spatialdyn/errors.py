@@ -1,0 +1,31 @@
+"""The errors of the library: one base class, a subclass where a caller would catch it."""
+
+from __future__ import annotations
+
+
+class SpatialDynError(ValueError):
+    """Base of every error the library raises on bad input; the message names the thing, its value and what was expected."""
+
+
+class UrdfError(SpatialDynError):
+    """A robot description that cannot be read; names file, line, element and attribute."""
+
+
+class ModelError(SpatialDynError):
+    """A tree of links and joints that is no robot, or a name that is not in it."""
+
+
+class InertiaError(SpatialDynError):
+    """An inertia no body can have, or a joint that moves no inertia where one is needed."""
+
+
+class ShapeError(SpatialDynError):
+    """An array of the wrong shape or dtype."""
+
+
+class ConfigurationError(SpatialDynError):
+    """A quaternion or (cos, sin) pair that is not of unit norm; ``sd.normalize`` is the cure."""
+
+
+class NonFiniteError(SpatialDynError):
+    """Finite input whose result is not finite."""

@@ -1,0 +1,162 @@
+"""Forward dynamics q̈ = M(q)⁻¹ (τ - C q̇ - g) by the articulated body algorithm, and M(q)⁻¹ by the same sweep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import register_jitable
+
+from ..spatial import (
+    Articulated,
+    Force,
+    Motion,
+    Pose,
+    add_articulated,
+    add_force,
+    add_motion,
+    articulated,
+    articulated_force,
+    articulated_of,
+    articulated_to_parent,
+    cross_force,
+    cross_motion,
+    force_from,
+    force_of,
+    force_to_parent,
+    inertia_of,
+    momentum,
+    motion_of,
+    motion_to_child,
+    negative,
+    pose_of,
+    power,
+    put_articulated,
+    put_force,
+    put_motion,
+    put_pose,
+    scale_force,
+    scale_motion,
+    sub_force,
+    table_dtype,
+    vec_of,
+    without,
+    zero,
+    zero_force,
+    zero_motion,
+)
+from .joints import joint_motion, joint_pose
+from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
+
+WORK = table_dtype(X=Pose, v=Motion, c=Motion, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float)
+WORK_INVERSE = table_dtype(X=Pose, IA=Articulated, U=Force, d=float, F=Force, P=Motion)
+
+PIVOTS = Argument("pivots", ("nv",), "kg m² | kg", "articulated inertia D of each row")
+
+
+@register_jitable
+def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
+    """RBDA table 7.1 in body coordinates; fext may be None, for zero."""
+    n = len(bodies) - 1
+    put_motion(work[0].v, zero_motion())
+    put_motion(work[0].a, Motion(zero(), negative(vec_of(bodies[0].gravity))))
+    put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
+    put_force(work[0].pA, zero_force())
+
+    for i in range(1, n + 1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        I = inertia_of(b.inertia) 
+        X = joint_pose(bodies, i, q)
+        vJ = joint_motion(bodies, i, v)
+        vi = add_motion(motion_to_child(X, motion_of(parent.v)), vJ)
+        pA = cross_force(vi, momentum(I, vi))
+        if fext is not None and b.joint > 0:
+            pA = sub_force(pA, force_from(fext[b.joint]))
+        put_pose(here.X, X)
+        put_motion(here.v, vi)
+        put_motion(here.c, cross_motion(vi, vJ))
+        put_articulated(here.IA, articulated(I))
+        put_force(here.pA, pA)
+
+    for i in range(n, 0, -1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        X, S = pose_of(here.X), motion_of(b.S)
+        IA, pA = articulated_of(here.IA), force_of(here.pA)
+        U = articulated_force(IA, S)
+        D = power(S, U) + b.armature
+        d = 1.0 / D
+        u = tau[i - 1] - power(S, pA)
+        Ia = without(IA, U, scale_force(d, U))
+        pa = add_force(add_force(pA, articulated_force(Ia, motion_of(here.c))), scale_force(d * u, U))
+        put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
+        put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
+        put_force(here.U, U)
+        here.d = d
+        here.u = u
+        pivots[i - 1] = D
+
+    for i in range(1, n + 1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        ai = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.a)), motion_of(here.c))
+        qdd = here.d * (here.u - power(ai, force_of(here.U)))
+        put_motion(here.a, add_motion(ai, scale_motion(qdd, motion_of(b.S))))
+        a[i - 1] = qdd
+
+
+@register_jitable
+def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
+    """M⁻¹ column by column through one articulated sweep.
+
+    Inward, F_j is the force that a unit torque at row j leaves on the row it has reached; outward, P the
+    acceleration it causes. Only rows i <= j are computed, the rest is symmetry.
+    """
+    n = len(bodies) - 1
+    put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
+    put_motion(work[0].P, zero_motion())
+    for i in range(1, n + 1):
+        put_pose(work[i].X, joint_pose(bodies, i, q))
+        put_articulated(work[i].IA, articulated(inertia_of(bodies[i].inertia)))
+
+    for i in range(n, 0, -1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        X, S, IA = pose_of(here.X), motion_of(b.S), articulated_of(here.IA)
+        U = articulated_force(IA, S)
+        D = power(S, U) + b.armature
+        d = 1.0 / D
+        Ia = without(IA, U, scale_force(d, U))
+        put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
+        put_force(here.U, U)
+        here.d = d
+        pivots[i - 1] = D
+        for j in range(1, n + 1):
+            Minv[i - 1, j - 1] = 0.0
+        Minv[i - 1, i - 1] = d
+        put_force(here.F, force_to_parent(X, scale_force(d, U)))
+        for j in range(i + 1, b.last + 1):
+            F = force_of(work[j].F)
+            Mij = -d * power(S, F)
+            Minv[i - 1, j - 1] = Mij
+            put_force(work[j].F, force_to_parent(X, add_force(F, scale_force(Mij, U))))
+
+    for j in range(1, n + 1):
+        for i in range(1, j + 1):
+            here, parent = work[i], work[bodies[i].parent]
+            P = motion_to_child(pose_of(here.X), motion_of(parent.P))
+            Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
+            put_motion(here.P, add_motion(P, scale_motion(Mij, motion_of(bodies[i].S))))
+            Minv[i - 1, j - 1] = Mij
+            Minv[j - 1, i - 1] = Mij
+
+
+SPECS = (
+    Spec(
+        "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
+        "Featherstone, RBDA (2008), table 7.1.", pivots=True,
+    ),
+    Spec(
+        "minverse", minverse, WORK_INVERSE, (Q,),
+        Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
+        "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
+        "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True,
+    ),
+)  # fmt: skip

@@ -1,0 +1,73 @@
+"""What a caller asks of one sample beside the recursion itself: is its input fit, is its answer to be trusted.
+
+These look at values, so they are no recursions: engines run them around one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import register_jitable
+
+from ..bodies import FLOATING, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE_CS, SPHERICAL
+
+UNIT_TOLERANCE = 2e-6  # on the squared norm: a norm within 1e-6 of 1, so that float32 input passes
+EPS = 2.220446049250313e-16
+
+
+@register_jitable
+def unit_norm(bodies: Any, q: Any) -> bool:
+    """Whether every quaternion and (cos, sin) pair of q has unit norm; a NaN is let through, to come out as NaN."""
+    for i in range(1, len(bodies)):
+        kind, k = bodies[i].kind, bodies[i].at
+        if kind < REVOLUTE_CS:
+            continue
+        count = 0
+        if kind == REVOLUTE_CS:
+            count = 2
+        elif kind == SPHERICAL:
+            count = 4
+        elif kind == FLOATING:
+            k, count = k + 3, 4
+        elif kind == PLANAR_CS:
+            k, count = k + 2, 2
+        if count > 0:
+            square = 0.0
+            for m in range(k, k + count):
+                square += q[m] * q[m]
+            if abs(square - 1.0) > UNIT_TOLERANCE:
+                return False
+    return True
+
+
+@register_jitable
+def sound_pivots(bodies: Any, q: Any, pivots: Any) -> bool:
+    """Whether every D is above n eps of a bound on its composite inertia; a few that are not are no cause for alarm.
+
+    The bound grows with how far prismatic, planar and floating joints below the first have moved.
+    """
+    n = len(bodies) - 1
+    travel = 0.0
+    for i in range(1, n + 1):
+        kind, k = bodies[i].kind, bodies[i].at
+        if kind == PRISMATIC:
+            travel += abs(q[k])
+        elif bodies[i].parent > 0 and (kind == PLANAR or kind == PLANAR_CS or kind == FLOATING):
+            travel += abs(q[k]) + abs(q[k + 1])
+            if kind == FLOATING:
+                travel += abs(q[k + 2])
+    for i in range(1, n + 1):
+        b = bodies[i]
+        bound = b.armature + b.bound.x + travel * (2.0 * b.bound.y + travel * b.bound.z)
+        if not pivots[i - 1] > n * EPS * bound:
+            return False
+    return True
+
+
+@register_jitable
+def all_finite(x: Any) -> bool:
+    """Whether every entry of an array is finite."""
+    s = 0.0
+    for value in x.flat:
+        s += value * 0.0
+    return s == 0.0

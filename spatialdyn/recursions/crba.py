@@ -1,0 +1,65 @@
+"""The joint-space mass matrix M(q) by the composite rigid body algorithm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import register_jitable
+
+from ..spatial import (
+    Inertia,
+    Pose,
+    add_inertia,
+    force_to_parent,
+    inertia_of,
+    inertia_to_parent,
+    momentum,
+    motion_of,
+    pose_of,
+    power,
+    put_inertia,
+    put_pose,
+    table_dtype,
+)
+from .joints import joint_pose
+from .spec import Argument, Q, Spec
+
+WORK = table_dtype(X=Pose, Ic=Inertia)
+
+
+@register_jitable
+def crba(bodies: Any, work: Any, q: Any, M: Any) -> None:
+    """RBDA table 6.2 in body coordinates; both triangles of M are written."""
+    n = len(bodies) - 1
+    put_inertia(work[0].Ic, inertia_of(bodies[0].inertia))
+    for i in range(1, n + 1):
+        put_pose(work[i].X, joint_pose(bodies, i, q))
+        put_inertia(work[i].Ic, inertia_of(bodies[i].inertia))
+
+    for i in range(n, 0, -1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        Ic = inertia_of(here.Ic)
+        put_inertia(parent.Ic, add_inertia(inertia_of(parent.Ic), inertia_to_parent(pose_of(here.X), Ic)))
+
+        for j in range(i - 1):
+            M[i - 1, j] = 0.0
+            M[j, i - 1] = 0.0
+        F = momentum(Ic, motion_of(b.S))
+        M[i - 1, i - 1] = power(motion_of(b.S), F) + b.armature
+        j = i
+        while bodies[j].parent > 0:
+            F = force_to_parent(pose_of(work[j].X), F)
+            j = bodies[j].parent
+            Mij = power(motion_of(bodies[j].S), F)
+            M[i - 1, j - 1] = Mij
+            M[j - 1, i - 1] = Mij
+
+
+SPECS = (
+    Spec(
+        "crba", crba, WORK, (Q,),
+        Argument("M", ("nv", "nv"), "kg m² | kg m | kg", "mass matrix, symmetric, both triangles filled"),
+        "Joint-space mass matrix M(q) by the composite rigid body algorithm.",
+        "Featherstone, RBDA (2008), table 6.2.",
+    ),
+)  # fmt: skip

@@ -1,0 +1,105 @@
+"""The motion across one row of the table of bodies (see ``bodies``)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import register_jitable
+
+from ..bodies import FLOATING, FOLLOW, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
+from ..scalars import cos, sin
+from ..spatial import (
+    Motion,
+    Pose,
+    Rot,
+    Scalar,
+    Vec,
+    add_motion,
+    compose,
+    identity_pose,
+    matmul,
+    motion_of,
+    plus,
+    pose_of,
+    rotate,
+    scale_motion,
+    times,
+    vec_of,
+    zero,
+    zero_motion,
+)
+
+
+@register_jitable
+def turn(u: Vec, c: Scalar, s: Scalar) -> Rot:
+    """Rotation by the angle of cosine c and sine s about the unit vector u (Rodrigues)."""
+    t = 1.0 - c
+    x, y, z = u.x * s, u.y * s, u.z * s
+    xy, xz, yz = u.x * u.y * t, u.x * u.z * t, u.y * u.z * t
+    return Rot(
+        u.x * u.x * t + c, xy - z, xz + y,
+        xy + z, u.y * u.y * t + c, yz - x,
+        xz - y, yz + x, u.z * u.z * t + c,
+    )  # fmt: skip
+
+
+@register_jitable
+def turn_z(c: Scalar, s: Scalar) -> Rot:
+    """Rotation about z."""
+    return Rot(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+
+
+@register_jitable
+def rotation(x: Scalar, y: Scalar, z: Scalar, w: Scalar) -> Rot:
+    """Rotation matrix of a quaternion, used as given: nothing is normalised."""
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, xy, xz = x * x2, x * y2, x * z2
+    yy, yz, zz = y * y2, y * z2, z * z2
+    wx, wy, wz = w * x2, w * y2, w * z2
+    return Rot(
+        1.0 - (yy + zz), xy - wz, xz + wy,
+        xy + wz, 1.0 - (xx + zz), yz - wx,
+        xz - wy, yz + wx, 1.0 - (xx + yy),
+    )  # fmt: skip
+
+
+@register_jitable
+def joint_pose(bodies: Any, i: int, q: Any) -> Pose:
+    """Pose of row i in its parent, X_T X_J(q) (RBDA table 4.1 and section 4.4)."""
+    b = bodies[i]
+    if b.kind == FOLLOW:
+        return identity_pose()
+    X = pose_of(b.X)
+    k = b.at
+    if b.kind == REVOLUTE:
+        return Pose(matmul(X.R, turn(vec_of(b.S.w), cos(q[k]), sin(q[k]))), X.p)
+    if b.kind == PRISMATIC:
+        return Pose(X.R, plus(X.p, rotate(X.R, times(q[k], vec_of(b.S.v)))))
+    return compose(X, _general(bodies, i, q))
+
+
+@register_jitable
+def _general(bodies: Any, i: int, q: Any) -> Pose:
+    """X_J(q) of the kinds with more than one coordinate."""
+    kind, k = bodies[i].kind, bodies[i].at
+    if kind == REVOLUTE_CS:
+        return Pose(turn(vec_of(bodies[i].S.w), q[k], q[k + 1]), zero())
+    if kind == SPHERICAL:
+        return Pose(rotation(q[k], q[k + 1], q[k + 2], q[k + 3]), zero())
+    if kind == FLOATING:
+        return Pose(rotation(q[k + 3], q[k + 4], q[k + 5], q[k + 6]), Vec(q[k], q[k + 1], q[k + 2]))
+    # planar: the three rows are the two axes of the plane and its normal
+    p = plus(times(q[k], vec_of(bodies[i].S.v)), times(q[k + 1], vec_of(bodies[i + 1].S.v)))
+    normal = vec_of(bodies[i + 2].S.w)
+    if kind == PLANAR:
+        return Pose(turn(normal, cos(q[k + 2]), sin(q[k + 2])), p)
+    return Pose(turn(normal, q[k + 2], q[k + 3]), p)
+
+
+@register_jitable
+def joint_motion(bodies: Any, i: int, v: Any) -> Motion:
+    """vJ = Σ S v over the rows of the joint that starts at row i; null on its further rows."""
+    vJ = zero_motion()
+    for k in range(i, i + bodies[i].dofs):
+        vJ = add_motion(vJ, scale_motion(v[k - 1], motion_of(bodies[k].S)))
+    return vJ

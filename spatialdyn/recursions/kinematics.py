@@ -1,0 +1,206 @@
+"""Where the joints and frames are and how they move.
+
+A frame is walked from its body up to the world: the pose of the frame in row i grows by one joint a step, so
+only the joints that carry the frame are visited and everything is computed in the frame's own coordinates.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import register_jitable
+
+from ..spatial import (
+    Motion,
+    Pose,
+    add_motion,
+    compose,
+    cross,
+    cross_motion,
+    identity_pose,
+    motion_of,
+    motion_to_child,
+    motion_to_parent,
+    plus,
+    pose_from,
+    pose_of,
+    public_motion,
+    public_pose,
+    put_motion,
+    put_pose,
+    rotate,
+    scale_motion,
+    sub_motion,
+    table_dtype,
+    zero_motion,
+)
+from .joints import joint_motion, joint_pose
+from .spec import CLASSICAL, LOCAL, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
+
+WORK = table_dtype(X=Pose, v=Motion)
+
+
+@register_jitable
+def forward_kinematics(bodies: Any, work: Any, q: Any, X: Any) -> None:
+    """Pose of every joint's body in the world, composed outward."""
+    put_pose(work[0].X, identity_pose())
+    public_pose(X[0], identity_pose())
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        here = compose(pose_of(work[b.parent].X), joint_pose(bodies, i, q))
+        put_pose(work[i].X, here)
+        if b.joint > 0:
+            public_pose(X[b.joint], here)
+
+
+@register_jitable
+def joint_jacobians(bodies: Any, work: Any, q: Any, J: Any) -> None:
+    """Column i: S of row i in world coordinates."""
+    put_pose(work[0].X, identity_pose())
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        X = compose(pose_of(work[b.parent].X), joint_pose(bodies, i, q))
+        put_pose(work[i].X, X)
+        public_motion(J[:, i - 1], motion_to_parent(X, motion_of(b.S)))
+
+
+@register_jitable
+def joint_jacobians_dot(bodies: Any, work: Any, q: Any, v: Any, dJ: Any) -> None:
+    """Column i: d/dt of S in world coordinates, v × S (RBDA eq. 2.45)."""
+    put_pose(work[0].X, identity_pose())
+    put_motion(work[0].v, zero_motion())
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        X = compose(pose_of(work[b.parent].X), joint_pose(bodies, i, q))
+        vi = add_motion(motion_of(work[b.parent].v), motion_to_parent(X, joint_motion(bodies, i, v)))
+        put_pose(work[i].X, X)
+        put_motion(work[i].v, vi)
+        public_motion(dJ[:, i - 1], cross_motion(vi, motion_to_parent(X, motion_of(b.S))))
+
+
+@register_jitable
+def referred(X: Pose, m: Motion, reference: int) -> Motion:
+    """A motion in the coordinates of a frame that stands at X in the world, in those of the reference."""
+    if reference == LOCAL:
+        return m
+    if reference == WORLD:
+        return motion_to_parent(X, m)
+    return Motion(rotate(X.R, m.w), rotate(X.R, m.v))
+
+
+@register_jitable
+def frame_placement(bodies: Any, work: Any, q: Any, row: int, placement: Any, out: Any) -> None:
+    """Pose of the frame in the world."""
+    X = pose_from(placement)
+    i = row
+    while i > 0:
+        X = compose(joint_pose(bodies, i, q), X)
+        i = bodies[i].parent
+    public_pose(out, X)
+
+
+@register_jitable
+def frame_jacobian(bodies: Any, work: Any, q: Any, row: int, placement: Any, reference: int, J: Any) -> None:
+    """Column i: S of row i in the frame's coordinates, then in those of the reference."""
+    for k in range(6):
+        for i in range(1, len(bodies)):
+            J[k, i - 1] = 0.0
+    X = pose_from(placement)
+    i = row
+    while i > 0:
+        put_motion(work[i].v, motion_to_child(X, motion_of(bodies[i].S)))
+        X = compose(joint_pose(bodies, i, q), X)
+        i = bodies[i].parent
+    i = row
+    while i > 0:
+        public_motion(J[:, i - 1], referred(X, motion_of(work[i].v), reference))
+        i = bodies[i].parent
+
+
+@register_jitable
+def frame_velocity(
+    bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any
+) -> None:
+    """Σ S v over the rows that carry the frame."""
+    X = pose_from(placement)
+    total = zero_motion()
+    i = row
+    while i > 0:
+        total = add_motion(total, motion_to_child(X, joint_motion(bodies, i, v)))
+        X = compose(joint_pose(bodies, i, q), X)
+        i = bodies[i].parent
+    public_motion(out, referred(X, total, reference))
+
+
+@register_jitable
+def frame_acceleration(
+    bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any, reference: int, classical: int, out: Any
+) -> None:
+    """d/dt of the frame's velocity in its own coordinates: Σ S a - u × S v, u the frame's velocity seen from the row.
+
+    A spatial acceleration, unless ``classical``: then ω × v is added to its linear part. a may be None, for zero.
+    """
+    X = pose_from(placement)
+    seen = zero_motion()
+    total = zero_motion()
+    i = row
+    while i > 0:
+        vJ = motion_to_child(X, joint_motion(bodies, i, v))
+        total = sub_motion(total, cross_motion(seen, vJ))
+        if a is not None:
+            total = add_motion(total, motion_to_child(X, scale_motion(a[i - 1], motion_of(bodies[i].S))))
+        seen = add_motion(seen, vJ)
+        X = compose(joint_pose(bodies, i, q), X)
+        i = bodies[i].parent
+    total = referred(X, total, reference)
+    if classical == 1:
+        u = referred(X, seen, reference)
+        total = Motion(total.w, plus(total.v, cross(u.w, u.v)))
+    public_motion(out, total)
+
+
+_BODY = "the definition, walked from the frame to the world."
+_JACOBIAN = ("m/rad | 1", "linear first, in the reference")
+SPECS = (
+    Spec(
+        "forward_kinematics", forward_kinematics, WORK, (Q,),
+        Argument("X", ("njoints", 4, 4), "m", "pose of each joint in the world; row 0 is the world"),
+        "Poses of all joints in the world.", "Featherstone, RBDA (2008), section 4.4.",
+    ),
+    Spec(
+        "joint_jacobians", joint_jacobians, WORK, (Q,),
+        Argument("J", (6, "nv"), "m/rad | 1", "each joint's motion subspace in world coordinates, linear first"),
+        "Jacobian of every joint at once: the columns that carry a body are its Jacobian in the world.",
+        "Featherstone, RBDA (2008), section 2.11.",
+    ),
+    Spec(
+        "joint_jacobians_dot", joint_jacobians_dot, WORK, (Q, V),
+        Argument("dJ", (6, "nv"), "m/(rad s) | 1/s", "time derivative of each column, linear first"),
+        "Time derivative of joint_jacobians along v.", "Featherstone, RBDA (2008), eq. 2.45.",
+    ),
+    Spec(
+        "frame_placement", frame_placement, WORK, (Q, ROW, PLACEMENT),
+        Argument("X", (4, 4), "m", "pose of the frame in the world"),
+        "Pose of a frame in the world.", _BODY,
+    ),
+    Spec(
+        "frame_jacobian", frame_jacobian, WORK, (Q, ROW, PLACEMENT, REFERENCE),
+        Argument("J", (6, "nv"), *_JACOBIAN),
+        "Jacobian J of a frame: its velocity is J v.", _BODY,
+    ),
+    Spec(
+        "frame_velocity", frame_velocity, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),
+        Argument("V", (6,), "m/s | rad/s", "velocity of the frame, linear first, in the reference"),
+        "Velocity of a frame.", _BODY,
+    ),
+    Spec(
+        "frame_acceleration", frame_acceleration, WORK, (Q, V, A, ROW, PLACEMENT, REFERENCE, CLASSICAL),
+        Argument("a", (6,), "m/s² | rad/s²", "acceleration of the frame, linear first, in the reference"),
+        "Acceleration of a frame, spatial or classical.", _BODY,
+    ),
+    Spec(
+        "frame_bias", frame_acceleration, WORK, (Q, V, None, ROW, PLACEMENT, REFERENCE, CLASSICAL),
+        Argument("a", (6,), "m/s² | rad/s²", "acceleration of the frame, linear first, in the reference"),
+        "Acceleration of a frame at zero joint acceleration.", _BODY,
+    ),
+)  # fmt: skip

@@ -1,0 +1,698 @@
+"""Spatial vectors, inertias and poses: the vocabulary of every recursion.
+
+Notation: R. Featherstone, Rigid Body Dynamics Algorithms (RBDA, 2008), chapter 2. Angular part first.
+
+==================  =====================================================================
+Vec (x, y, z)       a vector of three numbers
+Rot (xx .. zz)      a 3 x 3 matrix, row by row; for a Pose the rotation child -> parent
+Sym (xx xy xz       a symmetric 3 x 3 matrix, upper triangle
+yy yz zz)
+Motion (w, v)       a spatial motion vector: angular, linear (velocity of the point at the origin)
+Force (n, f)        a spatial force vector: moment about the origin, linear
+Pose (R, p)         a frame seen from its parent: orientation and origin
+Inertia (m, h, I)   a rigid body: mass, first moment m c, rotational inertia about the origin
+Articulated         an articulated body inertia [I H; Hᵀ M]
+(I, H, M)
+==================  =====================================================================
+
+The types are NamedTuples of plain scalars: under Numba they compile away, and in plain Python the scalars
+may be anything with + - * /. Nothing in this module compares, allocates arrays or looks at a type.
+
+A table (of bodies, of scratch) is a structured array whose nested fields carry the same names, so one
+attribute access reads the same in plain Python and in compiled code. ``DTYPES`` gives each type its layout;
+``vec_of``, ``motion_of`` ... read a field into a tuple and ``put_vec``, ``put_motion`` ... write one back.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+from numba.extending import register_jitable
+
+Scalar = Any  # float, or a number of an engine: recorded, exact or symbolic
+
+
+class Vec(NamedTuple):
+    """A vector of three numbers."""
+
+    x: Scalar
+    y: Scalar
+    z: Scalar
+
+
+class Rot(NamedTuple):
+    """A 3 x 3 matrix, row by row."""
+
+    xx: Scalar
+    xy: Scalar
+    xz: Scalar
+    yx: Scalar
+    yy: Scalar
+    yz: Scalar
+    zx: Scalar
+    zy: Scalar
+    zz: Scalar
+
+
+class Sym(NamedTuple):
+    """A symmetric 3 x 3 matrix, upper triangle row by row."""
+
+    xx: Scalar
+    xy: Scalar
+    xz: Scalar
+    yy: Scalar
+    yz: Scalar
+    zz: Scalar
+
+
+class Motion(NamedTuple):
+    """A spatial motion vector: w angular, v linear (of the point now at the origin)."""
+
+    w: Vec
+    v: Vec
+
+
+class Force(NamedTuple):
+    """A spatial force vector: n moment about the origin, f linear."""
+
+    n: Vec
+    f: Vec
+
+
+class Pose(NamedTuple):
+    """A frame seen from its parent: R takes child coordinates to parent ones, p is the child's origin."""
+
+    R: Rot
+    p: Vec
+
+
+class Inertia(NamedTuple):
+    """A rigid body: m mass, h = m c first moment, I rotational inertia about the origin."""
+
+    m: Scalar
+    h: Vec
+    I: Sym 
+
+
+class Articulated(NamedTuple):
+    """An articulated body inertia [I H; Hᵀ M] (RBDA section 7.1)."""
+
+    I: Sym 
+    H: Rot
+    M: Sym
+
+
+def _layout(cls: type) -> np.dtype:
+    """Structured dtype of a NamedTuple class, nested classes included."""
+    hints = get_type_hints(cls).items()
+    return np.dtype([(name, _layout(kind) if hasattr(kind, "_fields") else np.float64) for name, kind in hints])
+
+
+TYPES: tuple[type, ...] = (Vec, Rot, Sym, Motion, Force, Pose, Inertia, Articulated)
+DTYPES: dict[Any, np.dtype] = {cls: _layout(cls) for cls in TYPES}
+DTYPES[float] = np.dtype(np.float64)
+DTYPES[int] = np.dtype(np.int64)
+
+
+def table_dtype(**fields: type) -> np.dtype:
+    """Dtype of a table whose columns are the given types (int, float or a type above); rows read as attributes."""
+    return np.dtype((np.record, np.dtype([(name, DTYPES[kind]) for name, kind in fields.items()], align=True)))
+
+
+def object_twin(dtype: np.dtype) -> np.dtype:
+    """The same table with every float replaced by an object, for engines whose numbers are not floats."""
+    if dtype.names:
+        return np.dtype((np.record, [(name, object_twin(dtype[name])) for name in dtype.names]))
+    return np.dtype(object) if dtype.kind == "f" else dtype
+
+
+# --- three-vectors and 3 x 3 matrices -------------------------------------------------------------------
+
+
+@register_jitable
+def zero() -> Vec:
+    """The null vector."""
+    return Vec(0.0, 0.0, 0.0)
+
+
+@register_jitable
+def plus(a: Vec, b: Vec) -> Vec:
+    """a + b."""
+    return Vec(a.x + b.x, a.y + b.y, a.z + b.z)
+
+
+@register_jitable
+def minus(a: Vec, b: Vec) -> Vec:
+    """a - b."""
+    return Vec(a.x - b.x, a.y - b.y, a.z - b.z)
+
+
+@register_jitable
+def negative(a: Vec) -> Vec:
+    """-a."""
+    return Vec(-a.x, -a.y, -a.z)
+
+
+@register_jitable
+def times(s: Scalar, a: Vec) -> Vec:
+    """s a."""
+    return Vec(s * a.x, s * a.y, s * a.z)
+
+
+@register_jitable
+def dot(a: Vec, b: Vec) -> Scalar:
+    """a · b."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@register_jitable
+def cross(a: Vec, b: Vec) -> Vec:
+    """a × b."""
+    return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+@register_jitable
+def rotate(R: Rot, a: Vec) -> Vec:
+    """R a."""
+    return Vec(
+        R.xx * a.x + R.xy * a.y + R.xz * a.z,
+        R.yx * a.x + R.yy * a.y + R.yz * a.z,
+        R.zx * a.x + R.zy * a.y + R.zz * a.z,
+    )
+
+
+@register_jitable
+def unrotate(R: Rot, a: Vec) -> Vec:
+    """Rᵀ a."""
+    return Vec(
+        R.xx * a.x + R.yx * a.y + R.zx * a.z,
+        R.xy * a.x + R.yy * a.y + R.zy * a.z,
+        R.xz * a.x + R.yz * a.y + R.zz * a.z,
+    )
+
+
+@register_jitable
+def identity() -> Rot:
+    """The 3 x 3 identity."""
+    return Rot(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@register_jitable
+def matmul(A: Rot, B: Rot) -> Rot:
+    """A B."""
+    return Rot(
+        A.xx * B.xx + A.xy * B.yx + A.xz * B.zx,
+        A.xx * B.xy + A.xy * B.yy + A.xz * B.zy,
+        A.xx * B.xz + A.xy * B.yz + A.xz * B.zz,
+        A.yx * B.xx + A.yy * B.yx + A.yz * B.zx,
+        A.yx * B.xy + A.yy * B.yy + A.yz * B.zy,
+        A.yx * B.xz + A.yy * B.yz + A.yz * B.zz,
+        A.zx * B.xx + A.zy * B.yx + A.zz * B.zx,
+        A.zx * B.xy + A.zy * B.yy + A.zz * B.zy,
+        A.zx * B.xz + A.zy * B.yz + A.zz * B.zz,
+    )
+
+
+@register_jitable
+def transpose(A: Rot) -> Rot:
+    """Aᵀ."""
+    return Rot(A.xx, A.yx, A.zx, A.xy, A.yy, A.zy, A.xz, A.yz, A.zz)
+
+
+@register_jitable
+def apply_sym(A: Sym, a: Vec) -> Vec:
+    """A a for a symmetric A."""
+    return Vec(
+        A.xx * a.x + A.xy * a.y + A.xz * a.z,
+        A.xy * a.x + A.yy * a.y + A.yz * a.z,
+        A.xz * a.x + A.yz * a.y + A.zz * a.z,
+    )
+
+
+@register_jitable
+def add_sym(A: Sym, B: Sym) -> Sym:
+    """A + B."""
+    return Sym(A.xx + B.xx, A.xy + B.xy, A.xz + B.xz, A.yy + B.yy, A.yz + B.yz, A.zz + B.zz)
+
+
+@register_jitable
+def add_rot(A: Rot, B: Rot) -> Rot:
+    """A + B."""
+    return Rot(
+        A.xx + B.xx, A.xy + B.xy, A.xz + B.xz,
+        A.yx + B.yx, A.yy + B.yy, A.yz + B.yz,
+        A.zx + B.zx, A.zy + B.zy, A.zz + B.zz,
+    )  # fmt: skip
+
+
+@register_jitable
+def congruence(R: Rot, A: Sym) -> Sym:
+    """R A Rᵀ for a symmetric A; only its six numbers are computed."""
+    x = apply_sym(A, Vec(R.xx, R.xy, R.xz))
+    y = apply_sym(A, Vec(R.yx, R.yy, R.yz))
+    z = apply_sym(A, Vec(R.zx, R.zy, R.zz))
+    return Sym(
+        R.xx * x.x + R.xy * x.y + R.xz * x.z,
+        R.yx * x.x + R.yy * x.y + R.yz * x.z,
+        R.zx * x.x + R.zy * x.y + R.zz * x.z,
+        R.yx * y.x + R.yy * y.y + R.yz * y.z,
+        R.zx * y.x + R.zy * y.y + R.zz * y.z,
+        R.zx * z.x + R.zy * z.y + R.zz * z.z,
+    )
+
+
+# --- motions and forces ---------------------------------------------------------------------------------
+
+
+@register_jitable
+def zero_motion() -> Motion:
+    """The null motion."""
+    return Motion(zero(), zero())
+
+
+@register_jitable
+def zero_force() -> Force:
+    """The null force."""
+    return Force(zero(), zero())
+
+
+@register_jitable
+def add_motion(a: Motion, b: Motion) -> Motion:
+    """a + b."""
+    return Motion(plus(a.w, b.w), plus(a.v, b.v))
+
+
+@register_jitable
+def sub_motion(a: Motion, b: Motion) -> Motion:
+    """a - b."""
+    return Motion(minus(a.w, b.w), minus(a.v, b.v))
+
+
+@register_jitable
+def scale_motion(s: Scalar, a: Motion) -> Motion:
+    """s a."""
+    return Motion(times(s, a.w), times(s, a.v))
+
+
+@register_jitable
+def add_force(a: Force, b: Force) -> Force:
+    """a + b."""
+    return Force(plus(a.n, b.n), plus(a.f, b.f))
+
+
+@register_jitable
+def sub_force(a: Force, b: Force) -> Force:
+    """a - b."""
+    return Force(minus(a.n, b.n), minus(a.f, b.f))
+
+
+@register_jitable
+def scale_force(s: Scalar, a: Force) -> Force:
+    """s a."""
+    return Force(times(s, a.n), times(s, a.f))
+
+
+@register_jitable
+def power(S: Motion, f: Force) -> Scalar:
+    """S · f: the power of a force along a motion (RBDA eq. 2.6)."""
+    return dot(S.w, f.n) + dot(S.v, f.f)
+
+
+@register_jitable
+def cross_motion(v: Motion, m: Motion) -> Motion:
+    """v × m (RBDA eq. 2.31)."""
+    return Motion(cross(v.w, m.w), plus(cross(v.w, m.v), cross(v.v, m.w)))
+
+
+@register_jitable
+def cross_force(v: Motion, f: Force) -> Force:
+    """v ×* f (RBDA eq. 2.32)."""
+    return Force(plus(cross(v.w, f.n), cross(v.v, f.f)), cross(v.w, f.f))
+
+
+# --- poses: changes of frame (RBDA section 2.8) ---------------------------------------------------------
+
+
+@register_jitable
+def identity_pose() -> Pose:
+    """The pose of a frame in itself."""
+    return Pose(identity(), zero())
+
+
+@register_jitable
+def compose(A: Pose, B: Pose) -> Pose:
+    """A B: the frame B of the frame A, seen from A's parent."""
+    return Pose(matmul(A.R, B.R), plus(A.p, rotate(A.R, B.p)))
+
+
+@register_jitable
+def inverse(X: Pose) -> Pose:
+    """The parent seen from the child."""
+    return Pose(transpose(X.R), negative(unrotate(X.R, X.p)))
+
+
+@register_jitable
+def motion_to_child(X: Pose, m: Motion) -> Motion:
+    """A motion in parent coordinates, in child coordinates."""
+    return Motion(unrotate(X.R, m.w), unrotate(X.R, plus(m.v, cross(m.w, X.p))))
+
+
+@register_jitable
+def motion_to_parent(X: Pose, m: Motion) -> Motion:
+    """A motion in child coordinates, in parent coordinates."""
+    w = rotate(X.R, m.w)
+    return Motion(w, plus(rotate(X.R, m.v), cross(X.p, w)))
+
+
+@register_jitable
+def force_to_parent(X: Pose, f: Force) -> Force:
+    """A force in child coordinates, in parent coordinates."""
+    linear = rotate(X.R, f.f)
+    return Force(plus(rotate(X.R, f.n), cross(X.p, linear)), linear)
+
+
+@register_jitable
+def force_to_child(X: Pose, f: Force) -> Force:
+    """A force in parent coordinates, in child coordinates."""
+    return Force(unrotate(X.R, minus(f.n, cross(X.p, f.f))), unrotate(X.R, f.f))
+
+
+# --- rigid bodies ---------------------------------------------------------------------------------------
+
+
+@register_jitable
+def add_inertia(A: Inertia, B: Inertia) -> Inertia:
+    """Two bodies made one."""
+    return Inertia(A.m + B.m, plus(A.h, B.h), add_sym(A.I, B.I))
+
+
+@register_jitable
+def momentum(I: Inertia, v: Motion) -> Force: 
+    """I v: the spatial momentum of a body of inertia I moving with v (RBDA eq. 2.63)."""
+    return Force(
+        plus(apply_sym(I.I, v.w), cross(I.h, v.v)),
+        minus(times(I.m, v.v), cross(I.h, v.w)),
+    )
+
+
+@register_jitable
+def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym: 
+    """I + (p·a + p·b) 1 - a pᵀ - p bᵀ for b - a parallel to p, where the sum is symmetric.
+
+    With a the first moment before and b after a shift of the origin by -p, this is the rotational
+    inertia about the new origin: the parallel axis theorem in both its terms.
+    """
+    x, y, z = p.x * (a.x + b.x), p.y * (a.y + b.y), p.z * (a.z + b.z)
+    return Sym(
+        I.xx + (y + z),
+        I.xy - (a.x * p.y + p.x * b.y),
+        I.xz - (a.x * p.z + p.x * b.z),
+        I.yy + (z + x),
+        I.yz - (a.y * p.z + p.y * b.z),
+        I.zz + (x + y),
+    )
+
+
+@register_jitable
+def inertia_to_parent(X: Pose, I: Inertia) -> Inertia: 
+    """The inertia of a body in child coordinates, in parent coordinates (RBDA eq. 2.66)."""
+    a = rotate(X.R, I.h)
+    b = plus(a, times(I.m, X.p))
+    return Inertia(I.m, b, shifted(congruence(X.R, I.I), X.p, a, b))
+
+
+@register_jitable
+def inertia_rate(I: Inertia, v: Motion) -> Inertia: 
+    """d/dt I of a body that moves with v, both in one fixed frame: v×* I - I v×, ten numbers again, the mass 0.
+
+    The rotational part is ω̃ Ī + (ω̃ Ī)ᵀ + 2 (h·l) 1 - l hᵀ - h lᵀ with v = (ω, l).
+    """
+    J, h, l = I.I, I.h, v.v 
+    x = cross(v.w, Vec(J.xx, J.xy, J.xz))
+    y = cross(v.w, Vec(J.xy, J.yy, J.yz))
+    z = cross(v.w, Vec(J.xz, J.yz, J.zz))
+    hx, hy, hz = h.x * l.x, h.y * l.y, h.z * l.z
+    return Inertia(
+        0.0,
+        momentum(I, v).f,
+        Sym(
+            2.0 * (x.x + (hy + hz)),
+            (y.x + x.y) - (l.x * h.y + h.x * l.y),
+            (z.x + x.z) - (l.x * h.z + h.x * l.z),
+            2.0 * (y.y + (hz + hx)),
+            (z.y + y.z) - (l.y * h.z + h.y * l.z),
+            2.0 * (z.z + (hx + hy)),
+        ),
+    )
+
+
+# --- articulated bodies (RBDA chapter 7) ----------------------------------------------------------------
+
+
+@register_jitable
+def articulated(I: Inertia) -> Articulated: 
+    """A rigid body as an articulated one: [Ī h̃; h̃ᵀ m 1]."""
+    h = I.h
+    return Articulated(
+        I.I,
+        Rot(0.0, -h.z, h.y, h.z, 0.0, -h.x, -h.y, h.x, 0.0),
+        Sym(I.m, 0.0, 0.0, I.m, 0.0, I.m),
+    )
+
+
+@register_jitable
+def add_articulated(A: Articulated, B: Articulated) -> Articulated:
+    """A + B."""
+    return Articulated(add_sym(A.I, B.I), add_rot(A.H, B.H), add_sym(A.M, B.M))
+
+
+@register_jitable
+def articulated_force(A: Articulated, a: Motion) -> Force:
+    """A a."""
+    return Force(
+        plus(apply_sym(A.I, a.w), rotate(A.H, a.v)),
+        plus(unrotate(A.H, a.w), apply_sym(A.M, a.v)),
+    )
+
+
+@register_jitable
+def without(A: Articulated, U: Force, W: Force) -> Articulated:
+    """A - U Wᵀ for W parallel to U: what is left of A once a joint is free to move."""
+    n, f, N, F = U.n, U.f, W.n, W.f
+    I, H, M = A.I, A.H, A.M 
+    return Articulated(
+        Sym(
+            I.xx - n.x * N.x, I.xy - n.x * N.y, I.xz - n.x * N.z,
+            I.yy - n.y * N.y, I.yz - n.y * N.z, I.zz - n.z * N.z,
+        ),
+        Rot(
+            H.xx - n.x * F.x, H.xy - n.x * F.y, H.xz - n.x * F.z,
+            H.yx - n.y * F.x, H.yy - n.y * F.y, H.yz - n.y * F.z,
+            H.zx - n.z * F.x, H.zy - n.z * F.y, H.zz - n.z * F.z,
+        ),
+        Sym(
+            M.xx - f.x * F.x, M.xy - f.x * F.y, M.xz - f.x * F.z,
+            M.yy - f.y * F.y, M.yz - f.y * F.z, M.zz - f.z * F.z,
+        ),
+    )  # fmt: skip
+
+
+@register_jitable
+def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
+    """The articulated inertia in child coordinates, in parent coordinates: Xᵀ A X, symmetric by construction.
+
+    With everything rotated, H' = H + p̃ M and I' = I - H p̃ + p̃ H'ᵀ.
+    """
+    R, p = X.R, X.p
+    M = congruence(R, A.M)
+    H = matmul(matmul(R, A.H), transpose(R))
+    I = congruence(R, A.I) 
+    G = Rot(
+        H.xx + (p.y * M.xz - p.z * M.xy), H.xy + (p.y * M.yz - p.z * M.yy), H.xz + (p.y * M.zz - p.z * M.yz),
+        H.yx + (p.z * M.xx - p.x * M.xz), H.yy + (p.z * M.xy - p.x * M.yz), H.yz + (p.z * M.xz - p.x * M.zz),
+        H.zx + (p.x * M.xy - p.y * M.xx), H.zy + (p.x * M.yy - p.y * M.xy), H.zz + (p.x * M.yz - p.y * M.xz),
+    )  # fmt: skip
+    return Articulated(
+        Sym(
+            I.xx - (H.xy * p.z - H.xz * p.y) + (p.y * G.xz - p.z * G.xy),
+            I.xy - (H.xz * p.x - H.xx * p.z) + (p.y * G.yz - p.z * G.yy),
+            I.xz - (H.xx * p.y - H.xy * p.x) + (p.y * G.zz - p.z * G.zy),
+            I.yy - (H.yz * p.x - H.yx * p.z) + (p.z * G.yx - p.x * G.yz),
+            I.yz - (H.yx * p.y - H.yy * p.x) + (p.z * G.zx - p.x * G.zz),
+            I.zz - (H.zx * p.y - H.zy * p.x) + (p.x * G.zy - p.y * G.zx),
+        ),
+        G,
+        M,
+    )
+
+
+# --- tables: reading and writing fields -----------------------------------------------------------------
+
+
+@register_jitable
+def vec_of(r: Any) -> Vec:
+    """Read a Vec field."""
+    return Vec(r.x, r.y, r.z)
+
+
+@register_jitable
+def rot_of(r: Any) -> Rot:
+    """Read a Rot field."""
+    return Rot(r.xx, r.xy, r.xz, r.yx, r.yy, r.yz, r.zx, r.zy, r.zz)
+
+
+@register_jitable
+def sym_of(r: Any) -> Sym:
+    """Read a Sym field."""
+    return Sym(r.xx, r.xy, r.xz, r.yy, r.yz, r.zz)
+
+
+@register_jitable
+def motion_of(r: Any) -> Motion:
+    """Read a Motion field."""
+    return Motion(vec_of(r.w), vec_of(r.v))
+
+
+@register_jitable
+def force_of(r: Any) -> Force:
+    """Read a Force field."""
+    return Force(vec_of(r.n), vec_of(r.f))
+
+
+@register_jitable
+def pose_of(r: Any) -> Pose:
+    """Read a Pose field."""
+    return Pose(rot_of(r.R), vec_of(r.p))
+
+
+@register_jitable
+def inertia_of(r: Any) -> Inertia:
+    """Read an Inertia field."""
+    return Inertia(r.m, vec_of(r.h), sym_of(r.I))
+
+
+@register_jitable
+def articulated_of(r: Any) -> Articulated:
+    """Read an Articulated field."""
+    return Articulated(sym_of(r.I), rot_of(r.H), sym_of(r.M))
+
+
+@register_jitable
+def put_vec(r: Any, a: Vec) -> None:
+    """Write a Vec field."""
+    r.x = a.x
+    r.y = a.y
+    r.z = a.z
+
+
+@register_jitable
+def put_rot(r: Any, A: Rot) -> None:
+    """Write a Rot field."""
+    r.xx = A.xx
+    r.xy = A.xy
+    r.xz = A.xz
+    r.yx = A.yx
+    r.yy = A.yy
+    r.yz = A.yz
+    r.zx = A.zx
+    r.zy = A.zy
+    r.zz = A.zz
+
+
+@register_jitable
+def put_sym(r: Any, A: Sym) -> None:
+    """Write a Sym field."""
+    r.xx = A.xx
+    r.xy = A.xy
+    r.xz = A.xz
+    r.yy = A.yy
+    r.yz = A.yz
+    r.zz = A.zz
+
+
+@register_jitable
+def put_motion(r: Any, m: Motion) -> None:
+    """Write a Motion field."""
+    put_vec(r.w, m.w)
+    put_vec(r.v, m.v)
+
+
+@register_jitable
+def put_force(r: Any, f: Force) -> None:
+    """Write a Force field."""
+    put_vec(r.n, f.n)
+    put_vec(r.f, f.f)
+
+
+@register_jitable
+def put_pose(r: Any, X: Pose) -> None:
+    """Write a Pose field."""
+    put_rot(r.R, X.R)
+    put_vec(r.p, X.p)
+
+
+@register_jitable
+def put_inertia(r: Any, I: Inertia) -> None: 
+    """Write an Inertia field."""
+    r.m = I.m
+    put_vec(r.h, I.h)
+    put_sym(r.I, I.I)
+
+
+@register_jitable
+def put_articulated(r: Any, A: Articulated) -> None:
+    """Write an Articulated field."""
+    put_sym(r.I, A.I)
+    put_rot(r.H, A.H)
+    put_sym(r.M, A.M)
+
+
+# --- the border: public arrays are linear part first ----------------------------------------------------
+
+
+@register_jitable
+def public_motion(out: Any, m: Motion) -> None:
+    """Write a motion to a public array (6,): linear first."""
+    out[0] = m.v.x
+    out[1] = m.v.y
+    out[2] = m.v.z
+    out[3] = m.w.x
+    out[4] = m.w.y
+    out[5] = m.w.z
+
+
+@register_jitable
+def public_force(out: Any, f: Force) -> None:
+    """Write a force to a public array (6,): linear first."""
+    out[0] = f.f.x
+    out[1] = f.f.y
+    out[2] = f.f.z
+    out[3] = f.n.x
+    out[4] = f.n.y
+    out[5] = f.n.z
+
+
+@register_jitable
+def force_from(a: Any) -> Force:
+    """Read a force from a public array (6,): linear first."""
+    return Force(Vec(a[3], a[4], a[5]), Vec(a[0], a[1], a[2]))
+
+
+@register_jitable
+def public_pose(out: Any, X: Pose) -> None:
+    """Write a pose to a public array (4, 4)."""
+    R, p = X.R, X.p
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3] = R.xx, R.xy, R.xz, p.x
+    out[1, 0], out[1, 1], out[1, 2], out[1, 3] = R.yx, R.yy, R.yz, p.y
+    out[2, 0], out[2, 1], out[2, 2], out[2, 3] = R.zx, R.zy, R.zz, p.z
+    out[3, 0], out[3, 1], out[3, 2], out[3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+@register_jitable
+def pose_from(a: Any) -> Pose:
+    """Read a pose from a public array (4, 4)."""
+    return Pose(
+        Rot(a[0, 0], a[0, 1], a[0, 2], a[1, 0], a[1, 1], a[1, 2], a[2, 0], a[2, 1], a[2, 2]),
+        Vec(a[0, 3], a[1, 3], a[2, 3]),
+    )
