@@ -78,6 +78,8 @@ class Model:
     joints        tuple of Joint; joints[0] is the world
     frames        tuple of Frame: every link, every joint, in the order of the tree
     names         joint names
+    mimic_matrix  None, or G (rows, nv) with v of the whole tree = G v; mimic_index, mimic_ratio, mimic_offset give q
+                  of the whole tree, and free_q, free_v the places of the model's own coordinates in it
     lower, upper  (nq,) position limits, infinite where there are none
     velocity_limit, effort_limit, damping, friction, armature   (nv,)
     gravity       (3,) [m/s²]
@@ -87,7 +89,7 @@ class Model:
     __slots__ = (
         "robot", "options", "name", "bodies", "nq", "nv", "njoints", "joints", "frames", "names", "lower", "upper",
         "velocity_limit", "effort_limit", "damping", "friction", "armature", "gravity", "mimic_matrix", "mimic_index",
-        "mimic_ratio", "mimic_offset", "_key", "_frame_index", "_joint_index", "__weakref__",
+        "mimic_ratio", "mimic_offset", "free_q", "free_v", "_key", "_frame_index", "_joint_index", "__weakref__",
     )  # fmt: skip
 
     robot: Robot
@@ -112,6 +114,8 @@ class Model:
     mimic_index: NDArray[np.intp]
     mimic_ratio: Array
     mimic_offset: Array
+    free_q: NDArray[np.intp]
+    free_v: NDArray[np.intp]
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"a Model is immutable: {name} cannot be set; model.with_() and model.reduced() make new ones")
@@ -502,12 +506,12 @@ def _tabulate(
         object.__setattr__(model, name, value)
 
     G, index_q, ratio, offset, joints = _mimic_map(joints, leaders, iq, n)
-    if G is not None:
-        free_q = np.unique(index_q)
-        keep = np.array([np.flatnonzero((index_q == k) & (ratio == 1.0) & (offset == 0.0))[0] for k in free_q], dtype=int)
-        free_v = np.array([np.flatnonzero(G[:, k] == 1.0)[0] for k in range(G.shape[1])], dtype=int)
-        lower, upper = lower[keep], upper[keep]
-        per_row = {label: values[free_v] for label, values in per_row.items()}
+    free = [j for j in joints[1:] if j.mimic is None]
+    first_q = [int(b[j.row - j.nv + 1]["at"]) for j in free]
+    free_q = np.array([at + k for at, j in zip(first_q, free, strict=True) for k in range(j.nq)], dtype=np.intp)
+    free_v = np.array([j.row - j.nv + k for j in free for k in range(j.nv)], dtype=np.intp)
+    lower, upper = lower[free_q], upper[free_q]
+    per_row = {label: values[free_v] for label, values in per_row.items()}
     put_slot("robot", robot)
     put_slot("options", options)
     put_slot("name", robot.name)
@@ -529,6 +533,8 @@ def _tabulate(
     put_slot("mimic_index", index_q)
     put_slot("mimic_ratio", ratio)
     put_slot("mimic_offset", offset)
+    put_slot("free_q", free_q)
+    put_slot("free_v", free_v)
     digest = hashlib.sha256(b.tobytes())
     if G is not None:
         for part in (G, index_q, ratio, offset):

@@ -140,8 +140,8 @@ def check_tree(
                 )
         if joint.child in parent_of:
             raise ModelError(
-                f'{where("joint", joint.name)}link "{joint.child}" is the child of joints "{parent_of[joint.child].name}" and "{joint.name}", '
-                "expected one parent"
+                f'{where("joint", joint.name)}link "{joint.child}" is the child of joints '
+                f'"{parent_of[joint.child].name}" and "{joint.name}", expected one parent'
             )
         parent_of[joint.child] = joint
     roots = [link.name for link in links if link.name not in parent_of]

@@ -35,15 +35,14 @@ def crba(bodies: Any, work: Any, q: Any, M: Any) -> None:
     for i in range(1, n + 1):
         put_pose(work[i].X, joint_pose(bodies, i, q))
         put_inertia(work[i].Ic, inertia_of(bodies[i].inertia))
+        for j in range(n):
+            M[i - 1, j] = 0.0
 
     for i in range(n, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         Ic = inertia_of(here.Ic)
         put_inertia(parent.Ic, add_inertia(inertia_of(parent.Ic), inertia_to_parent(pose_of(here.X), Ic)))
 
-        for j in range(i - 1):
-            M[i - 1, j] = 0.0
-            M[j, i - 1] = 0.0
         F = momentum(Ic, motion_of(b.S))
         M[i - 1, i - 1] = power(motion_of(b.S), F) + b.armature
         j = i

@@ -35,7 +35,7 @@ from ..spatial import (
     zero_motion,
 )
 from .joints import joint_motion, joint_pose
-from .spec import CLASSICAL, LOCAL, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
+from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion)
 
@@ -159,6 +159,17 @@ def frame_acceleration(
     public_motion(out, total)
 
 
+@register_jitable
+def jacobian_dot_times_v(
+    bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any
+) -> None:
+    """d/dt of the frame's velocity at zero joint acceleration, in the reference."""
+    aligned = 0
+    if reference == LOCAL_WORLD_ALIGNED:
+        aligned = 1
+    frame_acceleration(bodies, work, q, v, None, row, placement, reference, aligned, out)
+
+
 _BODY = "the definition, walked from the frame to the world."
 _JACOBIAN = ("m/rad | 1", "linear first, in the reference")
 SPECS = (
@@ -199,8 +210,9 @@ SPECS = (
         "Acceleration of a frame, spatial or classical.", _BODY,
     ),
     Spec(
-        "frame_bias", frame_acceleration, WORK, (Q, V, None, ROW, PLACEMENT, REFERENCE, CLASSICAL),
-        Argument("a", (6,), "m/s² | rad/s²", "acceleration of the frame, linear first, in the reference"),
-        "Acceleration of a frame at zero joint acceleration.", _BODY,
+        "jacobian_dot_times_v", jacobian_dot_times_v, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),
+        Argument("a", (6,), "m/s² | rad/s²", "linear first, in the reference"),
+        "J̇ v, what a frame accelerates by at zero joint acceleration: J a + J̇ v is the derivative of J v.\n\n"
+        "    It is a spatial acceleration in local and world, a classical one in local_world_aligned.", _BODY,
     ),
 )  # fmt: skip

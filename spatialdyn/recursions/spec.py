@@ -1,7 +1,7 @@
 """What a recursion takes and gives: the small table from which engines and public calls are made.
 
-A recursion is called as ``recursion(bodies, work, *inputs, *outputs)`` on the arrays of one sample. Its Spec
-names those arrays in that order. An input that a call does not have is None there, and the recursion skips
+A recursion is called as ``recursion(bodies, work, *inputs, *outputs)`` on the arrays of one sample (without
+``work`` if its Spec has none). Its Spec names those arrays in that order. An input that a call does not have is None there, and the recursion skips
 the terms it would bring: ``nonlinear_effects`` is the RNEA without a.
 """
 
@@ -24,6 +24,8 @@ class Argument:
     optional  may be left out (an input that is then None)
     static    not an array of samples but one value for all: an int (shape ()) or an array
     unit_norm the quaternions and (cos, sin) pairs of a configuration have to be of unit norm
+    free      an output indexed by coordinates rather than summed over them: with mimic joints, the independent
+              entries are taken where another output is contracted with G
     """
 
     name: str
@@ -33,11 +35,12 @@ class Argument:
     optional: bool = False
     static: bool = False
     unit_norm: bool = False
+    free: bool = False
 
 
 @dataclass(frozen=True)
 class Spec:
-    """A public call: its name, the recursion behind it, its scratch, its inputs (None: not there) and outputs.
+    """A public call: its name, the recursion behind it, the dtype of its scratch, its inputs (None: not there), output.
 
     pivots  the recursion's last output is the articulated inertia D (nv) of each row, which is not returned: the
             caller makes of it the answer to whether any row is singular
@@ -46,7 +49,7 @@ class Spec:
 
     name: str
     recursion: Callable[..., None]
-    work: np.dtype
+    work: np.dtype | None
     inputs: tuple[Argument | None, ...]
     output: Argument
     summary: str

@@ -1,0 +1,38 @@
+"""Rigid-body dynamics of robots: M(q) q̈ + C(q, q̇) q̇ + g(q) = τ from a URDF, in NumPy and Numba.
+
+>>> import spatialdyn as sd
+>>> model = sd.load_urdf("two_link")
+>>> q, v = [0.5, -0.3], [1.0, 2.0]
+>>> tau = sd.rnea(model, q, v, [0.0, 0.0])
+>>> bool(abs(sd.aba(model, q, v, tau)).max() < 1e-12)
+True
+
+Every call takes ``(model, arrays...)`` of any leading batch shape; ``help(sd.rnea)`` gives shapes, units and
+errors. Quantities and conventions are Pinocchio's: joints depth first by name, spatial vectors linear first,
+quaternions x y z w, the velocity of a floating base in its own frame.
+"""
+
+from __future__ import annotations
+
+from . import dynamics as _dynamics
+from .dynamics import *
+from .engines.jit import kernels
+from .errors import (
+    ConfigurationError,
+    InertiaError,
+    ModelError,
+    NonFiniteError,
+    ShapeError,
+    SpatialDynError,
+    UrdfError,
+)
+from .model import Frame, Joint, Model, assemble
+from .robot import ModelBuilder, Robot
+from .urdf import load_urdf
+
+__version__ = "0.1.0"
+__all__ = [
+    *_dynamics.__all__,
+    "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
+    "Robot", "ShapeError", "SpatialDynError", "UrdfError", "assemble", "kernels", "load_urdf",
+]  # fmt: skip

@@ -1,0 +1,263 @@
+"""Numba over the table of bodies: any model, compiled once for all of them.
+
+Each recursion becomes three small functions, made from its Spec:
+
+single  one sample, for ``dynamics``: checks sizes and norms, allocates scratch, runs, looks at the answer, and
+        returns a status. It has one explicit signature, so no input can make it compile again.
+batch   many samples, through ``single``; an input that does not vary advances by a step of 0.
+open    one sample, for a user's own jitted code: raises instead of returning a status.
+
+They are compiled when first called and kept in Numba's cache on disk. That cache looks only at the file a
+function stands in, so a hash of all sources of the package (STAMP) is captured by each of them: an edited
+helper is a new key. A user's own cached function that calls ``open`` kernels has to capture ``STAMP`` too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numba import njit, types
+
+from ..bodies import BODIES
+from ..recursions import SPECS
+from ..recursions.checks import all_finite, sound_pivots, unit_norm
+from ..recursions.spec import Argument, Spec
+
+OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
+
+FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "cache": True}
+_SIZES = {"nq": "bodies[0].at", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
+_LOCK = threading.RLock()
+
+
+def _stamp() -> str:
+    package = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256()
+    for source in sorted(package.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+STAMP = _stamp()
+
+
+def variant(spec: Spec, present: frozenset[str]) -> Spec:
+    """The spec of a call with just these of its optional inputs."""
+    return replace(
+        spec,
+        inputs=tuple(
+            x if x is None or not x.optional else replace(x, optional=False) if x.name in present else None
+            for x in spec.inputs
+        ),
+    )
+
+
+def kernel_shape(argument: Argument) -> tuple[str | int, ...]:
+    """Shape of an array as kernels take it: a number is an array of one."""
+    return argument.shape or (1,)
+
+
+def _size_checks(argument: Argument) -> list[str]:
+    return [
+        f"{argument.name}.shape[{axis}] != {_SIZES.get(str(size), size)}"
+        for axis, size in enumerate(kernel_shape(argument))
+    ]
+
+
+def _passed(argument: Argument) -> str:
+    """An input as the recursion takes it: a number of each sample comes as an array of one."""
+    return argument.name if argument.shape or argument.static else f"{argument.name}[0]"
+
+
+def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
+    """The statements around a recursion; ``fail`` is what to do with a status."""
+    arrays = [x for x in spec.given if not (x.static and not x.shape)]
+    wrong = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(x))
+    lines = ["stamp", f"if {wrong}:", f"    {fail(SHAPE)}"]
+    for x in arrays:
+        if x.optional:
+            lines += [f"if {x.name} is not None:", f"    if {' or '.join(_size_checks(x))}:", f"        {fail(SHAPE)}"]
+    for x in spec.given:
+        if x.unit_norm:
+            lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
+    passed = ["bodies", *("None" if x is None else _passed(x) for x in spec.inputs), spec.output.name]
+    if spec.work is not None:
+        lines.append("work = empty(len(bodies), WORK)")
+        passed.insert(1, "work")
+    if spec.pivots:
+        lines.append("pivots = empty(len(bodies) - 1)")
+        passed.append("pivots")
+    lines.append(f"recursion({', '.join(passed)})")
+    if spec.pivots:
+        lines += ["if not sound_pivots(bodies, q, pivots):", f"    {fail(PIVOT)}"]
+    if spec.output.unit_norm:
+        lines += [f"if not unit_norm(bodies, {spec.output.name}):", f"    {fail(UNIT)}"]
+    lines += [f"if not all_finite({spec.output.name}):", f"    {fail(NONFINITE)}"]
+    return lines
+
+
+def _define(name: str, parameters: list[str], body: list[str], scope: dict[str, Any]) -> Callable[..., Any]:
+    """A function made of text that holds argument names of a Spec and nothing else.
+
+    What may change between versions of the package reaches it as the captured ``stamp``, so Numba's key sees it.
+    """
+    text = "\n".join(
+        ["def make(stamp):", f"    def {name}({', '.join(parameters)}):", *(f"        {line}" for line in body)]
+        + [f"    return {name}"]
+    )
+    exec(compile(text, __file__, "exec"), scope)
+    made: Callable[..., Any] = scope["make"](STAMP)
+    made.__qualname__ = name
+    made.__module__ = __name__
+    return made
+
+
+def _scope(spec: Spec) -> dict[str, Any]:
+    return {
+        "recursion": spec.recursion,
+        "WORK": spec.work,
+        "empty": np.empty,
+        "unit_norm": unit_norm,
+        "sound_pivots": sound_pivots,
+        "all_finite": all_finite,
+    }
+
+
+def _type(argument: Argument, extra: int, writable: bool = False, layout: str = "A") -> Any:
+    if argument.static and not argument.shape:
+        return types.int64
+    rank = len(kernel_shape(argument)) + extra
+    return types.Array(types.float64, rank, layout, readonly=not writable)
+
+
+def _table() -> Any:
+    return types.Array(numba.from_dtype(BODIES), 1, "C", readonly=True)
+
+
+def _label(spec: Spec) -> str:
+    """A name no other variant of a call has: it names the file in Numba's cache."""
+    return "_".join([spec.name, *(x.name for x in spec.given)])
+
+
+def _compiled(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
+    if numba.config.DISABLE_JIT:
+        plain: Callable[..., Any] = np.errstate(all="ignore")(function)
+        return plain
+    dispatcher = njit(**FLAGS)(function)
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    made: Callable[..., Any] = dispatcher
+    return made
+
+
+@lru_cache(maxsize=None)
+def single(spec: Spec) -> Callable[..., int]:
+    """``(bodies, *inputs, output) -> status`` of one sample; inputs of any layout, none modified."""
+    with _LOCK:
+        parameters = ["bodies", *(x.name for x in spec.given), spec.output.name]
+        body = [*_body(spec, lambda status: f"return {status}"), f"return {OK}"]
+        function = _define(_label(spec), parameters, body, _scope(spec))
+        return _compiled(function, (_table(), *(_type(x, 0) for x in spec.given), _type(spec.output, 0, True, "C")))
+
+
+@lru_cache(maxsize=None)
+def batch(spec: Spec) -> Callable[..., int]:
+    """``(bodies, n, *(input, step), *static inputs, output, status) -> number of samples whose status is not OK``.
+
+    Arrays are C-ordered with the samples first; an input with step 0 has one sample for all.
+    """
+    with _LOCK:
+        varying = [x for x in spec.given if not x.static]
+        static = [x for x in spec.given if x.static]
+        parameters = ["bodies", "n"]
+        for x in varying:
+            parameters += [x.name, f"{x.name}_step"]
+        parameters += [x.name for x in static] + [spec.output.name, "status"]
+        rows = {x.name: f"{x.name}[s * {x.name}_step]" for x in varying} | {x.name: x.name for x in static}
+        passed = ", ".join([rows[x.name] for x in spec.given] + [f"{spec.output.name}[s]"])
+        body = [
+            "stamp",
+            "bad = 0",
+            "for s in range(n):",
+            f"    status[s] = single(bodies, {passed})",
+            f"    if status[s] != {OK}:",
+            "        bad += 1",
+            "return bad",
+        ]
+        function = _define(_label(spec) + "_batch", parameters, body, {"single": single(spec)})
+        signature = [_table(), types.int64]
+        for x in varying:
+            signature += [_type(x, 1, layout="C"), types.int64]
+        signature += [_type(x, 0) for x in static]
+        signature += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
+        return _compiled(function, tuple(signature))
+
+
+_MESSAGES = {
+    SHAPE: "an array does not have the size the model asks for",
+    UNIT: "a quaternion or (cos, sin) pair is not of unit norm, expected a norm within 1e-6 of 1",
+    PIVOT: "a joint moves next to no inertia, or an input is not finite",
+    NONFINITE: "the result is not finite",
+}
+
+
+@lru_cache(maxsize=None)
+def opened(name: str) -> Callable[..., None]:
+    """The kernel of a public call for use inside jitted code, optional inputs last; see ``kernels``."""
+    spec = SPECS[name]
+    required = [x for x in spec.given if not x.optional]
+    optional = [x for x in spec.given if x.optional]
+    parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]
+    body = _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
+    function = _define(f"{name}_open", parameters, body, _scope(spec))
+    function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
+    made: Callable[..., None] = njit(**FLAGS)(function)
+    return made
+
+
+class Kernels:
+    """The compiled kernels, for use inside your own ``@njit`` code; scratch is theirs, outputs are written in place.
+
+    ``kernels.rnea(model.bodies, q, v, a, out)``, ``kernels.aba(model.bodies, q, v, tau, out)`` and so on: the
+    inputs of the public call of that name, then the output, then optional inputs. Scalar outputs are arrays of
+    one. They raise ValueError on wrong sizes, norms, joints without inertia and results that are not finite.
+
+    A loop of your own with ``cache=True`` keeps the kernels it was compiled with, also after an upgrade. Capture
+    ``STAMP`` in it (a closure variable, not a global) to have it compiled anew:
+
+    >>> import numpy as np, numba, spatialdyn as sd
+    >>> aba = sd.kernels.aba
+    >>> @numba.njit
+    ... def swing(bodies, q, v, dt, steps):
+    ...     tau, a = np.zeros(len(v)), np.empty(len(v))
+    ...     for _ in range(steps):
+    ...         aba(bodies, q, v, tau, a)
+    ...         v += dt * a
+    ...         q += dt * v
+    >>> model = sd.load_urdf("two_link")
+    >>> q, v = np.zeros(2), np.zeros(2)
+    >>> swing(model.bodies, q, v, 1e-3, 100)
+    >>> bool(q[0] < 0)
+    True
+    """
+
+    STAMP = STAMP
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        if name not in SPECS:
+            raise AttributeError(f"no kernel {name!r}, expected one of {', '.join(SPECS)}")
+        return opened(name)
+
+    def __dir__(self) -> list[str]:
+        return [*SPECS, "STAMP"]
+
+
+kernels = Kernels()
