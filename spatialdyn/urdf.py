@@ -202,7 +202,7 @@ def _checked(label: str, text: str | bytes) -> tuple[str, bytes]:
 def _own_folder() -> Path:
     """The folder of the package's own models: inside it in a wheel, beside it in a checkout."""
     package = Path(__file__).resolve().parent
-    inside = package / "urdf"
+    inside = package / "urdf_files"
     return inside if inside.is_dir() else package.parent / "urdf"
 
 
