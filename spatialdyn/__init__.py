@@ -26,13 +26,16 @@ from .errors import (
     SpatialDynError,
     UrdfError,
 )
+from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
 from .model import Frame, Joint, Model, assemble
 from .robot import ModelBuilder, Robot
+from .states import random_configuration, step, wrench_at
 from .urdf import load_urdf
 
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "UrdfError", "assemble", "kernels", "load_urdf",
+    "Robot", "ShapeError", "SpatialDynError", "UrdfError", "assemble", "from_drake", "from_mujoco", "from_pinocchio",
+    "kernels", "load_urdf", "random_configuration", "step", "to_drake", "to_mujoco", "wrench_at",
 ]  # fmt: skip

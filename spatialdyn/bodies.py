@@ -13,6 +13,9 @@ dofs        rows of the joint, on its first row; 0 on the others (row 0: the num
 at          place of the joint's first coordinate in q (row 0: nq)
 last        last row of the subtree: rows i .. last are those that row i moves
 X           pose of the joint in the parent's body, at q = 0
+along       R u uᵀ with R of X and u the axis of a revolute joint, whose rotation is by Rodrigues' formula
+across      R (1 - u uᵀ)      R(q) = along + cos q across + sin q turned,
+turned      R ũ               three products made once; zero for other kinds
 S           motion subspace of the row, in body coordinates
 inertia     rigid inertia of the body about its frame's origin (zero where ``joint`` is 0)
 armature    reflected rotor inertia added to M_ii
@@ -24,7 +27,7 @@ Row i belongs to velocity v[i - 1].
 
 from __future__ import annotations
 
-from .spatial import Inertia, Motion, Pose, Vec, table_dtype
+from .spatial import Inertia, Motion, Pose, Rot, Vec, table_dtype
 
 BODIES = table_dtype(
     parent=int,
@@ -34,6 +37,9 @@ BODIES = table_dtype(
     at=int,
     last=int,
     X=Pose,
+    along=Rot,
+    across=Rot,
+    turned=Rot,
     S=Motion,
     inertia=Inertia,
     armature=float,

@@ -2,7 +2,7 @@
 
 Every call of ``recursions.SPECS`` becomes a function here: ``rnea(model, q, v, a, fext=None, out=None)``. For
 one sample given as float64 arrays it goes straight to the compiled kernel, which checks what it gets; whatever
-the kernel does not take (batches, lists, other dtypes, bad input) is looked at by ``general``.
+the kernel turns away (batches, lists, other dtypes, bad input) is looked at by ``general``.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def run(
     flat = out.reshape((n, *_full_shape(model, spec.output))) if spec.output.shape else out.reshape((n, 1))
     status = np.empty(n, np.int8)
     passed = [part for pair in stepped for part in pair]
-    if jit.batch(spec)(model.bodies, n, *passed, *static, flat, status):
+    if jit.batch(spec)(getattr(model, jit.TABLE), n, *passed, *static, flat, status):
         diagnose(spec, model, stepped, batch, static, flat, status)
 
 
@@ -348,28 +348,24 @@ def signature(spec: Spec) -> tuple[list[str], list[str]]:
 def _public(spec: Spec) -> Callable[..., Any]:
     """The public function of a spec, its quick way written out for the arrays it takes."""
     parameters, statements = signature(spec)
-    required = [x for x in spec.given if not x.static and not x.optional]
     static = [x.name for x in spec.given if x.static]
     absent = [f"{x.name} is None" for x in spec.given if x.optional]
-    quick = [f"{x.name}.dtype is F8 and {x.name}.ndim == {len(x.shape)}" for x in required]
     shape = ", ".join(f"model.{s}" if isinstance(s, str) else str(s) for s in jit.kernel_shape(spec.output))
-    passed = ", ".join(["model.bodies", *(x.name for x in spec.given if not x.optional), "result"])
+    passed = ", ".join([f"model.{jit.TABLE}", *(x.name for x in spec.given if not x.optional), "result"])
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),
         f"    if {' and '.join(['out is None', *absent])}:",
         "        try:",
-        f"            if {' and '.join(quick) or 'True'}:",
-        f"                result = empty(({shape},))",
-        f"                if not single({passed}):",
-        f"                    return {'result' if spec.output.shape else 'float(result[0])'}",
+        f"            result = empty(({shape},))",
+        f"            if not single({passed}):",
+        f"                return {'result' if spec.output.shape else 'float(result[0])'}",
         "        except (AttributeError, TypeError):",
         "            pass",
         f"    return general(spec, model, ({varying}), ({''.join(f'{s}, ' for s in static)}), out)",
     ]
     scope: dict[str, Any] = {
-        "F8": F8,
         "empty": np.empty,
         "general": general,
         "spec": spec,

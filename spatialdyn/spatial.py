@@ -28,7 +28,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
-from numba.extending import register_jitable
+
+from .scalars import inlined
 
 Scalar = Any  # float, or a number of an engine: recorded, exact or symbolic
 
@@ -130,49 +131,49 @@ def object_twin(dtype: np.dtype) -> np.dtype:
 # --- three-vectors and 3 x 3 matrices -------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def zero() -> Vec:
     """The null vector."""
     return Vec(0.0, 0.0, 0.0)
 
 
-@register_jitable
+@inlined
 def plus(a: Vec, b: Vec) -> Vec:
     """a + b."""
     return Vec(a.x + b.x, a.y + b.y, a.z + b.z)
 
 
-@register_jitable
+@inlined
 def minus(a: Vec, b: Vec) -> Vec:
     """a - b."""
     return Vec(a.x - b.x, a.y - b.y, a.z - b.z)
 
 
-@register_jitable
+@inlined
 def negative(a: Vec) -> Vec:
     """-a."""
     return Vec(-a.x, -a.y, -a.z)
 
 
-@register_jitable
+@inlined
 def times(s: Scalar, a: Vec) -> Vec:
     """s a."""
     return Vec(s * a.x, s * a.y, s * a.z)
 
 
-@register_jitable
+@inlined
 def dot(a: Vec, b: Vec) -> Scalar:
     """a · b."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
-@register_jitable
+@inlined
 def cross(a: Vec, b: Vec) -> Vec:
     """a × b."""
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
-@register_jitable
+@inlined
 def rotate(R: Rot, a: Vec) -> Vec:
     """R a."""
     return Vec(
@@ -182,7 +183,7 @@ def rotate(R: Rot, a: Vec) -> Vec:
     )
 
 
-@register_jitable
+@inlined
 def unrotate(R: Rot, a: Vec) -> Vec:
     """Rᵀ a."""
     return Vec(
@@ -192,13 +193,13 @@ def unrotate(R: Rot, a: Vec) -> Vec:
     )
 
 
-@register_jitable
+@inlined
 def identity() -> Rot:
     """The 3 x 3 identity."""
     return Rot(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@register_jitable
+@inlined
 def matmul(A: Rot, B: Rot) -> Rot:
     """A B."""
     return Rot(
@@ -214,13 +215,13 @@ def matmul(A: Rot, B: Rot) -> Rot:
     )
 
 
-@register_jitable
+@inlined
 def transpose(A: Rot) -> Rot:
     """Aᵀ."""
     return Rot(A.xx, A.yx, A.zx, A.xy, A.yy, A.zy, A.xz, A.yz, A.zz)
 
 
-@register_jitable
+@inlined
 def apply_sym(A: Sym, a: Vec) -> Vec:
     """A a for a symmetric A."""
     return Vec(
@@ -230,13 +231,13 @@ def apply_sym(A: Sym, a: Vec) -> Vec:
     )
 
 
-@register_jitable
+@inlined
 def add_sym(A: Sym, B: Sym) -> Sym:
     """A + B."""
     return Sym(A.xx + B.xx, A.xy + B.xy, A.xz + B.xz, A.yy + B.yy, A.yz + B.yz, A.zz + B.zz)
 
 
-@register_jitable
+@inlined
 def add_rot(A: Rot, B: Rot) -> Rot:
     """A + B."""
     return Rot(
@@ -246,7 +247,7 @@ def add_rot(A: Rot, B: Rot) -> Rot:
     )  # fmt: skip
 
 
-@register_jitable
+@inlined
 def congruence(R: Rot, A: Sym) -> Sym:
     """R A Rᵀ for a symmetric A; only its six numbers are computed."""
     x = apply_sym(A, Vec(R.xx, R.xy, R.xz))
@@ -265,67 +266,67 @@ def congruence(R: Rot, A: Sym) -> Sym:
 # --- motions and forces ---------------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def zero_motion() -> Motion:
     """The null motion."""
     return Motion(zero(), zero())
 
 
-@register_jitable
+@inlined
 def zero_force() -> Force:
     """The null force."""
     return Force(zero(), zero())
 
 
-@register_jitable
+@inlined
 def add_motion(a: Motion, b: Motion) -> Motion:
     """a + b."""
     return Motion(plus(a.w, b.w), plus(a.v, b.v))
 
 
-@register_jitable
+@inlined
 def sub_motion(a: Motion, b: Motion) -> Motion:
     """a - b."""
     return Motion(minus(a.w, b.w), minus(a.v, b.v))
 
 
-@register_jitable
+@inlined
 def scale_motion(s: Scalar, a: Motion) -> Motion:
     """s a."""
     return Motion(times(s, a.w), times(s, a.v))
 
 
-@register_jitable
+@inlined
 def add_force(a: Force, b: Force) -> Force:
     """a + b."""
     return Force(plus(a.n, b.n), plus(a.f, b.f))
 
 
-@register_jitable
+@inlined
 def sub_force(a: Force, b: Force) -> Force:
     """a - b."""
     return Force(minus(a.n, b.n), minus(a.f, b.f))
 
 
-@register_jitable
+@inlined
 def scale_force(s: Scalar, a: Force) -> Force:
     """s a."""
     return Force(times(s, a.n), times(s, a.f))
 
 
-@register_jitable
+@inlined
 def power(S: Motion, f: Force) -> Scalar:
     """S · f: the power of a force along a motion (RBDA eq. 2.6)."""
     return dot(S.w, f.n) + dot(S.v, f.f)
 
 
-@register_jitable
+@inlined
 def cross_motion(v: Motion, m: Motion) -> Motion:
     """v × m (RBDA eq. 2.31)."""
     return Motion(cross(v.w, m.w), plus(cross(v.w, m.v), cross(v.v, m.w)))
 
 
-@register_jitable
+@inlined
 def cross_force(v: Motion, f: Force) -> Force:
     """v ×* f (RBDA eq. 2.32)."""
     return Force(plus(cross(v.w, f.n), cross(v.v, f.f)), cross(v.w, f.f))
@@ -334,45 +335,45 @@ def cross_force(v: Motion, f: Force) -> Force:
 # --- poses: changes of frame (RBDA section 2.8) ---------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def identity_pose() -> Pose:
     """The pose of a frame in itself."""
     return Pose(identity(), zero())
 
 
-@register_jitable
+@inlined
 def compose(A: Pose, B: Pose) -> Pose:
     """A B: the frame B of the frame A, seen from A's parent."""
     return Pose(matmul(A.R, B.R), plus(A.p, rotate(A.R, B.p)))
 
 
-@register_jitable
+@inlined
 def inverse(X: Pose) -> Pose:
     """The parent seen from the child."""
     return Pose(transpose(X.R), negative(unrotate(X.R, X.p)))
 
 
-@register_jitable
+@inlined
 def motion_to_child(X: Pose, m: Motion) -> Motion:
     """A motion in parent coordinates, in child coordinates."""
     return Motion(unrotate(X.R, m.w), unrotate(X.R, plus(m.v, cross(m.w, X.p))))
 
 
-@register_jitable
+@inlined
 def motion_to_parent(X: Pose, m: Motion) -> Motion:
     """A motion in child coordinates, in parent coordinates."""
     w = rotate(X.R, m.w)
     return Motion(w, plus(rotate(X.R, m.v), cross(X.p, w)))
 
 
-@register_jitable
+@inlined
 def force_to_parent(X: Pose, f: Force) -> Force:
     """A force in child coordinates, in parent coordinates."""
     linear = rotate(X.R, f.f)
     return Force(plus(rotate(X.R, f.n), cross(X.p, linear)), linear)
 
 
-@register_jitable
+@inlined
 def force_to_child(X: Pose, f: Force) -> Force:
     """A force in parent coordinates, in child coordinates."""
     return Force(unrotate(X.R, minus(f.n, cross(X.p, f.f))), unrotate(X.R, f.f))
@@ -381,13 +382,13 @@ def force_to_child(X: Pose, f: Force) -> Force:
 # --- rigid bodies ---------------------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def add_inertia(A: Inertia, B: Inertia) -> Inertia:
     """Two bodies made one."""
     return Inertia(A.m + B.m, plus(A.h, B.h), add_sym(A.I, B.I))
 
 
-@register_jitable
+@inlined
 def momentum(I: Inertia, v: Motion) -> Force: 
     """I v: the spatial momentum of a body of inertia I moving with v (RBDA eq. 2.63)."""
     return Force(
@@ -396,7 +397,7 @@ def momentum(I: Inertia, v: Motion) -> Force:
     )
 
 
-@register_jitable
+@inlined
 def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym: 
     """I + (p·a + p·b) 1 - a pᵀ - p bᵀ for b - a parallel to p, where the sum is symmetric.
 
@@ -414,7 +415,7 @@ def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym:
     )
 
 
-@register_jitable
+@inlined
 def inertia_to_parent(X: Pose, I: Inertia) -> Inertia: 
     """The inertia of a body in child coordinates, in parent coordinates (RBDA eq. 2.66)."""
     a = rotate(X.R, I.h)
@@ -422,7 +423,7 @@ def inertia_to_parent(X: Pose, I: Inertia) -> Inertia:
     return Inertia(I.m, b, shifted(congruence(X.R, I.I), X.p, a, b))
 
 
-@register_jitable
+@inlined
 def inertia_rate(I: Inertia, v: Motion) -> Inertia: 
     """d/dt I of a body that moves with v, both in one fixed frame: v×* I - I v×, ten numbers again, the mass 0.
 
@@ -450,7 +451,7 @@ def inertia_rate(I: Inertia, v: Motion) -> Inertia:
 # --- articulated bodies (RBDA chapter 7) ----------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def articulated(I: Inertia) -> Articulated: 
     """A rigid body as an articulated one: [Ī h̃; h̃ᵀ m 1]."""
     h = I.h
@@ -461,13 +462,13 @@ def articulated(I: Inertia) -> Articulated:
     )
 
 
-@register_jitable
+@inlined
 def add_articulated(A: Articulated, B: Articulated) -> Articulated:
     """A + B."""
     return Articulated(add_sym(A.I, B.I), add_rot(A.H, B.H), add_sym(A.M, B.M))
 
 
-@register_jitable
+@inlined
 def articulated_force(A: Articulated, a: Motion) -> Force:
     """A a."""
     return Force(
@@ -476,7 +477,7 @@ def articulated_force(A: Articulated, a: Motion) -> Force:
     )
 
 
-@register_jitable
+@inlined
 def without(A: Articulated, U: Force, W: Force) -> Articulated:
     """A - U Wᵀ for W parallel to U: what is left of A once a joint is free to move."""
     n, f, N, F = U.n, U.f, W.n, W.f
@@ -498,7 +499,7 @@ def without(A: Articulated, U: Force, W: Force) -> Articulated:
     )  # fmt: skip
 
 
-@register_jitable
+@inlined
 def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
     """The articulated inertia in child coordinates, in parent coordinates: Xᵀ A X, symmetric by construction.
 
@@ -530,55 +531,55 @@ def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
 # --- tables: reading and writing fields -----------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def vec_of(r: Any) -> Vec:
     """Read a Vec field."""
     return Vec(r.x, r.y, r.z)
 
 
-@register_jitable
+@inlined
 def rot_of(r: Any) -> Rot:
     """Read a Rot field."""
     return Rot(r.xx, r.xy, r.xz, r.yx, r.yy, r.yz, r.zx, r.zy, r.zz)
 
 
-@register_jitable
+@inlined
 def sym_of(r: Any) -> Sym:
     """Read a Sym field."""
     return Sym(r.xx, r.xy, r.xz, r.yy, r.yz, r.zz)
 
 
-@register_jitable
+@inlined
 def motion_of(r: Any) -> Motion:
     """Read a Motion field."""
     return Motion(vec_of(r.w), vec_of(r.v))
 
 
-@register_jitable
+@inlined
 def force_of(r: Any) -> Force:
     """Read a Force field."""
     return Force(vec_of(r.n), vec_of(r.f))
 
 
-@register_jitable
+@inlined
 def pose_of(r: Any) -> Pose:
     """Read a Pose field."""
     return Pose(rot_of(r.R), vec_of(r.p))
 
 
-@register_jitable
+@inlined
 def inertia_of(r: Any) -> Inertia:
     """Read an Inertia field."""
     return Inertia(r.m, vec_of(r.h), sym_of(r.I))
 
 
-@register_jitable
+@inlined
 def articulated_of(r: Any) -> Articulated:
     """Read an Articulated field."""
     return Articulated(sym_of(r.I), rot_of(r.H), sym_of(r.M))
 
 
-@register_jitable
+@inlined
 def put_vec(r: Any, a: Vec) -> None:
     """Write a Vec field."""
     r.x = a.x
@@ -586,7 +587,7 @@ def put_vec(r: Any, a: Vec) -> None:
     r.z = a.z
 
 
-@register_jitable
+@inlined
 def put_rot(r: Any, A: Rot) -> None:
     """Write a Rot field."""
     r.xx = A.xx
@@ -600,7 +601,7 @@ def put_rot(r: Any, A: Rot) -> None:
     r.zz = A.zz
 
 
-@register_jitable
+@inlined
 def put_sym(r: Any, A: Sym) -> None:
     """Write a Sym field."""
     r.xx = A.xx
@@ -611,28 +612,28 @@ def put_sym(r: Any, A: Sym) -> None:
     r.zz = A.zz
 
 
-@register_jitable
+@inlined
 def put_motion(r: Any, m: Motion) -> None:
     """Write a Motion field."""
     put_vec(r.w, m.w)
     put_vec(r.v, m.v)
 
 
-@register_jitable
+@inlined
 def put_force(r: Any, f: Force) -> None:
     """Write a Force field."""
     put_vec(r.n, f.n)
     put_vec(r.f, f.f)
 
 
-@register_jitable
+@inlined
 def put_pose(r: Any, X: Pose) -> None:
     """Write a Pose field."""
     put_rot(r.R, X.R)
     put_vec(r.p, X.p)
 
 
-@register_jitable
+@inlined
 def put_inertia(r: Any, I: Inertia) -> None: 
     """Write an Inertia field."""
     r.m = I.m
@@ -640,7 +641,7 @@ def put_inertia(r: Any, I: Inertia) -> None:
     put_sym(r.I, I.I)
 
 
-@register_jitable
+@inlined
 def put_articulated(r: Any, A: Articulated) -> None:
     """Write an Articulated field."""
     put_sym(r.I, A.I)
@@ -651,7 +652,7 @@ def put_articulated(r: Any, A: Articulated) -> None:
 # --- the border: public arrays are linear part first ----------------------------------------------------
 
 
-@register_jitable
+@inlined
 def public_motion(out: Any, m: Motion) -> None:
     """Write a motion to a public array (6,): linear first."""
     out[0] = m.v.x
@@ -662,7 +663,7 @@ def public_motion(out: Any, m: Motion) -> None:
     out[5] = m.w.z
 
 
-@register_jitable
+@inlined
 def public_force(out: Any, f: Force) -> None:
     """Write a force to a public array (6,): linear first."""
     out[0] = f.f.x
@@ -673,13 +674,13 @@ def public_force(out: Any, f: Force) -> None:
     out[5] = f.n.z
 
 
-@register_jitable
+@inlined
 def force_from(a: Any) -> Force:
     """Read a force from a public array (6,): linear first."""
     return Force(Vec(a[3], a[4], a[5]), Vec(a[0], a[1], a[2]))
 
 
-@register_jitable
+@inlined
 def public_pose(out: Any, X: Pose) -> None:
     """Write a pose to a public array (4, 4)."""
     R, p = X.R, X.p
@@ -689,7 +690,7 @@ def public_pose(out: Any, X: Pose) -> None:
     out[3, 0], out[3, 1], out[3, 2], out[3, 3] = 0.0, 0.0, 0.0, 1.0
 
 
-@register_jitable
+@inlined
 def pose_from(a: Any) -> Pose:
     """Read a pose from a public array (4, 4)."""
     return Pose(

@@ -19,7 +19,9 @@ import yourdfpy
 from spatialdyn.errors import InertiaError, SpatialDynError, UrdfError
 from spatialdyn.model import Model
 from spatialdyn.robot import Joint, Link, Robot
-from spatialdyn.urdf import SIZE_LIMIT, example_robots, find_robot, load_urdf, read_urdf, robot_names
+from spatialdyn.robot_files import example_robots, find_robot, robot_names
+from spatialdyn.urdf import load_urdf, read_urdf
+from spatialdyn.urdf_xml import SIZE_LIMIT
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

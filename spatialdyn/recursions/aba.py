@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
+from ..scalars import inlined
 from ..spatial import (
     Articulated,
     Force,
@@ -33,7 +32,6 @@ from ..spatial import (
     put_articulated,
     put_force,
     put_motion,
-    put_pose,
     scale_force,
     scale_motion,
     sub_force,
@@ -44,7 +42,7 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from .joints import joint_motion, joint_pose
+from .joints import joint_motion, place_joint
 from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion, c=Motion, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float)
@@ -53,7 +51,7 @@ WORK_INVERSE = table_dtype(X=Pose, IA=Articulated, U=Force, d=float, F=Force, P=
 PIVOTS = Argument("pivots", ("nv",), "kg m² | kg", "articulated inertia D of each row")
 
 
-@register_jitable
+@inlined
 def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
     """RBDA table 7.1 in body coordinates; fext may be None, for zero."""
     n = len(bodies) - 1
@@ -65,13 +63,12 @@ def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, piv
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         I = inertia_of(b.inertia) 
-        X = joint_pose(bodies, i, q)
+        place_joint(bodies, i, q, here.X)
         vJ = joint_motion(bodies, i, v)
-        vi = add_motion(motion_to_child(X, motion_of(parent.v)), vJ)
+        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
         pA = cross_force(vi, momentum(I, vi))
         if fext is not None and b.joint > 0:
             pA = sub_force(pA, force_from(fext[b.joint]))
-        put_pose(here.X, X)
         put_motion(here.v, vi)
         put_motion(here.c, cross_motion(vi, vJ))
         put_articulated(here.IA, articulated(I))
@@ -102,7 +99,7 @@ def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, piv
         a[i - 1] = qdd
 
 
-@register_jitable
+@inlined
 def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
     """M⁻¹ column by column through one articulated sweep.
 
@@ -113,7 +110,7 @@ def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
     put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
     put_motion(work[0].P, zero_motion())
     for i in range(1, n + 1):
-        put_pose(work[i].X, joint_pose(bodies, i, q))
+        place_joint(bodies, i, q, work[i].X)
         put_articulated(work[i].IA, articulated(inertia_of(bodies[i].inertia)))
 
     for i in range(n, 0, -1):

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
+from ..scalars import inlined
 from ..spatial import (
     Force,
     Inertia,
@@ -45,13 +44,13 @@ from ..spatial import (
     zero_motion,
 )
 from .energy import WORK_MOMENT, mass_moment
-from .joints import joint_motion, joint_pose
+from .joints import joint_motion, place_joint
 from .spec import A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion, a=Motion, I=Inertia, dI=Inertia)
 
 
-@register_jitable
+@inlined
 def _outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
     """Pose, velocity, acceleration and inertia of every body, in the world; gravity left out. v, a may be None."""
     put_pose(work[0].X, identity_pose())
@@ -61,7 +60,8 @@ def _outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
     put_inertia(work[0].dI, inertia_rate(inertia_of(bodies[0].inertia), zero_motion()))
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        X = compose(pose_of(parent.X), joint_pose(bodies, i, q))
+        place_joint(bodies, i, q, here.X)
+        X = compose(pose_of(parent.X), pose_of(here.X))
         I = inertia_to_parent(X, inertia_of(b.inertia)) 
         put_pose(here.X, X)
         put_inertia(here.I, I)
@@ -75,7 +75,7 @@ def _outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
                 put_motion(here.a, add_motion(add_motion(motion_of(parent.a), cross_motion(vi, vJ)), aJ))
 
 
-@register_jitable
+@inlined
 def _inward(bodies: Any, work: Any, v: Any) -> None:
     """Inertia (and its rate, if v is not None) of every subtree, in the world; row 0: of the robot."""
     for i in range(len(bodies) - 1, 0, -1):
@@ -85,7 +85,7 @@ def _inward(bodies: Any, work: Any, v: Any) -> None:
             put_inertia(parent.dI, add_inertia(inertia_of(parent.dI), inertia_of(here.dI)))
 
 
-@register_jitable
+@inlined
 def _momentum(bodies: Any, work: Any) -> Force:
     """Spatial momentum of the robot about the world's origin."""
     h = zero_force()
@@ -94,7 +94,7 @@ def _momentum(bodies: Any, work: Any) -> Force:
     return h
 
 
-@register_jitable
+@inlined
 def _mass(bodies: Any) -> Any:
     """Total mass of the moving bodies."""
     m = 0.0
@@ -103,28 +103,28 @@ def _mass(bodies: Any) -> Any:
     return m
 
 
-@register_jitable
+@inlined
 def _put(out: Any, a: Vec) -> None:
     out[0] = a.x
     out[1] = a.y
     out[2] = a.z
 
 
-@register_jitable
+@inlined
 def center_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
     """c = Σ m c / Σ m, from the first moments summed inward."""
     mass_moment(bodies, work, q)
     _put(c, times(1.0 / work[0].m, vec_of(work[0].h)))
 
 
-@register_jitable
+@inlined
 def center_of_mass_velocity(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
     """Linear momentum over mass."""
     _outward(bodies, work, q, v, None)
     _put(out, times(1.0 / _mass(bodies), _momentum(bodies, work).f))
 
 
-@register_jitable
+@inlined
 def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
     """Net force over mass: Σ (I a + v ×* I v)."""
     _outward(bodies, work, q, v, a)
@@ -135,7 +135,7 @@ def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, 
     _put(out, times(1.0 / _mass(bodies), f.f))
 
 
-@register_jitable
+@inlined
 def center_of_mass_jacobian(bodies: Any, work: Any, q: Any, J: Any) -> None:
     """Column i: linear momentum of the subtree under a unit velocity of row i, over the mass of the robot."""
     _outward(bodies, work, q, None, None)
@@ -145,7 +145,7 @@ def center_of_mass_jacobian(bodies: Any, work: Any, q: Any, J: Any) -> None:
         _put(J[:, i - 1], times(1.0 / work[0].I.m, momentum(inertia_of(work[i].I), Ji).f))
 
 
-@register_jitable
+@inlined
 def centroidal_momentum(bodies: Any, work: Any, q: Any, v: Any, h: Any) -> None:
     """The robot's momentum, its moment taken about the centre of mass."""
     _outward(bodies, work, q, v, None)
@@ -155,7 +155,7 @@ def centroidal_momentum(bodies: Any, work: Any, q: Any, v: Any, h: Any) -> None:
     public_force(h, Force(minus(p.n, cross(c, p.f)), p.f))
 
 
-@register_jitable
+@inlined
 def centroidal_map(bodies: Any, work: Any, q: Any, Ag: Any) -> None:
     """Column i: Ic S, its moment taken about the centre of mass."""
     _outward(bodies, work, q, None, None)
@@ -167,7 +167,7 @@ def centroidal_map(bodies: Any, work: Any, q: Any, Ag: Any) -> None:
         public_force(Ag[:, i - 1], Force(minus(F.n, cross(c, F.f)), F.f))
 
 
-@register_jitable
+@inlined
 def centroidal_map_dot(bodies: Any, work: Any, q: Any, v: Any, dAg: Any) -> None:
     """Column i: d/dt (Ic S) = İc S + Ic (v × S), and the centre of mass that its moment is taken about moves."""
     _outward(bodies, work, q, v, None)

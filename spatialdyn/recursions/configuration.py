@@ -15,10 +15,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
 from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
-from ..scalars import atan2, cos, select, sin, sqrt
+from ..scalars import atan2, cos, inlined, select, sin, sqrt
 from ..spatial import Motion, Rot, Scalar, Vec, minus, plus, rotate, scale_motion, unrotate, zero
 from .lie import (
     Quat,
@@ -40,7 +38,7 @@ from .lie import (
 from .spec import Argument, Q, Spec
 
 
-@register_jitable
+@inlined
 def neutral(bodies: Any, out: Any) -> None:
     """The configuration in which no joint is displaced, out (nq)."""
     for i in range(1, len(bodies)):
@@ -62,7 +60,7 @@ def neutral(bodies: Any, out: Any) -> None:
             _put_pair(out, k + 2, 1.0, 0.0)
 
 
-@register_jitable
+@inlined
 def normalize(bodies: Any, q: Any, out: Any) -> None:
     """q with its quaternions and (cos, sin) pairs scaled to unit norm, whatever their size; null ones stay null.
 
@@ -90,7 +88,7 @@ def normalize(bodies: Any, q: Any, out: Any) -> None:
             _put_pair(out, k + 2, a.z, a.w)
 
 
-@register_jitable
+@inlined
 def integrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
     """out = q ∘ exp(v).
 
@@ -106,7 +104,7 @@ def integrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
             _move(bodies[i], q, _twist(bodies[i], i - 1, v), out)
 
 
-@register_jitable
+@inlined
 def difference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
     """The v with q0 ∘ exp(v) = q1: the shortest, with angles in [-π, π], but q1 - q0 for the angle of a revolute joint.
 
@@ -120,7 +118,7 @@ def difference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
             _put_twist(bodies[i], i - 1, _between(bodies[i], q0, q1), out)
 
 
-@register_jitable
+@inlined
 def interpolate(bodies: Any, q0: Any, q1: Any, t: Scalar, out: Any) -> None:
     """q0 ∘ exp(t v) with v the difference from q0 to q1: at t = 0 it is q0, at t = 1 q1 (a quaternion up to its sign).
 
@@ -133,7 +131,7 @@ def interpolate(bodies: Any, q0: Any, q1: Any, t: Scalar, out: Any) -> None:
             _move(bodies[i], q0, scale_motion(t, _between(bodies[i], q0, q1)), out)
 
 
-@register_jitable
+@inlined
 def dintegrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
     """Derivatives of q ∘ exp(v) by q, out[0], and by v, out[1], all as twists in the body's frame.
 
@@ -153,7 +151,7 @@ def dintegrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
             _put_tangent(b, r, exp_jacobian(m), 1.0, out, 1)
 
 
-@register_jitable
+@inlined
 def ddifference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
     """Derivatives of the difference from q0 to q1 by q0, out[0], and by q1, out[1], all as twists in the body's frame.
 
@@ -175,13 +173,13 @@ def ddifference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
 # --- one joint ------------------------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def _one_freedom(b: Any) -> bool:
     """Whether the joint that starts on row b has one freedom."""
     return b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS
 
 
-@register_jitable
+@inlined
 def _move(b: Any, q: Any, m: Motion, out: Any) -> None:
     """The coordinates of joint b after the twist m."""
     k = b.at
@@ -204,7 +202,7 @@ def _move(b: Any, q: Any, m: Motion, out: Any) -> None:
             _turn_pair(q, k + 2, m.w.z, out)
 
 
-@register_jitable
+@inlined
 def _between(b: Any, q0: Any, q1: Any) -> Motion:
     """The twist of joint b from q0 to q1."""
     k = b.at
@@ -227,7 +225,7 @@ def _between(b: Any, q0: Any, q1: Any) -> Motion:
     return Motion(Vec(0.0, 0.0, q1[k] - q0[k]), zero())
 
 
-@register_jitable
+@inlined
 def _twist(b: Any, r: int, v: Any) -> Motion:
     """The twist of the joint whose velocities start at v[r]."""
     if b.kind == SPHERICAL:
@@ -239,7 +237,7 @@ def _twist(b: Any, r: int, v: Any) -> Motion:
     return Motion(Vec(0.0, 0.0, v[r]), zero())
 
 
-@register_jitable
+@inlined
 def _put_twist(b: Any, r: int, m: Motion, out: Any) -> None:
     """Write the twist of the joint whose velocities start at out[r]."""
     if b.kind == SPHERICAL:
@@ -254,7 +252,7 @@ def _put_twist(b: Any, r: int, m: Motion, out: Any) -> None:
         out[r] = m.w.z
 
 
-@register_jitable
+@inlined
 def _put_tangent(b: Any, r: int, T: Tangent, turn: float, out: Any, side: int) -> None:
     """Write what the joint has of [J K; 0 J]; ``turn`` is what J is for an angle in the plane, exactly."""
     J, K = T.J, T.K
@@ -273,19 +271,19 @@ def _put_tangent(b: Any, r: int, T: Tangent, turn: float, out: Any, side: int) -
 # --- pieces of arrays -----------------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def _point(q: Any, k: int) -> Vec:
     """Three numbers from place k."""
     return Vec(q[k], q[k + 1], q[k + 2])
 
 
-@register_jitable
+@inlined
 def _quat(q: Any, k: int) -> Quat:
     """The quaternion at place k."""
     return Quat(q[k], q[k + 1], q[k + 2], q[k + 3])
 
 
-@register_jitable
+@inlined
 def _heading(b: Any, q: Any) -> Rot:
     """The rotation of a planar joint, in its own x, y and normal."""
     k = b.at + 2
@@ -296,25 +294,25 @@ def _heading(b: Any, q: Any) -> Rot:
     return Rot(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 
 
-@register_jitable
+@inlined
 def _put_point(out: Any, k: int, p: Vec) -> None:
     """Write three numbers from place k."""
     out[k], out[k + 1], out[k + 2] = p.x, p.y, p.z
 
 
-@register_jitable
+@inlined
 def _put_pair(out: Any, k: int, first: Scalar, second: Scalar) -> None:
     """Write two numbers from place k."""
     out[k], out[k + 1] = first, second
 
 
-@register_jitable
+@inlined
 def _put_quat(out: Any, k: int, a: Quat) -> None:
     """Write the quaternion at place k."""
     out[k], out[k + 1], out[k + 2], out[k + 3] = a.x, a.y, a.z, a.w
 
 
-@register_jitable
+@inlined
 def _put_block(out: Any, side: int, r: int, c: int, A: Rot) -> None:
     """Write out[side, r:r+3, c:c+3]."""
     out[side, r, c], out[side, r, c + 1], out[side, r, c + 2] = A.xx, A.xy, A.xz
@@ -322,7 +320,7 @@ def _put_block(out: Any, side: int, r: int, c: int, A: Rot) -> None:
     out[side, r + 2, c], out[side, r + 2, c + 1], out[side, r + 2, c + 2] = A.zx, A.zy, A.zz
 
 
-@register_jitable
+@inlined
 def _clear(out: Any, n: int) -> None:
     """Zero out (2, n, n)."""
     for side in range(2):
@@ -331,7 +329,7 @@ def _clear(out: Any, n: int) -> None:
                 out[side, r, c] = 0.0
 
 
-@register_jitable
+@inlined
 def _turn_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
     """Turn the (cos, sin) pair at place k by an angle."""
     c, s = cos(angle), sin(angle)
@@ -340,7 +338,7 @@ def _turn_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
     _put_pair(out, k, scale * x, scale * y)
 
 
-@register_jitable
+@inlined
 def _pair_angle(q0: Any, q1: Any, k: int) -> Scalar:
     """The angle from one (cos, sin) pair to another, in [-π, π]."""
     c0, s0, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
+from ..scalars import inlined
 from ..spatial import (
     Inertia,
     Pose,
@@ -18,22 +17,21 @@ from ..spatial import (
     pose_of,
     power,
     put_inertia,
-    put_pose,
     table_dtype,
 )
-from .joints import joint_pose
+from .joints import place_joint
 from .spec import Argument, Q, Spec
 
 WORK = table_dtype(X=Pose, Ic=Inertia)
 
 
-@register_jitable
+@inlined
 def crba(bodies: Any, work: Any, q: Any, M: Any) -> None:
     """RBDA table 6.2 in body coordinates; both triangles of M are written."""
     n = len(bodies) - 1
     put_inertia(work[0].Ic, inertia_of(bodies[0].inertia))
     for i in range(1, n + 1):
-        put_pose(work[i].X, joint_pose(bodies, i, q))
+        place_joint(bodies, i, q, work[i].X)
         put_inertia(work[i].Ic, inertia_of(bodies[i].inertia))
         for j in range(n):
             M[i - 1, j] = 0.0

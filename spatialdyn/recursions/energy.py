@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
+from ..scalars import inlined
 from ..spatial import (
     Motion,
     Pose,
@@ -20,7 +19,6 @@ from ..spatial import (
     pose_of,
     power,
     put_motion,
-    put_pose,
     put_vec,
     rotate,
     table_dtype,
@@ -28,27 +26,28 @@ from ..spatial import (
     vec_of,
     zero_motion,
 )
-from .joints import joint_motion, joint_pose
+from .joints import joint_motion, place_joint
 from .spec import Argument, Q, Spec, V
 
-WORK_KINETIC = table_dtype(v=Motion)
+WORK_KINETIC = table_dtype(X=Pose, v=Motion)
 WORK_MOMENT = table_dtype(X=Pose, m=float, h=Vec)
 
 
-@register_jitable
+@inlined
 def kinetic_energy(bodies: Any, work: Any, q: Any, v: Any, T: Any) -> None:
     """T = ½ Σ v·I v + ½ Σ armature q̇² (RBDA eq. 2.67)."""
     put_motion(work[0].v, zero_motion())
     twice = 0.0
     for i in range(1, len(bodies)):
-        b, parent = bodies[i], work[bodies[i].parent]
-        vi = add_motion(motion_to_child(joint_pose(bodies, i, q), motion_of(parent.v)), joint_motion(bodies, i, v))
-        put_motion(work[i].v, vi)
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        place_joint(bodies, i, q, here.X)
+        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), joint_motion(bodies, i, v))
+        put_motion(here.v, vi)
         twice = twice + power(vi, momentum(inertia_of(b.inertia), vi)) + b.armature * v[i - 1] * v[i - 1]
     T[0] = 0.5 * twice
 
 
-@register_jitable
+@inlined
 def mass_moment(bodies: Any, work: Any, q: Any) -> None:
     """Mass m and first moment h of every subtree, in its body's frame; row 0: of the robot, in the world."""
     n = len(bodies) - 1
@@ -57,7 +56,7 @@ def mass_moment(bodies: Any, work: Any, q: Any) -> None:
         work[i].m = I.m
         put_vec(work[i].h, I.h)
         if i > 0:
-            put_pose(work[i].X, joint_pose(bodies, i, q))
+            place_joint(bodies, i, q, work[i].X)
     for i in range(n, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
         X = pose_of(here.X)
@@ -65,7 +64,7 @@ def mass_moment(bodies: Any, work: Any, q: Any) -> None:
         put_vec(parent.h, plus(vec_of(parent.h), plus(rotate(X.R, vec_of(here.h)), times(here.m, X.p))))
 
 
-@register_jitable
+@inlined
 def potential_energy(bodies: Any, work: Any, q: Any, V: Any) -> None:
     """V = -Σ m g·c, with g the acceleration of gravity: the body that stands higher has more."""
     mass_moment(bodies, work, q)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
 from ..bodies import FLOATING, FOLLOW, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
-from ..scalars import cos, sin
+from ..scalars import cos, inlined, sin
 from ..spatial import (
     Motion,
     Pose,
@@ -15,12 +13,16 @@ from ..spatial import (
     Scalar,
     Vec,
     add_motion,
+    add_rot,
     compose,
     identity_pose,
-    matmul,
     motion_of,
     plus,
     pose_of,
+    put_pose,
+    put_rot,
+    put_vec,
+    rot_of,
     rotate,
     scale_motion,
     times,
@@ -30,7 +32,7 @@ from ..spatial import (
 )
 
 
-@register_jitable
+@inlined
 def turn(u: Vec, c: Scalar, s: Scalar) -> Rot:
     """Rotation by the angle of cosine c and sine s about the unit vector u (Rodrigues)."""
     t = 1.0 - c
@@ -43,13 +45,17 @@ def turn(u: Vec, c: Scalar, s: Scalar) -> Rot:
     )  # fmt: skip
 
 
-@register_jitable
-def turn_z(c: Scalar, s: Scalar) -> Rot:
-    """Rotation about z."""
-    return Rot(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+@inlined
+def blend(c: Scalar, A: Rot, s: Scalar, B: Rot) -> Rot:
+    """c A + s B."""
+    return Rot(
+        c * A.xx + s * B.xx, c * A.xy + s * B.xy, c * A.xz + s * B.xz,
+        c * A.yx + s * B.yx, c * A.yy + s * B.yy, c * A.yz + s * B.yz,
+        c * A.zx + s * B.zx, c * A.zy + s * B.zy, c * A.zz + s * B.zz,
+    )  # fmt: skip
 
 
-@register_jitable
+@inlined
 def rotation(x: Scalar, y: Scalar, z: Scalar, w: Scalar) -> Rot:
     """Rotation matrix of a quaternion, used as given: nothing is normalised."""
     x2, y2, z2 = x + x, y + y, z + z
@@ -63,27 +69,34 @@ def rotation(x: Scalar, y: Scalar, z: Scalar, w: Scalar) -> Rot:
     )  # fmt: skip
 
 
-@register_jitable
-def joint_pose(bodies: Any, i: int, q: Any) -> Pose:
-    """Pose of row i in its parent, X_T X_J(q) (RBDA table 4.1 and section 4.4)."""
+@inlined
+def place_joint(bodies: Any, i: int, q: Any, X: Any) -> None:
+    """Write the pose of row i in its parent, X_T X_J(q), to the Pose field X (RBDA table 4.1 and section 4.4).
+
+    Written where it will be stored rather than returned: the twelve numbers of four branches need not meet in
+    registers, which makes it a third faster.
+    """
     b = bodies[i]
-    if b.kind == FOLLOW:
-        return identity_pose()
-    X = pose_of(b.X)
     k = b.at
     if b.kind == REVOLUTE:
-        return Pose(matmul(X.R, turn(vec_of(b.S.w), cos(q[k]), sin(q[k]))), X.p)
-    if b.kind == PRISMATIC:
-        return Pose(X.R, plus(X.p, rotate(X.R, times(q[k], vec_of(b.S.v)))))
-    return compose(X, _general(bodies, i, q))
+        put_rot(X.R, add_rot(rot_of(b.along), blend(cos(q[k]), rot_of(b.across), sin(q[k]), rot_of(b.turned))))
+        put_vec(X.p, vec_of(b.X.p))
+    elif b.kind == REVOLUTE_CS:
+        put_rot(X.R, add_rot(rot_of(b.along), blend(q[k], rot_of(b.across), q[k + 1], rot_of(b.turned))))
+        put_vec(X.p, vec_of(b.X.p))
+    elif b.kind == PRISMATIC:
+        T = pose_of(b.X)
+        put_pose(X, Pose(T.R, plus(T.p, rotate(T.R, times(q[k], vec_of(b.S.v))))))
+    elif b.kind == FOLLOW:
+        put_pose(X, identity_pose())
+    else:
+        put_pose(X, compose(pose_of(b.X), _general(bodies, i, q)))
 
 
-@register_jitable
+@inlined
 def _general(bodies: Any, i: int, q: Any) -> Pose:
     """X_J(q) of the kinds with more than one coordinate."""
     kind, k = bodies[i].kind, bodies[i].at
-    if kind == REVOLUTE_CS:
-        return Pose(turn(vec_of(bodies[i].S.w), q[k], q[k + 1]), zero())
     if kind == SPHERICAL:
         return Pose(rotation(q[k], q[k + 1], q[k + 2], q[k + 3]), zero())
     if kind == FLOATING:
@@ -96,7 +109,7 @@ def _general(bodies: Any, i: int, q: Any) -> Pose:
     return Pose(turn(normal, q[k + 2], q[k + 3]), p)
 
 
-@register_jitable
+@inlined
 def joint_motion(bodies: Any, i: int, v: Any) -> Motion:
     """vJ = Σ S v over the rows of the joint that starts at row i; null on its further rows."""
     vJ = zero_motion()

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
+from ..scalars import inlined
 from ..spatial import (
     Motion,
     Pose,
@@ -34,51 +33,54 @@ from ..spatial import (
     table_dtype,
     zero_motion,
 )
-from .joints import joint_motion, joint_pose
+from .joints import joint_motion, place_joint
 from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion)
 
 
-@register_jitable
+@inlined
 def forward_kinematics(bodies: Any, work: Any, q: Any, X: Any) -> None:
     """Pose of every joint's body in the world, composed outward."""
     put_pose(work[0].X, identity_pose())
     public_pose(X[0], identity_pose())
     for i in range(1, len(bodies)):
         b = bodies[i]
-        here = compose(pose_of(work[b.parent].X), joint_pose(bodies, i, q))
+        place_joint(bodies, i, q, work[i].X)
+        here = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
         put_pose(work[i].X, here)
         if b.joint > 0:
             public_pose(X[b.joint], here)
 
 
-@register_jitable
+@inlined
 def joint_jacobians(bodies: Any, work: Any, q: Any, J: Any) -> None:
     """Column i: S of row i in world coordinates."""
     put_pose(work[0].X, identity_pose())
     for i in range(1, len(bodies)):
         b = bodies[i]
-        X = compose(pose_of(work[b.parent].X), joint_pose(bodies, i, q))
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
         put_pose(work[i].X, X)
         public_motion(J[:, i - 1], motion_to_parent(X, motion_of(b.S)))
 
 
-@register_jitable
+@inlined
 def joint_jacobians_dot(bodies: Any, work: Any, q: Any, v: Any, dJ: Any) -> None:
     """Column i: d/dt of S in world coordinates, v × S (RBDA eq. 2.45)."""
     put_pose(work[0].X, identity_pose())
     put_motion(work[0].v, zero_motion())
     for i in range(1, len(bodies)):
         b = bodies[i]
-        X = compose(pose_of(work[b.parent].X), joint_pose(bodies, i, q))
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
         vi = add_motion(motion_of(work[b.parent].v), motion_to_parent(X, joint_motion(bodies, i, v)))
         put_pose(work[i].X, X)
         put_motion(work[i].v, vi)
         public_motion(dJ[:, i - 1], cross_motion(vi, motion_to_parent(X, motion_of(b.S))))
 
 
-@register_jitable
+@inlined
 def referred(X: Pose, m: Motion, reference: int) -> Motion:
     """A motion in the coordinates of a frame that stands at X in the world, in those of the reference."""
     if reference == LOCAL:
@@ -88,18 +90,19 @@ def referred(X: Pose, m: Motion, reference: int) -> Motion:
     return Motion(rotate(X.R, m.w), rotate(X.R, m.v))
 
 
-@register_jitable
+@inlined
 def frame_placement(bodies: Any, work: Any, q: Any, row: int, placement: Any, out: Any) -> None:
     """Pose of the frame in the world."""
     X = pose_from(placement)
     i = row
     while i > 0:
-        X = compose(joint_pose(bodies, i, q), X)
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[i].X), X)
         i = bodies[i].parent
     public_pose(out, X)
 
 
-@register_jitable
+@inlined
 def frame_jacobian(bodies: Any, work: Any, q: Any, row: int, placement: Any, reference: int, J: Any) -> None:
     """Column i: S of row i in the frame's coordinates, then in those of the reference."""
     for k in range(6):
@@ -109,7 +112,8 @@ def frame_jacobian(bodies: Any, work: Any, q: Any, row: int, placement: Any, ref
     i = row
     while i > 0:
         put_motion(work[i].v, motion_to_child(X, motion_of(bodies[i].S)))
-        X = compose(joint_pose(bodies, i, q), X)
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[i].X), X)
         i = bodies[i].parent
     i = row
     while i > 0:
@@ -117,7 +121,7 @@ def frame_jacobian(bodies: Any, work: Any, q: Any, row: int, placement: Any, ref
         i = bodies[i].parent
 
 
-@register_jitable
+@inlined
 def frame_velocity(
     bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any
 ) -> None:
@@ -127,12 +131,13 @@ def frame_velocity(
     i = row
     while i > 0:
         total = add_motion(total, motion_to_child(X, joint_motion(bodies, i, v)))
-        X = compose(joint_pose(bodies, i, q), X)
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[i].X), X)
         i = bodies[i].parent
     public_motion(out, referred(X, total, reference))
 
 
-@register_jitable
+@inlined
 def frame_acceleration(
     bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any, reference: int, classical: int, out: Any
 ) -> None:
@@ -150,7 +155,8 @@ def frame_acceleration(
         if a is not None:
             total = add_motion(total, motion_to_child(X, scale_motion(a[i - 1], motion_of(bodies[i].S))))
         seen = add_motion(seen, vJ)
-        X = compose(joint_pose(bodies, i, q), X)
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[i].X), X)
         i = bodies[i].parent
     total = referred(X, total, reference)
     if classical == 1:
@@ -159,7 +165,7 @@ def frame_acceleration(
     public_motion(out, total)
 
 
-@register_jitable
+@inlined
 def jacobian_dot_times_v(
     bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any
 ) -> None:
@@ -206,12 +212,12 @@ SPECS = (
     ),
     Spec(
         "frame_acceleration", frame_acceleration, WORK, (Q, V, A, ROW, PLACEMENT, REFERENCE, CLASSICAL),
-        Argument("a", (6,), "m/s² | rad/s²", "acceleration of the frame, linear first, in the reference"),
+        Argument("acceleration", (6,), "m/s² | rad/s²", "acceleration of the frame, linear first, in the reference"),
         "Acceleration of a frame, spatial or classical.", _BODY,
     ),
     Spec(
         "jacobian_dot_times_v", jacobian_dot_times_v, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),
-        Argument("a", (6,), "m/s² | rad/s²", "linear first, in the reference"),
+        Argument("drift", (6,), "m/s² | rad/s²", "linear first, in the reference"),
         "J̇ v, what a frame accelerates by at zero joint acceleration: J a + J̇ v is the derivative of J v.\n\n"
         "    It is a spatial acceleration in local and world, a classical one in local_world_aligned.", _BODY,
     ),

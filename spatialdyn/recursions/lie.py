@@ -22,9 +22,7 @@ from fractions import Fraction
 from math import factorial
 from typing import NamedTuple
 
-from numba.extending import register_jitable
-
-from ..scalars import atan2, cos, select, sin, sqrt
+from ..scalars import atan2, cos, inlined, select, sin, sqrt
 from ..spatial import Motion, Rot, Scalar, Vec, cross, dot, matmul, plus, times, transpose
 from .joints import rotation
 
@@ -58,7 +56,7 @@ class Tangent(NamedTuple):
 # --- quaternions ----------------------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def product(a: Quat, b: Quat) -> Quat:
     """a b: the rotation b of the frame a."""
     return Quat(
@@ -69,25 +67,25 @@ def product(a: Quat, b: Quat) -> Quat:
     )
 
 
-@register_jitable
+@inlined
 def conjugate(a: Quat) -> Quat:
     """The inverse rotation."""
     return Quat(-a.x, -a.y, -a.z, a.w)
 
 
-@register_jitable
+@inlined
 def scale_quat(s: Scalar, a: Quat) -> Quat:
     """s a."""
     return Quat(s * a.x, s * a.y, s * a.z, s * a.w)
 
 
-@register_jitable
+@inlined
 def unit(a: Quat) -> Quat:
     """a / |a|, exact to rounding for any a near the unit sphere."""
     return scale_quat(1.0 / sqrt(a.x * a.x + a.y * a.y + a.z * a.z + a.w * a.w), a)
 
 
-@register_jitable
+@inlined
 def rescaled(a: Quat) -> Quat:
     """a / |a| for an a of any size, shrunk first lest a square over- or underflow; the null quaternion as it is."""
     size = larger(larger(a.x, a.y), larger(a.z, a.w))
@@ -97,14 +95,14 @@ def rescaled(a: Quat) -> Quat:
     return scale_quat(1.0 / sqrt(n + select(n, 0.0, 1.0)), a)
 
 
-@register_jitable
+@inlined
 def larger(x: Scalar, y: Scalar) -> Scalar:
     """max(|x|, |y|)."""
     x, y = select(-x, -x, x), select(-y, -y, y)
     return select(x - y, x, y)
 
 
-@register_jitable
+@inlined
 def matrix(a: Quat) -> Rot:
     """The rotation matrix of a unit quaternion."""
     return rotation(a.x, a.y, a.z, a.w)
@@ -113,7 +111,7 @@ def matrix(a: Quat) -> Rot:
 # --- exponential and logarithm --------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def exp_rotation(w: Vec) -> Quat:
     """The rotation by |w| about w."""
     h = 0.5 * sqrt(dot(w, w) + TINY)
@@ -121,7 +119,7 @@ def exp_rotation(w: Vec) -> Quat:
     return Quat(s * w.x, s * w.y, s * w.z, cos(h))
 
 
-@register_jitable
+@inlined
 def log_rotation(a: Quat) -> Vec:
     """The rotation vector of a, with |w| <= π; a and -a are one rotation, and |a| does not matter."""
     n = sqrt(a.x * a.x + a.y * a.y + a.z * a.z + TINY)
@@ -130,21 +128,21 @@ def log_rotation(a: Quat) -> Vec:
     return Vec(s * a.x, s * a.y, s * a.z)
 
 
-@register_jitable
+@inlined
 def exp_travel(m: Motion) -> Vec:
     """p = (s 1 + b W + c w wᵀ) v: where the twist m takes the origin."""
     s, b, c = exp_factors(dot(m.w, m.w))
     return plus(plus(times(s, m.v), times(b, cross(m.w, m.v))), times(c * dot(m.w, m.v), m.w))
 
 
-@register_jitable
+@inlined
 def log_travel(w: Vec, p: Vec) -> Vec:
     """v = (u 1 - ½ W + β w wᵀ) p: the linear part of the twist that turns by w, |w| < 2π, and travels by p."""
     u, beta = log_factors(dot(w, w))
     return plus(plus(times(u, p), times(-0.5, cross(w, p))), times(beta * dot(w, p), w))
 
 
-@register_jitable
+@inlined
 def exp_factors(t: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """s, b, c at θ² = t."""
     h = 0.5 * sqrt(t + TINY)
@@ -153,7 +151,7 @@ def exp_factors(t: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return s, 0.5 * half * half, near(t, C, (1.0 - s) / away(t))
 
 
-@register_jitable
+@inlined
 def log_factors(t: Scalar) -> tuple[Scalar, Scalar]:
     """u, β at θ² = t < (2π)²."""
     h = 0.5 * sqrt(t + TINY)
@@ -161,7 +159,7 @@ def log_factors(t: Scalar) -> tuple[Scalar, Scalar]:
     return u, near(t, BETA, (1.0 - u) / away(t))
 
 
-@register_jitable
+@inlined
 def near(t: Scalar, series: tuple[float, ...], closed: Scalar) -> Scalar:
     """The series in t where t < 1, the closed form elsewhere (and for a NaN)."""
     x = select(1.0 - t, t, 0.0)
@@ -171,7 +169,7 @@ def near(t: Scalar, series: tuple[float, ...], closed: Scalar) -> Scalar:
     return select(1.0 - t, total, closed)
 
 
-@register_jitable
+@inlined
 def away(t: Scalar) -> Scalar:
     """t where the closed form counts, 1 where it does not: a divisor that is never small."""
     return select(1.0 - t, 1.0, t)
@@ -180,7 +178,7 @@ def away(t: Scalar) -> Scalar:
 # --- derivatives ----------------------------------------------------------------------------------------
 
 
-@register_jitable
+@inlined
 def mixed(a: Scalar, u: Vec, w: Vec, g: Vec) -> Rot:
     """a 1 + u× + w gᵀ + g wᵀ."""
     xy, xz, yz = w.x * g.y + g.x * w.y, w.x * g.z + g.x * w.z, w.y * g.z + g.y * w.z
@@ -191,7 +189,7 @@ def mixed(a: Scalar, u: Vec, w: Vec, g: Vec) -> Rot:
     )  # fmt: skip
 
 
-@register_jitable
+@inlined
 def dual(m: Motion, a: Scalar, k: Scalar, e: Scalar, da: Scalar, dk: Scalar, de: Scalar) -> Tangent:
     """J = a 1 + k W + e w wᵀ, and K its derivative at w along v; da, dk, de are (1/θ) d/dθ of a, k, e."""
     w, v = m.w, m.v
@@ -202,7 +200,7 @@ def dual(m: Motion, a: Scalar, k: Scalar, e: Scalar, da: Scalar, dk: Scalar, de:
     )
 
 
-@register_jitable
+@inlined
 def exp_jacobian(m: Motion) -> Tangent:
     """Right Jacobian of the exponential: exp(m + δ) = exp(m) exp(J δ) to first order."""
     t = dot(m.w, m.w)
@@ -212,7 +210,7 @@ def exp_jacobian(m: Motion) -> Tangent:
     return dual(m, s, -b, c, c - b, -b1, c1)
 
 
-@register_jitable
+@inlined
 def log_jacobian(m: Motion, side: float) -> Tangent:
     """Derivative of m = log(A⁻¹ B), |w| <= π, by twists of B in its own frame (side = 1) or of A in its own (-1).
 
@@ -225,7 +223,7 @@ def log_jacobian(m: Motion, side: float) -> Tangent:
     return dual(m, side * u, 0.5, side * beta, -side * (2.0 * beta + beta1 * t), 0.0, side * beta1)
 
 
-@register_jitable
+@inlined
 def carried_back(m: Motion) -> Tangent:
     """The change of frame of twists from before exp(m) to after it."""
     p = exp_travel(m)

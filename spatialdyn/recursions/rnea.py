@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import register_jitable
-
+from ..scalars import inlined
 from ..spatial import (
     Force,
     Motion,
@@ -26,7 +25,6 @@ from ..spatial import (
     power,
     put_force,
     put_motion,
-    put_pose,
     scale_motion,
     sub_force,
     table_dtype,
@@ -35,13 +33,13 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from .joints import joint_motion, joint_pose
+from .joints import joint_motion, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion, a=Motion, f=Force)
 
 
-@register_jitable
+@inlined
 def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) -> None:
     """RBDA table 5.1 in body coordinates; v, a, fext may be None, for zero."""
     put_motion(work[0].v, zero_motion())
@@ -51,7 +49,8 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         I = inertia_of(b.inertia) 
-        X = joint_pose(bodies, i, q)
+        place_joint(bodies, i, q, here.X)
+        X = pose_of(here.X)
         ai = motion_to_child(X, motion_of(parent.a))
         if a is not None:
             ai = add_motion(ai, scale_motion(a[i - 1], motion_of(b.S)))
@@ -65,7 +64,6 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
             put_motion(here.v, vi)
         if fext is not None and b.joint > 0:
             f = sub_force(f, force_from(fext[b.joint]))
-        put_pose(here.X, X)
         put_motion(here.a, ai)
         put_force(here.f, f)
 

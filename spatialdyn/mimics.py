@@ -1,0 +1,94 @@
+"""Mimic joints: whom each one follows in the end, and what that makes of the coordinates of the whole tree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ModelError
+from .robot import Joint as RobotJoint
+from .robot import Mimic, Robot
+from .rows import Joint, frozen, joint_transform
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+ONE_COORDINATE = ("revolute", "continuous", "prismatic")
+BOTH = 'expected both to have one coordinate (continuous="angle")'
+
+
+def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
+    """The robot with followers of fixed joints fixed, and for each other mimic joint the joint it follows in the end.
+
+    Raises ModelError naming the joint whose leader is missing, or has not one coordinate, or the joints of a circle.
+    """
+    by_name = {joint.name: joint for joint in robot.joints}
+    joints, leaders = [], {}
+    for joint in robot.joints:
+        if joint.mimic is not None and joint.kind != "fixed":
+            last, mimic = _follow(joint, by_name, robot.name)
+            if joint.kind not in ONE_COORDINATE:
+                raise ModelError(f'{joint.kind} joint "{joint.name}" mimics "{last.name}", {BOTH}')
+            if last.kind == "fixed":
+                X = np.reshape(joint.placement, (4, 4)) @ joint_transform(joint.kind, joint.axis, [mimic.offset])
+                joint = replace(joint, kind="fixed", placement=tuple(X.ravel().tolist()))
+            else:
+                leaders[joint.name] = mimic
+        joints.append(joint)
+    return replace(robot, joints=tuple(joints)), leaders
+
+
+def _follow(joint: RobotJoint, by_name: Mapping[str, RobotJoint], robot: str) -> tuple[RobotJoint, Mimic]:
+    """The end of a chain of mimics, and the one mimic that stands for the chain."""
+    ratio, offset, at, seen = 1.0, 0.0, joint, [joint.name]
+    while at.mimic is not None and at.kind != "fixed":
+        offset += ratio * at.mimic.offset
+        ratio *= at.mimic.multiplier
+        leader = at.mimic.leader
+        if leader not in by_name:
+            raise ModelError(f'joint "{at.name}" mimics "{leader}", which robot "{robot}" does not have')
+        if leader in seen:
+            raise ModelError(f"joints {' -> '.join([*seen, leader])} mimic each other in a circle")
+        seen.append(leader)
+        at = by_name[leader]
+    return at, Mimic(at.name, ratio, offset)
+
+
+class Mimics(NamedTuple):
+    """q = q_model[source] * ratio + offset (nq of the whole tree) and v = matrix @ v_model; the joints, re-placed."""
+
+    joints: list[Joint]
+    matrix: Array | None
+    source: Places
+    ratio: Array
+    offset: Array
+
+
+def mimic_map(joints: list[Joint], leaders: Mapping[str, Mimic]) -> Mimics:
+    """How the whole tree's coordinates follow from the model's own; no matrix where all are its own."""
+    nq, nv = sum(j.nq for j in joints), sum(j.nv for j in joints)
+    source, ratio, offset = np.arange(nq), np.ones(nq), np.zeros(nq)
+    if not leaders:
+        return Mimics(joints, None, frozen(source, np.intp), frozen(ratio), frozen(offset))
+    where = {j.name: k for k, j in enumerate(joints)}
+    new_q = np.cumsum([0] + [0 if j.name in leaders else j.nq for j in joints]).tolist()
+    new_v = np.cumsum([0] + [0 if j.name in leaders else j.nv for j in joints]).tolist()
+    G = np.zeros((nv, new_v[-1]))
+    placed = []
+    for k, j in enumerate(joints):
+        m = leaders.get(j.name)
+        lead = k if m is None else where[m.leader]
+        if m is None:
+            source[j.idx_q : j.idx_q + j.nq] = range(new_q[k], new_q[k] + j.nq)
+            G[j.idx_v : j.idx_v + j.nv, new_v[k] : new_v[k] + j.nv] = np.eye(j.nv)
+        else:
+            if j.nq != 1 or joints[lead].nq != 1:
+                raise ModelError(f'joint "{j.name}" mimics "{m.leader}", {BOTH}')
+            source[j.idx_q], ratio[j.idx_q], offset[j.idx_q] = new_q[lead], m.multiplier + 0.0, m.offset + 0.0
+            G[j.idx_v, new_v[lead]] = m.multiplier + 0.0
+        mimic = None if m is None else (lead, m.multiplier, m.offset)
+        placed.append(j._replace(idx_q=new_q[lead], idx_v=new_v[lead], mimic=mimic))
+    return Mimics(placed, frozen(G), frozen(source, np.intp), frozen(ratio), frozen(offset))
