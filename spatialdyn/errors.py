@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class SpatialDynError(ValueError):
-    """Base of every error the library raises on bad input; the message names the thing, its value and what was expected."""
+    """Base of every error on bad input; the message names the thing, its value and what was expected."""
 
 
 class UrdfError(SpatialDynError):

@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import bodies as table
 from .assembly import IDENTITY
-from .dynamics import as_array, batch_shape, broadcast
+from .border import as_array, batch_shape, broadcast, check_model
 from .errors import ConfigurationError, ModelError, SpatialDynError
 from .model import Joint, Model, assemble
 from .recursions.spec import Argument, Q, V
 from .robot import Joint as RobotJoint
 from .robot import Link, check_inertias, check_tree, make_joint, make_link, quoted
-from .states import check_model
 
 Array = NDArray[np.float64]
 

@@ -93,11 +93,7 @@ class Robot:
     def children(self) -> dict[str, list[Joint]]:
         """The joints that leave each link, in the order they are walked: byte order of their names."""
         table: dict[str, list[Joint]] = {link.name: [] for link in self.links}
-        for joint in (
-            self.joints
-            if self.ordered
-            else sorted(self.joints, key=lambda j: j.name.encode())
-        ):
+        for joint in self.joints if self.ordered else sorted(self.joints, key=lambda j: j.name.encode()):
             table[joint.parent].append(joint)
         return table
 
@@ -125,9 +121,7 @@ def check_tree(
         seen: set[str] = set()
         for n in names:
             if n in seen:
-                raise ModelError(
-                    f'{where(what, n)}robot "{name}" has two {what}s named "{n}", expected distinct names'
-                )
+                raise ModelError(f'{where(what, n)}robot "{name}" has two {what}s named "{n}", expected distinct names')
             seen.add(n)
     known = {link.name for link in links}
     parent_of: dict[str, Joint] = {}
@@ -146,9 +140,7 @@ def check_tree(
         parent_of[joint.child] = joint
     roots = [link.name for link in links if link.name not in parent_of]
     if not links:
-        raise ModelError(
-            f'{where("robot", name)}robot "{name}" has no links, expected at least one'
-        )
+        raise ModelError(f'{where("robot", name)}robot "{name}" has no links, expected at least one')
     if not roots:
         raise ModelError(
             f'{where("robot", name)}robot "{name}" has no root link: its joints form a cycle, expected a tree'
@@ -172,9 +164,7 @@ def check_tree(
 def quoted(names: Iterable[str], most: int = 8) -> str:
     """Names between quotes, the first ``most`` of them."""
     listed = [f'"{n}"' for n in names]
-    return ", ".join(listed[:most]) + (
-        f" and {len(listed) - most} more" if len(listed) > most else ""
-    )
+    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
 
 
 def check_inertias(
@@ -190,9 +180,7 @@ def check_inertias(
     Raises InertiaError under "strict", naming the link, its principal moments and the violation.
     """
     if policy not in ("warn", "strict", "repair"):
-        raise InertiaError(
-            f'inertia policy is {policy!r}, expected "warn", "strict" or "repair"'
-        )
+        raise InertiaError(f'inertia policy is {policy!r}, expected "warn", "strict" or "repair"')
     found: list[str] = []
     links: list[Link] = []
     for link in robot.links:
@@ -211,9 +199,7 @@ def check_inertias(
     if policy == "warn":
         warnings.warn(
             f'robot "{robot.name}": '
-            + "; ".join(
-                found[:8] + [f"and {len(found) - 8} more links"] * (len(found) > 8)
-            )
+            + "; ".join(found[:8] + [f"and {len(found) - 8} more links"] * (len(found) > 8))
             + ' (kept as they are; inertia="repair" projects them)',
             stacklevel=stacklevel,
         )
@@ -228,11 +214,7 @@ def pose_matrix(placement: Any, what: str) -> Array:
     X = np.eye(4)
     if placement is None:
         return X
-    if (
-        isinstance(placement, tuple)
-        and len(placement) == 2
-        and np.shape(placement[0]) == (3,)
-    ):
+    if isinstance(placement, tuple) and len(placement) == 2 and np.shape(placement[0]) == (3,):
         X[:3, :3] = rpy_matrix(*np.asarray(placement[1], float))
         X[:3, 3] = placement[0]
     else:
@@ -242,22 +224,12 @@ def pose_matrix(placement: Any, what: str) -> Array:
         elif given.shape == (4, 4):
             X[:] = given
         else:
-            raise ModelError(
-                f"{what} has shape {given.shape}, expected (3,), (4, 4) or a pair xyz, rpy"
-            )
+            raise ModelError(f"{what} has shape {given.shape}, expected (3,), (4, 4) or a pair xyz, rpy")
     R = X[:3, :3]
     if not np.isfinite(X).all():
-        raise ModelError(
-            f"{what} has an entry that is not finite, expected finite numbers"
-        )
-    if (
-        abs(R @ R.T - np.eye(3)).max() > 1e-6
-        or np.linalg.det(R) < 0
-        or (X[3] != (0, 0, 0, 1)).any()
-    ):
-        raise ModelError(
-            f"{what} is no pose: its rotation is not orthonormal within 1e-6, or its last row not 0 0 0 1"
-        )
+        raise ModelError(f"{what} has an entry that is not finite, expected finite numbers")
+    if abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0 or (X[3] != (0, 0, 0, 1)).any():
+        raise ModelError(f"{what} is no pose: its rotation is not orthonormal within 1e-6, or its last row not 0 0 0 1")
     return X
 
 
@@ -292,9 +264,7 @@ class ModelBuilder:
         self._joints: list[Joint] = []
         self._root = root
 
-    def set_inertia(
-        self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]
-    ) -> ModelBuilder:
+    def set_inertia(self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> ModelBuilder:
         """Give a link its inertia: (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²])."""
         if link not in self._links:
             raise ModelError(f'link "{link}" is not in robot "{self.name}"')
@@ -333,13 +303,9 @@ class ModelBuilder:
         parent = self._root if parent is None else parent
         joint_name = f"{name}_joint" if joint_name is None else joint_name
         if parent not in self._links:
-            raise ModelError(
-                f'link "{name}" has parent "{parent}", which robot "{self.name}" does not have'
-            )
+            raise ModelError(f'link "{name}" has parent "{parent}", which robot "{self.name}" does not have')
         if name in self._links:
-            raise ModelError(
-                f'robot "{self.name}" has two links named "{name}", expected distinct names'
-            )
+            raise ModelError(f'robot "{self.name}" has two links named "{name}", expected distinct names')
         made = make_joint(
             Joint(
                 joint_name, joint, parent, name,
@@ -384,20 +350,12 @@ def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
             f'link "{name}" has com of shape {com.shape} and inertia of shape {I.shape}, expected (3,) and (3, 3)'
         )
     if not (mass >= 0.0 and math.isfinite(mass)):
-        raise InertiaError(
-            f'link "{name}" has mass {mass}, expected a finite number >= 0'
-        )
+        raise InertiaError(f'link "{name}" has mass {mass}, expected a finite number >= 0')
     if not np.isfinite(com).all() or not np.isfinite(I).all():
-        raise InertiaError(
-            f'link "{name}" has a com or inertia entry that is not finite, expected finite numbers'
-        )
+        raise InertiaError(f'link "{name}" has a com or inertia entry that is not finite, expected finite numbers')
     if abs(I - I.T).max() > 1e-12 * abs(I).max():
-        raise InertiaError(
-            f'link "{name}" has an inertia that is not symmetric, expected I = Iᵀ'
-        )
-    return Link(
-        name, mass, tuple(com.tolist()), tuple((0.5 * (I + I.T)).ravel().tolist())
-    )
+        raise InertiaError(f'link "{name}" has an inertia that is not symmetric, expected I = Iᵀ')
+    return Link(name, mass, tuple(com.tolist()), tuple((0.5 * (I + I.T)).ravel().tolist()))
 
 
 def make_joint(joint: Joint) -> Joint:
@@ -408,9 +366,7 @@ def make_joint(joint: Joint) -> Joint:
     """
     what = f'joint "{joint.name}"'
     if joint.kind not in JOINT_KINDS:
-        raise ModelError(
-            f"{what} has type {joint.kind!r}, expected one of {', '.join(JOINT_KINDS)}"
-        )
+        raise ModelError(f"{what} has type {joint.kind!r}, expected one of {', '.join(JOINT_KINDS)}")
     axis = np.array(joint.axis)
     if axis.shape != (3,) or not np.isfinite(axis).all():
         raise ModelError(f"{what} has axis {joint.axis}, expected three finite numbers")
@@ -434,13 +390,9 @@ def make_joint(joint: Joint) -> Joint:
         if math.isnan(getattr(joint, label)):
             raise ModelError(f"{what} has {label} nan, expected a number")
     if joint.lower > joint.upper:
-        raise ModelError(
-            f"{what} has lower limit {joint.lower} above upper limit {joint.upper}"
-        )
+        raise ModelError(f"{what} has lower limit {joint.lower} above upper limit {joint.upper}")
     if not (joint.armature >= 0.0 and math.isfinite(joint.armature)):
-        raise ModelError(
-            f"{what} has armature {joint.armature}, expected a finite number >= 0"
-        )
+        raise ModelError(f"{what} has armature {joint.armature}, expected a finite number >= 0")
     m = joint.mimic
     if m is not None:
         if m.leader == joint.name:

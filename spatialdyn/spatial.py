@@ -93,13 +93,13 @@ class Inertia(NamedTuple):
 
     m: Scalar
     h: Vec
-    I: Sym 
+    I: Sym
 
 
 class Articulated(NamedTuple):
     """An articulated body inertia [I H; Hᵀ M] (RBDA section 7.1)."""
 
-    I: Sym 
+    I: Sym
     H: Rot
     M: Sym
 
@@ -389,7 +389,7 @@ def add_inertia(A: Inertia, B: Inertia) -> Inertia:
 
 
 @inlined
-def momentum(I: Inertia, v: Motion) -> Force: 
+def momentum(I: Inertia, v: Motion) -> Force:
     """I v: the spatial momentum of a body of inertia I moving with v (RBDA eq. 2.63)."""
     return Force(
         plus(apply_sym(I.I, v.w), cross(I.h, v.v)),
@@ -398,7 +398,7 @@ def momentum(I: Inertia, v: Motion) -> Force:
 
 
 @inlined
-def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym: 
+def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym:
     """I + (p·a + p·b) 1 - a pᵀ - p bᵀ for b - a parallel to p, where the sum is symmetric.
 
     With a the first moment before and b after a shift of the origin by -p, this is the rotational
@@ -416,7 +416,7 @@ def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym:
 
 
 @inlined
-def inertia_to_parent(X: Pose, I: Inertia) -> Inertia: 
+def inertia_to_parent(X: Pose, I: Inertia) -> Inertia:
     """The inertia of a body in child coordinates, in parent coordinates (RBDA eq. 2.66)."""
     a = rotate(X.R, I.h)
     b = plus(a, times(I.m, X.p))
@@ -424,12 +424,12 @@ def inertia_to_parent(X: Pose, I: Inertia) -> Inertia:
 
 
 @inlined
-def inertia_rate(I: Inertia, v: Motion) -> Inertia: 
+def inertia_rate(I: Inertia, v: Motion) -> Inertia:
     """d/dt I of a body that moves with v, both in one fixed frame: v×* I - I v×, ten numbers again, the mass 0.
 
     The rotational part is ω̃ Ī + (ω̃ Ī)ᵀ + 2 (h·l) 1 - l hᵀ - h lᵀ with v = (ω, l).
     """
-    J, h, l = I.I, I.h, v.v 
+    J, h, l = I.I, I.h, v.v
     x = cross(v.w, Vec(J.xx, J.xy, J.xz))
     y = cross(v.w, Vec(J.xy, J.yy, J.yz))
     z = cross(v.w, Vec(J.xz, J.yz, J.zz))
@@ -452,7 +452,7 @@ def inertia_rate(I: Inertia, v: Motion) -> Inertia:
 
 
 @inlined
-def articulated(I: Inertia) -> Articulated: 
+def articulated(I: Inertia) -> Articulated:
     """A rigid body as an articulated one: [Ī h̃; h̃ᵀ m 1]."""
     h = I.h
     return Articulated(
@@ -481,7 +481,7 @@ def articulated_force(A: Articulated, a: Motion) -> Force:
 def without(A: Articulated, U: Force, W: Force) -> Articulated:
     """A - U Wᵀ for W parallel to U: what is left of A once a joint is free to move."""
     n, f, N, F = U.n, U.f, W.n, W.f
-    I, H, M = A.I, A.H, A.M 
+    I, H, M = A.I, A.H, A.M
     return Articulated(
         Sym(
             I.xx - n.x * N.x, I.xy - n.x * N.y, I.xz - n.x * N.z,
@@ -508,7 +508,7 @@ def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
     R, p = X.R, X.p
     M = congruence(R, A.M)
     H = matmul(matmul(R, A.H), transpose(R))
-    I = congruence(R, A.I) 
+    I = congruence(R, A.I)
     G = Rot(
         H.xx + (p.y * M.xz - p.z * M.xy), H.xy + (p.y * M.yz - p.z * M.yy), H.xz + (p.y * M.zz - p.z * M.yz),
         H.yx + (p.z * M.xx - p.x * M.xz), H.yy + (p.z * M.xy - p.x * M.yz), H.yz + (p.z * M.xz - p.x * M.zz),
@@ -634,7 +634,7 @@ def put_pose(r: Any, X: Pose) -> None:
 
 
 @inlined
-def put_inertia(r: Any, I: Inertia) -> None: 
+def put_inertia(r: Any, I: Inertia) -> None:
     """Write an Inertia field."""
     r.m = I.m
     put_vec(r.h, I.h)

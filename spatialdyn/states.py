@@ -5,26 +5,20 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import bodies as table
-from .dynamics import as_array, batch_shape, broadcast, calls, reference_of
-from .errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from .border import as_array, batch_shape, broadcast, check_model, reference_of
+from .dynamics import calls
+from .errors import NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
 from .recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
 
 Array = NDArray[np.float64]
 
 FORCE = Argument("force", (6,), "N | N m", "force at a frame, linear first")
-
-
-def check_model(model: Any) -> None:
-    """Raise ModelError if it is no Model."""
-    if not isinstance(model, Model):
-        raise ModelError(f"model is a {type(model).__name__}, expected a spatialdyn Model")
 
 
 # --- random configurations -------------------------------------------------------------------------------

@@ -62,7 +62,7 @@ def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, piv
 
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        I = inertia_of(b.inertia) 
+        I = inertia_of(b.inertia)
         place_joint(bodies, i, q, here.X)
         vJ = joint_motion(bodies, i, v)
         vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)

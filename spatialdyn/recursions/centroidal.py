@@ -62,7 +62,7 @@ def _outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         place_joint(bodies, i, q, here.X)
         X = compose(pose_of(parent.X), pose_of(here.X))
-        I = inertia_to_parent(X, inertia_of(b.inertia)) 
+        I = inertia_to_parent(X, inertia_of(b.inertia))
         put_pose(here.X, X)
         put_inertia(here.I, I)
         if v is not None:
@@ -130,7 +130,7 @@ def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, 
     _outward(bodies, work, q, v, a)
     f = zero_force()
     for i in range(1, len(bodies)):
-        I, vi = inertia_of(work[i].I), motion_of(work[i].v) 
+        I, vi = inertia_of(work[i].I), motion_of(work[i].v)
         f = add_force(f, add_force(momentum(I, motion_of(work[i].a)), cross_force(vi, momentum(I, vi))))
     _put(out, times(1.0 / _mass(bodies), f.f))
 
@@ -176,7 +176,7 @@ def centroidal_map_dot(bodies: Any, work: Any, q: Any, v: Any, dAg: Any) -> None
     c, dc = times(1.0 / total.m, total.h), times(1.0 / total.m, rate.h)
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
-        I, dI = inertia_of(work[i].I), inertia_of(work[i].dI) 
+        I, dI = inertia_of(work[i].I), inertia_of(work[i].dI)
         F = momentum(I, Ji)
         dF = add_force(momentum(dI, Ji), momentum(I, cross_motion(motion_of(work[i].v), Ji)))
         moment = minus(minus(dF.n, cross(c, dF.f)), cross(dc, F.f))

@@ -52,7 +52,7 @@ def sound_pivots(bodies: Any, q: Any, pivots: Any) -> bool:
         kind, k = bodies[i].kind, bodies[i].at
         if kind == PRISMATIC:
             travel += abs(q[k])
-        elif bodies[i].parent > 0 and (kind == PLANAR or kind == PLANAR_CS or kind == FLOATING):
+        elif bodies[i].parent > 0 and kind in (PLANAR, PLANAR_CS, FLOATING):
             travel += abs(q[k]) + abs(q[k + 1])
             if kind == FLOATING:
                 travel += abs(q[k + 2])

@@ -52,7 +52,7 @@ def mass_moment(bodies: Any, work: Any, q: Any) -> None:
     """Mass m and first moment h of every subtree, in its body's frame; row 0: of the robot, in the world."""
     n = len(bodies) - 1
     for i in range(n + 1):
-        I = inertia_of(bodies[i].inertia) 
+        I = inertia_of(bodies[i].inertia)
         work[i].m = I.m
         put_vec(work[i].h, I.h)
         if i > 0:

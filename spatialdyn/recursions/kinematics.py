@@ -122,9 +122,7 @@ def frame_jacobian(bodies: Any, work: Any, q: Any, row: int, placement: Any, ref
 
 
 @inlined
-def frame_velocity(
-    bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any
-) -> None:
+def frame_velocity(bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any) -> None:
     """Σ S v over the rows that carry the frame."""
     X = pose_from(placement)
     total = zero_motion()

@@ -48,7 +48,7 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
 
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        I = inertia_of(b.inertia) 
+        I = inertia_of(b.inertia)
         place_joint(bodies, i, q, here.X)
         X = pose_of(here.X)
         ai = motion_to_child(X, motion_of(parent.a))

@@ -1,8 +1,8 @@
 """What a recursion takes and gives: the small table from which engines and public calls are made.
 
 A recursion is called as ``recursion(bodies, work, *inputs, *outputs)`` on the arrays of one sample (without
-``work`` if its Spec has none). Its Spec names those arrays in that order. An input that a call does not have is None there, and the recursion skips
-the terms it would bring: ``nonlinear_effects`` is the RNEA without a.
+``work`` if its Spec has none). Its Spec names those arrays in that order. An input that a call does not have is
+None there, and the recursion skips the terms it would bring: ``nonlinear_effects`` is the RNEA without a.
 """
 
 from __future__ import annotations

@@ -1,0 +1,132 @@
+"""The border between what people pass and what kernels take: dtypes, shapes, broadcasting, mimic joints."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import ModelError, ShapeError, SpatialDynError
+from .model import Frame, Model
+from .recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
+
+Array = NDArray[np.float64]
+REFERENCES = {"local": LOCAL, "world": WORLD, "local_world_aligned": LOCAL_WORLD_ALIGNED}
+
+
+def check_model(model: Any) -> Model:
+    """The model, if it is one. Raises ModelError."""
+    if not isinstance(model, Model):
+        raise ModelError(f"model is a {type(model).__name__}, expected a spatialdyn Model")
+    return model
+
+
+def as_array(name: str, value: ArrayLike) -> Array:
+    """A float64 array of anything that reads as real numbers. Raises ShapeError naming the argument."""
+    try:
+        x = np.asarray(value)
+    except ValueError as error:
+        raise ShapeError(f"{name} is ragged, expected an array of numbers") from error
+    if x.dtype.kind not in "fiu":
+        raise ShapeError(f"{name} has dtype {x.dtype}, expected real numbers")
+    return x.astype(np.float64, copy=False)
+
+
+def sizes(model: Model) -> dict[str, int]:
+    """The numbers behind the symbols of a spec's shapes."""
+    return {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+
+
+def core_shape(model: Model, argument: Argument) -> tuple[int, ...]:
+    """Shape of one sample of an argument."""
+    known = sizes(model)
+    return tuple(known[s] if isinstance(s, str) else s for s in argument.shape)
+
+
+def batch_shape(model: Model, argument: Argument, x: Array) -> tuple[int, ...]:
+    """What stands before one sample's shape. Raises ShapeError if the last axes are not that shape."""
+    core = core_shape(model, argument)
+    if x.ndim < len(core) or x.shape[x.ndim - len(core) :] != core:
+        wanted = ", ".join(["...", *map(str, core)])
+        raise ShapeError(f"{argument.name} has shape {x.shape}, expected ({wanted})")
+    return x.shape[: x.ndim - len(core)]
+
+
+def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """The common batch shape. Raises ShapeError listing the shapes if there is none."""
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError:
+        listed = ", ".join(f"{n} {s}" for n, s in zip(names, shapes, strict=True))
+        raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
+
+
+def check_out(out: Any, shape: tuple[int, ...]) -> Array:
+    """``out`` if results can be written to it. Raises ShapeError if not of that shape, float64, C order, writable."""
+    if not isinstance(out, np.ndarray):
+        raise ShapeError(f"out is a {type(out).__name__}, expected a float64 array of shape {shape}")
+    if out.shape != shape:
+        raise ShapeError(f"out has shape {out.shape}, expected {shape}")
+    if out.dtype != np.float64:
+        raise ShapeError(f"out has dtype {out.dtype}, expected float64")
+    if not (out.flags.c_contiguous and out.flags.writeable):
+        raise ShapeError("out is not a writable array in C order")
+    return out
+
+
+def rows_of(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> tuple[Array, int]:
+    """An input as (samples, *core) in C order with the step that walks it: 0 where one sample serves all."""
+    lead = x.shape[: x.ndim - len(core)]
+    count = math.prod(lead)
+    if lead != batch and count != 1:
+        x, count = np.broadcast_to(x, batch + core), math.prod(batch)
+    flat = np.ascontiguousarray(x).reshape((count, *(core or (1,))))
+    return flat, 0 if lead != batch and count == 1 else 1
+
+
+def frame_of(model: Model, frame: str | Frame) -> tuple[int, Array]:
+    """Row and placement of a frame given by name."""
+    found = check_model(model).frame(frame)
+    return model.joints[found.joint].row, found.placement
+
+
+def reference_of(reference: str) -> int:
+    """Code of a reference. Raises SpatialDynError for another word."""
+    try:
+        return REFERENCES[reference]
+    except (KeyError, TypeError):
+        raise SpatialDynError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}") from None
+
+
+# --- mimic joints: v_full = G v --------------------------------------------------------------------------
+
+
+def expanded(model: Model, argument: Argument, x: Array) -> Array:
+    """An input of a model with mimic joints, for the whole tree."""
+    if argument.shape == ("nq",):
+        return x[..., model.mimic_index] * model.mimic_ratio + model.mimic_offset
+    if argument.shape == ("nv",):
+        return x @ np.asarray(model.mimic_matrix).T
+    return x
+
+
+def full_shape(model: Model, argument: Argument) -> tuple[int, ...]:
+    """Shape of one sample for the whole tree, mimic joints counted."""
+    full = {"nq": int(model.bodies[0]["at"]), "nv": len(model.bodies) - 1, "njoints": model.njoints}
+    return tuple(full[s] if isinstance(s, str) else s for s in argument.shape)
+
+
+def contracted(model: Model, argument: Argument, x: Array) -> Array:
+    """An output for the whole tree as one of the model: axes of velocities are summed with G, coordinates taken."""
+    axes = len(argument.shape)
+    for k, size in enumerate(argument.shape):
+        axis = x.ndim - axes + k
+        if size == "nq":
+            x = np.take(x, model.free_q, axis)
+        elif size == "nv" and argument.free:
+            x = np.take(x, model.free_v, axis)
+        elif size == "nv":
+            x = np.moveaxis(np.moveaxis(x, axis, -1) @ model.mimic_matrix, -1, axis)
+    return x

@@ -1,0 +1,134 @@
+"""The way back from a kernel's status to an error that names its cause."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import bodies as table
+from .border import Array, full_shape
+from .engines import jit
+from .errors import ConfigurationError, InertiaError, NonFiniteError
+from .model import Joint, Model
+from .recursions import SPECS
+from .recursions.spec import Spec
+
+
+def diagnose(
+    spec: Spec,
+    model: Model,
+    stepped: list[tuple[Array, int]],
+    batch: tuple[int, ...],
+    static: tuple[Any, ...],
+    out: Array,
+    status: NDArray[np.int8],
+) -> None:
+    """Raise what a status stands for, naming the first such sample and how many there are.
+
+    A sample with an input that is not finite is no error: its answer is NaN. A pivot under the bound is looked at
+    again, against the composite inertia itself.
+    """
+    varying = [x for x in spec.given if not x.static]
+    unfit = np.flatnonzero(status == jit.UNIT)
+    if len(unfit):
+        at = int(unfit[0])
+        for argument, (x, step) in zip(varying, stepped, strict=True):
+            if argument.shape == ("nq",):
+                _raise_unit_norm(model, argument.name, x[at * step], _where(at, len(unfit), batch))
+    finite = np.ones(len(status), bool)
+    for x, step in stepped:
+        ok = np.isfinite(x).reshape(len(x), -1).all(axis=1)
+        finite &= ok if step else bool(ok[0])
+    pivots = np.flatnonzero((status == jit.PIVOT) & finite)
+    for at in pivots:
+        row = _singular_row(spec, model, [x[at * step] for x, step in stepped], static)
+        if row is not None:
+            raise InertiaError(
+                f'joint "{_joint_of_row(model, row).name}" moves no inertia'
+                f"{_where(int(at), len(pivots), batch)}: articulated inertia next to 0, expected a body with mass or "
+                "armature behind it"
+            )
+    lost = np.flatnonzero((status != jit.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))
+    if len(lost):
+        raise NonFiniteError(
+            f"{spec.name} of finite input is not finite{_where(int(lost[0]), len(lost), batch)}, expected numbers "
+            "whose products stay in the range of float64"
+        )
+
+
+def _where(at: int, count: int, batch: tuple[int, ...]) -> str:
+    if not batch:
+        return ""
+    index = tuple(int(k) for k in np.unravel_index(at, batch))
+    place = str(index[0]) if len(index) == 1 else str(index)
+    return f" in sample {place}, the first of {count}" if count > 1 else f" in sample {place}"
+
+
+def _joint_of_row(model: Model, row: int) -> Joint:
+    return next(j for j in model.joints[1:] if j.row - j.nv < row <= j.row)
+
+
+def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
+    for joint in model.joints[1:]:
+        first = model.bodies[joint.row - joint.nv + 1]
+        part = unit_part(int(first["kind"]), int(first["at"]))
+        if part is None:
+            continue
+        norm = float(np.linalg.norm(q[part]))
+        if abs(norm * norm - 1.0) > 2e-6:
+            what = "quaternion" if len(q[part]) == 4 else "(cos, sin) pair"
+            raise ConfigurationError(
+                f'{name} holds a {what} of norm {norm:.9g} for joint "{joint.name}"{where}, expected 1 within 1e-6; '
+                "normalize(model, q) is the cure"
+            )
+
+
+def unit_part(kind: int, at: int) -> slice | None:
+    """Where in q a joint of that kind has coordinates of unit norm."""
+    if kind == table.REVOLUTE_CS:
+        return slice(at, at + 2)
+    if kind == table.SPHERICAL:
+        return slice(at, at + 4)
+    if kind == table.FLOATING:
+        return slice(at + 3, at + 7)
+    if kind == table.PLANAR_CS:
+        return slice(at + 2, at + 4)
+    return None
+
+
+def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[Any, ...]) -> int | None:
+    """The outermost row whose articulated inertia is <= n eps of its composite inertia, in one sample."""
+    n = len(model.bodies) - 1
+    values = dict(zip((x.name for x in spec.given if not x.static), sample, strict=True))
+    inputs = [None if x is None else values[x.name] for x in spec.inputs]
+    pivots, M = np.empty(n), np.empty((n, n))
+    with np.errstate(all="ignore"):
+        scratch = np.zeros(n + 1, spec.work)
+        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output)), pivots)
+        crba = SPECS["crba"]
+        crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
+    singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))
+    return int(singular[-1]) + 1 if len(singular) else None
+
+
+def refuse_singular(model: Model, M: Array) -> None:
+    """Raise InertiaError if some M is not positive definite: if a pivot of its LᵀL is next to nothing."""
+    if not np.isfinite(M).all():
+        return
+    scale = np.sqrt(np.einsum("...ii->...i", M))
+    if (scale > 0.0).all():
+        smallest = np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :]))[..., 0]
+        if (smallest > model.nv * np.finfo(float).eps).all():
+            return
+        joint = ""
+    else:
+        k = int(np.argwhere(scale <= 0.0)[0][-1])
+        joint = f'joint "{joint_of_velocity(model, k).name}" moves no inertia: '
+    raise InertiaError(joint + f'the mass matrix of "{model.name}" is singular, expected every joint to move inertia')
+
+
+def joint_of_velocity(model: Model, k: int) -> Joint:
+    """The joint whose velocity v[k] is."""
+    return next(j for j in model.joints[1:] if j.idx_v <= k < j.idx_v + j.nv and j.mimic is None)
