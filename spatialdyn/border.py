@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -63,8 +64,11 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
         raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
 
 
-def check_out(out: Any, shape: tuple[int, ...]) -> Array:
-    """``out`` if results can be written to it. Raises ShapeError if not of that shape, float64, C order, writable."""
+def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> Array:
+    """``out`` if results can be written to it.
+
+    Raises ShapeError if it is not of that shape, float64, in C order and writable, or overlaps an input.
+    """
     if not isinstance(out, np.ndarray):
         raise ShapeError(f"out is a {type(out).__name__}, expected a float64 array of shape {shape}")
     if out.shape != shape:
@@ -73,6 +77,9 @@ def check_out(out: Any, shape: tuple[int, ...]) -> Array:
         raise ShapeError(f"out has dtype {out.dtype}, expected float64")
     if not (out.flags.c_contiguous and out.flags.writeable):
         raise ShapeError("out is not a writable array in C order")
+    for name, x in inputs.items():
+        if np.may_share_memory(out, x):
+            raise ShapeError(f"out overlaps {name} in memory, expected an array of its own")
     return out
 
 
@@ -103,12 +110,18 @@ def reference_of(reference: str) -> int:
 # --- mimic joints: v_full = G v --------------------------------------------------------------------------
 
 
+def mimic_matrix(model: Model) -> Array:
+    """G (rows, nv) with v of the whole tree = G v."""
+    return np.eye(model.nv) if model.mimic_matrix is None else model.mimic_matrix
+
+
 def expanded(model: Model, argument: Argument, x: Array) -> Array:
     """An input of a model with mimic joints, for the whole tree."""
     if argument.shape == ("nq",):
-        return x[..., model.mimic_index] * model.mimic_ratio + model.mimic_offset
+        q: Array = x[..., model.mimic_index] * model.mimic_ratio + model.mimic_offset
+        return q
     if argument.shape == ("nv",):
-        return x @ np.asarray(model.mimic_matrix).T
+        return x @ mimic_matrix(model).T
     return x
 
 
@@ -128,5 +141,5 @@ def contracted(model: Model, argument: Argument, x: Array) -> Array:
         elif size == "nv" and argument.free:
             x = np.take(x, model.free_v, axis)
         elif size == "nv":
-            x = np.moveaxis(np.moveaxis(x, axis, -1) @ model.mimic_matrix, -1, axis)
+            x = np.moveaxis(np.moveaxis(x, axis, -1) @ mimic_matrix(model), -1, axis)
     return x

@@ -39,15 +39,15 @@ def diagnose(
                 _raise_unit_norm(model, argument.name, x[at * step], _where(at, len(unfit), batch))
     finite = np.ones(len(status), bool)
     for x, step in stepped:
-        ok = np.isfinite(x).reshape(len(x), -1).all(axis=1)
-        finite &= ok if step else bool(ok[0])
+        ok = np.asarray(np.isfinite(x).reshape(len(x), -1).all(axis=1))
+        finite &= ok if step else bool(ok.all())
     pivots = np.flatnonzero((status == jit.PIVOT) & finite)
-    for at in pivots:
+    for at in pivots.tolist():
         row = _singular_row(spec, model, [x[at * step] for x, step in stepped], static)
         if row is not None:
             raise InertiaError(
                 f'joint "{_joint_of_row(model, row).name}" moves no inertia'
-                f"{_where(int(at), len(pivots), batch)}: articulated inertia next to 0, expected a body with mass or "
+                f"{_where(at, len(pivots), batch)}: articulated inertia next to 0, expected a body with mass or "
                 "armature behind it"
             )
     lost = np.flatnonzero((status != jit.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))

@@ -51,7 +51,11 @@ def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any
         [x.name for x in varying], [batch_shape(model, x, a) for x, a in zip(varying, arrays, strict=True)]
     )
     shape = batch + core_shape(model, spec.output)
-    result = np.empty(shape) if out is None else check_out(out, shape)
+    result = (
+        np.empty(shape)
+        if out is None
+        else check_out(out, shape, {x.name: a for x, a in zip(varying, arrays, strict=True)})
+    )
     if model.mimic_matrix is not None:
         if spec.pivots:
             _through_mass_matrix(spec, model, dict(zip((x.name for x in varying), arrays, strict=True)), result)
@@ -115,24 +119,31 @@ def signature(spec: Spec) -> tuple[list[str], list[str]]:
 
 
 def _public(spec: Spec) -> Callable[..., Any]:
-    """The public function of a spec, its quick way written out for the arrays it takes."""
+    """The public function of a spec, its quick way written out for one sample of the arrays it takes.
+
+    What the kernel turns away, by a TypeError or by its status, goes the general way, which finds the reason.
+    """
     parameters, statements = signature(spec)
-    static = [x.name for x in spec.given if x.static]
-    absent = [f"{x.name} is None" for x in spec.given if x.optional]
+    optional = [x.name for x in spec.given if x.optional]
     shape = ", ".join(f"model.{s}" if isinstance(s, str) else str(s) for s in jit.kernel_shape(spec.output))
-    passed = ", ".join([f"model.{jit.TABLE}", *(x.name for x in spec.given if not x.optional), "result"])
+    passed = {
+        name: ", ".join([f"model.{jit.TABLE}", *(x.name for x in spec.given if x.name not in left), "result"])
+        for name, left in (("bare", optional), ("whole", []))
+    }
+    bare = f"bare({passed['bare']})"
+    status = f"{bare} if {optional[0]} is None else whole({passed['whole']})" if optional else bare
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
+    static = "".join(f"{x.name}, " for x in spec.given if x.static)
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),
-        f"    if {' and '.join(['out is None', *absent])}:",
-        "        try:",
-        f"            result = empty(({shape},))",
-        f"            if not single({passed}):",
-        f"                return {'result' if spec.output.shape else 'float(result[0])'}",
-        "        except (AttributeError, TypeError):",
-        "            pass",
-        f"    return general(spec, model, ({varying}), ({''.join(f'{s}, ' for s in static)}), out)",
+        "    try:",
+        f"        result = empty(({shape},)) if out is None else {'out' if spec.output.shape else 'None'}",
+        f"        if not ({status}):",
+        f"            return {'result' if spec.output.shape else 'float(result[0])'}",
+        "    except (AttributeError, TypeError):",
+        "        pass",
+        f"    return general(spec, model, ({varying}), ({static}), out)",
     ]
     scope: dict[str, Any] = {
         "empty": np.empty,
@@ -141,14 +152,17 @@ def _public(spec: Spec) -> Callable[..., Any]:
         "frame_of": frame_of,
         "reference_of": reference_of,
     }
-    bare = jit.variant(spec, frozenset())
 
-    def first(*args: Any) -> int:
-        scope["single"] = jit.single(bare)
-        status: int = scope["single"](*args)
-        return status
+    def compiled_at_first_call(name: str, variant: Spec) -> Callable[..., int]:
+        def first(*arguments: Any) -> int:
+            scope[name] = jit.single(variant)
+            status: int = scope[name](*arguments)
+            return status
 
-    scope["single"] = first
+        return first
+
+    scope["bare"] = compiled_at_first_call("bare", jit.variant(spec, frozenset()))
+    scope["whole"] = compiled_at_first_call("whole", jit.variant(spec, frozenset(optional)))
     exec(compile("\n".join(text), __file__, "exec"), scope)
     function: Callable[..., Any] = scope[spec.name]
     function.__module__ = __name__
@@ -177,13 +191,13 @@ def docstring(spec: Spec) -> str:
     entries.append(("out", f"({shape})", "written if given: float64, C order, of the result's very shape"))
     lines += [f"    {name:<9} {what:<18} {text}" for name, what, text in entries]
     lines += ["", f"    Returns {spec.output.name} ({shape}): {spec.output.meaning} [{spec.output.unit}]."]
-    raises = ["ShapeError for sizes that do not fit"]
+    raises = ["ShapeError for sizes that do not fit, or an out that overlaps an input"]
     if any(x.unit_norm for x in spec.given):
         raises.append("ConfigurationError for a quaternion or pair whose norm is not 1")
     if spec.pivots:
         raises.append("InertiaError naming a joint that moves no inertia")
     raises.append("NonFiniteError if finite input gives none")
-    lines += ["    Raises  " + "; ".join(raises) + ".", "    NaN in a sample gives NaN in that sample.", "    "]
+    lines += ["    Raises", *(f"        {r}" for r in raises), "    NaN in a sample gives NaN in that sample.", "    "]
     return "\n".join(lines)
 
 

@@ -126,10 +126,10 @@ def check_tree(
     known = {link.name for link in links}
     parent_of: dict[str, Joint] = {}
     for joint in joints:
-        for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in known:
+        for role, end in (("parent", joint.parent), ("child", joint.child)):
+            if end not in known:
                 raise ModelError(
-                    f'{where("joint", joint.name)}joint "{joint.name}" has {role} link "{link}", '
+                    f'{where("joint", joint.name)}joint "{joint.name}" has {role} link "{end}", '
                     f'which robot "{name}" does not have'
                 )
         if joint.child in parent_of:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import dynamics
+from .border import core_shape
 from .errors import InertiaError, NonFiniteError, SpatialDynError
 from .model import Frame, Joint, Model
 from .recursions import SPECS
@@ -366,7 +367,7 @@ class _Peer:
 
     def _core(self, call: _Call) -> tuple[int, ...]:
         """Shape of one result: a matrix of one column comes as a vector."""
-        return dynamics.core_shape(self.ours, SPECS[call.name].output)
+        return core_shape(self.ours, SPECS[call.name].output)
 
 
 def _array(value: Any) -> Array:

@@ -23,15 +23,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
-from numba import carray, njit, types
+from numba import carray, config, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from ..bodies import BODIES
 from ..recursions import SPECS
-from ..recursions.checks import all_finite, sound_pivots, unit_norm
+from ..recursions.checks import all_finite, apart, sound_pivots, unit_norm
 from ..recursions.spec import Argument, Spec
 from ..scalars import inlined
 
@@ -39,7 +38,8 @@ OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "cache": True}
 _SIZES = {"nq": "bodies[0].at", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
-TABLE = "bodies" if numba.config.DISABLE_JIT else "address"  # the attribute of a Model that single and batch take
+PLAIN = bool(getattr(config, "DISABLE_JIT", False))  # NUMBA_DISABLE_JIT: the recursions run as the Python they are
+TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that single and batch take
 _LOCK = threading.RLock()
 
 
@@ -90,6 +90,9 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     for x in arrays:
         if x.optional:
             lines += [f"if {x.name} is not None:", f"    if {' or '.join(_size_checks(x))}:", f"        {fail(SHAPE)}"]
+    shared = [f"not apart({x.name}, {spec.output.name})" for x in arrays if not x.optional]
+    if shared:
+        lines += [f"if {' or '.join(shared)}:", f"    {fail(SHAPE)}"]
     for x in spec.given:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
@@ -114,8 +117,12 @@ def _define(name: str, parameters: list[str], body: list[str], scope: dict[str, 
     What may change between versions of the package reaches it as the captured ``stamp``, so Numba's key sees it.
     """
     text = "\n".join(
-        ["def make(stamp):", f"    def {name}({', '.join(parameters)}):", *(f"        {line}" for line in body)]
-        + [f"    return {name}"]
+        [
+            "def make(stamp):",
+            f"    def {name}({', '.join(parameters)}):",
+            *(f"        {line}" for line in body),
+            f"    return {name}",
+        ]
     )
     exec(compile(text, __file__, "exec"), scope)
     made: Callable[..., Any] = scope["make"](STAMP)
@@ -126,13 +133,14 @@ def _define(name: str, parameters: list[str], body: list[str], scope: dict[str, 
 
 def _scope(spec: Spec) -> dict[str, Any]:
     return {
-        "table_at": (lambda table: table) if numba.config.DISABLE_JIT else _table_at,
+        "table_at": (lambda table: table) if PLAIN else _table_at,
         "recursion": spec.recursion,
         "WORK": spec.work,
         "empty": np.empty,
         "unit_norm": unit_norm,
         "sound_pivots": sound_pivots,
         "all_finite": all_finite,
+        "apart": apart,
     }
 
 
@@ -140,15 +148,18 @@ def _type(argument: Argument, extra: int, writable: bool = False, layout: str = 
     if argument.static and not argument.shape:
         return types.int64
     rank = len(kernel_shape(argument)) + extra
-    return types.Array(types.float64, rank, layout, readonly=not writable)
+    made: Any = types.Array
+    return made(types.float64, rank, layout, readonly=not writable)
 
 
-@intrinsic
-def _pointer(typing_context: Any, address: Any) -> Any:
+def _pointer_at(typing_context: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
     return types.voidptr(address), generate
+
+
+_pointer: Any = intrinsic(_pointer_at)
 
 
 @inlined
@@ -164,7 +175,7 @@ def _label(spec: Spec) -> str:
 
 
 def _compiled(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
-    if numba.config.DISABLE_JIT:
+    if PLAIN:
         plain: Callable[..., Any] = np.errstate(all="ignore")(function)
         return plain
     dispatcher = njit(**FLAGS)(function)
@@ -235,7 +246,7 @@ def batch(spec: Spec) -> Callable[..., int]:
             "return bad",
         ]
         function = _define(_label(spec) + "_batch", parameters, body, {"single": single(spec)})
-        signature = [types.intp, types.int64]
+        signature: list[Any] = [types.intp, types.int64]
         for x in varying:
             signature += [_type(x, 1, layout="C"), types.int64]
         signature += [_type(x, 0) for x in static]
@@ -244,7 +255,7 @@ def batch(spec: Spec) -> Callable[..., int]:
 
 
 _MESSAGES = {
-    SHAPE: "an array does not have the size the model asks for",
+    SHAPE: "an array does not have the size the model asks for, or the output overlaps an input",
     UNIT: "a quaternion or (cos, sin) pair is not of unit norm, expected a norm within 1e-6 of 1",
     PIVOT: "a joint moves next to no inertia, or an input is not finite",
     NONFINITE: "the result is not finite",

@@ -41,6 +41,20 @@ def unit_norm(bodies: Any, q: Any) -> bool:
 
 
 @inlined
+def apart(x: Any, out: Any) -> bool:
+    """Whether an input and the output, in C order, have no memory in common."""
+    first = last = x.ctypes.data
+    for size, stride in zip(x.shape, x.strides):  # noqa: B905 - Numba has no strict
+        reach = (size - 1) * stride
+        if reach < 0:
+            first += reach
+        else:
+            last += reach
+    start = out.ctypes.data
+    return bool(x.size == 0 or last < start or first >= start + 8 * out.size)
+
+
+@inlined
 def sound_pivots(bodies: Any, q: Any, pivots: Any) -> bool:
     """Whether every D is above n eps of a bound on its composite inertia; a few that are not are no cause for alarm.
 

@@ -176,7 +176,7 @@ def ddifference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
 @inlined
 def _one_freedom(b: Any) -> bool:
     """Whether the joint that starts on row b has one freedom."""
-    return b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS
+    return b.kind in (REVOLUTE, PRISMATIC, REVOLUTE_CS)
 
 
 @inlined

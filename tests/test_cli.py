@@ -1,0 +1,228 @@
+"""The command line: what it prints, its JSON, its exit status."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from spatialdyn import cli, dynamics, validate
+from spatialdyn.urdf import example_robots
+
+pytest.importorskip("pinocchio")
+RICH = ("rich", "rich.box", "rich.console", "rich.progress", "rich.table", "rich.text")
+
+
+def run(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, str, str]:
+    """Exit status, stdout and stderr."""
+    status = cli.main(list(argv))
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def hide(monkeypatch: pytest.MonkeyPatch, *modules: str) -> None:
+    """Make modules fail to import."""
+    for name in modules:
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+@pytest.fixture
+def wrong_crba(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crba that is off by 1e-9."""
+    right = dynamics.calls["crba"]
+
+    def wrong(model: Any, q: Any) -> Any:
+        return right(model, q) + 1e-9
+
+    monkeypatch.setattr(dynamics, "crba", wrong)
+
+
+# --- info ------------------------------------------------------------------------------------------------
+
+
+def test_info_shows_the_tree(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "info", "tree")
+    assert (status, err) == (0, "")
+    assert "fixed root" in out
+    assert "├ " in out
+    assert "└ " in out
+    assert "joints" in out
+
+
+def test_info_of_a_floating_root_has_six_freedoms_more(capsys: pytest.CaptureFixture[str]) -> None:
+    fixed = json.loads(run(capsys, "info", "two_link", "--json")[1])
+    floating = json.loads(run(capsys, "info", "two_link", "--root", "floating", "--json")[1])
+    assert (fixed["nv"], floating["nv"], floating["nq"]) == (2, 8, 9)
+    assert "0-5" in run(capsys, "info", "two_link", "--root", "floating")[1]
+
+
+def test_info_says_what_is_odd(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "odd.urdf"
+    file.write_text(
+        '<robot name="odd"><link name="a"/><link name="b"/><joint name="j" type="revolute">'
+        '<parent link="a"/><child link="b"/></joint></robot>'
+    )
+    out = run(capsys, "info", str(file))[1]
+    assert "joint has no <limit>, so it is unlimited" in out
+    assert "link that moves has no <inertial>" in out
+    record = json.loads(run(capsys, "info", str(file), "--json")[1])
+    assert record["joints"][0]["upper"] is None
+    assert len(record["notes"]) >= 2
+
+
+# --- compare ---------------------------------------------------------------------------------------------
+
+
+def test_compare_of_one_robot_has_a_row_per_call(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "compare", "two_link", "--samples", "3")
+    assert status == 0
+    assert out.splitlines()[-1].startswith("AGREES with Pinocchio: two_link")
+    first = {line.split()[0] for line in out.splitlines() if line.strip()}
+    assert {call.name for call in validate.CALLS} <= first
+    assert "ratio" in out
+
+
+def test_compare_covers_every_public_call_about_dynamics() -> None:
+    assert {call.name for call in validate.CALLS} >= set(dynamics.SPECS)
+
+
+def test_compare_of_many_robots_has_a_row_per_robot(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines() if line.startswith(("pendulum", "two_link"))] == [
+        "pendulum",
+        "two_link",
+    ]
+    assert "2 robots" in out
+
+
+def test_compare_json_parses_and_holds_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    status, out, _ = run(capsys, "compare", "two_link", "--samples", "2", "--no-timing", "--json")
+    (record,) = json.loads(out, parse_constant=refuse)
+    assert status == 0
+    assert record["ok"]
+    assert [part["root"] for part in record["comparisons"]] == ["fixed", "floating"]
+    row = record["comparisons"][0]["rows"][1]
+    assert row["call"] == "rnea"
+    assert row["error"] <= row["bound"]
+    assert row["ours_us"] is None
+
+
+def test_timing_is_in_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    (record,) = json.loads(run(capsys, "compare", "pendulum", "--samples", "1", "--json")[1])
+    row = record["comparisons"][0]["rows"][1]
+    assert row["ratio"] == pytest.approx(row["ours_us"] / row["pin_us"])
+
+
+@pytest.mark.usefixtures("wrong_crba")
+def test_disagreement_is_exit_1_and_named(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "compare", "tree", "--samples", "2", "--no-timing")
+    assert status == 1
+    assert out.splitlines()[-1] == "DISAGREES with Pinocchio: tree (fixed): crba; tree (floating): crba"
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_result_that_is_not_finite_disagrees(
+    wrong: float, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = dynamics.calls["potential_energy"]
+    monkeypatch.setattr(dynamics, "potential_energy", lambda model, q: right(model, q) + wrong)
+    status, out, _ = run(capsys, "compare", "pendulum", "--samples", "2", "--no-timing", "--json")
+    (record,) = json.loads(out)
+    assert status == 1
+    row = next(row for row in record["comparisons"][0]["rows"] if row["call"] == "potential_energy")
+    assert (row["ok"], row["error"]) == (False, None)
+
+
+def test_a_call_that_refuses_without_cause_disagrees(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(model: Any, *inputs: Any) -> None:
+        raise validate.InertiaError('joint "x" moves no inertia')
+
+    monkeypatch.setattr(dynamics, "aba", refuse)
+    status, out, _ = run(capsys, "compare", "two_link", "--samples", "2", "--no-timing")
+    assert status == 1
+    assert "refused, where Pinocchio gives numbers" in out
+
+
+def test_a_batch_that_differs_from_single_calls_disagrees(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = dynamics.calls["rnea"]
+
+    def wrong(model: Any, q: Any, *rest: Any) -> Any:
+        return right(model, q, *rest) * (1.0 + 1e-15 * (np.ndim(q) == 2))
+
+    monkeypatch.setattr(dynamics, "rnea", wrong)
+    assert "a single call and a batch of it differ" in run(capsys, "compare", "two_link", "--no-timing")[1]
+
+
+# --- bad input -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["info", "compare"])
+def test_a_wrong_file_is_exit_2_and_one_line(command: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "broken.urdf"
+    file.write_text("<robot name='x'>")
+    for source in (str(file), str(tmp_path / "missing.urdf"), "no_such_robot"):
+        status, out, err = run(capsys, command, source)
+        assert (status, out) == (2, "")
+        assert err.startswith("spatialdyn: ")
+        assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "argv", [["compare"], ["compare", "panda", "--all"], ["compare", "pendulum", "--samples", "0"]]
+)
+def test_arguments_that_make_no_sense_are_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, *argv)[0] == 2
+
+
+def test_without_pinocchio_compare_says_how_to_get_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hide(monkeypatch, "pinocchio")
+    status, _, err = run(capsys, "compare", "pendulum")
+    assert status == 2
+    assert err == 'spatialdyn: pinocchio is not installed; pip install "spatialdyn[validate]"\n'
+    assert run(capsys, "info", "pendulum")[0] == 0
+
+
+def test_without_rich_tables_are_aligned_text(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hide(monkeypatch, *RICH)
+    status, out, _ = run(capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing")
+    assert status == 0
+    header, rule, *rows = out.splitlines()[:4]
+    assert set(rule) == {"-", " "}
+    assert all(row.index("e-") < len(header) for row in rows if "e-" in row)
+    assert run(capsys, "info", "tree")[0] == 0
+
+
+def test_all_counts_what_both_refuse(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = {path.stem: path for path in example_robots() if path.stem in ("ur3", "TwoDofs")}
+    if len(wanted) < 2:
+        pytest.skip("example-robot-data is not installed")
+    monkeypatch.setattr(cli, "example_robots", lambda: list(wanted.values()))
+    status, out, _ = run(capsys, "compare", "--all", "--samples", "1", "--no-timing")
+    assert status == 0
+    assert "refused by both" in out
+    assert out.splitlines()[-1].endswith("TwoDofs, every call within its bound; 1 refused by both")
+
+
+def test_python_m_spatialdyn_is_the_same_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "spatialdyn", "info", "pendulum"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0
+    assert done.stdout.startswith("pendulum")
