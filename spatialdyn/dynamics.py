@@ -207,7 +207,7 @@ globals().update(calls)
 
 def total_mass(model: Model) -> float:
     """Mass of all that moves [kg]; what hangs on a fixed root does not count."""
-    return model.total_mass
+    return check_model(model).total_mass
 
 
 __all__ = [*calls, "total_mass"]

@@ -37,12 +37,13 @@ class Model:
     velocity_limit, effort_limit, damping, friction, armature   (nv,)
     gravity       (3,) [m/s²]
     address       of ``bodies`` in memory, for compiled kernels
+    total_mass    of all that moves [kg]; what hangs on a fixed root does not count
     robot         the checked robot it was made from; ``robot.notes`` say what was odd about the source
     """
 
     __slots__ = (
         *Tables._fields,
-        *("options", "name", "njoints", "names", "gravity", "address", "_frame_index", "_joint_index", "__weakref__"),
+        *("options", "name", "njoints", "names", "gravity", "address", "total_mass", "_frame_index", "_joint_index", "__weakref__"),
     )
 
     robot: Robot
@@ -65,6 +66,7 @@ class Model:
     armature: Array
     gravity: Array
     address: int
+    total_mass: float
     mimic_matrix: Array | None
     mimic_index: NDArray[np.intp]
     mimic_ratio: Array
@@ -85,6 +87,7 @@ class Model:
             "names": tuple(j.name for j in made.joints),
             "gravity": frozen(options.gravity),
             "address": made.bodies.ctypes.data,
+            "total_mass": float(made.bodies["inertia"]["m"][1:].sum()),
             "_frame_index": {f"{f.kind}:{f.name}": k for k, f in enumerate(made.frames)},
             "_joint_index": {j.name: k for k, j in enumerate(made.joints)},
         }
@@ -106,11 +109,6 @@ class Model:
 
     def __hash__(self) -> int:
         return hash(self.key)
-
-    @property
-    def total_mass(self) -> float:
-        """Mass of all that moves [kg]; what hangs on a fixed root does not count."""
-        return float(self.bodies["inertia"]["m"][1:].sum())
 
     def joint(self, name: str) -> Joint:
         """The joint of that name. Raises ModelError, with the names there are, if there is none."""

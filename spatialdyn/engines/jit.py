@@ -77,14 +77,9 @@ def _size_checks(argument: Argument) -> list[str]:
     ]
 
 
-def _passed(argument: Argument) -> str:
-    """An input as the recursion takes it: a number of each sample comes as an array of one."""
-    return argument.name if argument.shape or argument.static else f"{argument.name}[0]"
-
-
 def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     """The statements around a recursion; ``fail`` is what to do with a status."""
-    arrays = [x for x in spec.given if not (x.static and not x.shape)]
+    arrays = [x for x in spec.given if x.shape]
     wrong = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(x))
     lines = ["stamp", f"if {wrong}:", f"    {fail(SHAPE)}"]
     for x in arrays:
@@ -96,7 +91,7 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     for x in spec.given:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
-    passed = ["bodies", *("None" if x is None else _passed(x) for x in spec.inputs), spec.output.name]
+    passed = ["bodies", *("None" if x is None else x.name for x in spec.inputs), spec.output.name]
     if spec.work is not None:
         lines.append("work = empty(len(bodies), WORK)")
         passed.insert(1, "work")
@@ -145,8 +140,8 @@ def _scope(spec: Spec) -> dict[str, Any]:
 
 
 def _type(argument: Argument, extra: int, writable: bool = False, layout: str = "A") -> Any:
-    if argument.static and not argument.shape:
-        return types.int64
+    if not argument.shape and not writable and not extra:
+        return types.int64 if argument.static else types.float64
     rank = len(kernel_shape(argument)) + extra
     made: Any = types.Array
     return made(types.float64, rank, layout, readonly=not writable)
@@ -194,7 +189,7 @@ def _compiled(function: Callable[..., Any], signature: tuple[Any, ...]) -> Calla
 def _sample(kind: Any, strided: bool, writable: bool) -> Any:
     """A value for a parameter of that type, so that Numba learns to convert such a one."""
     if not isinstance(kind, types.Array):
-        return 0
+        return 0.0 if kind == types.float64 else 0
     dtype = np.int8 if kind.dtype == types.int8 else np.float64
     x = np.zeros((4,) * kind.ndim, dtype)
     if strided and kind.layout == "A":
@@ -234,7 +229,7 @@ def batch(spec: Spec) -> Callable[..., int]:
         for x in varying:
             parameters += [x.name, f"{x.name}_step"]
         parameters += [x.name for x in static] + [spec.output.name, "status"]
-        rows = {x.name: f"{x.name}[s * {x.name}_step]" for x in varying} | {x.name: x.name for x in static}
+        rows = {x.name: f"{x.name}[s * {x.name}_step{'' if x.shape else ', 0'}]" for x in varying} | {x.name: x.name for x in static}
         passed = ", ".join([rows[x.name] for x in spec.given] + [f"{spec.output.name}[s]"])
         body = [
             "stamp",

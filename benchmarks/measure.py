@@ -1,0 +1,28 @@
+"""Timing that can be trusted on a noisy machine: contestants in turn, round after round, medians over the rounds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from statistics import median
+
+
+def per_call(run: Callable[[], object], calls: int) -> float:
+    """Seconds per call over a loop of so many."""
+    start = time.perf_counter()
+    for _ in range(calls):
+        run()
+    return (time.perf_counter() - start) / calls
+
+
+def interleaved(contestants: Mapping[str, Callable[[], object]], rounds: int, seconds: float) -> dict[str, float]:
+    """Median seconds per call of each contestant, each round giving every one about ``seconds`` in turn."""
+    calls = {}
+    for name, run in contestants.items():
+        run()
+        calls[name] = max(1, int(seconds / max(per_call(run, 3), 1e-9)))
+    taken: dict[str, list[float]] = {name: [] for name in contestants}
+    for _ in range(rounds):
+        for name, run in contestants.items():
+            taken[name].append(per_call(run, calls[name]))
+    return {name: median(values) for name, values in taken.items()}

@@ -1,0 +1,50 @@
+"""Put the measured table of benchmarks/results.json between the marks in README.md.
+
+    python benchmarks/report.py [--check]    with --check: say whether it stands there already
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+README = HERE.parent / "README.md"
+BEGIN, END = "<!-- measured: benchmarks/run.py -->\n", "<!-- end -->\n"
+
+
+def table() -> str:
+    """Single calls as Markdown."""
+    results = json.loads((HERE / "results.json").read_text(encoding="utf-8"))
+    machine = results["machine"]
+    lines = ["| one call, µs | " + " | ".join(results["single"]) + " |", "|---|" + "---|" * len(results["single"])]
+    for call in ("rnea", "crba", "aba", "minverse"):
+        cells = [
+            f"{t[call]['ours_us']:.2f} / {t[call]['pin_us']:.2f} ({t[call]['jitted_us']:.2f})"
+            for t in results["single"].values()
+        ]
+        lines.append(f"| `{call}` | " + " | ".join(cells) + " |")
+    about = (
+        f"spatialdyn from Python / Pinocchio {machine['pinocchio']} from Python (spatialdyn inside a jitted loop); "
+        f"medians of interleaved rounds in one process, {machine['processor']}, Python {machine['python']}, "
+        f"Numba {machine['numba']}. Starting a process, warm cache: import {results['start']['import_s']:.2f} s, first "
+        f"`rnea` {results['start']['first_rnea_from_urdf_s']:.2f} s after start with a URDF to read."
+    )
+    return "\n".join([*lines, "", about]) + "\n"
+
+
+def main() -> int:
+    """Write, or compare."""
+    text = README.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    new = before + BEGIN + table() + END + after
+    if "--check" in sys.argv:
+        return int(new != text)
+    README.write_text(new, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

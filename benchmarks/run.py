@@ -1,0 +1,193 @@
+"""Ours against Pinocchio in one process: correctness asserted first, then times, ratios and what starting costs.
+
+    python benchmarks/run.py [--quick]
+
+Writes benchmarks/results.json and prints the tables; benchmarks/report.py puts one of them into the README.
+Needs ``pip install "spatialdyn[validate,bench]"``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pickle
+import platform
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pinocchio as pin
+from measure import interleaved
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import spatialdyn as sd
+from spatialdyn.urdf import find_robot
+
+RESULTS = Path(__file__).with_name("results.json")
+ROBOTS = ("ur5", "panda", "talos_full")
+CALLS: dict[str, tuple[str, Callable[..., Any]]] = {  # name: arguments, Pinocchio's function
+    "rnea": ("qva", pin.rnea),
+    "crba": ("q", pin.crba),
+    "aba": ("qvt", pin.aba),
+    "nonlinear_effects": ("qv", pin.nonLinearEffects),
+    "generalized_gravity": ("q", pin.computeGeneralizedGravity),
+    "minverse": ("q", pin.computeMinverse),
+}
+SCALED = 1e-10  # both are float64; M⁻¹ of an ill-conditioned M is no better in either
+
+
+def jitted_loop(name: str) -> Callable[..., None]:
+    """A user's own jitted loop over the public kernel."""
+    kernel = getattr(sd.kernels, name)
+    if CALLS[name][0] == "q":
+
+        @numba.njit(nogil=True)
+        def one(bodies, q, out, n):  # type: ignore[no-untyped-def]
+            for _ in range(n):
+                kernel(bodies, q, out)
+
+        return one
+    if CALLS[name][0] == "qv":
+
+        @numba.njit(nogil=True)
+        def two(bodies, q, v, out, n):  # type: ignore[no-untyped-def]
+            for _ in range(n):
+                kernel(bodies, q, v, out)
+
+        return two
+
+    @numba.njit(nogil=True)
+    def three(bodies, q, v, a, out, n):  # type: ignore[no-untyped-def]
+        for _ in range(n):
+            kernel(bodies, q, v, a, out)
+
+    return three
+
+
+def single_calls(robot: str, rounds: int, seconds: float) -> dict[str, dict[str, float]]:
+    """Microseconds of one 1-D call from Python with an allocated result, and of one inside jitted code."""
+    path = str(find_robot(robot))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ours = sd.load_urdf(path)
+    theirs = pin.buildModelFromUrdf(path)
+    data, rng = theirs.createData(), np.random.default_rng(0)
+    state = {"q": sd.random_configuration(ours, rng), **{k: rng.normal(size=ours.nv) for k in "vat"}}
+    table = {}
+    for name, (letters, pin_call) in CALLS.items():
+        arguments = [state[k] for k in letters]
+        call, loop = getattr(sd, name), jitted_loop(name)
+        expected = pin_call(theirs, data, *arguments)
+        out = np.empty_like(expected, order="C")
+        loop(ours.bodies, *arguments, out, 1)
+        for result in (call(ours, *arguments), out):
+            error = abs(result - expected).max() / max(1.0, abs(expected).max())
+            assert error <= SCALED, f"{robot} {name}: scaled error {error:.1e} against Pinocchio"
+        inside = 1000
+        times = interleaved(
+            {
+                "ours": lambda call=call, arguments=arguments: call(ours, *arguments),
+                "pin": lambda pin_call=pin_call, arguments=arguments: pin_call(theirs, data, *arguments),
+                "jitted": lambda loop=loop, arguments=arguments, out=out: loop(ours.bodies, *arguments, out, inside),
+            },
+            rounds,
+            seconds,
+        )
+        table[name] = {
+            "ours_us": 1e6 * times["ours"],
+            "pin_us": 1e6 * times["pin"],
+            "jitted_us": 1e6 * times["jitted"] / inside,
+            "ratio": times["ours"] / times["pin"],
+            "jitted_ratio": times["jitted"] / inside / times["pin"],
+        }
+    return table
+
+
+FIRST = """
+import time; start = time.perf_counter()
+import spatialdyn as sd; imported = time.perf_counter()
+import pickle, sys, warnings, numpy as np; warnings.simplefilter("ignore")
+model = pickle.load(open(sys.argv[2], "rb")) if sys.argv[1] == "pickle" else sd.load_urdf(sys.argv[2])
+sd.rnea(model, sd.neutral(model), np.zeros(model.nv), np.zeros(model.nv))
+print(imported - start, time.perf_counter() - start)
+"""
+
+
+def starting(rounds: int) -> dict[str, float]:
+    """Seconds of a fresh process with a warm cache: the import, and from its start to the first torque."""
+    path = str(find_robot("panda"))
+    with tempfile.TemporaryDirectory() as folder:
+        pickled = Path(folder) / "model.pickle"
+        pickled.write_bytes(pickle.dumps(sd.load_urdf(path)))
+        taken: dict[str, list[float]] = {"import_s": [], "first_rnea_from_pickle_s": [], "first_rnea_from_urdf_s": []}
+        for _ in range(rounds + 1):
+            for way, source in (("pickle", pickled), ("urdf", path)):
+                command = [sys.executable, "-c", FIRST, way, str(source)]
+                done = subprocess.run(command, capture_output=True, text=True, check=True)
+                imported, first = map(float, done.stdout.split())
+                taken["import_s"].append(imported)
+                taken[f"first_rnea_from_{way}_s"].append(first)
+    return {name: float(np.median(values[2:])) for name, values in taken.items()}
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were taken on."""
+    return {
+        "processor": numba.core.config.CPU_NAME or _cpu(),
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+        "pinocchio": pin.__version__,
+    }
+
+
+def _cpu() -> str:
+    import llvmlite.binding as llvm
+
+    return str(llvm.get_host_cpu_name())
+
+
+def show(console: Console, results: dict[str, Any]) -> None:
+    """The tables, losses included."""
+    table = Table(title="one call, ratio = ours / Pinocchio from Python", title_justify="left")
+    for heading in ("robot", "call", "ours µs", "pin µs", "ratio", "in jitted code µs", "ratio"):
+        table.add_column(heading, justify="left" if heading in ("robot", "call") else "right")
+    for robot, calls in results["single"].items():
+        for name, t in calls.items():
+            table.add_row(
+                robot, name, f"{t['ours_us']:.2f}", f"{t['pin_us']:.2f}", f"{t['ratio']:.2f}",
+                f"{t['jitted_us']:.2f}", f"{t['jitted_ratio']:.2f}",
+            )  # fmt: skip
+        table.add_section()
+    console.print(table)
+    console.print("fresh process, warm cache: " + ", ".join(f"{k[:-2]} {v:.2f} s" for k, v in results["start"].items()))
+
+
+def main() -> None:
+    """Measure, assert, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter rounds, well under 2 minutes")
+    options = parser.parse_args()
+    rounds, seconds = (7, 0.005) if options.quick else (21, 0.02)
+    results = {
+        "machine": machine(),
+        "single": {robot: single_calls(robot, rounds, seconds) for robot in track(ROBOTS, "single calls")},
+        "start": starting(3 if options.quick else 7),
+    }
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    show(Console(), results)
+
+
+if __name__ == "__main__":
+    main()
