@@ -171,8 +171,7 @@ def _label(spec: Spec) -> str:
 
 def _compiled(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
     if PLAIN:
-        plain: Callable[..., Any] = np.errstate(all="ignore")(function)
-        return plain
+        return _plain(function, signature)
     dispatcher = njit(**FLAGS)(function)
     dispatcher.compile(signature)
     dispatcher.disable_compile()
@@ -184,6 +183,24 @@ def _compiled(function: Callable[..., Any], signature: tuple[Any, ...]) -> Calla
     dispatcher._explain_matching_error = _no_match
     made: Callable[..., Any] = dispatcher
     return made
+
+
+def _plain(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
+    """The function as it is, turning away what its compiled form would."""
+
+    @np.errstate(all="ignore")
+    def checked(table: Any, *arguments: Any) -> Any:
+        for x, kind in zip(arguments, signature[1:], strict=True):
+            if isinstance(kind, types.Array) and (
+                not isinstance(x, np.ndarray)
+                or x.ndim != kind.ndim
+                or x.dtype != (np.int8 if kind.dtype == types.int8 else np.float64)
+                or (kind.mutable and not (x.flags.writeable and x.flags.c_contiguous))
+            ):
+                raise TypeError("no such signature")
+        return function(table, *arguments)
+
+    return checked
 
 
 def _sample(kind: Any, strided: bool, writable: bool) -> Any:
