@@ -443,9 +443,7 @@ def _world_jacobian_dot(tree: Tree, p: _Parts, i: int, v: Array) -> Array:
     return Jd
 
 
-def jacobian(
-    tree: Tree, q: ArrayLike, body: int, reference: str = "local", offset: ArrayLike | None = None
-) -> Array:
+def jacobian(tree: Tree, q: ArrayLike, body: int, reference: str = "local", offset: ArrayLike | None = None) -> Array:
     """Jacobian J (6, nv), linear first, of a body, or of the frame whose pose in the body is ``offset`` (4, 4)."""
     p = _parts(tree, q)
     T = p.T[body] @ (np.eye(4) if offset is None else np.asarray(offset, float))

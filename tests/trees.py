@@ -138,9 +138,7 @@ def random_tree(
         axis, placement, inertia = random_axis(rng), random_placement(rng), random_inertia(rng)
         rotor = float(rng.uniform(0.01, 0.5)) if armature and rng.random() < 0.5 else 0.0
         name = f"b{number:04d}"
-        builder.add_body(
-            name, link, kind, axis, placement, inertia, joint_name=f"j{number:04d}", armature=rotor
-        )
+        builder.add_body(name, link, kind, axis, placement, inertia, joint_name=f"j{number:04d}", armature=rotor)
         end = (name, np.eye(4))
         if fixed and rng.random() < 0.25:
             T, further = random_placement(rng), random_inertia(rng)
