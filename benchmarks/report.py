@@ -1,6 +1,6 @@
 """Put the measured table of benchmarks/results.json between the marks in README.md.
 
-    python benchmarks/report.py [--check]    with --check: say whether it stands there already
+python benchmarks/report.py [--check]    with --check: say whether it stands there already
 """
 
 from __future__ import annotations

@@ -42,6 +42,7 @@ CALLS: dict[str, tuple[str, Callable[..., Any]]] = {  # name: arguments, Pinocch
     "generalized_gravity": ("q", pin.computeGeneralizedGravity),
     "minverse": ("q", pin.computeMinverse),
 }
+INSIDE = 1000  # calls of a jitted loop
 SCALED = 1e-10  # both are float64; M⁻¹ of an ill-conditioned M is no better in either
 
 
@@ -92,12 +93,11 @@ def single_calls(robot: str, rounds: int, seconds: float) -> dict[str, dict[str,
         for result in (call(ours, *arguments), out):
             error = abs(result - expected).max() / max(1.0, abs(expected).max())
             assert error <= SCALED, f"{robot} {name}: scaled error {error:.1e} against Pinocchio"
-        inside = 1000
         times = interleaved(
             {
                 "ours": lambda call=call, arguments=arguments: call(ours, *arguments),
                 "pin": lambda pin_call=pin_call, arguments=arguments: pin_call(theirs, data, *arguments),
-                "jitted": lambda loop=loop, arguments=arguments, out=out: loop(ours.bodies, *arguments, out, inside),
+                "jitted": lambda loop=loop, arguments=arguments, out=out: loop(ours.bodies, *arguments, out, INSIDE),
             },
             rounds,
             seconds,
@@ -105,9 +105,9 @@ def single_calls(robot: str, rounds: int, seconds: float) -> dict[str, dict[str,
         table[name] = {
             "ours_us": 1e6 * times["ours"],
             "pin_us": 1e6 * times["pin"],
-            "jitted_us": 1e6 * times["jitted"] / inside,
+            "jitted_us": 1e6 * times["jitted"] / INSIDE,
             "ratio": times["ours"] / times["pin"],
-            "jitted_ratio": times["jitted"] / inside / times["pin"],
+            "jitted_ratio": times["jitted"] / INSIDE / times["pin"],
         }
     return table
 

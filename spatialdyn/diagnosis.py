@@ -24,11 +24,12 @@ def diagnose(
     static: tuple[Any, ...],
     out: Array,
     status: NDArray[np.int8],
+    samples: NDArray[np.intp],
 ) -> None:
     """Raise what a status stands for, naming the first such sample and how many there are.
 
     A sample with an input that is not finite is no error: its answer is NaN. A pivot under the bound is looked at
-    again, against the composite inertia itself.
+    again, against the composite inertia itself. ``samples`` are the numbers of these samples in the batch.
     """
     varying = [x for x in spec.given if not x.static]
     unfit = np.flatnonzero(status == jit.UNIT)
@@ -36,7 +37,7 @@ def diagnose(
         at = int(unfit[0])
         for argument, (x, step) in zip(varying, stepped, strict=True):
             if argument.shape == ("nq",):
-                _raise_unit_norm(model, argument.name, x[at * step], _where(at, len(unfit), batch))
+                _raise_unit_norm(model, argument.name, x[at * step], _where(samples[at], len(unfit), batch))
     finite = np.ones(len(status), bool)
     for x, step in stepped:
         ok = np.asarray(np.isfinite(x).reshape(len(x), -1).all(axis=1))
@@ -47,18 +48,18 @@ def diagnose(
         if row is not None:
             raise InertiaError(
                 f'joint "{_joint_of_row(model, row).name}" moves no inertia'
-                f"{_where(at, len(pivots), batch)}: articulated inertia next to 0, expected a body with mass or "
-                "armature behind it"
+                f"{_where(samples[at], len(pivots), batch)}: articulated inertia next to 0, "
+                "expected a body with mass or armature behind it"
             )
     lost = np.flatnonzero((status != jit.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))
     if len(lost):
         raise NonFiniteError(
-            f"{spec.name} of finite input is not finite{_where(int(lost[0]), len(lost), batch)}, expected numbers "
+            f"{spec.name} of finite input is not finite{_where(samples[lost[0]], len(lost), batch)}, expected numbers "
             "whose products stay in the range of float64"
         )
 
 
-def _where(at: int, count: int, batch: tuple[int, ...]) -> str:
+def _where(at: Any, count: int, batch: tuple[int, ...]) -> str:
     if not batch:
         return ""
     index = tuple(int(k) for k in np.unravel_index(at, batch))

@@ -28,7 +28,8 @@ from .border import (
     rows_of,
 )
 from .diagnosis import diagnose, refuse_singular
-from .engines import jit
+from .engines import batches, jit
+from .engines.batches import set_num_threads
 from .model import Model
 from .recursions import SPECS
 from .recursions.spec import Spec
@@ -72,17 +73,33 @@ def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any
 def run(
     spec: Spec, model: Model, arrays: list[Array], batch: tuple[int, ...], static: tuple[Any, ...], out: Array
 ) -> None:
-    """Every sample of a batch through the kernel, on arrays for the whole tree; raises what went wrong."""
+    """Every sample of a batch, on arrays for the whole tree: by its program on SIMD lanes where one pays, else and for
+    what that leaves by the kernel for any model. Raises what went wrong.
+    """
     varying = [x for x in spec.given if not x.static]
     n = math.prod(batch)
     if n == 0:
         return
     stepped = [rows_of(a, batch, full_shape(model, x)) for x, a in zip(varying, arrays, strict=True)]
     flat = out.reshape((n, *full_shape(model, spec.output))) if spec.output.shape else out.reshape((n, 1))
+    samples = None
+    if n >= batches.FROM and not jit.PLAIN and batches.fits((spec,), model.bodies):
+        kernel = batches.kernel((spec,), model.bodies, model.key, static)
+        if kernel is not None:
+            samples = kernel(n, stepped, [flat])
+            if not len(samples):
+                return
+    rest = flat
+    if samples is not None:  # those that the program leaves to the kernel that knows more
+        n, rest = len(samples), np.empty((len(samples), *flat.shape[1:]))
+        stepped = [(np.ascontiguousarray(x[samples]) if step else x, step) for x, step in stepped]
     status = np.empty(n, np.int8)
     passed = [part for pair in stepped for part in pair]
-    if jit.batch(spec)(getattr(model, jit.TABLE), n, *passed, *static, flat, status):
-        diagnose(spec, model, stepped, batch, static, flat, status)
+    bad = jit.batch(spec)(getattr(model, jit.TABLE), n, *passed, *static, rest, status)
+    if samples is not None:
+        flat[samples] = rest
+    if bad:
+        diagnose(spec, model, stepped, batch, static, rest, status, np.arange(n) if samples is None else samples)
 
 
 def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], result: Array) -> None:
@@ -210,4 +227,4 @@ def total_mass(model: Model) -> float:
     return check_model(model).total_mass
 
 
-__all__ = [*calls, "total_mass"]
+__all__ = [*calls, "set_num_threads", "total_mass"]

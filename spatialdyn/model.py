@@ -43,7 +43,18 @@ class Model:
 
     __slots__ = (
         *Tables._fields,
-        *("options", "name", "njoints", "names", "gravity", "address", "total_mass", "_frame_index", "_joint_index", "__weakref__"),
+        *(
+            "options",
+            "name",
+            "njoints",
+            "names",
+            "gravity",
+            "address",
+            "total_mass",
+            "_frame_index",
+            "_joint_index",
+            "__weakref__",
+        ),
     )
 
     robot: Robot

@@ -25,6 +25,7 @@ turned: its pose in the joint frame is Q P(x, y, θ) Qᵀ.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,7 +99,7 @@ class Tree:
 
 def _slices(sizes: list[int]) -> list[slice]:
     ends = np.cumsum([0, *sizes]).tolist()
-    return [slice(0, 0), *(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))]
+    return [slice(0, 0), *(slice(a, b) for a, b in pairwise(ends))]
 
 
 # --- spatial algebra: RBDA chapter 2, angular first ------------------------------------------------------
@@ -237,7 +238,7 @@ class _Parts:
 
     X: list[Array]  # motion transform (6, 6) from the parent to the body
     S: list[Array]  # (6, n)
-    I: list[Array]  # (6, 6)  # noqa: E741
+    I: list[Array]  # (6, 6)
     T: list[Array]  # pose (4, 4) in the world
 
 
@@ -245,7 +246,7 @@ def _parts(tree: Tree, q: ArrayLike) -> _Parts:
     q = np.asarray(q, float)
     if q.shape != (tree.nq,):
         raise ValueError(f"q has shape {q.shape}, expected ({tree.nq},)")
-    X, S, I, T = [np.eye(6)], [np.zeros((6, 0))], [np.zeros((6, 6))], [np.eye(4)]  # noqa: E741
+    X, S, I, T = [np.eye(6)], [np.zeros((6, 0))], [np.zeros((6, 6))], [np.eye(4)]
     for i, body in enumerate(tree.bodies, 1):
         local = np.asarray(body.placement, float) @ joint_pose(body, q[tree.q_slices[i]])
         X.append(plucker(local))
@@ -550,7 +551,7 @@ def _momentum_maps(tree: Tree, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array
     A, Ad = np.zeros((6, tree.nv)), np.zeros((6, tree.nv))
     for i in range(1, tree.njoints):
         X = plucker(p.T[i])
-        I, J, Jd = X.T @ p.I[i] @ X, _world_jacobian(tree, p, i), _world_jacobian_dot(tree, p, i, v)  # noqa: E741
+        I, J, Jd = X.T @ p.I[i] @ X, _world_jacobian(tree, p, i), _world_jacobian_dot(tree, p, i, v)
         vel = J @ v
         A += I @ J
         Ad += I @ Jd + (crf(vel) @ I - I @ crm(vel)) @ J  # İ = v×* I - I v×

@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 __all__: list[str]
 calls: dict[str, Callable[..., Any]]
 
+def set_num_threads(n: int) -> None: ...
 def total_mass(model: Model) -> float: ...
 '''
 

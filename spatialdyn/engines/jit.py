@@ -246,7 +246,8 @@ def batch(spec: Spec) -> Callable[..., int]:
         for x in varying:
             parameters += [x.name, f"{x.name}_step"]
         parameters += [x.name for x in static] + [spec.output.name, "status"]
-        rows = {x.name: f"{x.name}[s * {x.name}_step{'' if x.shape else ', 0'}]" for x in varying} | {x.name: x.name for x in static}
+        rows = {x.name: f"{x.name}[s * {x.name}_step{'' if x.shape else ', 0'}]" for x in varying}
+        rows |= {x.name: x.name for x in static}
         passed = ", ".join([rows[x.name] for x in spec.given] + [f"{spec.output.name}[s]"])
         body = [
             "stamp",

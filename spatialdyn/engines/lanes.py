@@ -1,0 +1,520 @@
+"""Programs on SIMD lanes: one traced program, as many samples side by side as a register holds.
+
+A Program becomes one LLVM function over tiles of W samples, W the host's vector width. A tile's rows are read
+with whole-vector loads and transposed in registers, the program runs on <W x double>, and the results are
+transposed back; nothing is staged in memory beyond a small workspace. Programs of more than a few thousand
+operations are cut into functions of their own, between which values wait in that workspace.
+
+The code answers only the ordinary case. Beside the results it writes one bit a sample: whether every input is
+finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot sound and every
+result finite. A sample without its bit is computed again by the caller, by the engine that can say what is wrong.
+
+sin and cos: n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵², x - n π/2 in three parts (Cody, Waite), the
+minimax polynomials of fdlibm, quadrants by selection. For |x| <= FAR.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from .trace import (
+    ADD,
+    ATAN2,
+    CONST,
+    COS,
+    DIV,
+    FMA,
+    FMS,
+    FNMA,
+    INPUT,
+    MUL,
+    SELECT,
+    SIN,
+    SQRT,
+    SUB,
+    Operation,
+    Program,
+    operands,
+)
+
+FAR = 1e5
+VERSION = ".".join(map(str, llvm.llvm_version_info))
+CHUNK = 1500  # operations of one function, in programs of more than
+WHOLE = 2500
+UNIT_TOLERANCE = 2e-6
+MAGIC = {"double": 6755399441055744.0, "float": 12582912.0}
+HALF_PI = {  # with fma: parts of full precision; without: parts whose product with n is exact
+    ("double", True): (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33),
+    ("double", False): (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
+    ("float", True): (1.5707963705062866, -4.371138828673793e-08, -1.7151245100058819e-15),
+    ("float", False): (1.5703125, 4.8351287841796875e-04, 3.13855707645416259765625e-07),
+}
+SINE = {
+    "double": (
+        -1.66666666666666324348e-01,
+        8.33333333332248946124e-03,
+        -1.98412698298579493134e-04,
+        2.75573137070700676789e-06,
+        -2.50507602534068634195e-08,
+        1.58969099521155010221e-10,
+    ),
+    "float": (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4),
+}
+COSINE = {
+    "double": (
+        4.16666666666666019037e-02,
+        -1.38888888888741095749e-03,
+        2.48015872894767294178e-05,
+        -2.75573143513906633035e-07,
+        2.08757232129817482790e-09,
+        -1.13596475577881948265e-11,
+    ),
+    "float": (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5),
+}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a kernel reads and writes, and what it has to hold for a sample to be in order.
+
+    inputs   columns of each input array, in the program's order of inputs
+    outputs  for each output array, the places in the program's outputs of its columns
+    units    groups of inputs whose squares have to sum to 1
+    pivots   (place in the program's outputs, least value) of what has to be larger
+    """
+
+    inputs: tuple[int, ...]
+    outputs: tuple[tuple[int, ...], ...]
+    units: tuple[tuple[int, ...], ...] = ()
+    pivots: tuple[tuple[int, float], ...] = ()
+
+
+@cache
+def host() -> tuple[str, str, int, bool]:
+    """Name and features of this processor, the bytes of its vectors, and whether it has fused multiply-add."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features()
+    name = llvm.get_host_cpu_name()
+    if features.get("avx512f"):
+        width = 64
+    elif features.get("avx2"):
+        width = 32
+    else:
+        width = 16  # SSE2, NEON
+    arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))
+    return name, features.flatten(), width, bool(features.get("fma")) or arm
+
+
+def supported(program: Program) -> bool:
+    """Whether every operation has a vector form: there is none of atan2."""
+    return all(op.code != ATAN2 for op in program.lines)
+
+
+class _Text:
+    """LLVM text of one function body: fresh names, and the few shapes of instruction that programs need."""
+
+    def __init__(self, scalar: str, lanes: int, fma: bool) -> None:
+        self.scalar, self.lanes, self.fma = scalar, lanes, fma
+        self.vector = f"<{lanes} x {scalar}>"
+        self.bits = f"<{lanes} x i{64 if scalar == 'double' else 32}>"
+        self.out: list[str] = []
+        self.count = 0
+
+    def name(self) -> str:
+        self.count += 1
+        return f"%t{self.count}"
+
+    def put(self, text: str) -> str:
+        at = self.name()
+        self.out.append(f"  {at} = {text}")
+        return at
+
+    def constant(self, value: float) -> str:
+        if self.scalar == "float":
+            value = float(np.float32(value))
+        bits = struct.unpack("<Q", struct.pack("<d", value))[0]
+        return "<" + ", ".join([f"{self.scalar} 0x{bits:016X}"] * self.lanes) + ">"
+
+    def integer(self, value: int) -> str:
+        kind = self.bits.split()[-1][:-1]
+        return "<" + ", ".join([f"{kind} {value}"] * self.lanes) + ">"
+
+    def binary(self, word: str, a: str, b: str) -> str:
+        return self.put(f"{word} {self.vector} {a}, {b}")
+
+    def negative(self, a: str) -> str:
+        return self.put(f"fneg {self.vector} {a}")
+
+    def suffix(self) -> str:
+        return f"v{self.lanes}f{64 if self.scalar == 'double' else 32}"
+
+    def fused(self, a: str, b: str, c: str) -> str:
+        """a b + c, rounded once where the host can."""
+        v = self.vector
+        if self.fma:
+            return self.put(f"call {v} @llvm.fma.{self.suffix()}({v} {a}, {v} {b}, {v} {c})")
+        return self.binary("fadd", self.binary("fmul", a, b), c)
+
+    def unary(self, function: str, a: str) -> str:
+        return self.put(f"call {self.vector} @llvm.{function}.{self.suffix()}({self.vector} {a})")
+
+    def poisoned_unless(self, condition: str, poison: str) -> str:
+        """poison, or NaN where the condition does not hold."""
+        v, nan = self.vector, self.constant(math.nan)
+        return self.put(f"select <{self.lanes} x i1> {condition}, {v} {poison}, {v} {nan}")
+
+    def sincos(self, x: str) -> tuple[str, str]:
+        """(sin x, cos x)."""
+        s, v, k = self.scalar, self.vector, self.constant
+        shifted = self.fused(x, k(2.0 / math.pi), k(MAGIC[s]))
+        n = self.binary("fsub", shifted, k(MAGIC[s]))
+        r = x
+        for part in HALF_PI[s, self.fma]:
+            r = self.fused(n, k(-part), r)
+        z = self.binary("fmul", r, r)
+        p, q = k(SINE[s][-1]), k(COSINE[s][-1])
+        for c in reversed(SINE[s][:-1]):
+            p = self.fused(z, p, k(c))
+        for c in reversed(COSINE[s][:-1]):
+            q = self.fused(z, q, k(c))
+        sine = self.fused(self.binary("fmul", z, r), p, r)
+        cosine = self.fused(self.binary("fmul", z, z), q, self.fused(z, k(-0.5), k(1.0)))
+        quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
+        one, two, top = self.integer(1), self.integer(2), 62 if s == "double" else 30
+        odd = self.put(f"icmp ne {self.bits} {self.put(f'and {self.bits} {quadrant}, {one}')}, zeroinitializer")
+        i1 = f"<{self.lanes} x i1>"
+        results = []
+        for swapped, straight, turn in (
+            (cosine, sine, quadrant),
+            (sine, cosine, self.put(f"add {self.bits} {quadrant}, {one}")),
+        ):
+            value = self.put(f"select {i1} {odd}, {v} {swapped}, {v} {straight}")
+            flip = self.put(f"shl {self.bits} {self.put(f'and {self.bits} {turn}, {two}')}, {self.integer(top)}")
+            bits = self.put(f"bitcast {v} {value} to {self.bits}")
+            results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
+        return results[0], results[1]
+
+    def transposed(self, vectors: list[str]) -> list[str]:
+        """The transpose of len(vectors) columns in groups of so many lanes, by log2 exchanges."""
+        size, W, v = len(vectors), self.lanes, self.vector
+        d = 1
+        while d < size:
+            mask_low = [(lane if not lane & d else W + lane - d) for lane in range(W)]
+            mask_high = [(lane + d if not lane & d else W + lane) for lane in range(W)]
+            new = list(vectors)
+            for i in range(size):
+                if not i & d:
+                    a, b = vectors[i], vectors[i | d]
+                    new[i], new[i | d] = (
+                        self.put(f"shufflevector {v} {a}, {v} {b}, <{W} x i32> <{', '.join(f'i32 {m}' for m in mask)}>")
+                        for mask in (mask_low, mask_high)
+                    )
+            vectors, d = new, 2 * d
+        return vectors
+
+
+def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
+    """(first column, width) of the blocks that cover so many columns: powers of two, the last one overlapping."""
+    width = lanes
+    while width > columns:
+        width //= 2
+    for first in range(0, columns - width + 1, width):
+        yield first, width
+    if columns % width:
+        yield columns - width, width
+
+
+class _Writer:
+    """The LLVM module of one program."""
+
+    def __init__(self, program: Program, layout: Layout, dtype: Any, lanes: int, fma: bool) -> None:
+        self.program, self.layout = program, layout
+        self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
+        self.size = 8 if self.scalar == "double" else 4
+        self.lanes, self.fma = lanes, fma
+        lines = program.lines
+        self.whole = len(lines) <= WHOLE
+        work = [k for k, op in enumerate(lines) if op.code not in (INPUT, CONST)]
+        step = max(len(work), 1) if self.whole else CHUNK
+        self.chunks = [work[i : i + step] for i in range(0, len(work), step)] or [[]]
+        self.chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
+        self.wanted = sorted({line for line, _ in program.outputs})
+        self.slots, self.slot_count = self._slots()
+
+    def _slots(self) -> tuple[dict[int, int], int]:
+        """Places in the workspace of what is read in another function than it is written in, used again when free."""
+        end = len(self.chunks)  # the epilogue
+        last: dict[int, int] = {}
+        for k, i in self.chunk_of.items():
+            for operand in operands(self.program.lines[k]):
+                if self.program.lines[operand].code != CONST and self.chunk_of.get(operand, -1) != i:
+                    last[operand] = max(last.get(operand, 0), i)
+        for k, op in enumerate(self.program.lines):
+            if op.code == INPUT or (k in self.wanted and op.code != CONST):
+                last[k] = end
+        if self.whole:
+            return {}, 0
+        slots: dict[int, int] = {}
+        free: list[int] = []
+        ends: dict[int, list[int]] = {}
+        count = 0
+        for k in sorted(last, key=lambda k: (self.chunk_of.get(k, -1), k)):
+            here = self.chunk_of.get(k, -1)
+            for done in [c for c in ends if c < here]:
+                free += ends.pop(done)
+            if free:
+                slots[k] = free.pop()
+            else:
+                slots[k], count = count, count + 1
+            ends.setdefault(last[k], []).append(slots[k])
+        return slots, count
+
+    def text(self) -> str:
+        """The module."""
+        self.values: dict[int, str] = {}
+        functions = []
+        main = _Text(self.scalar, self.lanes, self.fma)
+        poison = self._prologue(main)
+        if self.whole:
+            poison = self._operations(main, self.chunks[0], poison, None)
+        else:
+            self._store(main, poison, self.slot_count)
+            for i, chunk in enumerate(self.chunks):
+                functions.append(self._chunk(i, chunk))
+                main.out.append(f"  call void @chunk{i}(ptr %ws)")
+            poison = self._load(main, self.slot_count)
+        self._epilogue(main, poison)
+        return self._module(main, functions)
+
+    # -- the parts of a tile
+
+    def _prologue(self, t: _Text) -> str:
+        """Read the tile's rows and transpose them; returns the poison that the inputs bring."""
+        index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT}
+        zero = t.constant(0.0)
+        poison = ["zeroinitializer"] * 4
+        columns: list[str] = []
+        for a, width in enumerate(self.layout.inputs):
+            row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
+            starts = [t.put(f"mul i64 {r}, %step{a}") for r in row]
+            found = [""] * width
+            for first, size in _blocks(width, self.lanes):
+                loaded = []
+                for i in range(size):
+                    parts = []
+                    for g in range(self.lanes // size):
+                        at = t.put(f"add i64 {starts[g * size + i]}, {first}")
+                        address = t.put(f"getelementptr {self.scalar}, ptr %in{a}, i64 {at}")
+                        kind = f"<{size} x {self.scalar}>"
+                        parts.append(t.put(f"load {kind}, ptr {address}, align {self.size}"))
+                    loaded.append(self._joined(t, parts, size))
+                found[first : first + size] = t.transposed(loaded)
+            columns += found
+        for i, x in enumerate(columns):
+            poison[i % 4] = t.fused(x, zero, poison[i % 4])
+            if i in index:
+                self.values[index[i]] = x
+                if not self.whole:
+                    self._store(t, x, self.slots[index[i]])
+        base = t.binary("fadd", t.binary("fadd", poison[0], poison[1]), t.binary("fadd", poison[2], poison[3]))
+        for group in self.layout.units:
+            total = t.constant(-1.0)
+            for i in group:
+                total = t.fused(columns[i], columns[i], total)
+            near = t.put(f"fcmp ole {t.vector} {t.unary('fabs', total)}, {t.constant(UNIT_TOLERANCE)}")
+            base = t.poisoned_unless(near, base)
+        return base
+
+    def _joined(self, t: _Text, parts: list[str], size: int) -> str:
+        """Vectors of ``size`` side by side as one."""
+        while len(parts) > 1:
+            mask = ", ".join(f"i32 {m}" for m in range(2 * size))
+            kind = f"<{size} x {self.scalar}>"
+            parts = [
+                t.put(f"shufflevector {kind} {a}, {kind} {b}, <{2 * size} x i32> <{mask}>")
+                for a, b in zip(parts[::2], parts[1::2], strict=True)
+            ]
+            size *= 2
+        return parts[0]
+
+    def _store(self, t: _Text, value: str, slot: int) -> None:
+        address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
+        t.out.append(f"  store {t.vector} {value}, ptr {address}, align {self.size * self.lanes}")
+
+    def _load(self, t: _Text, slot: int) -> str:
+        address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
+        return t.put(f"load {t.vector}, ptr {address}, align {self.size * self.lanes}")
+
+    def _chunk(self, i: int, chunk: list[int]) -> str:
+        """One function of a long program: reads what it needs from the workspace, leaves what others need there."""
+        t = _Text(self.scalar, self.lanes, self.fma)
+        self.values = {}
+        poison = self._load(t, self.slot_count)
+        poison = self._operations(t, chunk, poison, i)
+        self._store(t, poison, self.slot_count)
+        body = "\n".join(t.out)
+        return f"define internal void @chunk{i}(ptr %ws) noinline #0 {{\n{body}\n  ret void\n}}\n"
+
+    def _operations(self, t: _Text, chunk: Sequence[int], poison: str, at: int | None) -> str:
+        lines, values = self.program.lines, self.values
+        pairs: dict[int, tuple[str, str]] = {}
+
+        def value(k: int) -> str:
+            if k < 0:
+                return t.negative(value(-k - 1))
+            if lines[k].code == CONST:
+                return t.constant(lines[k].value)
+            if k not in values:
+                values[k] = self._load(t, self.slots[k])
+            return values[k]
+
+        for k in chunk:
+            op = lines[k]
+            if op.code in (SIN, COS):
+                if op.a not in pairs:
+                    x = value(op.a)
+                    near = t.put(f"fcmp ole {t.vector} {t.unary('fabs', x)}, {t.constant(FAR)}")
+                    poison = t.poisoned_unless(near, poison)
+                    pairs[op.a] = t.sincos(x)
+                values[k] = pairs[op.a][op.code == COS]
+            else:
+                values[k] = self._operation(t, op, value)
+            if at is not None and k in self.slots:
+                self._store(t, values[k], self.slots[k])
+        return poison
+
+    def _operation(self, t: _Text, op: Operation, value: Any) -> str:
+        words = {ADD: "fadd", SUB: "fsub", MUL: "fmul", DIV: "fdiv"}
+        if op.code in words:
+            return t.binary(words[op.code], value(op.a), value(op.b))
+        if op.code == FMA:
+            return t.fused(value(op.a), value(op.b), value(op.c))
+        if op.code == FMS:
+            return t.fused(value(op.a), value(op.b), t.negative(value(op.c)))
+        if op.code == FNMA:
+            return t.fused(t.negative(value(op.a)), value(op.b), value(op.c))
+        if op.code == SQRT:
+            return t.unary("sqrt", value(op.a))
+        if op.code == SELECT:
+            above = t.put(f"fcmp ogt {t.vector} {value(op.a)}, zeroinitializer")
+            v = t.vector
+            return t.put(f"select <{self.lanes} x i1> {above}, {v} {value(op.b)}, {v} {value(op.c)}")
+        raise ValueError(f"no vector form of operation {op.code}")
+
+    def _epilogue(self, t: _Text, poison: str) -> None:
+        """Transpose the results into their rows and write the tile's bits."""
+        lines, zero = self.program.lines, t.constant(0.0)
+
+        def result(place: int) -> str:
+            line, minus = self.program.outputs[place]
+            if lines[line].code == CONST:
+                return t.constant(-lines[line].value if minus else lines[line].value)
+            if line not in self.values:
+                self.values[line] = self._load(t, self.slots[line])
+            return t.negative(self.values[line]) if minus else self.values[line]
+
+        if not self.whole:
+            self.values = {}
+        sums = [poison, "zeroinitializer", "zeroinitializer", "zeroinitializer"]
+        for place, least in self.layout.pivots:
+            sound = t.put(f"fcmp ogt {t.vector} {result(place)}, {t.constant(least)}")
+            sums[0] = t.poisoned_unless(sound, sums[0])
+        seen: set[int] = set()
+        for a, places in enumerate(self.layout.outputs):
+            columns = len(places)
+            row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
+            starts = [t.put(f"mul i64 {r}, {columns}") for r in row]
+            for first, size in _blocks(columns, self.lanes):
+                vectors = []
+                for c in range(first, first + size):
+                    x = result(places[c])
+                    line = self.program.outputs[places[c]][0]
+                    if line not in seen and lines[line].code != CONST:
+                        seen.add(line)
+                        i = len(seen) % 4
+                        sums[i] = t.fused(x, zero, sums[i])
+                    vectors.append(x)
+                for i, x in enumerate(t.transposed(vectors)):
+                    for g in range(self.lanes // size):
+                        mask = ", ".join(f"i32 {g * size + m}" for m in range(size))
+                        kind = f"<{size} x {self.scalar}>"
+                        part = t.put(f"shufflevector {t.vector} {x}, {t.vector} {x}, <{size} x i32> <{mask}>")
+                        at = t.put(f"add i64 {starts[g * size + i]}, {first}")
+                        address = t.put(f"getelementptr {self.scalar}, ptr %out{a}, i64 {at}")
+                        t.out.append(f"  store {kind} {part}, ptr {address}, align {self.size}")
+        total = t.binary("fadd", t.binary("fadd", sums[0], sums[1]), t.binary("fadd", sums[2], sums[3]))
+        fine = t.put(f"fcmp oeq {t.vector} {total}, zeroinitializer")
+        bits = t.put(f"bitcast <{self.lanes} x i1> {fine} to i{self.lanes}")
+        if self.lanes < 16:
+            bits = t.put(f"zext i{self.lanes} {bits} to i16")
+        address = t.put("getelementptr i16, ptr %bits, i64 %tile")
+        t.out.append(f"  store i16 {bits}, ptr {address}, align 2")
+
+    def _module(self, main: _Text, functions: list[str]) -> str:
+        v, suffix = main.vector, main.suffix()
+        ins = "".join(f"ptr noalias %in{a}, i64 %step{a}, " for a in range(len(self.layout.inputs)))
+        outs = "".join(f"ptr noalias %out{a}, " for a in range(len(self.layout.outputs)))
+        body = "\n".join(main.out)
+        wide = 8 * self.size * self.lanes
+        return f"""
+declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
+declare {v} @llvm.fabs.{suffix}({v})
+declare {v} @llvm.sqrt.{suffix}({v})
+{"".join(functions)}
+define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws) #0 {{
+entry:
+  %any = icmp sgt i64 %tiles, 0
+  br i1 %any, label %loop, label %done
+loop:
+  %tile = phi i64 [ 0, %entry ], [ %next, %loop ]
+  %first = mul i64 %tile, {self.lanes}
+{body}
+  %next = add i64 %tile, 1
+  %more = icmp slt i64 %next, %tiles
+  br i1 %more, label %loop, label %done
+done:
+  ret void
+}}
+attributes #0 = {{ "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}" }}
+"""
+
+
+def lanes_of(dtype: Any) -> int:
+    """How many numbers of a dtype fill a vector of this host."""
+    return int(host()[2] // np.dtype(dtype).itemsize)
+
+
+def compiled(program: Program, layout: Layout, dtype: Any = np.float64) -> tuple[bytes, int]:
+    """Object code of the kernel, and the bytes of workspace that a call needs."""
+    name, features, _, fma = host()
+    lanes = lanes_of(dtype)
+    writer = _Writer(program, layout, dtype, lanes, fma)
+    module = llvm.parse_assembly(writer.text())
+    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
+    )
+    return machine.emit_object(module), (writer.slot_count + 1) * lanes * writer.size
+
+
+class Loaded:
+    """Object code in memory, with the address of its kernel; lives as long as it is referred to."""
+
+    def __init__(self, code: bytes) -> None:
+        """Load and link."""
+        host()
+        self._machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(jit=True)
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._machine)
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+        self.address = int(self._engine.get_function_address("kernel"))
+        if not self.address:
+            raise ValueError("the object code has no kernel")
