@@ -26,6 +26,7 @@ from ..recursions.checks import EPS
 from ..recursions.spec import Spec
 from . import lanes, store
 from .jit import STAMP
+from .regroup import regroup
 from .trace import Program, Tape, scratch, table
 
 FROM = 512  # samples from which a batch is worth a program
@@ -78,6 +79,8 @@ def record(specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any] = 
     """
     fixed = iter(static)
     tape, rows = Tape(), table(bodies)
+    if all(spec.regroup for spec in specs):
+        regroup(rows)
     n = len(bodies) - 1
     sizes = {"nq": int(bodies[0]["at"]), "nv": n, "njoints": int(bodies[0]["dofs"])}
 

@@ -57,6 +57,6 @@ SPECS = (
         "crba", crba, WORK, (Q,),
         Argument("M", ("nv", "nv"), "kg m² | kg m | kg", "mass matrix, symmetric, both triangles filled"),
         "Joint-space mass matrix M(q) by the composite rigid body algorithm.",
-        "Featherstone, RBDA (2008), table 6.2.",
+        "Featherstone, RBDA (2008), table 6.2.", regroup=True,
     ),
 )  # fmt: skip

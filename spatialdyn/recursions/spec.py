@@ -44,6 +44,7 @@ class Spec:
 
     pivots  the recursion's last output is the articulated inertia D (nv) of each row, which is not returned: the
             caller makes of it the answer to whether any row is singular
+    regroup  the output is unchanged when inertias are regrouped towards the root: it says nothing of a single body
     source  where the recursion comes from
     """
 
@@ -55,6 +56,7 @@ class Spec:
     summary: str
     source: str
     pivots: bool = False
+    regroup: bool = False
 
     @property
     def given(self) -> tuple[Argument, ...]:

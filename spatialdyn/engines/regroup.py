@@ -1,0 +1,60 @@
+"""Inertias regrouped towards the root: what a joint cannot feel of its body is given to the body that carries it.
+
+A revolute joint about u feels nothing of a part with mass m, first moment along u and rotational inertia
+J (1 - u uᵀ): its momentum under S is zero and turning about u leaves it as it is, so it may as well be fixed to
+the parent. A prismatic joint feels nothing of the rotational inertia. τ, M, q̈ and the articulated inertias D of
+the joints stay the same; nothing that is said of a single body does. The zeros that this leaves shorten a program
+by a fifth to a third. Source: Gautier and Khalil, Direct calculation of minimum set of inertial parameters of
+serial robots (1990), in words of its own for any axis.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..bodies import PRISMATIC, REVOLUTE, REVOLUTE_CS
+from ..spatial import (
+    Inertia,
+    Sym,
+    Vec,
+    add_inertia,
+    dot,
+    inertia_of,
+    inertia_to_parent,
+    minus,
+    motion_of,
+    pose_of,
+    put_inertia,
+    times,
+)
+
+
+def regroup(rows: Any) -> None:
+    """Move what can be moved in a table of bodies, in place, from the tips to the root."""
+    for i in range(len(rows) - 1, 0, -1):
+        b = rows[i]
+        body = inertia_of(b.inertia)
+        if b.kind in (REVOLUTE, REVOLUTE_CS):
+            free = _unfelt_by_revolute(body, motion_of(b.S).w)
+        elif b.kind == PRISMATIC:
+            free = Inertia(0.0, Vec(0.0, 0.0, 0.0), body.I)
+        else:
+            continue
+        put_inertia(b.inertia, Inertia(body.m - free.m, minus(body.h, free.h), _less(body.I, free.I)))
+        carrier = rows[b.parent]
+        put_inertia(carrier.inertia, add_inertia(inertia_of(carrier.inertia), inertia_to_parent(pose_of(b.X), free)))
+
+
+def _unfelt_by_revolute(body: Inertia, u: Vec) -> Inertia:
+    """Mass, first moment along u, and J (1 - u uᵀ) with the J that leaves a zero on the diagonal of what stays."""
+    across = [(body.I.xx, u.x), (body.I.yy, u.y), (body.I.zz, u.z)]
+    J = next((inertia for inertia, along in reversed(across) if along == 0.0), 0.0)
+    ring = Sym(
+        J * (1.0 - u.x * u.x), -(J * (u.x * u.y)), -(J * (u.x * u.z)),
+        J * (1.0 - u.y * u.y), -(J * (u.y * u.z)), J * (1.0 - u.z * u.z),
+    )  # fmt: skip
+    return Inertia(body.m, times(dot(body.h, u), u), ring)
+
+
+def _less(A: Sym, B: Sym) -> Sym:
+    return Sym(A.xx - B.xx, A.xy - B.xy, A.xz - B.xz, A.yy - B.yy, A.yz - B.yz, A.zz - B.zz)
