@@ -236,11 +236,13 @@ def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
 class _Writer:
     """The LLVM module of one program."""
 
-    def __init__(self, program: Program, layout: Layout, dtype: Any, lanes: int, fma: bool) -> None:
+    def __init__(
+        self, program: Program, layout: Layout, dtype: Any, lanes: int, fma: bool, stream: bool = False
+    ) -> None:
         self.program, self.layout = program, layout
         self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
         self.size = 8 if self.scalar == "double" else 4
-        self.lanes, self.fma = lanes, fma
+        self.lanes, self.fma, self.stream = lanes, fma, stream
         lines = program.lines
         self.whole = len(lines) <= WHOLE
         work = [k for k, op in enumerate(lines) if op.code not in (INPUT, CONST)]
@@ -249,6 +251,9 @@ class _Writer:
         self.chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
         self.wanted = sorted({line for line, _ in program.outputs})
         self.slots, self.slot_count = self._slots()
+        self.stage = self.slot_count + 1  # where the rows of a tile wait to be streamed out
+        staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
+        self.workspace = (self.stage + max(staged, default=0)) * lanes * self.size
 
     def _slots(self) -> tuple[dict[int, int], int]:
         """Places in the workspace of what is read in another function than it is written in, used again when free."""
@@ -431,8 +436,17 @@ class _Writer:
         seen: set[int] = set()
         for a, places in enumerate(self.layout.outputs):
             columns = len(places)
-            row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
-            starts = [t.put(f"mul i64 {r}, {columns}") for r in row]
+            staged = self.stream and columns % self.lanes > 0
+            if staged:
+                to = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {self.stage}")
+                starts = [str(r * columns) for r in range(self.lanes)]
+            else:
+                to = f"%out{a}"
+                row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
+                starts = [t.put(f"mul i64 {r}, {columns}") for r in row]
+            how = f"align {self.size}"
+            if self.stream and not staged:
+                how = f"align {self.size * self.lanes}, !nontemporal !0"
             for first, size in _blocks(columns, self.lanes):
                 vectors = []
                 for c in range(first, first + size):
@@ -449,8 +463,10 @@ class _Writer:
                         kind = f"<{size} x {self.scalar}>"
                         part = t.put(f"shufflevector {t.vector} {x}, {t.vector} {x}, <{size} x i32> <{mask}>")
                         at = t.put(f"add i64 {starts[g * size + i]}, {first}")
-                        address = t.put(f"getelementptr {self.scalar}, ptr %out{a}, i64 {at}")
-                        t.out.append(f"  store {kind} {part}, ptr {address}, align {self.size}")
+                        address = t.put(f"getelementptr {self.scalar}, ptr {to}, i64 {at}")
+                        t.out.append(f"  store {kind} {part}, ptr {address}, {how}")
+            if staged:
+                t.out.append(f"  call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
         total = t.binary("fadd", t.binary("fadd", sums[0], sums[1]), t.binary("fadd", sums[2], sums[3]))
         fine = t.put(f"fcmp oeq {t.vector} {total}, zeroinitializer")
         bits = t.put(f"bitcast <{self.lanes} x i1> {fine} to i{self.lanes}")
@@ -465,10 +481,12 @@ class _Writer:
         outs = "".join(f"ptr noalias %out{a}, " for a in range(len(self.layout.outputs)))
         body = "\n".join(main.out)
         wide = 8 * self.size * self.lanes
+        streaming = _STREAM.format(v=v, align=self.size * self.lanes) if self.stream else ""
         return f"""
 declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
 declare {v} @llvm.fabs.{suffix}({v})
 declare {v} @llvm.sqrt.{suffix}({v})
+{streaming}
 {"".join(functions)}
 define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws) #0 {{
 entry:
@@ -488,21 +506,47 @@ attributes #0 = {{ "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wid
 """
 
 
+_STREAM = """
+!0 = !{{i32 1}}
+define internal void @stream(ptr noalias %out, i64 %tile, i64 %columns, ptr noalias %from) noinline #0 {{
+entry:
+  %start = mul i64 %tile, %columns
+  br label %loop
+loop:
+  %k = phi i64 [ 0, %entry ], [ %next, %loop ]
+  %source = getelementptr {v}, ptr %from, i64 %k
+  %x = load {v}, ptr %source, align {align}
+  %at = add i64 %start, %k
+  %target = getelementptr {v}, ptr %out, i64 %at
+  store {v} %x, ptr %target, align {align}, !nontemporal !0
+  %next = add i64 %k, 1
+  %more = icmp slt i64 %next, %columns
+  br i1 %more, label %loop, label %done
+done:
+  ret void
+}}
+"""
+
+
 def lanes_of(dtype: Any) -> int:
     """How many numbers of a dtype fill a vector of this host."""
     return int(host()[2] // np.dtype(dtype).itemsize)
 
 
-def compiled(program: Program, layout: Layout, dtype: Any = np.float64) -> tuple[bytes, int]:
-    """Object code of the kernel, and the bytes of workspace that a call needs."""
+def compiled(program: Program, layout: Layout, dtype: Any = np.float64, stream: bool = False) -> tuple[bytes, int]:
+    """Object code of the kernel, and the bytes of workspace that a call needs.
+
+    stream  results go past the caches, for outputs larger than they are: a tile's rows, which lie side by side, are
+            written in whole lines. The outputs then have to start on a vector's boundary.
+    """
     name, features, _, fma = host()
     lanes = lanes_of(dtype)
-    writer = _Writer(program, layout, dtype, lanes, fma)
+    writer = _Writer(program, layout, dtype, lanes, fma, stream)
     module = llvm.parse_assembly(writer.text())
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
         cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
     )
-    return machine.emit_object(module), (writer.slot_count + 1) * lanes * writer.size
+    return machine.emit_object(module), writer.workspace
 
 
 class Loaded:
