@@ -34,6 +34,12 @@ from spatialdyn.urdf import find_robot
 
 RESULTS = Path(__file__).with_name("results.json")
 ROBOTS = ("ur5", "panda", "talos_full")
+BATCHES = (
+    ("ur5", "fixed"),
+    ("panda", "fixed"),
+    ("talos_full", "fixed"),
+    ("anymal_b_simple_description/robots/anymal", "floating"),
+)
 CALLS: dict[str, tuple[str, Callable[..., Any]]] = {  # name: arguments, Pinocchio's function
     "rnea": ("qva", pin.rnea),
     "crba": ("q", pin.crba),
@@ -112,6 +118,100 @@ def single_calls(robot: str, rounds: int, seconds: float) -> dict[str, dict[str,
     return table
 
 
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """A float64 array on a 64-byte boundary, as results that are streamed out want it."""
+    raw = np.zeros(8 * int(np.prod(shape)) + 64, np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + 8 * int(np.prod(shape))].view(np.float64).reshape(shape)
+
+
+def batch_calls(robot: str, root: str, samples: int, rounds: int) -> dict[str, dict[str, float]]:
+    """Nanoseconds a sample of the public batched call into a given array, and of Pinocchio's pool (crba: its loop)."""
+    path = str(find_robot(robot))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ours = sd.load_urdf(path, root=root)
+    theirs = pin.buildModelFromUrdf(path, *([pin.JointModelFreeFlyer()] if root == "floating" else []))
+    data, rng = theirs.createData(), np.random.default_rng(0)
+    q = sd.random_configuration(ours, rng, samples)
+    v, a = rng.normal(size=(2, samples, ours.nv))
+    columns = [np.asfortranarray(x.T) for x in (q, v, a)]
+    pools = {n: pin.ModelPool(theirs, n) for n in (1, 2)}
+    few = range(min(samples, 512))
+    theirs_for = {
+        "rnea": lambda n: pin.rneaInParallel(n, pools[n], *columns),
+        "aba": lambda n: pin.abaInParallel(n, pools[n], *columns),
+        "crba": lambda n: [pin.crba(theirs, data, q[i]) for i in few],
+    }
+    table = {}
+    for name, run in theirs_for.items():
+        arguments = (q,) if name == "crba" else (q, v, a)
+        call = getattr(sd, name)
+        out = aligned((samples, ours.nv, ours.nv) if name == "crba" else (samples, ours.nv))
+        call(ours, *arguments, out=out)
+        single = getattr(pin, name)
+        for i in range(0, samples, max(1, samples // 100)):
+            expected = single(theirs, data, *(x[i] for x in arguments))
+            error = abs(out[i] - expected).max() / max(1.0, abs(expected).max())
+            assert error <= SCALED, f"{robot} {name}: scaled error {error:.1e} of sample {i} against Pinocchio"
+
+        def ours_on(threads: int, call=call, arguments=arguments, out=out) -> None:  # type: ignore[no-untyped-def]
+            sd.set_num_threads(threads)
+            call(ours, *arguments, out=out)
+
+        times = interleaved(
+            {
+                "ours": lambda on=ours_on: on(1),
+                "ours2": lambda on=ours_on: on(2),
+                "pin": lambda run=run: run(1),
+                **({} if name == "crba" else {"pin2": lambda run=run: run(2)}),
+            },
+            rounds,
+            0.02,
+        )
+        sd.set_num_threads(1)
+        count = len(few) if name == "crba" else samples
+        table[name] = {
+            "ours_ns": 1e9 * times["ours"] / samples,
+            "pin_ns": 1e9 * times["pin"] / count,
+            "ratio": times["pin"] / count / (times["ours"] / samples),
+            "ours_2_threads_ns": 1e9 * times["ours2"] / samples,
+        }
+        if name != "crba":
+            table[name]["pin_2_threads_ns"] = 1e9 * times["pin2"] / samples
+    return table
+
+
+def chain(n: int) -> sd.Model:
+    """Rods end to end, joints about y and x in turn."""
+    builder = sd.ModelBuilder(f"chain{n}")
+    inertia = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
+    for k in range(n):
+        builder.add_body(
+            f"b{k:04d}", f"b{k - 1:04d}" if k else None, "revolute", (0, 1, 0) if k % 2 else (1, 0, 0),
+            (0, 0, 1.0) if k else None, inertia,
+        )  # fmt: skip
+    return builder.build()
+
+
+def chain_times(rounds: int) -> dict[str, Any]:
+    """Microseconds of one untraced call against the number of joints, and the slope of the logarithms from 30 on."""
+    lengths = (10, 30, 100, 300, 1000)
+    times: dict[str, list[float]] = {"rnea": [], "aba": []}
+    rng = np.random.default_rng(0)
+    for n in lengths:
+        model = chain(n)
+        q, v, a = rng.normal(size=(3, n))
+        runs = {
+            "rnea": lambda model=model, x=(q, v, a): sd.rnea(model, *x),
+            "aba": lambda model=model, x=(q, v, a): sd.aba(model, *x),
+        }
+        for name, seconds in interleaved(runs, rounds, 0.01).items():
+            times[name].append(1e6 * seconds)
+    slope = {k: float(np.polyfit(np.log(lengths[1:]), np.log(v[1:]), 1)[0]) for k, v in times.items()}
+    return {"joints": list(lengths), **{f"{k}_us": v for k, v in times.items()}, "slope": slope}
+
+
 FIRST = """
 import time; start = time.perf_counter()
 import spatialdyn as sd; imported = time.perf_counter()
@@ -171,6 +271,20 @@ def show(console: Console, results: dict[str, Any]) -> None:
             )  # fmt: skip
         table.add_section()
     console.print(table)
+    table = Table(title="batches, one thread, given array, ratio = Pinocchio's pool / ours", title_justify="left")
+    for heading in ("robot", "call", "ours ns", "pin ns", "ratio", "ours 2 threads ns", "pin 2 threads ns"):
+        table.add_column(heading, justify="left" if heading in ("robot", "call") else "right")
+    for robot, calls in results["batch"].items():
+        for name, t in calls.items():
+            table.add_row(
+                robot, name, f"{t['ours_ns']:.1f}", f"{t['pin_ns']:.0f}", f"{t['ratio']:.1f}",
+                f"{t['ours_2_threads_ns']:.1f}", f"{t['pin_2_threads_ns']:.0f}" if "pin_2_threads_ns" in t else "",
+            )  # fmt: skip
+        table.add_section()
+    console.print(table)
+    slope = results["chain"]["slope"]
+    grows = ", ".join(f"n^{x:.2f} ({name})" for name, x in slope.items())
+    console.print(f"chains of 30 to 1000 joints: time grows as {grows}")
     console.print("fresh process, warm cache: " + ", ".join(f"{k[:-2]} {v:.2f} s" for k, v in results["start"].items()))
 
 
@@ -183,6 +297,11 @@ def main() -> None:
     results = {
         "machine": machine(),
         "single": {robot: single_calls(robot, rounds, seconds) for robot in track(ROBOTS, "single calls")},
+        "batch": {
+            f"{robot}, {root}": batch_calls(robot, root, 1024 if options.quick else 8192, rounds)
+            for robot, root in track(BATCHES, "batches")
+        },
+        "chain": chain_times(rounds),
         "start": starting(3 if options.quick else 7),
     }
     RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")

@@ -15,6 +15,7 @@ quaternions x y z w, the velocity of a floating base in its own frame.
 from __future__ import annotations
 
 from . import dynamics as _dynamics
+from .builder import ModelBuilder
 from .dynamics import *
 from .engines.jit import kernels
 from .errors import (
@@ -28,7 +29,7 @@ from .errors import (
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
 from .model import Frame, Joint, Model, assemble
-from .robot import ModelBuilder, Robot
+from .robot import Robot
 from .states import random_configuration, step, wrench_at
 from .urdf import load_urdf
 

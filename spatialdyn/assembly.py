@@ -235,8 +235,8 @@ def tabulate(
     _put_last(bodies)
     _put_bounds(bodies)
     _drop_signs_of_zeros(bodies)
-    bodies.flags.writeable = False
-    return bodies, joints
+    # over bytes, which nobody can make writable again
+    return np.frombuffer(bodies.tobytes(), bodies.dtype), joints
 
 
 def _put_last(bodies: NDArray[Any]) -> None:

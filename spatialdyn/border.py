@@ -35,15 +35,9 @@ def as_array(name: str, value: ArrayLike) -> Array:
     return x.astype(np.float64, copy=False)
 
 
-def sizes(model: Model) -> dict[str, int]:
-    """The numbers behind the symbols of a spec's shapes."""
-    return {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-
-
 def core_shape(model: Model, argument: Argument) -> tuple[int, ...]:
     """Shape of one sample of an argument."""
-    known = sizes(model)
-    return tuple(known[s] if isinstance(s, str) else s for s in argument.shape)
+    return tuple([getattr(model, s) if isinstance(s, str) else s for s in argument.shape])
 
 
 def batch_shape(model: Model, argument: Argument, x: Array) -> tuple[int, ...]:
@@ -73,7 +67,7 @@ def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> 
         raise ShapeError(f"out is a {type(out).__name__}, expected a float64 array of shape {shape}")
     if out.shape != shape:
         raise ShapeError(f"out has shape {out.shape}, expected {shape}")
-    if out.dtype != np.float64:
+    if out.dtype != np.float64 or not out.dtype.isnative:
         raise ShapeError(f"out has dtype {out.dtype}, expected float64")
     if not (out.flags.c_contiguous and out.flags.writeable):
         raise ShapeError("out is not a writable array in C order")
@@ -89,7 +83,9 @@ def rows_of(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> tuple[Ar
     count = math.prod(lead)
     if lead != batch and count != 1:
         x, count = np.broadcast_to(x, batch + core), math.prod(batch)
-    flat = np.ascontiguousarray(x).reshape((count, *(core or (1,))))
+    flat = np.ascontiguousarray(x)
+    if flat.ndim != 1 + len(core) or not core:
+        flat = flat.reshape((count, *(core or (1,))))
     return flat, 0 if lead != batch and count == 1 else 1
 
 
@@ -127,6 +123,8 @@ def expanded(model: Model, argument: Argument, x: Array) -> Array:
 
 def full_shape(model: Model, argument: Argument) -> tuple[int, ...]:
     """Shape of one sample for the whole tree, mimic joints counted."""
+    if model.mimic_matrix is None:
+        return core_shape(model, argument)
     full = {"nq": int(model.bodies[0]["at"]), "nv": len(model.bodies) - 1, "njoints": model.njoints}
     return tuple(full[s] if isinstance(s, str) else s for s in argument.shape)
 

@@ -30,6 +30,9 @@ WIDE = 400  # columns of a table that is not read in a terminal: nothing is fold
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; ``argv`` is ``sys.argv[1:]`` by default."""
+    for stream in (sys.stdout, sys.stderr):  # a pipe may know less than the terminal: print what it has for the rest
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
     arguments = _parser().parse_args(argv)
     try:
         status: int = arguments.run(arguments)

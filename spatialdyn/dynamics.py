@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -40,14 +41,11 @@ from .recursions.spec import Spec
 def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any, ...], out: Any) -> Any:
     """Run a call on anything it accepts; ``values`` follow the spec's varying inputs, None for one left out."""
     check_model(model)
-    names = [x.name for x in spec.given if not x.static]
-    present = frozenset(n for n, value in zip(names, values, strict=True) if value is not None)
-    spec = jit.variant(spec, present)
+    asked = [(x, value) for x, value in zip([x for x in spec.given if not x.static], values, strict=True)]
+    given = [(x, value) for x, value in asked if value is not None or not x.optional]
+    spec = jit.variant(spec, frozenset(x.name for x, _ in given))
     varying = [x for x in spec.given if not x.static]
-    arrays = [
-        as_array(x.name, value)
-        for x, value in zip(varying, [value for value in values if value is not None], strict=True)
-    ]
+    arrays = [as_array(x.name, value) for x, value in given]
     batch = broadcast(
         [x.name for x in varying], [batch_shape(model, x, a) for x, a in zip(varying, arrays, strict=True)]
     )
@@ -83,8 +81,8 @@ def run(
     stepped = [rows_of(a, batch, full_shape(model, x)) for x, a in zip(varying, arrays, strict=True)]
     flat = out.reshape((n, *full_shape(model, spec.output))) if spec.output.shape else out.reshape((n, 1))
     samples = None
-    if n >= batches.FROM and not jit.PLAIN and batches.fits((spec,), model.bodies):
-        kernel = batches.kernel((spec,), model.bodies, model.key, static)
+    if n >= batches.FROM and not jit.PLAIN:
+        kernel = _program(spec, model, tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in static))
         if kernel is not None:
             samples = kernel(n, stepped, [flat])
             if not len(samples):
@@ -100,6 +98,15 @@ def run(
         flat[samples] = rest
     if bad:
         diagnose(spec, model, stepped, batch, static, rest, status, np.arange(n) if samples is None else samples)
+
+
+@lru_cache(maxsize=256)
+def _program(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> batches.Kernel | None:
+    """The program of a call on SIMD lanes, if it can be one."""
+    if not batches.fits((spec,), model.bodies):
+        return None
+    values = [np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static]
+    return batches.kernel((spec,), model.bodies, model.key, values)
 
 
 def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], result: Array) -> None:
@@ -131,7 +138,7 @@ def signature(spec: Spec) -> tuple[list[str], list[str]]:
         statements.append("reference = reference_of(reference)")
     if "classical" in static:
         words.append("classical=False")
-        statements.append("classical = int(classical)")
+        statements.append("classical = 1 if classical else 0")
     return [*required, *words, *optional, "out=None"], statements
 
 
@@ -151,18 +158,23 @@ def _public(spec: Spec) -> Callable[..., Any]:
     status = f"{bare} if {optional[0]} is None else whole({passed['whole']})" if optional else bare
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
     static = "".join(f"{x.name}, " for x in spec.given if x.static)
+    # Numba does not look at the byte order of an array
+    checked = [x.name for x in spec.given if x.shape and not x.static and not x.optional]
+    native = " and ".join([*(f"{name}.dtype is F8" for name in checked), "result.dtype is F8"])
+    native += f" and ({optional[0]} is None or {optional[0]}.dtype is F8)" if optional else ""
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),
         "    try:",
         f"        result = empty(({shape},)) if out is None else {'out' if spec.output.shape else 'None'}",
-        f"        if not ({status}):",
+        f"        if {native} and not ({status}):",
         f"            return {'result' if spec.output.shape else 'float(result[0])'}",
-        "    except (AttributeError, TypeError):",
+        "    except (AttributeError, TypeError, ValueError):  # whatever Numba says of what it cannot take",
         "        pass",
         f"    return general(spec, model, ({varying}), ({static}), out)",
     ]
     scope: dict[str, Any] = {
+        "F8": np.dtype(np.float64),
         "empty": np.empty,
         "general": general,
         "spec": spec,
@@ -214,7 +226,12 @@ def docstring(spec: Spec) -> str:
     if spec.pivots:
         raises.append("InertiaError naming a joint that moves no inertia")
     raises.append("NonFiniteError if finite input gives none")
-    lines += ["    Raises", *(f"        {r}" for r in raises), "    NaN in a sample gives NaN in that sample.", "    "]
+    lines += [
+        "    Raises",
+        *(f"        {r}" for r in raises),
+        "    NaN in a sample gives NaN in what depends on it, and in no other sample.",
+        "    ",
+    ]
     return "\n".join(lines)
 
 

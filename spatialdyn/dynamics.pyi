@@ -10,7 +10,41 @@ from .model import Frame, Model
 
 Array = NDArray[np.float64]
 
-__all__: list[str]
+__all__ = [
+    "set_num_threads",
+    "total_mass",
+    "aba",
+    "minverse",
+    "center_of_mass",
+    "center_of_mass_velocity",
+    "center_of_mass_acceleration",
+    "com_jacobian",
+    "centroidal_momentum",
+    "centroidal_map",
+    "centroidal_map_dot",
+    "neutral",
+    "normalize",
+    "integrate",
+    "difference",
+    "interpolate",
+    "dintegrate",
+    "ddifference",
+    "crba",
+    "kinetic_energy",
+    "potential_energy",
+    "forward_kinematics",
+    "joint_jacobians",
+    "joint_jacobians_dot",
+    "frame_placement",
+    "frame_jacobian",
+    "frame_velocity",
+    "frame_acceleration",
+    "jacobian_dot_times_v",
+    "rnea",
+    "nonlinear_effects",
+    "generalized_gravity",
+    "static_torque",
+]
 calls: dict[str, Callable[..., Any]]
 
 def set_num_threads(n: int) -> None: ...

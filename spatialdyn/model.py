@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tables
-from .errors import ModelError
+from .errors import InertiaError, ModelError
+from .inertia import inertia_defect
 from .robot import Joint as RobotJoint
-from .robot import Link, Robot, check_tree, make_link
+from .robot import Link, Robot, check_tree, make_link, numbers
 from .rows import Joint, frozen, joint_transform
 
 Array = NDArray[np.float64]
@@ -89,6 +90,8 @@ class Model:
 
     def __init__(self, robot: Robot, options: Options) -> None:
         """The Model of a checked robot; ``assemble`` takes the options one by one."""
+        if hasattr(self, "key"):
+            raise AttributeError("a Model is immutable: it cannot be made again")
         made = tables(robot, options)
         slots = {
             **made._asdict(),
@@ -133,8 +136,10 @@ class Model:
 
         Raises ModelError, with names like it, if there is none.
         """
-        if isinstance(name, Frame):
-            return name
+        if isinstance(name, Frame):  # perhaps another model's: what counts is its name
+            name = f"{name.kind}:{name.name}"
+        if not isinstance(name, str):
+            raise ModelError(_missing("frame", str(name), self.name, [f.name for f in self.frames]))
         for key in (name, f"link:{name}", f"joint:{name}"):
             if key in self._frame_index:
                 return self.frames[self._frame_index[key]]
@@ -202,15 +207,20 @@ class Model:
                 raise ModelError(_missing("joint", name, self.name, joints))
             if joints[name].kind == "fixed":
                 raise ModelError(f'joint "{name}" is fixed, expected one that moves for an armature of {value}')
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ModelError(f'joint "{name}" has armature {value}, expected a finite number >= 0')
-            joints[name] = replace(joints[name], armature=float(value))
+            (rotor,) = numbers(value, 1, f'joint "{name}" has armature')
+            if not (math.isfinite(rotor) and rotor >= 0.0):
+                raise ModelError(f'joint "{name}" has armature {rotor}, expected a finite number >= 0')
+            joints[name] = replace(joints[name], armature=rotor)
         links = {x.name: x for x in robot.links}
         child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
         for name, load in (payload or {}).items():
             frame = self.frame(name)
             owner = frame.name if frame.kind == "link" else child[frame.name]
-            links[owner] = _loaded(links[owner], make_link(frame.name, load))
+            part = make_link(frame.name, load)
+            defect = inertia_defect(np.reshape(part.inertia, (3, 3)))
+            if defect:
+                raise InertiaError(f'payload of frame "{frame.name}" {defect}')
+            links[owner] = _loaded(links[owner], part)
         return Model(replace(robot, joints=tuple(joints.values()), links=tuple(links.values())), options)
 
     def __repr__(self) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -196,14 +196,21 @@ def check_inertias(
         links.append(link)
     if not found:
         return robot
-    if policy == "warn":
-        warnings.warn(
-            f'robot "{robot.name}": '
-            + "; ".join(found[:8] + [f"and {len(found) - 8} more links"] * (len(found) > 8))
-            + ' (kept as they are; inertia="repair" projects them)',
-            stacklevel=stacklevel,
-        )
+    listed = "; ".join(found[:8] + [f"and {len(found) - 8} more links"] * (len(found) > 8))
+    end = "" if policy == "repair" else ' (kept as they are; inertia="repair" projects them)'
+    warnings.warn(f'robot "{robot.name}": {listed}{end}', stacklevel=stacklevel)
     return replace(robot, links=tuple(links), notes=robot.notes + tuple(found))
+
+
+def numbers(value: Any, count: int, what: str) -> tuple[float, ...]:
+    """So many real numbers as a tuple of floats. Raises ModelError: ``what``, the value, what was expected."""
+    try:
+        x = np.asarray(value, dtype=float).ravel() if np.asarray(value).dtype.kind in "fiu" else None
+    except (TypeError, ValueError):
+        x = None
+    if x is None or len(x) != count:
+        raise ModelError(f"{what} {value!r}, expected {count} number{'s' * (count > 1)}")
+    return tuple(x.tolist())
 
 
 def pose_matrix(placement: Any, what: str) -> Array:
@@ -215,10 +222,13 @@ def pose_matrix(placement: Any, what: str) -> Array:
     if placement is None:
         return X
     if isinstance(placement, tuple) and len(placement) == 2 and np.shape(placement[0]) == (3,):
-        X[:3, :3] = rpy_matrix(*np.asarray(placement[1], float))
-        X[:3, 3] = placement[0]
+        X[:3, :3] = rpy_matrix(*numbers(placement[1], 3, f"{what} has rpy"))
+        X[:3, 3] = numbers(placement[0], 3, f"{what} has xyz")
     else:
-        given = np.asarray(placement, dtype=float)
+        try:
+            given = np.asarray(placement, dtype=float)
+        except (TypeError, ValueError):
+            raise ModelError(f"{what} is {placement!r}, expected (3,), (4, 4) or a pair xyz, rpy") from None
         if given.shape == (3,):
             X[:3, 3] = given
         elif given.shape == (4, 4):
@@ -248,97 +258,14 @@ def rpy_matrix(roll: float, pitch: float, yaw: float) -> Array:
     return R
 
 
-class ModelBuilder:
-    """Makes a robot by calls, the same Model as a URDF would give.
-
-    >>> b = ModelBuilder("pendulum")
-    >>> _ = b.add_body("rod", joint="revolute", axis=(0, 1, 0), inertia=(1.0, (0, 0, -0.5), np.diag([1/12, 1/12, 0])))
-    >>> b.build().nv
-    1
-    """
-
-    def __init__(self, name: str = "robot", root: str = "base") -> None:
-        """An empty robot whose root link, without inertia until ``set_inertia``, is called ``root``."""
-        self.name = name
-        self._links: dict[str, Link] = {root: Link(root)}
-        self._joints: list[Joint] = []
-        self._root = root
-
-    def set_inertia(self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> ModelBuilder:
-        """Give a link its inertia: (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²])."""
-        if link not in self._links:
-            raise ModelError(f'link "{link}" is not in robot "{self.name}"')
-        self._links[link] = make_link(link, inertia)
-        return self
-
-    def add_body(
-        self,
-        name: str,
-        parent: str | None = None,
-        joint: str = "revolute",
-        axis: ArrayLike = (0.0, 0.0, 1.0),
-        placement: Any = None,
-        inertia: tuple[float, ArrayLike, ArrayLike] | None = None,
-        joint_name: str | None = None,
-        limits: tuple[float, float] = (-math.inf, math.inf),
-        velocity: float = math.inf,
-        effort: float = math.inf,
-        damping: float = 0.0,
-        friction: float = 0.0,
-        armature: float = 0.0,
-        mimic: Mimic | Mapping[str, Any] | None = None,
-    ) -> ModelBuilder:
-        """Add a link and the joint it hangs on; returns the builder.
-
-        parent      link it hangs on, by default the root
-        joint       one of fixed, revolute, continuous, prismatic, spherical, floating, planar
-        axis        (3,) in the joint's frame, any length but 0
-        placement   of the joint in the parent: xyz (3,) [m], a pair (xyz, rpy [rad]) or a pose (4, 4)
-        inertia     (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²]), in the link's frame
-        joint_name  by default ``name + "_joint"``
-        mimic       Mimic, or a mapping with its fields
-
-        Raises ModelError, InertiaError naming the link or joint and the value.
-        """
-        parent = self._root if parent is None else parent
-        joint_name = f"{name}_joint" if joint_name is None else joint_name
-        if parent not in self._links:
-            raise ModelError(f'link "{name}" has parent "{parent}", which robot "{self.name}" does not have')
-        if name in self._links:
-            raise ModelError(f'robot "{self.name}" has two links named "{name}", expected distinct names')
-        made = make_joint(
-            Joint(
-                joint_name, joint, parent, name,
-                tuple(pose_matrix(placement, f'placement of joint "{joint_name}"').ravel().tolist()),
-                tuple(np.asarray(axis, float).ravel().tolist()), float(limits[0]), float(limits[1]),
-                float(velocity), float(effort), float(damping), float(friction), float(armature),
-                Mimic(**mimic) if isinstance(mimic, Mapping) else mimic,
-            )
-        )  # fmt: skip
-        self._links[name] = Link(name) if inertia is None else make_link(name, inertia)
-        self._joints.append(made)
-        return self
-
-    def robot(self, inertia: str = "warn") -> Robot:
-        """The checked robot."""
-        return check_inertias(
-            check_tree(self.name, tuple(self._links.values()), tuple(self._joints)),
-            inertia,
-        )
-
-    def build(self, inertia: str = "warn", **options: Any) -> Any:
-        """The Model; ``options`` are those of ``load_urdf``: root, gravity, continuous, mimic."""
-        from .model import assemble
-
-        return assemble(self.robot(inertia), **options)
-
-
 def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
     """A Link from (mass, com (3,), rotational inertia (3, 3) about the com).
 
     Raises InertiaError naming the link for a negative or NaN mass, NaN entries, wrong shapes or an asymmetric matrix.
     """
     try:
+        if any(np.asarray(part).dtype.kind not in "fiu" for part in inertia):
+            raise TypeError
         mass, com, I = inertia
         mass, com, I = float(mass), np.asarray(com, float), np.asarray(I, float)
     except (TypeError, ValueError) as error:

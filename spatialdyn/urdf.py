@@ -57,6 +57,8 @@ Array = NDArray[np.float64]
 Made = TypeVar("Made")
 Where = Callable[[str, str], str]  # ("link" | "joint", name) -> where it stands, a prefix of messages
 
+LONGEST_NAME = 4096  # characters of a path
+
 
 def load_urdf(
     source: Any,
@@ -178,6 +180,10 @@ def _read_path(path: Path) -> tuple[str, bytes]:
 def _path_of(source: str) -> Path:
     """A string as a path if there is such a file, else as a name, else as the path it was meant to be."""
     path = Path(source)
+    if len(source) > LONGEST_NAME:
+        raise UrdfError(
+            f"source is {source[:40]!r}... of {len(source)} characters, expected URDF text, a path or a name"
+        )
     if os.path.isfile(source) or path.suffix in (".urdf", ".xml", ".xacro") or path.is_absolute():
         return path
     try:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from spatialdyn.builder import ModelBuilder
 from spatialdyn.errors import InertiaError, ModelError
 from spatialdyn.inertia import ROUNDING, inertia_defect, nearest_physical
 from spatialdyn.robot import (
     Joint,
     Link,
-    ModelBuilder,
     check_tree,
     make_joint,
     make_link,

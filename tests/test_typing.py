@@ -29,7 +29,7 @@ from .model import Frame, Model
 
 Array = NDArray[np.float64]
 
-__all__: list[str]
+__all__ = {names}
 calls: dict[str, Callable[..., Any]]
 
 def set_num_threads(n: int) -> None: ...
@@ -54,7 +54,9 @@ def declaration(spec: Spec) -> str:
 
 
 def stub() -> str:
-    return HEAD + "".join(declaration(spec) for spec in SPECS.values())
+    names = ["set_num_threads", "total_mass", *SPECS]
+    listed = "[\n" + "".join(f'    "{name}",\n' for name in names) + "]"
+    return HEAD.replace("{names}", listed) + "".join(declaration(spec) for spec in SPECS.values())
 
 
 def test_stub_declares_every_call_as_it_is() -> None:
@@ -66,6 +68,28 @@ def test_package_passes_mypy_strict() -> None:
         [sys.executable, "-m", "mypy", "--config-file", str(STUB.parent.parent / "pyproject.toml")],
         capture_output=True, text=True, cwd=STUB.parent.parent, check=False,
     )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+USER = """
+import numpy as np
+import spatialdyn as sd
+
+model = sd.load_urdf("two_link")
+tau: np.ndarray = sd.rnea(model, [0.1, 0.2], np.zeros(2), np.zeros(2))
+T = sd.kinetic_energy(model, tau, tau)
+J = sd.frame_jacobian(model, tau, "tip", reference="world")
+mass: float = sd.total_mass(model)
+other = sd.ModelBuilder("robot").add_body("a").build()
+nq: int = other.nq
+"""
+
+
+def test_a_users_script_passes_mypy_strict(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(USER, encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", str(script)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=STUB.parent.parent, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
 
 

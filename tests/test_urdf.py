@@ -614,8 +614,7 @@ def test_strict_raises_naming_file_and_line() -> None:
 
 
 def test_repair_projects_and_says_so() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with pytest.warns(UserWarning, match="repaired to principal moments"):
         robot = read_urdf(IMPOSSIBLE, inertia="repair")
     assert robot.notes == (DEFECT + "; repaired to principal moments [1.5 1.5 3]",)
     np.testing.assert_allclose(np.reshape(link_of(robot, "hand").inertia, (3, 3)), np.diag([1.5, 1.5, 3.0]))

@@ -54,6 +54,7 @@ def _stamp() -> str:
 STAMP = _stamp()
 
 
+@cache
 def variant(spec: Spec, present: frozenset[str]) -> Spec:
     """The spec of a call with just these of its optional inputs."""
     return replace(
@@ -295,6 +296,9 @@ class Kernels:
     ``kernels.rnea(model.bodies, q, v, a, out)``, ``kernels.aba(model.bodies, q, v, tau, out)`` and so on: the
     inputs of the public call of that name, then the output, then optional inputs. Scalar outputs are arrays of
     one. They raise ValueError on wrong sizes, norms, joints without inertia and results that are not finite.
+    A frame is its body's row and its pose there, ``model.joints[f.joint].row, f.placement`` for ``f =
+    model.frame(name)``, a reference 0 local, 1 world, 2 local_world_aligned. Of a model with mimic joints they
+    take q and v of the whole tree.
 
     A loop of your own with ``cache=True`` keeps the kernels it was compiled with, also after an upgrade. Capture
     ``STAMP`` in it (a closure variable, not a global) to have it compiled anew:

@@ -97,7 +97,7 @@ def _momentum(bodies: Any, work: Any) -> Force:
 @inlined
 def _mass(bodies: Any) -> Any:
     """Total mass of the moving bodies."""
-    m = 0.0
+    m = bodies[0].inertia.m
     for i in range(1, len(bodies)):
         m = m + bodies[i].inertia.m
     return m

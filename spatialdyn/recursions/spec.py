@@ -38,7 +38,7 @@ class Argument:
     free: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spec:
     """A public call: its name, the recursion behind it, the dtype of its scratch, its inputs (None: not there), output.
 

@@ -1,0 +1,297 @@
+"""Who may import whom, who may touch files, who may print: the plan of the house, held against the sources."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import spatialdyn
+from spatialdyn.recursions import SPECS
+
+PACKAGE = Path(spatialdyn.__file__).parent
+
+# Each room and the rooms right below it. A room may import what is below it, however far down, and nothing else.
+BELOW: dict[str, tuple[str, ...]] = {
+    # numbers
+    "scalars": (),
+    "spatial": ("scalars",),
+    "bodies": ("spatial",),
+    "recursions": ("bodies",),
+    "engines": ("recursions", "errors"),
+    # robots
+    "errors": (),
+    "inertia": ("errors",),
+    "robot": ("inertia",),
+    "rows": ("robot", "recursions"),
+    "mimics": ("rows",),
+    "assembly": ("mimics",),
+    "model": ("assembly",),
+    "builder": ("model",),
+    "robot_files": ("robot",),
+    "urdf_xml": ("robot",),
+    "urdf": ("model", "robot_files", "urdf_xml"),
+    # calls
+    "border": ("model", "engines"),
+    "diagnosis": ("border",),
+    "dynamics": ("diagnosis",),
+    "specialize": ("dynamics",),
+    "states": ("dynamics",),
+    "interop": ("states",),
+    "validate": ("interop", "urdf"),
+    # doors
+    "__init__": ("interop", "urdf", "builder", "specialize"),
+    "cli": ("validate", "__init__"),
+    "__main__": ("cli",),
+}
+# Imports that go up nonetheless, made by a function when it is called.
+UPWARD: dict[tuple[str, str], str] = {}
+
+# What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
+CHANGED = {"engines.batches": {"_kept", "_team"}}
+
+SHARED = {"spec", "joints", "lie", "energy"}  # what recursions import of their own room
+TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines", "cli"}
+NAME_FILES = {"validate"}  # tells Pinocchio which file to read
+PRINT = {"cli"}
+FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
+FILE_CALLS = {
+    "open", "read_text", "read_bytes", "write_text", "write_bytes", "glob", "rglob", "iterdir", "unlink", "mkdir",
+    "fromfile", "tofile", "loadtxt", "savetxt", "genfromtxt", "memmap",
+}  # fmt: skip
+LATE = {"yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy"}
+MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}
+
+
+def modules() -> dict[str, ast.Module]:
+    """Syntax tree of every module, by its dotted name below the package."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        found[".".join(parts)] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+MODULES = modules()
+NAMES = sorted(MODULES)
+
+
+def room_of(name: str) -> str:
+    """The room in which a module lives."""
+    return name.split(".")[0]
+
+
+def everything_below(room: str) -> set[str]:
+    """All rooms that a room stands on."""
+    return {room}.union(*(everything_below(lower) for lower in BELOW[room]))
+
+
+def own_imports(name: str) -> Iterator[str]:
+    """Dotted names below the package of the modules that a module imports, wherever in it."""
+    package = ["spatialdyn", *name.split(".")[:-1]]
+    for node in ast.walk(MODULES[name]):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[2] or "__init__" for alias in node.names if is_own(alias.name))
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) + 1 - node.level] if node.level else []
+            source = ".".join([*base, *(node.module or "").split(".")]).rstrip(".")
+            if is_own(source):
+                inner = source.partition(".")[2]
+                for alias in node.names:
+                    deeper = f"{inner}.{alias.name}".lstrip(".")
+                    yield deeper if is_module(deeper) else inner or "__init__"
+
+
+def is_own(source: str) -> bool:
+    """Whether a dotted name is of this package."""
+    return source.split(".")[0] == "spatialdyn"
+
+
+def is_module(name: str) -> bool:
+    """Whether a dotted name below the package is a module or a folder of them."""
+    return name in MODULES or f"{name}.__init__" in MODULES
+
+
+def foreign_imports(name: str) -> set[str]:
+    """Top-level names of the other packages that a module imports, wherever in it."""
+    found = set()
+    for node in ast.walk(MODULES[name]):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add((node.module or "").split(".")[0])
+    return found
+
+
+def called(name: str) -> Iterator[tuple[str, str]]:
+    """Calls in a module: ("", f) for f(...), ("x", f) for x.f(...)."""
+    for node in ast.walk(MODULES[name]):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            yield "", node.func.id
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            value = node.func.value
+            yield value.id if isinstance(value, ast.Name) else "?", node.func.attr
+
+
+# --- who imports whom -----------------------------------------------------------------------------------
+
+
+def test_every_module_has_its_room_in_the_table() -> None:
+    assert {room_of(name) for name in NAMES} <= set(BELOW)
+
+
+def test_the_table_has_no_circle_and_no_unknown_room() -> None:
+    order = list(TopologicalSorter(BELOW).static_order())
+    assert set(order) == set(BELOW)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_module_imports_one_above_or_beside_it(name: str) -> None:
+    room = room_of(name)
+    exempt = {above for below, above in UPWARD if below == room}
+    above = {imported for imported in own_imports(name) if room_of(imported) not in everything_below(room)}
+    assert {imported for imported in above if room_of(imported) not in exempt} == set()
+
+
+def test_every_exempt_import_is_still_made_and_by_a_function() -> None:
+    for below, above in UPWARD:
+        assert above in {room_of(imported) for imported in own_imports(below)}
+        top = {alias for node in MODULES[below].body if isinstance(node, ast.ImportFrom) for alias in [node.module]}
+        assert above not in top
+
+
+def test_modules_of_one_room_import_each_other_in_no_circle() -> None:
+    graph = {name: {m for m in own_imports(name) if m != name and room_of(m) == room_of(name)} for name in NAMES}
+    list(TopologicalSorter(graph).static_order())  # raises CycleError
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "recursions"])
+def test_recursions_know_tables_and_numbers_only(name: str) -> None:
+    own = set(own_imports(name))
+    assert {room_of(m) for m in own} <= {"scalars", "spatial", "bodies", "recursions"}
+    if not name.endswith("__init__"):
+        assert {m for m in own if room_of(m) == "recursions"} <= {f"recursions.{shared}" for shared in SHARED}
+    # an array library in here would be the place where a recursion allocates; Spec names a dtype
+    arrays = {"numpy"} if name == "recursions.spec" else set()
+    assert foreign_imports(name) & {"numpy", "numba", "llvmlite", "scipy"} <= arrays
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "engines"])
+def test_engines_know_recursions_by_their_specs_only(name: str) -> None:
+    seen = {m for m in own_imports(name) if room_of(m) == "recursions"}
+    assert seen <= {"recursions", "recursions.spec", "recursions.checks"}
+    words = {node.value for node in ast.walk(MODULES[name]) if isinstance(node, ast.Constant)}
+    words |= {node.id for node in ast.walk(MODULES[name]) if isinstance(node, ast.Name)}
+    words |= {node.attr for node in ast.walk(MODULES[name]) if isinstance(node, ast.Attribute)}
+    assert words & set(SPECS) == set()
+
+
+# --- who touches files, who speaks ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) not in TOUCH_FILES])
+def test_only_urdf_engines_and_the_command_line_touch_files(name: str) -> None:
+    assert {f for _, f in called(name)} & FILE_CALLS == set()
+    assert {f for of, f in called(name) if of in ("np", "numpy", "pickle", "json")} & {"load", "save", "dump"} == set()
+    if room_of(name) not in NAME_FILES:
+        assert foreign_imports(name) & FILE_MODULES == set()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_only_the_command_line_prints_and_nobody_logs(name: str) -> None:
+    assert "logging" not in foreign_imports(name)
+    if room_of(name) not in PRINT:
+        assert ("", "print") not in set(called(name))
+        attributes = {node.attr for node in ast.walk(MODULES[name]) if isinstance(node, ast.Attribute)}
+        assert attributes & {"stdout", "stderr"} == set()
+
+
+# --- what may not be in any module ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_slow_and_optional_packages_are_imported_when_needed(name: str) -> None:
+    late: set[str] = set()
+    stack: list[ast.AST] = [MODULES[name]]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            continue
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            continue
+        if isinstance(node, ast.Import):
+            late |= {alias.name.split(".")[0] for alias in node.names} & LATE
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            late |= {(node.module or "").split(".")[0]} & LATE
+        stack += ast.iter_child_nodes(node)
+    assert late == set()
+
+
+def test_importing_the_package_imports_none_of_them() -> None:
+    """None that Numba does not bring: it imports SciPy where there is one."""
+    code = f"""
+import sys, numba
+brought = set(sys.modules)
+import spatialdyn
+print(*sorted({{name.split(".")[0] for name in set(sys.modules) - brought}} & {LATE!r}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
+    assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nobody_asks_for_fastmath_altogether(name: str) -> None:
+    """``fastmath=True`` deletes checks for NaN."""
+    asked = [node.value for node in ast.walk(MODULES[name]) if isinstance(node, ast.keyword) and node.arg == "fastmath"]
+    for node in ast.walk(MODULES[name]):
+        if isinstance(node, ast.Dict):
+            pairs = zip(node.keys, node.values, strict=True)
+            asked += [value for key, value in pairs if isinstance(key, ast.Constant) and key.value == "fastmath"]
+    for value in asked:
+        assert isinstance(value, ast.Set)
+        assert {ast.literal_eval(flag) for flag in value.elts} == {"contract"}
+
+
+def test_every_recursion_is_written_once() -> None:
+    written = Counter(
+        node.name for tree in MODULES.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+    )
+    assert {name: written[name] for name in {"rnea", "crba", "aba"}} == {"rnea": 1, "crba": 1, "aba": 1}
+    assert {spec.recursion.__name__ for spec in SPECS.values() if written[spec.recursion.__name__] != 1} == set()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_function_changes_what_its_module_holds(name: str) -> None:
+    """Not by ``global``, nor by writing into a module's table, list or dict."""
+    tree = MODULES[name]
+    assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
+    held = {
+        target.id
+        for node in tree.body
+        if isinstance(node, (ast.Assign, ast.AnnAssign))
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        if isinstance(target, ast.Name)
+    }
+    found = set()
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        local = {
+            node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        }
+        local |= {argument.arg for argument in ast.walk(function) if isinstance(argument, ast.arg)}
+        for node in ast.walk(function):
+            changed: ast.AST | None = None
+            if isinstance(node, (ast.Subscript, ast.Attribute)) and isinstance(node.ctx, (ast.Store, ast.Del)):
+                changed = node.value
+            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in MUTATORS:
+                changed = node.func.value
+            if isinstance(changed, ast.Name) and changed.id in held - local:
+                found.add(changed.id)
+    assert found == CHANGED.get(name, set())

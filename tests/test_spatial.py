@@ -1,0 +1,342 @@
+"""Every spatial operator against the 6 x 6 matrix it stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, get_type_hints
+
+import numpy as np
+import pytest
+from dense import Array, crf, crm, flip, plucker, skew, spatial_inertia
+from trees import random_inertia, random_placement
+
+from spatialdyn import spatial as sp
+from spatialdyn.spatial import Articulated, Force, Inertia, Motion, Pose, Rot, Sym, Vec
+
+CLOSE = 64 * np.finfo(float).eps  # of the largest entry: products of three 6 x 6 matrices
+SEEDS = range(6)
+UPPER = np.triu_indices(3)
+
+
+# --- between tuples and matrices ------------------------------------------------------------------------
+
+
+def vec(a: Array) -> Vec:
+    return Vec(*np.asarray(a).tolist())
+
+
+def rot(A: Array) -> Rot:
+    return Rot(*np.asarray(A).ravel().tolist())
+
+
+def sym(A: Array) -> Sym:
+    return Sym(*np.asarray(A)[UPPER].tolist())
+
+
+def full(A: Sym) -> Array:
+    return np.array([[A.xx, A.xy, A.xz], [A.xy, A.yy, A.yz], [A.xz, A.yz, A.zz]])
+
+
+def square(A: Rot) -> Array:
+    return np.reshape(A, (3, 3))
+
+
+def motion(m: Array) -> Motion:
+    return Motion(vec(m[:3]), vec(m[3:]))
+
+
+def force(f: Array) -> Force:
+    return Force(vec(f[:3]), vec(f[3:]))
+
+
+def flat(m: Motion | Force) -> Array:
+    return np.array([*m[0], *m[1]])
+
+
+def pose(T: Array) -> Pose:
+    return Pose(rot(T[:3, :3]), vec(T[:3, 3]))
+
+
+def placed(X: Pose) -> Array:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = square(X.R), X.p
+    return T
+
+
+def body(mass: float, com: Array, inertia: Array) -> Inertia:
+    c = np.asarray(com)
+    return Inertia(mass, vec(mass * c), sym(inertia + mass * (c @ c * np.eye(3) - np.outer(c, c))))
+
+
+def of_body(I: Inertia) -> Array:
+    return np.block([[full(I.I), skew(I.h)], [skew(I.h).T, I.m * np.eye(3)]])
+
+
+def of_articulated(A: Articulated) -> Array:
+    return np.block([[full(A.I), square(A.H)], [square(A.H).T, full(A.M)]])
+
+
+def close(x: Any, y: Any) -> None:
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    assert x.shape == y.shape
+    assert abs(x - y).max() <= CLOSE * max(1.0, abs(y).max())
+
+
+class Sample:
+    """Random things, each as a tuple and as the matrix it stands for."""
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.a, self.b = rng.normal(size=(2, 3))
+        self.m, self.v, self.f, self.g = rng.normal(size=(4, 6))
+        self.A, self.B = rng.normal(size=(2, 3, 3))
+        self.P = self.A + self.A.T
+        self.T, self.U = random_placement(rng), random_placement(rng)
+        self.T[:3, 3], self.U[:3, 3] = rng.normal(size=(2, 3))
+        self.X = plucker(self.T)
+        self.inertia, self.other = random_inertia(rng), random_inertia(rng)
+        S = rng.normal(size=(6, 6))
+        self.K = S @ S.T  # any articulated inertia: symmetric positive definite
+        self.s = float(rng.normal())
+
+
+@pytest.fixture(params=SEEDS)
+def x(request: pytest.FixtureRequest) -> Sample:
+    return Sample(request.param)
+
+
+def artic(K: Array) -> Articulated:
+    return Articulated(sym(K[:3, :3]), rot(K[:3, 3:]), sym(K[3:, 3:]))
+
+
+# --- three-vectors and 3 x 3 matrices -------------------------------------------------------------------
+
+THREE: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
+    "plus": (lambda x: sp.plus(vec(x.a), vec(x.b)), lambda x: x.a + x.b),
+    "minus": (lambda x: sp.minus(vec(x.a), vec(x.b)), lambda x: x.a - x.b),
+    "negative": (lambda x: sp.negative(vec(x.a)), lambda x: -x.a),
+    "times": (lambda x: sp.times(x.s, vec(x.a)), lambda x: x.s * x.a),
+    "dot": (lambda x: sp.dot(vec(x.a), vec(x.b)), lambda x: x.a @ x.b),
+    "cross": (lambda x: sp.cross(vec(x.a), vec(x.b)), lambda x: skew(x.a) @ x.b),
+    "rotate": (lambda x: sp.rotate(rot(x.A), vec(x.a)), lambda x: x.A @ x.a),
+    "unrotate": (lambda x: sp.unrotate(rot(x.A), vec(x.a)), lambda x: x.A.T @ x.a),
+    "matmul": (lambda x: square(sp.matmul(rot(x.A), rot(x.B))), lambda x: x.A @ x.B),
+    "transpose": (lambda x: square(sp.transpose(rot(x.A))), lambda x: x.A.T),
+    "add_rot": (lambda x: square(sp.add_rot(rot(x.A), rot(x.B))), lambda x: x.A + x.B),
+    "apply_sym": (lambda x: sp.apply_sym(sym(x.P), vec(x.a)), lambda x: x.P @ x.a),
+    "add_sym": (lambda x: full(sp.add_sym(sym(x.P), sym(x.B + x.B.T))), lambda x: x.P + x.B + x.B.T),
+    "congruence": (lambda x: full(sp.congruence(rot(x.B), sym(x.P))), lambda x: x.B @ x.P @ x.B.T),
+    "spin_matrix": (lambda x: square(sp.spin_matrix(vec(x.a), vec(x.b))), lambda x: skew(x.b) + skew(x.a) @ skew(x.a)),
+    "rate_of_spin": (
+        lambda x: sp.rate_of_spin(sym(x.P), vec(x.a), vec(x.b), sp.spin_matrix(vec(x.a), vec(x.b))),
+        lambda x: x.P @ x.b + np.cross(x.a, x.P @ x.a),
+    ),
+    "identity": (lambda x: square(sp.identity()), lambda x: np.eye(3)),
+    "zero": (lambda x: sp.zero(), lambda x: np.zeros(3)),
+}
+
+# --- motions, forces and poses --------------------------------------------------------------------------
+
+SIX: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
+    "add_motion": (lambda x: flat(sp.add_motion(motion(x.m), motion(x.v))), lambda x: x.m + x.v),
+    "sub_motion": (lambda x: flat(sp.sub_motion(motion(x.m), motion(x.v))), lambda x: x.m - x.v),
+    "scale_motion": (lambda x: flat(sp.scale_motion(x.s, motion(x.m))), lambda x: x.s * x.m),
+    "add_force": (lambda x: flat(sp.add_force(force(x.f), force(x.g))), lambda x: x.f + x.g),
+    "sub_force": (lambda x: flat(sp.sub_force(force(x.f), force(x.g))), lambda x: x.f - x.g),
+    "scale_force": (lambda x: flat(sp.scale_force(x.s, force(x.f))), lambda x: x.s * x.f),
+    "zero_motion": (lambda x: flat(sp.zero_motion()), lambda x: np.zeros(6)),
+    "zero_force": (lambda x: flat(sp.zero_force()), lambda x: np.zeros(6)),
+    "power": (lambda x: sp.power(motion(x.m), force(x.f)), lambda x: x.m @ x.f),
+    "cross_motion": (lambda x: flat(sp.cross_motion(motion(x.v), motion(x.m))), lambda x: crm(x.v) @ x.m),
+    "cross_force": (lambda x: flat(sp.cross_force(motion(x.v), force(x.f))), lambda x: crf(x.v) @ x.f),
+    "compose": (lambda x: placed(sp.compose(pose(x.T), pose(x.U))), lambda x: x.T @ x.U),
+    "inverse": (lambda x: placed(sp.inverse(pose(x.T))), lambda x: np.linalg.inv(x.T)),
+    "identity_pose": (lambda x: placed(sp.identity_pose()), lambda x: np.eye(4)),
+    "motion_to_child": (lambda x: flat(sp.motion_to_child(pose(x.T), motion(x.m))), lambda x: x.X @ x.m),
+    "motion_to_parent": (
+        lambda x: flat(sp.motion_to_parent(pose(x.T), motion(x.m))),
+        lambda x: np.linalg.solve(x.X, x.m),
+    ),
+    "force_to_parent": (lambda x: flat(sp.force_to_parent(pose(x.T), force(x.f))), lambda x: x.X.T @ x.f),
+    "force_to_child": (
+        lambda x: flat(sp.force_to_child(pose(x.T), force(x.f))),
+        lambda x: np.linalg.solve(x.X.T, x.f),
+    ),
+}
+
+# --- inertias -------------------------------------------------------------------------------------------
+
+BODIES: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
+    "momentum": (
+        lambda x: flat(sp.momentum(body(*x.inertia), motion(x.v))),
+        lambda x: spatial_inertia(*x.inertia) @ x.v,
+    ),
+    "add_inertia": (
+        lambda x: of_body(sp.add_inertia(body(*x.inertia), body(*x.other))),
+        lambda x: spatial_inertia(*x.inertia) + spatial_inertia(*x.other),
+    ),
+    "inertia_to_parent": (
+        lambda x: of_body(sp.inertia_to_parent(pose(x.T), body(*x.inertia))),
+        lambda x: x.X.T @ spatial_inertia(*x.inertia) @ x.X,
+    ),
+    "inertia_rate": (
+        lambda x: of_body(sp.inertia_rate(body(*x.inertia), motion(x.v))),
+        lambda x: crf(x.v) @ spatial_inertia(*x.inertia) - spatial_inertia(*x.inertia) @ crm(x.v),
+    ),
+    "articulated": (
+        lambda x: of_articulated(sp.articulated(body(*x.inertia))),
+        lambda x: spatial_inertia(*x.inertia),
+    ),
+    "add_articulated": (
+        lambda x: of_articulated(sp.add_articulated(artic(x.K), artic(2.0 * x.K))),
+        lambda x: 3.0 * x.K,
+    ),
+    "articulated_force": (lambda x: flat(sp.articulated_force(artic(x.K), motion(x.m))), lambda x: x.K @ x.m),
+    "without": (
+        lambda x: of_articulated(sp.without(artic(x.K), force(x.f), force(x.s * x.f))),
+        lambda x: x.K - x.s * np.outer(x.f, x.f),
+    ),
+    "articulated_to_parent": (
+        lambda x: of_articulated(sp.articulated_to_parent(pose(x.T), artic(x.K))),
+        lambda x: x.X.T @ x.K @ x.X,
+    ),
+    "shifted": (
+        lambda x: full(sp.shifted(sym(x.P), vec(x.a), vec(x.b), vec(x.b + x.s * x.a))),
+        lambda x: x.P + x.a @ (2.0 * x.b + x.s * x.a) * np.eye(3) - np.outer(x.b, x.a) - np.outer(x.a, x.b + x.s * x.a),
+    ),
+}
+OPERATORS = THREE | SIX | BODIES
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_operator_is_the_matrix_it_stands_for(x: Sample, name: str) -> None:
+    made, expected = OPERATORS[name]
+    close(made(x), expected(x))
+
+
+def test_every_operator_is_held_to_a_matrix() -> None:
+    """All but those that read and write tables and arrays, which are below."""
+    offered = {name for name, f in vars(sp).items() if callable(f) and getattr(f, "__module__", "") == sp.__name__}
+    inout = {n for n in offered if n.startswith(("put_", "public_")) or n.endswith(("_of", "_from"))}
+    assert offered - inout - {kind.__name__ for kind in sp.TYPES} - {"table_dtype", "object_twin", "_layout"} == set(
+        OPERATORS
+    )
+
+
+def test_without_leaves_no_inertia_along_the_joint(x: Sample) -> None:
+    A, S = artic(x.K), motion(x.m)
+    U = sp.articulated_force(A, S)
+    D = sp.power(S, U)
+    left = sp.without(A, U, sp.scale_force(1.0 / D, U))
+    assert abs(flat(sp.articulated_force(left, S))).max() <= CLOSE * abs(flat(U)).max()
+
+
+def test_power_does_not_depend_on_the_frame(x: Sample) -> None:
+    X = pose(x.T)
+    here = sp.power(motion(x.m), force(x.f))
+    close(sp.power(sp.motion_to_parent(X, motion(x.m)), sp.force_to_parent(X, force(x.f))), here)
+
+
+def test_inertia_rate_is_the_derivative_along_the_motion(x: Sample) -> None:
+    """Of a body carried along by v for ±h, seen from where it was."""
+    I, h = body(*x.inertia), 1e-5
+
+    def carried(t: float) -> Array:
+        X = np.eye(6) - t * crm(x.v) + 0.5 * t * t * crm(x.v) @ crm(x.v)
+        return X.T @ of_body(I) @ X
+
+    by_difference = (carried(h) - carried(-h)) / (2.0 * h)
+    assert abs(of_body(sp.inertia_rate(I, motion(x.v))) - by_difference).max() < 1e-8  # h² and eps/h
+
+
+def test_a_force_along_a_force_is_an_error_by_construction() -> None:
+    f = force(np.arange(6.0))
+    with pytest.raises(AttributeError):
+        sp.power(f, f)
+    with pytest.raises(AttributeError):
+        sp.cross_motion(motion(np.arange(6.0)), f)
+
+
+def test_operators_are_exact_on_exact_numbers() -> None:
+    """The numbers may be anything with + - * /: 3 x 3 rotations of a rational angle stay orthonormal exactly."""
+    c, s, o, i = Fraction(3, 5), Fraction(4, 5), Fraction(0), Fraction(1)
+    X = Pose(Rot(c, -s, o, s, c, o, o, o, i), Vec(Fraction(1, 3), Fraction(2, 7), i))
+    back = sp.compose(X, sp.inverse(X))
+    assert back == Pose(Rot(i, o, o, o, i, o, o, o, i), Vec(o, o, o))
+    assert all(type(entry) is Fraction for part in back for entry in part)
+
+
+# --- tables ---------------------------------------------------------------------------------------------
+
+FIELDS = {
+    Vec: (sp.put_vec, sp.vec_of), Rot: (sp.put_rot, sp.rot_of), Sym: (sp.put_sym, sp.sym_of),
+    Motion: (sp.put_motion, sp.motion_of), Force: (sp.put_force, sp.force_of), Pose: (sp.put_pose, sp.pose_of),
+    Inertia: (sp.put_inertia, sp.inertia_of), Articulated: (sp.put_articulated, sp.articulated_of),
+}  # fmt: skip
+
+
+def numbered(kind: Any, count: list[int]) -> Any:
+    """A tuple of that type whose numbers are all different."""
+    parts = []
+    for name in kind._fields:
+        inner = get_type_hints(kind)[name]
+        if hasattr(inner, "_fields"):
+            parts.append(numbered(inner, count))
+        else:
+            count[0] += 1
+            parts.append(float(count[0]))
+    return kind(*parts)
+
+
+@pytest.mark.parametrize("kind", sp.TYPES)
+def test_a_table_gives_back_what_was_written(kind: Any) -> None:
+    table = np.zeros(3, sp.table_dtype(before=float, field=kind, after=int))
+    put, read = FIELDS[kind]
+    value = numbered(kind, [0])
+    put(table[1].field, value)
+    assert read(table[1].field) == value
+    assert read(table[0].field) == read(table[2].field) == numbered_zero(kind)
+    assert table[1].before == 0.0
+    assert table[1].after == 0
+
+
+def numbered_zero(kind: Any) -> Any:
+    """A tuple of that type of zeros."""
+    hints = get_type_hints(kind)
+    return kind(*(numbered_zero(hints[n]) if hasattr(hints[n], "_fields") else 0.0 for n in kind._fields))
+
+
+@pytest.mark.parametrize("kind", sp.TYPES)
+def test_an_object_twin_holds_any_number_and_counts_with_integers(kind: Any) -> None:
+    dtype = sp.table_dtype(number=float, field=kind, count=int)
+    twin = sp.object_twin(dtype)
+    assert twin.names == dtype.names
+    assert twin["count"] == dtype["count"]
+    assert twin["number"] == np.dtype(object)
+    table = np.zeros(1, twin)
+    put, read = FIELDS[kind]
+    value = numbered(kind, [0])
+    put(table[0].field, value)
+    table[0].number = third = Fraction(1, 3)
+    assert read(table[0].field) == value
+    assert table[0].number is third
+
+
+# --- the border -----------------------------------------------------------------------------------------
+
+
+def test_public_vectors_are_linear_first(x: Sample) -> None:
+    out = np.empty(6)
+    sp.public_motion(out, motion(x.m))
+    np.testing.assert_array_equal(out, flip(x.m))
+    sp.public_force(out, force(x.f))
+    np.testing.assert_array_equal(out, flip(x.f))
+    assert sp.force_from(out) == force(x.f)
+
+
+def test_public_poses_are_four_by_four(x: Sample) -> None:
+    out = np.empty((4, 4))
+    sp.public_pose(out, pose(x.T))
+    np.testing.assert_array_equal(out, x.T)
+    assert sp.pose_from(out) == pose(x.T)
