@@ -30,6 +30,7 @@ from .errors import (
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
+from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .urdf import load_urdf
 
@@ -37,6 +38,6 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "UrdfError", "assemble", "from_drake", "from_mujoco", "from_pinocchio",
-    "kernels", "load_urdf", "random_configuration", "step", "to_drake", "to_mujoco", "wrench_at",
+    "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "from_drake", "from_mujoco",
+    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
 ]  # fmt: skip

@@ -58,6 +58,16 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
         raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
 
 
+def empty(shape: tuple[int, ...]) -> Array:
+    """An array for results; a large one begins on a cache line, so that it can be written past the caches."""
+    size = 8 * math.prod(shape)
+    if size < 1 << 20:
+        return np.empty(shape)
+    raw = np.empty(size + 64, np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + size].view(np.float64).reshape(shape)
+
+
 def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> Array:
     """``out`` if results can be written to it.
 

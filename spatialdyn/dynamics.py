@@ -22,6 +22,7 @@ from .border import (
     check_out,
     contracted,
     core_shape,
+    empty,
     expanded,
     frame_of,
     full_shape,
@@ -51,7 +52,7 @@ def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any
     )
     shape = batch + core_shape(model, spec.output)
     result = (
-        np.empty(shape)
+        empty(shape)
         if out is None
         else check_out(out, shape, {x.name: a for x, a in zip(varying, arrays, strict=True)})
     )
@@ -61,7 +62,7 @@ def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any
             return result if out is not None or shape else float(result)
         arrays = [expanded(model, x, a) for x, a in zip(varying, arrays, strict=True)]
     whole = batch + full_shape(model, spec.output)
-    target = result if whole == shape and model.mimic_matrix is None else np.empty(whole)
+    target = result if whole == shape and model.mimic_matrix is None else empty(whole)
     run(spec, model, arrays, batch, static, target)
     if target is not result:
         result[...] = contracted(model, spec.output, target)
@@ -82,7 +83,8 @@ def run(
     flat = out.reshape((n, *full_shape(model, spec.output))) if spec.output.shape else out.reshape((n, 1))
     samples = None
     if n >= batches.FROM and not jit.PLAIN:
-        kernel = _program(spec, model, tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in static))
+        values = tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in static)
+        kernel = _program(spec, model, values, flat.nbytes >= batches.STREAM and flat.ctypes.data % 64 == 0)
         if kernel is not None:
             samples = kernel(n, stepped, [flat])
             if not len(samples):
@@ -100,13 +102,13 @@ def run(
         diagnose(spec, model, stepped, batch, static, rest, status, np.arange(n) if samples is None else samples)
 
 
-@lru_cache(maxsize=256)
-def _program(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> batches.Kernel | None:
+@lru_cache(maxsize=batches.KEPT)
+def _program(spec: Spec, model: Model, static: tuple[bytes | int, ...], stream: bool) -> batches.Kernel | None:
     """The program of a call on SIMD lanes, if it can be one."""
     if not batches.fits((spec,), model.bodies):
         return None
     values = [np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static]
-    return batches.kernel((spec,), model.bodies, model.key, values)
+    return batches.kernel((spec,), model.bodies, model.key, values, stream=stream)
 
 
 def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], result: Array) -> None:

@@ -54,7 +54,7 @@ def declaration(spec: Spec) -> str:
 
 
 def stub() -> str:
-    names = ["set_num_threads", "total_mass", *SPECS]
+    names = sorted(["set_num_threads", "total_mass", *SPECS])
     listed = "[\n" + "".join(f'    "{name}",\n' for name in names) + "]"
     return HEAD.replace("{names}", listed) + "".join(declaration(spec) for spec in SPECS.values())
 

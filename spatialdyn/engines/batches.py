@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import itertools
+import math
+import os
 import struct
 import threading
 from collections import OrderedDict
@@ -17,6 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,12 +30,16 @@ from ..recursions.checks import EPS
 from ..recursions.spec import Spec
 from . import lanes, store
 from .jit import STAMP
+from .parameters import Parameter, put, withdraw
+from .parameters import shape as parameter_shape
 from .regroup import regroup
-from .trace import Program, Tape, scratch, table
+from .trace import Number, Program, Tape, scratch, table
 
 FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long to compile: 1.5 s at 44 rows, 8 s at 100
 KEPT = 128  # programs in memory
+STREAM = 16 << 20  # bytes of output from which it goes past the caches: 17 x Pinocchio instead of 9 on talos crba
+STORES = 64  # in one block of code
 
 _lock = threading.RLock()
 _kept: OrderedDict[str, Kernel | None] = OrderedDict()
@@ -45,6 +53,9 @@ class _Team:
     def __init__(self) -> None:
         self._pools: dict[int, ThreadPoolExecutor] = {}
 
+    def forget(self) -> None:
+        self._pools.clear()
+
     def pool(self, threads: int) -> ThreadPoolExecutor:
         with _lock:
             if threads not in self._pools:
@@ -53,6 +64,8 @@ class _Team:
 
 
 _team = _Team()
+if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child
+    os.register_at_fork(after_in_child=_team.forget)
 
 
 def set_num_threads(n: int) -> None:
@@ -72,13 +85,38 @@ class Recorded(NamedTuple):
     layout: lanes.Layout
 
 
-def record(specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any] = ()) -> Recorded:
+class Choice(NamedTuple):
+    """What of some calls is wanted, of what the rest is a constant: hashable, and text by ``repr``.
+
+    fixed       (input, its entries, flat: NaN where they stay inputs) for each input that has constant ones
+    parameters  of the table, which become inputs, after the others
+    outputs     for each call the places of the wanted entries of its output, flat; empty for all of all
+    """
+
+    fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    outputs: tuple[tuple[int, ...], ...] = ()
+
+
+ALL = Choice()
+
+
+def record(
+    specs: Sequence[Spec],
+    bodies: NDArray[Any],
+    static: Sequence[Any] = (),
+    choice: Choice = ALL,
+    dtype: Any = np.float64,
+) -> Recorded:
     """Some calls on one table of bodies as one program; an input of one name is one input.
 
     static  values of the static inputs of the calls, in their order
+    choice  what is constant, what else an input, and what is wanted
+    dtype   in which the program will run, and pivots be judged
     """
-    fixed = iter(static)
+    fixed, known = iter(static), dict(choice.fixed)
     tape, rows = Tape(), table(bodies)
+    taken = withdraw(rows, choice.parameters)
     if all(spec.regroup for spec in specs):
         regroup(rows)
     n = len(bodies) - 1
@@ -96,26 +134,39 @@ def record(specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any] = 
             if x.static:
                 given[x.name] = next(fixed)
                 continue
-            width = int(np.prod(shape(x.shape), dtype=int))
-            numbers = np.array([tape.input(count + k) for k in range(width)], dtype=object)
+            entries = known.get(x.name, (math.nan,) * int(np.prod(shape(x.shape), dtype=int)))
+            order = itertools.count(count)
+            places_of = [next(order) if math.isnan(e) else None for e in entries]  # None: a constant
+            numbers = np.empty(len(entries), dtype=object)
+            numbers[:] = [e if at is None else tape.input(at) for e, at in zip(entries, places_of, strict=True)]
             given[x.name] = numbers.reshape(shape(x.shape)) if x.shape else numbers[0]
             if x.unit_norm:
-                units += [tuple(count + k for k in part) for part in unit_parts(bodies)]
-            widths.append(width)
+                parts = [tuple(places_of[k] for k in part) for part in unit_parts(bodies)]
+                units += [tuple(k for k in part if k is not None) for part in parts if None not in part]
+            width = next(order) - count
+            if width or not entries:
+                widths.append(width)
             count += width
+    loads = []
+    for p in choice.parameters:
+        widths.append(math.prod(parameter_shape(p, n)))
+        loads.append([tape.input(count + k) for k in range(widths[-1])])
+        count += widths[-1]
+    put(rows, choice.parameters, loads, taken)
     results: list[Any] = []
     places, pivots = [], []
-    for spec in specs:
+    for k, spec in enumerate(specs):
         out = np.zeros(shape(spec.output.shape) or (1,), dtype=object)
         inner = [np.zeros(n, dtype=object)] if spec.pivots else []
         work = [] if spec.work is None else [scratch(spec.work, n + 1)]
         inputs = [None if x is None else given[x.name] for x in spec.inputs]
         spec.recursion(rows, *work, *inputs, out, *inner)
-        places.append(tuple(range(len(results), len(results) + out.size)))
-        results += out.ravel().tolist()
+        wanted = out.ravel()[list(choice.outputs[k])] if choice.outputs else out.ravel()
+        places.append(tuple(range(len(results), len(results) + len(wanted))))
+        results += wanted.tolist()
         if spec.pivots:
-            margins = pivot_margins(bodies, given["q"], inner[0])
-            pivots += [(len(results) + k, least) for k, (_, least) in enumerate(margins)]
+            margins = pivot_margins(rows, given["q"], inner[0], EPS if dtype == np.float64 else np.finfo(dtype).eps)
+            pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
     layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots))
     return Recorded(Program(tape, results, count), layout)
@@ -132,31 +183,31 @@ def unit_parts(bodies: NDArray[Any]) -> list[tuple[int, ...]]:
     return found
 
 
-def pivot_margins(bodies: NDArray[Any], q: Any, pivots: Any) -> list[tuple[Any, float]]:
+def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
     """For each D what has to exceed which constant, for it to be above n eps of a bound on its composite inertia.
 
     With t the sum of m distances |q| that joints below the root have travelled, 2 b t <= b (1 + t²) and
-    t² <= m Σ q²: a polynomial, which a program can hold.
+    t² <= m Σ q²: a polynomial, which a program can hold. ``rows`` are plain; what of them is a Number is part of it.
     """
-    n = len(bodies) - 1
+    n = len(rows) - 1
     moved: list[int] = []
-    for row in bodies[1:]:
-        kind, at = int(row["kind"]), int(row["at"])
-        if kind == PRISMATIC:
-            moved.append(at)
-        elif row["parent"] > 0 and kind in (PLANAR, PLANAR_CS, FLOATING):
-            moved += [at + k for k in range(3 if kind == FLOATING else 2)]
+    for row in rows[1:]:
+        if row.kind == PRISMATIC:
+            moved.append(row.at)
+        elif row.parent > 0 and row.kind in (PLANAR, PLANAR_CS, FLOATING):
+            moved += [row.at + k for k in range(3 if row.kind == FLOATING else 2)]
     squares: Any = 0.0
     for k in moved:
         squares = squares + q[k] * q[k]
     margins = []
-    for row, D in zip(bodies[1:], pivots, strict=True):
-        a, b, c = (float(row["bound"][x]) for x in "xyz")
-        least = n * EPS * (float(row["armature"]) + a)
-        growth = n * EPS * len(moved)
-        if moved and (b or c):
-            least += n * EPS * b
-            D = D - (growth * (b + c)) * squares
+    for row, D in zip(rows[1:], pivots, strict=True):
+        least, small = 0.0, n * eps
+        growth = (small * len(moved)) * (row.bound.y + row.bound.z) * squares
+        for part in (small * (row.armature + row.bound.x), small * row.bound.y if moved else 0.0, growth):
+            if isinstance(part, Number):
+                D = D - part
+            else:
+                least += part
         margins.append((D, least))
     return margins
 
@@ -167,6 +218,7 @@ class Kernel:
     def __init__(self, code: bytes, workspace: int, layout: lanes.Layout, dtype: Any) -> None:
         """Load object code made by ``lanes.compiled`` from a program of that layout."""
         self._loaded = lanes.Loaded(code)
+        self.address = self._loaded.address
         self.layout, self.dtype, self.workspace = layout, np.dtype(dtype), workspace
         self.lanes = lanes.lanes_of(dtype)
         pairs = [ctypes.c_void_p, ctypes.c_int64] * len(layout.inputs)
@@ -245,19 +297,32 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any]) -> bool:
 
 
 def kernel(
-    specs: tuple[Spec, ...], bodies: NDArray[Any], key: str, static: Sequence[Any] = (), dtype: Any = np.float64
+    specs: tuple[Spec, ...],
+    bodies: NDArray[Any],
+    key: str,
+    static: Sequence[Any] = (),
+    dtype: Any = np.float64,
+    choice: Choice = ALL,
+    one: bool = False,
+    stream: bool = False,
 ) -> Kernel | None:
-    """The kernel of some calls for the table whose content has that key; None if they have no vector form."""
+    """The kernel of some calls for the table whose content has that key; None if they have no vector form.
+
+    one     for single samples: on one lane
+    stream  for outputs larger than the caches, which start on a vector's boundary
+    """
     names = "|".join(f"{s.name}({','.join(x.name for x in s.given)})" for s in specs)
     processor, features, _, _ = lanes.host()
     values = "|".join(x.tobytes().hex() if isinstance(x, np.ndarray) else str(x) for x in static)
-    text = "\n".join((key, names, values, np.dtype(dtype).name, STAMP, processor, features, lanes.VERSION))
+    chosen = "" if choice == ALL else repr(choice)
+    dtype_name = np.dtype(dtype).name + (" one" if one else "") + (" stream" if stream else "")
+    text = "\n".join((key, names, values, chosen, dtype_name, STAMP, processor, features, lanes.VERSION))
     digest = hashlib.sha256(text.encode()).hexdigest()
     with _lock:
         if digest in _kept:
             _kept.move_to_end(digest)
             return _kept[digest]
-        made = _from_disk(digest, dtype) or _made(specs, bodies, static, digest, dtype)
+        made = _from_disk(digest, dtype) or _made(specs, bodies, static, digest, dtype, choice, one, stream)
         _kept[digest] = made
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
@@ -265,15 +330,51 @@ def kernel(
 
 
 def _made(
-    specs: tuple[Spec, ...], bodies: NDArray[Any], static: Sequence[Any], digest: str, dtype: Any
+    specs: tuple[Spec, ...],
+    bodies: NDArray[Any],
+    static: Sequence[Any],
+    digest: str,
+    dtype: Any,
+    choice: Choice = ALL,
+    one: bool = False,
+    stream: bool = False,
 ) -> Kernel | None:
-    program, layout = record(specs, bodies, static)
+    try:
+        program, layout = record(specs, bodies, static, choice, dtype)
+    except ZeroDivisionError:  # a joint that moves no inertia in any state
+        return None
     if not lanes.supported(program):
         return None
-    code, workspace = lanes.compiled(program, layout, dtype)
+    code, workspace = _on_one_lane(program, layout, dtype) if one else lanes.compiled(program, layout, dtype, stream)
     made = Kernel(code, workspace, layout, dtype)
     store.write(digest, _packed(code, workspace, layout))
     return made
+
+
+def _on_one_lane(program: Program, layout: lanes.Layout, dtype: Any) -> tuple[bytes, int]:
+    """As ``lanes.compiled``, for tiles of one sample: LLVM makes scalars of vectors of one."""
+    name, features, _, fma = lanes.host()
+    writer = lanes._Writer(program, layout, dtype, 1, fma)
+    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
+    )
+    text = _in_blocks(writer.text())
+    return machine.emit_object(llvm.parse_assembly(text)), writer.workspace
+
+
+def _in_blocks(text: str) -> str:
+    """The kernel's loop with an end that is never taken after every so many stores.
+
+    LLVM's time grows with the square of the stores in one block: 8 s for a mass matrix of 44 rows, cut up 0.4 s.
+    """
+    lines, stores, last = [], 0, "loop"
+    for line in text.split("\n"):
+        lines.append(line)
+        stores = 0 if line.startswith("define") else stores + line.startswith("  store")
+        if stores >= STORES and line.startswith("  store") and "loop:" in lines:
+            stores, last = 0, f"block{len(lines)}"
+            lines += [f"  br i1 %any, label %{last}, label %done", f"{last}:"]
+    return "\n".join(lines).replace("[ %next, %loop ]", f"[ %next, %{last} ]")
 
 
 def _packed(code: bytes, workspace: int, layout: lanes.Layout) -> bytes:

@@ -51,11 +51,18 @@ CHUNK = 1500  # operations of one function, in programs of more than
 WHOLE = 2500
 UNIT_TOLERANCE = 2e-6
 MAGIC = {"double": 6755399441055744.0, "float": 12582912.0}
-HALF_PI = {  # with fma: parts of full precision; without: parts whose product with n is exact
+HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
+    # with fma: parts of full precision; without: parts whose product with n is exact
     ("double", True): (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33),
     ("double", False): (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
     ("float", True): (1.5707963705062866, -4.371138828673793e-08, -1.7151245100058819e-15),
-    ("float", False): (1.5703125, 4.8351287841796875e-04, 3.13855707645416259765625e-07),
+    ("float", False): (
+        1.5703125,
+        0.0004825592041015625,
+        1.2665987014770508e-06,
+        9.89530235528946e-10,
+        2.563344151594519e-12,
+    ),
 }
 SINE = {
     "double": (
@@ -177,9 +184,7 @@ class _Text:
         s, v, k = self.scalar, self.vector, self.constant
         shifted = self.fused(x, k(2.0 / math.pi), k(MAGIC[s]))
         n = self.binary("fsub", shifted, k(MAGIC[s]))
-        r = x
-        for part in HALF_PI[s, self.fma]:
-            r = self.fused(n, k(-part), r)
+        r = self._reduced(x, n)
         z = self.binary("fmul", r, r)
         p, q = k(SINE[s][-1]), k(COSINE[s][-1])
         for c in reversed(SINE[s][:-1]):
@@ -202,6 +207,23 @@ class _Text:
             bits = self.put(f"bitcast {v} {value} to {self.bits}")
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
         return results[0], results[1]
+
+    def _reduced(self, x: str, n: str) -> str:
+        """x - n π/2, within an ulp."""
+        k = self.constant
+        *parts, least = HALF_PI[self.scalar, self.fma]
+        r, rest = x, ""
+        for part in parts:
+            if self.fma:
+                r = self.fused(n, k(-part), r)
+                continue
+            taken = self.binary("fmul", n, k(part))  # exact; what the difference loses is kept
+            less = self.binary("fsub", r, taken)
+            lost = self.binary("fsub", self.binary("fsub", r, less), taken)
+            r, rest = less, self.binary("fadd", rest, lost) if rest else lost
+        if self.fma:
+            return self.fused(n, k(-least), r)
+        return self.binary("fadd", r, self.binary("fsub", rest, self.binary("fmul", n, k(least))))
 
     def transposed(self, vectors: list[str]) -> list[str]:
         """The transpose of len(vectors) columns in groups of so many lanes, by log2 exchanges."""

@@ -1,0 +1,654 @@
+"""Batches on lanes give what the kernel for any model gives, whatever their size, layout, threads and company."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import threading
+import tracemalloc
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_engine import EPS, kernel_inputs, options, public, random_inputs, run_python, sorted_inputs
+from trees import random_tree
+
+import spatialdyn as sd
+from spatialdyn import dynamics, scalars
+from spatialdyn.engines import batches, jit, lanes, store, trace
+from spatialdyn.recursions import SPECS
+from spatialdyn.recursions.spec import Spec
+from spatialdyn.robot import Mimic
+
+pytestmark = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: every sample goes the plain way")
+
+Array = NDArray[np.float64]
+B = 512  # the least batch that runs on lanes
+NEVER = 10**9
+ROUNDING = 64 * EPS  # of the largest entry of a sample: both round the same equations in another order
+SOLVED = 4.0  # times the untraced error, and ROUNDING, for what is solved for
+DIGITS = 40  # of the exact values
+CALLS = [name for name, spec in SPECS.items() if sorted_inputs(spec)]
+MEGABYTE = 2**20
+
+scalars.sin.register(mpmath.mpf)(mpmath.sin)
+scalars.cos.register(mpmath.mpf)(mpmath.cos)
+scalars.sqrt.register(mpmath.mpf)(mpmath.sqrt)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads and the choice of program are the test's own."""
+    forget_choices()
+    yield
+    sd.set_num_threads(1)
+    forget_choices()
+
+
+def forget_choices() -> None:
+    """Let the next call choose its way anew."""
+    dynamics._program.cache_clear()
+
+
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """No program in memory or on disk; returns the folder of the disk's."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
+    return tmp_path / "spatialdyn"
+
+
+@pytest.fixture(scope="module", params=["fixed", "floating, cos_sin"])
+def model(request: pytest.FixtureRequest) -> sd.Model:
+    """A tree with every kind of joint."""
+    floating = request.param != "fixed"
+    made = random_tree(108, 6, floating=floating, continuous="cos_sin" if floating else "angle").model
+    assert len({j.kind for j in made.joints[1:]}) == 6
+    return made
+
+
+@pytest.fixture(scope="module")
+def arm() -> sd.Model:
+    """Five joints that turn and slide."""
+    return random_tree(2, 5, ["revolute", "prismatic", "continuous"]).model
+
+
+def untraced(model: sd.Model, spec: Spec, values: list[Any], **more: Any) -> Any:
+    """The public call by the kernel for any model."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batches, "FROM", NEVER)
+        return public(model, spec, values, **more)
+
+
+def on_lanes(model: sd.Model, spec: Spec, values: list[Any], **more: Any) -> Any:
+    """The public call on lanes at any size, failing if it goes another way."""
+    seen = []
+    run = batches.Kernel.__call__
+
+    def counted(self: Any, n: int, *arguments: Any) -> Any:
+        seen.append(n)
+        return run(self, n, *arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batches, "FROM", 1)
+        patch.setattr(batches.Kernel, "__call__", counted)
+        found = public(model, spec, values, **more)
+    assert len(seen) == 1
+    return found
+
+
+def scaled(x: Any, y: Any, axes: int) -> float:
+    """The largest difference of a sample, of its largest entry or 1; ``axes`` are those of one sample."""
+    x, y = np.asarray(x), np.asarray(y)
+    assert x.shape == y.shape
+    core = tuple(range(x.ndim - axes, x.ndim))
+    error = abs(x - y).max(axis=core, initial=0.0) / np.maximum(abs(y).max(axis=core, initial=0.0), 1.0)
+    return float(np.max(error, initial=0.0))
+
+
+def bare(name: str) -> Spec:
+    """A call without its optional inputs."""
+    return jit.variant(SPECS[name], frozenset())
+
+
+# --- the same as the kernel for any model ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_lanes_equal_the_untraced_call(model: sd.Model, name: str) -> None:
+    spec = SPECS[name]
+    static = kernel_inputs(model, spec, [None] * len(sorted_inputs(spec)))  # type: ignore[list-item]
+    static = [value for x, value in zip(spec.given, static, strict=True) if x.static]
+    values = random_inputs(model, spec, batch=(B + 3,))
+    wanted = untraced(model, spec, values)
+    if not batches.fits((spec,), model.bodies) or batches.kernel((spec,), model.bodies, model.key, static) is None:
+        assert name in ("normalize", "integrate", "difference", "interpolate", "ddifference")
+        np.testing.assert_array_equal(public(model, spec, values), wanted)
+        return
+    found = on_lanes(model, spec, values)
+    if not spec.pivots:  # a single number is a sum that may cancel: measured against the largest of the batch
+        assert scaled(found, wanted, len(spec.output.shape) or 1) <= ROUNDING
+
+
+def exact(model: sd.Model, spec: Spec, values: list[Array], sample: int) -> Array:
+    """A recursion on numbers of 40 digits, rounded to float64 at the end."""
+    with mpmath.workdps(DIGITS):
+        n = model.nv
+        out, pivots = np.zeros((n, n) if spec.name == "minverse" else n, object), np.zeros(n, object)
+        named = {
+            x.name: np.reshape([mpmath.mpf(e) for e in v[sample].ravel().tolist()], v[sample].shape)
+            for x, v in zip(sorted_inputs(spec), values, strict=True)
+        }
+        inputs = [None if x is None else named[x.name] for x in spec.inputs]
+        spec.recursion(trace.table(model.bodies), trace.scratch(spec.work, n + 1), *inputs, out, pivots)
+        return out.astype(np.float64)
+
+
+@pytest.mark.parametrize("name", ["aba", "minverse"])
+def test_what_is_solved_for_is_as_near_the_exact_value(model: sd.Model, name: str) -> None:
+    spec = SPECS[name]
+    values = random_inputs(model, spec, seed=7, batch=(B,))
+    few = range(12)
+    wanted = np.array([exact(model, spec, values, k) for k in few])
+    axes = len(spec.output.shape)
+    errors = [scaled(call(model, spec, values)[: len(few)], wanted, axes) for call in (on_lanes, untraced)]
+    assert errors[0] <= SOLVED * errors[1] + ROUNDING
+
+
+# --- every size and form --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [*range(18), *range(B, B + 18)])
+def test_every_tail_is_right(arm: sd.Model, n: int) -> None:
+    """Alone in a larger array: nothing is written before or behind the results."""
+    for name in ("rnea", "crba", "kinetic_energy"):
+        spec = bare(name)
+        values = random_inputs(arm, spec, seed=n, batch=(n,))
+        wanted = untraced(arm, spec, values)
+        room = np.full((n + 8, *wanted.shape[1:]), np.nan)
+        out = room[4 : n + 4]
+        if n:
+            found = on_lanes(arm, spec, values, out=out)
+            assert found is out
+        else:
+            public(arm, spec, values, out=out)
+        assert scaled(out, wanted, len(spec.output.shape)) <= ROUNDING
+        assert np.isnan(room[:4]).all()
+        assert np.isnan(room[n + 4 :]).all()
+
+
+@pytest.mark.parametrize("shape", [(3, 400), (2, 1, 300), (600, 1), (1, 513)])
+def test_batches_of_more_axes_are_the_flat_one(arm: sd.Model, shape: tuple[int, ...]) -> None:
+    spec = SPECS["rnea"]
+    values = random_inputs(arm, spec, batch=shape)
+    found = on_lanes(arm, spec, values)
+    flat = on_lanes(arm, spec, [x.reshape(-1, *x.shape[len(shape) :]) for x in values])
+    np.testing.assert_array_equal(found.reshape(flat.shape), flat)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_an_input_of_one_sample_serves_all_as_its_copies_do(arm: sd.Model, threads: int) -> None:
+    sd.set_num_threads(threads)
+    spec, n = bare("rnea"), 4098
+    q, v, a = random_inputs(arm, spec, batch=(n,))
+    for some in ([q, v[7], a], [q, v[7:8], a[3]], [q[0], v, a], [q.reshape(2, n // 2, -1), v[: n // 2], a[:1]]):
+        batch = np.broadcast_shapes(*(x.shape[:-1] for x in some))
+        copies = [np.broadcast_to(x, (*batch, arm.nv)).copy() for x in some]
+        np.testing.assert_array_equal(on_lanes(arm, spec, some), on_lanes(arm, spec, copies))
+
+
+def test_the_form_of_an_input_changes_no_bit(arm: sd.Model) -> None:
+    spec = bare("rnea")
+    values = random_inputs(arm, spec, batch=(600,))
+    wanted = on_lanes(arm, spec, values)
+    forms = [
+        np.asfortranarray,
+        lambda x: np.repeat(x, 2, axis=0)[::2],
+        lambda x: np.repeat(x, 2, axis=1)[:, ::2],
+        lambda x: x[::-1].copy()[::-1],
+        lambda x: x.astype(x.dtype.newbyteorder()),
+        lambda x: np.frombuffer(b"?" + x.tobytes(), np.uint8)[1:].view(float).reshape(x.shape),
+        lambda x: x.tolist(),
+    ]
+    for form in forms:
+        np.testing.assert_array_equal(on_lanes(arm, spec, [form(x) for x in values]), wanted)
+    before = [x.copy() for x in values]
+    for x in values:
+        x.flags.writeable = False
+    np.testing.assert_array_equal(on_lanes(arm, spec, values), wanted)
+    for x, y in zip(values, before, strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+def test_results_go_to_an_array_at_any_address(arm: sd.Model) -> None:
+    """Eight bytes off every vector's boundary, and at sizes where results are streamed if they ever are."""
+    for n in (B + 1, 40000):
+        for name in ("rnea", "crba"):
+            spec = bare(name)
+            values = random_inputs(arm, spec, batch=(n,))
+            wanted = untraced(arm, spec, values)
+            for offset in range(0, 72, 8):
+                room = np.zeros(wanted.nbytes + 160, np.uint8)
+                first = -room.ctypes.data % 64 + offset
+                out = room[first : first + wanted.nbytes].view(np.float64).reshape(wanted.shape)
+                public(arm, spec, values, out=out)
+                assert scaled(out, wanted, len(spec.output.shape)) <= ROUNDING
+                assert not room[:first].any()
+                assert not room[first + wanted.nbytes :].any()
+                if n > B + 1 and offset:
+                    break
+
+
+# --- the same to the bit --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rnea", "crba", "aba", "forward_kinematics"])
+def test_a_sample_has_the_same_bits_in_any_batch_on_any_number_of_threads(model: sd.Model, name: str) -> None:
+    spec = bare(name)
+    values = random_inputs(model, spec, batch=(2003,))
+    wanted = on_lanes(model, spec, values)
+    for threads in (1, 2, 3):
+        sd.set_num_threads(threads)
+        np.testing.assert_array_equal(on_lanes(model, spec, values), wanted)
+        for some in (slice(1, 1500), slice(5, 5 + B), slice(None, None, -1), slice(0, 2000, 3), slice(70, 71)):
+            np.testing.assert_array_equal(on_lanes(model, spec, [x[some] for x in values]), wanted[some])
+
+
+def test_a_number_of_threads_below_one_is_refused() -> None:
+    for n in (0, -3):
+        with pytest.raises(sd.SpatialDynError, match=f"n is {n}, expected at least 1 thread"):
+            sd.set_num_threads(n)
+
+
+# --- samples that are not in order ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_odd_samples_are_the_untraced_ones_and_good_ones_unchanged(model: sd.Model, threads: int) -> None:
+    """NaN and inf come out as NaN, an angle beyond the short sine by the long one; in the tail too."""
+    sd.set_num_threads(threads)
+    for name in ("rnea", "crba", "aba", "generalized_gravity"):
+        spec = bare(name)
+        values = random_inputs(model, spec, batch=(2005,))
+        wanted = on_lanes(model, spec, values)
+        angle = next(j.idx_q for j in model.joints if j.kind == "revolute")
+        odd = {3: np.nan, 8: np.inf, 15: -np.inf, 1000: 1e6, 1001: 99999.0, 1999: -3e15, 2004: 1e5 + 1.0}
+        for k, value in odd.items():
+            values[0][k, angle] = value
+        if len(values) > 1:
+            odd[77] = np.nan
+            values[-1][77, -1] = np.nan
+        found = on_lanes(model, spec, values)
+        good = np.setdiff1d(np.arange(2005), list(odd))
+        np.testing.assert_array_equal(found[good], wanted[good])
+        again = untraced(model, spec, values)
+        flagged = [k for k in odd if k != 1001]
+        np.testing.assert_array_equal(found[flagged], again[flagged])
+        if name != "aba":
+            assert scaled(found[1001:1002], again[1001:1002], len(spec.output.shape)) <= ROUNDING
+        assert np.isnan(found[3]).any()
+        assert np.isfinite(found[1000]).all()
+
+
+def test_an_input_of_one_sample_that_is_nan_makes_all_nan(arm: sd.Model) -> None:
+    q, v, a = random_inputs(arm, bare("rnea"), batch=(600,))
+    v0 = v[0].copy()
+    v0[0] = np.nan
+    np.testing.assert_array_equal(sd.rnea(arm, q, v0, a), untraced(arm, bare("rnea"), [q, v0, a]))
+
+
+@pytest.mark.parametrize("batch", [(1003,), (17, 59)])
+def test_a_norm_that_is_not_one_is_named_with_its_sample(batch: tuple[int, ...]) -> None:
+    model = random_tree(108, 6, continuous="cos_sin").model
+    q, v, a = random_inputs(model, bare("rnea"), batch=batch)
+    flat = q.reshape(-1, model.nq)
+    for joint in model.joints[1:]:
+        part = {"spherical": slice(0, 4), "floating": slice(3, 7), "continuous": slice(0, 2), "planar": slice(2, 4)}
+        if joint.kind not in part:
+            continue
+        at = slice(joint.idx_q + part[joint.kind].start, joint.idx_q + part[joint.kind].stop)
+        for k in (0, 640, 1002):
+            kept = flat[k].copy()
+            flat[k, at] *= 1.01
+            where = str(k) if len(batch) == 1 else str(tuple(int(i) for i in np.unravel_index(k, batch)))
+            out = np.zeros((*batch, model.nv))
+            with pytest.raises(sd.ConfigurationError) as caught:
+                sd.rnea(model, q, v, a, out=out)
+            assert f'"{joint.name}" in sample {where}, expected' in str(caught.value)
+            flat[k] = kept
+    sd.rnea(model, q, v, a)
+
+
+def test_a_norm_within_the_tolerance_is_no_error() -> None:
+    model = random_tree(108, 6).model
+    (q,) = random_inputs(model, SPECS["crba"], batch=(600,))
+    q = q.astype(np.float32).astype(float)
+    assert scaled(on_lanes(model, SPECS["crba"], [q]), untraced(model, SPECS["crba"], [q]), 2) <= ROUNDING
+
+
+def rod_on_a_turntable() -> sd.Model:
+    """A mass at the end of a rod that swings about y, on a massless table that turns about z: at q₂ = 0 the mass is
+    on the table's axis.
+    """
+    builder = sd.ModelBuilder("turntable")
+    builder.add_body("table", axis=(0, 0, 1), joint_name="turn")
+    rod = (1.0, (0.0, 0.0, 1.0), np.zeros((3, 3)))
+    builder.add_body("rod", "table", axis=(0, 1, 0), joint_name="swing", inertia=rod)
+    return builder.build()
+
+
+@pytest.mark.parametrize("name", ["aba", "minverse"])
+def test_a_joint_that_moves_no_inertia_is_named_with_its_sample(name: str) -> None:
+    model, spec = rod_on_a_turntable(), bare(name)
+    values = random_inputs(model, spec, batch=(700,))
+    values[0][:, 1] = np.linspace(0.5, 2.5, 700)
+    on_lanes(model, spec, values)
+    values[0][[333, 699], 1] = 0.0
+    with pytest.raises(sd.InertiaError, match='"turn" moves no inertia in sample 333, the first of 2'):
+        on_lanes(model, spec, values)
+
+
+def test_a_massless_tip_is_refused_in_every_batch() -> None:
+    builder = sd.ModelBuilder("tip")
+    builder.add_body("a", axis=(0, 0, 1), inertia=(1.0, (0.3, 0, 0), 0.1 * np.eye(3)))
+    builder.add_body("b", "a", axis=(0, 1, 0), placement=(1, 0, 0), joint_name="last")
+    model = builder.build()
+    values = random_inputs(model, bare("aba"), batch=(B,))
+    with pytest.raises(sd.InertiaError, match='"last" moves no inertia in sample 0, the first of 512'):
+        on_lanes(model, bare("aba"), values)
+
+
+def test_a_product_beyond_the_range_is_named_with_its_sample(arm: sd.Model) -> None:
+    q, v, a = random_inputs(arm, bare("rnea"), batch=(600,))
+    v[411] = 1e200
+    v[5] = np.nan
+    with pytest.raises(sd.NonFiniteError, match="rnea of finite input is not finite in sample 411"):
+        sd.rnea(arm, q, v, a)
+
+
+# --- programs kept --------------------------------------------------------------------------------------
+
+
+def test_a_second_process_records_and_compiles_nothing(arm: sd.Model, tmp_path: Path) -> None:
+    q, v, a = random_inputs(arm, bare("rnea"), batch=(B,))
+    (tmp_path / "task").write_bytes(pickle.dumps((arm, q, v, a)))
+    script = """
+import pickle, sys
+from pathlib import Path
+import numpy as np
+import spatialdyn as sd
+from spatialdyn.engines import batches, lanes
+task, found, how = sys.argv[1:]
+model, q, v, a = pickle.loads(Path(task).read_bytes())
+def refuse(*arguments, **named):
+    raise AssertionError("made anew")
+if how == "second":
+    batches.record = lanes.compiled = refuse
+results = [sd.rnea(model, q, v, a), sd.crba(model, q)]
+v[1] = np.nan
+results.append(sd.rnea(model, q, v, a))
+Path(found).write_bytes(pickle.dumps(results))
+"""
+    found = []
+    for how in ("first", "second"):
+        run_python(script, str(tmp_path / "task"), str(tmp_path / how), how, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+        found.append(pickle.loads((tmp_path / how).read_bytes()))
+    assert len(list((tmp_path / "cache").rglob("*" + store.SUFFIX))) == 2
+    for x, y in zip(*found, strict=True):
+        np.testing.assert_array_equal(x, y)
+    assert scaled(found[0][0], untraced(arm, bare("rnea"), [q, v, a]), 1) <= ROUNDING
+
+
+def recordings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The names of the calls that are recorded from now on."""
+    seen: list[str] = []
+    record = batches.record
+
+    def counted(specs: Any, *arguments: Any, **named: Any) -> Any:
+        seen.extend(spec.name for spec in specs)
+        return record(specs, *arguments, **named)
+
+    monkeypatch.setattr(batches, "record", counted)
+    return seen
+
+
+def rnea_kernel(model: sd.Model) -> batches.Kernel:
+    kernel = batches.kernel((bare("rnea"),), model.bodies, model.key)
+    assert kernel is not None
+    return kernel
+
+
+@pytest.mark.parametrize("damage", ["bit", "cut", "empty", "head"])
+def test_a_damaged_file_is_made_anew(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
+    seen = recordings(monkeypatch)
+    values = random_inputs(arm, bare("rnea"), batch=(B,))
+    wanted = on_lanes(arm, bare("rnea"), values)
+    (file,) = fresh.glob("*" + store.SUFFIX)
+    whole = file.read_bytes()
+    middle = len(whole) // 2
+    file.write_bytes(
+        {
+            "bit": whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
+            "cut": whole[:middle],
+            "empty": b"",
+            "head": bytes([whole[0] ^ 1]) + whole[1:],
+        }[damage]
+    )
+    batches._kept.clear()
+    forget_choices()
+    np.testing.assert_array_equal(on_lanes(arm, bare("rnea"), values), wanted)
+    assert seen == ["rnea", "rnea"]
+    assert file.read_bytes() == whole
+    batches._kept.clear()
+    forget_choices()
+    on_lanes(arm, bare("rnea"), values)
+    assert seen == ["rnea", "rnea"]
+
+
+def test_what_cannot_be_written_is_kept_in_memory(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fresh.write_text("a file where the folder should be")
+    seen = recordings(monkeypatch)
+    values = random_inputs(arm, bare("rnea"), batch=(B,))
+    on_lanes(arm, bare("rnea"), values)
+    on_lanes(arm, bare("rnea"), values)
+    assert seen == ["rnea"]
+
+
+def test_old_files_go(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "MOST", 3)
+    for k in range(6):
+        store.write(f"digest{k}", bytes([k]))
+    assert len(list(fresh.iterdir())) == 3
+    assert store.read("digest5") == b"\x05"
+    assert store.read("digest0") is None
+
+
+def test_other_sources_models_calls_dtypes_and_hosts_are_other_programs(
+    arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = recordings(monkeypatch)
+    first = rnea_kernel(arm)
+    assert rnea_kernel(arm) is first
+    assert len(seen) == 1
+    heavier = arm.with_(gravity=(0, 0, -1))
+    assert rnea_kernel(heavier) is not first
+    batches.kernel((SPECS["rnea"],), arm.bodies, arm.key)
+    batches.kernel((bare("rnea"),), arm.bodies, arm.key, dtype=np.float32)
+    batches.kernel((bare("aba"),), arm.bodies, arm.key)
+    assert len(seen) == 5
+    monkeypatch.setattr(batches, "STAMP", "edited")
+    assert rnea_kernel(arm) is not first
+    name, features, width, fma = lanes.host()
+    monkeypatch.setattr(lanes, "host", lambda: (name, features + ",", width, fma))
+    monkeypatch.setattr(batches, "_from_disk", lambda *arguments: None)
+    monkeypatch.setattr(batches, "_made", lambda *arguments: seen.append("other host"))
+    batches.kernel((bare("rnea"),), arm.bodies, arm.key)
+    assert seen[-2:] == ["rnea", "other host"]
+    assert len(list(fresh.glob("*" + store.SUFFIX))) == 6
+
+
+def test_an_equal_model_shares_the_program(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = recordings(monkeypatch)
+    first = rnea_kernel(arm)
+    assert rnea_kernel(pickle.loads(pickle.dumps(arm))) is first
+    assert seen == ["rnea"]
+
+
+def test_no_more_programs_are_kept_than_stated(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batches, "KEPT", 3)
+    models = [random_tree(seed, 2, ["revolute"]).model for seed in range(5)]
+    values = [random_inputs(model, bare("rnea"), batch=(B,)) for model in models]
+    results = [on_lanes(model, bare("rnea"), some) for model, some in zip(models, values, strict=True)]
+    assert len(batches._kept) == 3
+    seen = recordings(monkeypatch)
+    for model, some, wanted in zip(models, values, results, strict=True):
+        np.testing.assert_array_equal(on_lanes(model, bare("rnea"), some), wanted)
+    assert seen == []  # the disk has them
+    assert len(batches._kept) <= 3
+
+
+def test_what_chooses_a_program_holds_no_more_of_them_than_are_kept() -> None:
+    most = dynamics._program.cache_info().maxsize
+    assert most is not None
+    assert most <= batches.KEPT
+
+
+def test_eight_threads_may_make_the_first_call(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = recordings(monkeypatch)
+    model = random_tree(11, 6).model
+    values = random_inputs(model, bare("rnea"), batch=(B + 1,))
+    wanted = untraced(model, bare("rnea"), values)
+    start, found, wrong = threading.Barrier(8), [np.empty(0)] * 8, []
+
+    def work(k: int) -> None:
+        try:
+            start.wait()
+            found[k] = sd.rnea(model, *values)
+        except BaseException as error:
+            wrong.append(repr(error))
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+    assert seen == ["rnea"]
+    for result in found:
+        np.testing.assert_array_equal(result, found[0])
+    assert scaled(found[0], wanted, 1) <= ROUNDING
+
+
+def test_threads_that_call_at_once_share_the_team(arm: sd.Model) -> None:
+    """Four threads, each of whose batches runs on three."""
+    sd.set_num_threads(3)
+    values = random_inputs(arm, bare("rnea"), batch=(4096,))
+    wanted, wrong = sd.rnea(arm, *values), []
+
+    def work() -> None:
+        wrong.extend(k for k in range(20) if not np.array_equal(sd.rnea(arm, *values), wanted))
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+
+
+SCRIPT_FORK = """
+import os, time, warnings
+import numpy as np
+import spatialdyn as sd
+warnings.simplefilter("ignore")  # of forking a process with threads
+model, x = sd.load_urdf("two_link"), np.ones((4096, 2))
+sd.set_num_threads(2)
+tau = sd.rnea(model, x, x, x)
+child = os.fork()
+if child == 0:
+    os._exit(0 if np.array_equal(sd.rnea(model, x, x, x), tau) else 1)
+end = time.monotonic() + 10.0
+ended, status = 0, None
+while not ended and time.monotonic() < end:
+    ended, status = os.waitpid(child, os.WNOHANG)
+    time.sleep(0.01)
+if not ended:
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+print("hangs" if not ended else "wrong" if status else "right")
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_child_has_threads_of_its_own() -> None:
+    """As ``multiprocessing`` makes them; the parent's threads do not come with it."""
+    assert run_python(SCRIPT_FORK).strip() == "right"
+
+
+# --- limits ---------------------------------------------------------------------------------------------
+
+
+def test_a_model_of_too_many_rows_goes_untraced(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = random_inputs(arm, bare("rnea"), batch=(B,))
+    wanted = untraced(arm, bare("rnea"), values)
+    monkeypatch.setattr(batches, "record", None)
+    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
+    monkeypatch.setattr(batches, "MOST_ROWS", arm.nv - 1)
+    np.testing.assert_array_equal(sd.rnea(arm, *values), wanted)
+    assert not batches.fits((bare("rnea"),), arm.bodies)
+    monkeypatch.setattr(batches, "MOST_ROWS", arm.nv)
+    assert batches.fits((bare("rnea"),), arm.bodies)
+
+
+def test_a_batch_below_the_stated_size_makes_no_program(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = random_inputs(arm, bare("rnea"), batch=(batches.FROM - 1,))
+    monkeypatch.setattr(batches, "kernel", None)
+    np.testing.assert_array_equal(sd.rnea(arm, *values), untraced(arm, bare("rnea"), values))
+
+
+def test_a_model_without_joints_has_no_program() -> None:
+    model = sd.ModelBuilder("rock").build()
+    assert sd.rnea(model, *np.zeros((3, 1000, 0))).shape == (1000, 0)
+    assert sd.crba(model, np.zeros((1000, 0))).shape == (1000, 0, 0)
+
+
+def test_a_model_with_mimic_joints_is_the_whole_tree_contracted() -> None:
+    builder = sd.ModelBuilder("gripper")
+    for k, parent in enumerate([None, "b0", "b0"]):
+        body = (1.0 + k, (0.1, 0.2, 0.3), 0.1 * np.eye(3))
+        builder.add_body(f"b{k}", parent, "prismatic" if k else "revolute", (1, k, 0), inertia=body, joint_name=f"j{k}")
+    whole = builder.build()
+    q, v, a = random_inputs(whole, bare("rnea"), batch=(600,))
+    G = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -2.0]])
+    robot = whole.robot
+    joints = tuple(replace(j, mimic=Mimic("j1", -2.0, 0.0)) if j.name == "j2" else j for j in robot.joints)
+    model = sd.Model(replace(robot, joints=joints), replace(whole.options, mimic=True))
+    assert model.nv == 2
+    wanted = on_lanes(whole, bare("rnea"), [x[:, :2] @ G.T for x in (q, v, a)]) @ G
+    assert scaled(on_lanes(model, bare("rnea"), [x[:, :2] for x in (q, v, a)]), wanted, 1) <= ROUNDING
+
+
+def test_a_large_batch_takes_no_large_memory() -> None:
+    """Inputs of 96 MB: they are transposed tile by tile, in registers."""
+    model, n = sd.load_urdf("two_link"), 2_000_000
+    values = [np.ones((n, 2)) for _ in range(3)]
+    values[0][n // 2] = 2e5  # one that is done again
+    out = np.empty((n, 2))
+    sd.rnea(model, *(x[:B] for x in values))
+    for threads in (1, 2):
+        sd.set_num_threads(threads)
+        tracemalloc.start()
+        try:
+            sd.rnea(model, *values, out=out)
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        assert peak < 16 * MEGABYTE
+    np.testing.assert_array_equal(out[-1], out[0])
+    assert options(model, SPECS["rnea"]) == {}
