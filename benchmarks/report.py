@@ -15,10 +15,19 @@ BEGIN, END = "<!-- measured: benchmarks/run.py -->\n", "<!-- end -->\n"
 
 
 def table() -> str:
-    """Single calls as Markdown."""
+    """Batches and single calls as Markdown."""
     results = json.loads((HERE / "results.json").read_text(encoding="utf-8"))
     machine = results["machine"]
-    lines = ["| one call, µs | " + " | ".join(results["single"]) + " |", "|---|" + "---|" * len(results["single"])]
+    robots = list(results["batch"])
+    names = [name.rsplit("/", 1)[-1].replace(",", ", base") if "/" in name else name for name in robots]
+    lines = ["| a batch, ns a sample | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
+    for call in ("rnea", "aba", "crba"):
+        cells = [
+            f"{t[call]['ours_ns']:.0f} / {t[call]['pin_ns']:.0f}, {t[call]['ratio']:.0f}x"
+            for t in results["batch"].values()
+        ]
+        lines.append(f"| `{call}` | " + " | ".join(cells) + " |")
+    lines += ["", "| one call, µs | " + " | ".join(results["single"]) + " |", "|---|" + "---|" * len(results["single"])]
     for call in ("rnea", "crba", "aba", "minverse"):
         cells = [
             f"{t[call]['ours_us']:.2f} / {t[call]['pin_us']:.2f} ({t[call]['jitted_us']:.2f})"
@@ -26,7 +35,9 @@ def table() -> str:
         ]
         lines.append(f"| `{call}` | " + " | ".join(cells) + " |")
     about = (
-        f"spatialdyn from Python / Pinocchio {machine['pinocchio']} from Python (spatialdyn inside a jitted loop); "
+        f"spatialdyn / Pinocchio {machine['pinocchio']}. Batches of {results['samples']} on one thread, results into a "
+        "given array, against `rneaInParallel` and `abaInParallel` on one thread and a Python loop of `crba`. Single "
+        "calls from Python (and of spatialdyn inside a jitted loop); "
         f"medians of interleaved rounds in one process, {machine['processor']}, Python {machine['python']}, "
         f"Numba {machine['numba']}. Starting a process, warm cache: import {results['start']['import_s']:.2f} s, first "
         f"`rnea` {results['start']['first_rnea_from_urdf_s']:.2f} s after start with a URDF to read."

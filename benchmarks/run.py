@@ -294,12 +294,13 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer and shorter rounds, well under 2 minutes")
     options = parser.parse_args()
     rounds, seconds = (7, 0.005) if options.quick else (21, 0.02)
+    samples = 8192
     results = {
         "machine": machine(),
         "single": {robot: single_calls(robot, rounds, seconds) for robot in track(ROBOTS, "single calls")},
+        "samples": samples,
         "batch": {
-            f"{robot}, {root}": batch_calls(robot, root, 1024 if options.quick else 8192, rounds)
-            for robot, root in track(BATCHES, "batches")
+            f"{robot}, {root}": batch_calls(robot, root, samples, rounds) for robot, root in track(BATCHES, "batches")
         },
         "chain": chain_times(rounds),
         "start": starting(3 if options.quick else 7),

@@ -39,5 +39,6 @@ __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
     "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "from_drake", "from_mujoco",
-    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
+    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
+    "wrench_at",
 ]  # fmt: skip
