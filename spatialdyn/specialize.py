@@ -31,7 +31,7 @@ from .dynamics import calls as public
 from .engines import batches, jit, parameters, quick
 from .engines.parameters import Parameter
 from .engines.trace import Program
-from .errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError
+from .errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
 from .recursions import SPECS
 from .recursions.checks import UNIT_TOLERANCE
@@ -372,7 +372,7 @@ class Specialized:
 
     signature        inputs left to be given and results, with their shapes
     engine           "lanes", or "untraced" where no program is: a long one (above ``batches.MOST_ROWS`` freedoms), one
-                     with an operation that has no vector form, or with NUMBA_DISABLE_JIT
+                     with an operation that has no vector form, a joint that never moves inertia, or NUMBA_DISABLE_JIT
     compile_seconds  spent so far on getting it compiled or from disk; what single samples need is made at the first
     program          the Program, whose ``listing()`` prints it
     operations       counts of mul, add, div, sqrt and sincos of a sample, and depth
@@ -423,11 +423,14 @@ class Specialized:
 
     @cached_property
     def program(self) -> Program:
-        """The straight line of operations, recorded anew when asked for."""
+        """The straight line of operations, recorded anew when asked for. Raises InertiaError where there is none."""
         task = self._task
-        return batches.record(
-            task.specs, task.model.bodies, tuple(task.static.values()), task.choice, task.dtype
-        ).program
+        static = tuple(task.static.values())
+        try:
+            return batches.record(task.specs, task.model.bodies, static, task.choice, task.dtype).program
+        except ZeroDivisionError:
+            what = "a joint that moves no inertia in any state"
+            raise InertiaError(f'model "{task.model.name}" has {what}, expected none for a program') from None
 
     @property
     def operations(self) -> dict[str, int]:

@@ -399,6 +399,18 @@ def test_a_joint_that_moves_no_inertia_is_named_with_its_sample(arm: sd.Model) -
         k(s.q[6], s.v[6], s.tau[6], 0.0, inertia[6], np.zeros(arm.nv))
 
 
+def test_a_joint_that_never_moves_inertia_leaves_no_program() -> None:
+    builder = sd.ModelBuilder("empty", root="base")
+    builder.add_body("a", "base", "prismatic", [0, 0, 1], np.eye(4), (0.0, np.zeros(3), np.zeros((3, 3))))
+    k = specialize(builder.build(), sd.aba)
+    assert k.engine == "untraced"
+    with pytest.raises(sd.InertiaError, match='model "empty" has a joint that moves no inertia'):
+        _ = k.operations
+    for batch in ((), (3,)):
+        with pytest.raises(sd.InertiaError, match="moves no inertia"):
+            k(*np.zeros((3, *batch, 1)))
+
+
 def test_bad_samples_raise_as_in_the_plain_call(model: sd.Model) -> None:
     k = specialize(model, sd.rnea)
     s = State(model, (9,))

@@ -20,7 +20,6 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,7 +38,6 @@ FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long to compile: 1.5 s at 44 rows, 8 s at 100
 KEPT = 128  # programs in memory
 STREAM = 16 << 20  # bytes of output from which it goes past the caches: 17 x Pinocchio instead of 9 on talos crba
-STORES = 64  # in one block of code
 
 _lock = threading.RLock()
 _kept: OrderedDict[str, Kernel | None] = OrderedDict()
@@ -345,36 +343,10 @@ def _made(
         return None
     if not lanes.supported(program):
         return None
-    code, workspace = _on_one_lane(program, layout, dtype) if one else lanes.compiled(program, layout, dtype, stream)
+    code, workspace = lanes.compiled(program, layout, dtype, stream, one)
     made = Kernel(code, workspace, layout, dtype)
     store.write(digest, _packed(code, workspace, layout))
     return made
-
-
-def _on_one_lane(program: Program, layout: lanes.Layout, dtype: Any) -> tuple[bytes, int]:
-    """As ``lanes.compiled``, for tiles of one sample: LLVM makes scalars of vectors of one."""
-    name, features, _, fma = lanes.host()
-    writer = lanes._Writer(program, layout, dtype, 1, fma)
-    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
-    )
-    text = _in_blocks(writer.text())
-    return machine.emit_object(llvm.parse_assembly(text)), writer.workspace
-
-
-def _in_blocks(text: str) -> str:
-    """The kernel's loop with an end that is never taken after every so many stores.
-
-    LLVM's time grows with the square of the stores in one block: 8 s for a mass matrix of 44 rows, cut up 0.4 s.
-    """
-    lines, stores, last = [], 0, "loop"
-    for line in text.split("\n"):
-        lines.append(line)
-        stores = 0 if line.startswith("define") else stores + line.startswith("  store")
-        if stores >= STORES and line.startswith("  store") and "loop:" in lines:
-            stores, last = 0, f"block{len(lines)}"
-            lines += [f"  br i1 %any, label %{last}, label %done", f"{last}:"]
-    return "\n".join(lines).replace("[ %next, %loop ]", f"[ %next, %{last} ]")
 
 
 def _packed(code: bytes, workspace: int, layout: lanes.Layout) -> bytes:

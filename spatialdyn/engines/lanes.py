@@ -49,6 +49,7 @@ FAR = 1e5
 VERSION = ".".join(map(str, llvm.llvm_version_info))
 CHUNK = 1500  # operations of one function, in programs of more than
 WHOLE = 2500
+STORES = 128  # in one block of the kernel
 UNIT_TOLERANCE = 2e-6
 MAGIC = {"double": 6755399441055744.0, "float": 12582912.0}
 HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
@@ -501,7 +502,7 @@ class _Writer:
         v, suffix = main.vector, main.suffix()
         ins = "".join(f"ptr noalias %in{a}, i64 %step{a}, " for a in range(len(self.layout.inputs)))
         outs = "".join(f"ptr noalias %out{a}, " for a in range(len(self.layout.outputs)))
-        body = "\n".join(main.out)
+        body, last = _in_blocks(main.out)
         wide = 8 * self.size * self.lanes
         streaming = _STREAM.format(v=v, align=self.size * self.lanes) if self.stream else ""
         return f"""
@@ -515,7 +516,7 @@ entry:
   %any = icmp sgt i64 %tiles, 0
   br i1 %any, label %loop, label %done
 loop:
-  %tile = phi i64 [ 0, %entry ], [ %next, %loop ]
+  %tile = phi i64 [ 0, %entry ], [ %next, %{last} ]
   %first = mul i64 %tile, {self.lanes}
 {body}
   %next = add i64 %tile, 1
@@ -526,6 +527,22 @@ done:
 }}
 attributes #0 = {{ "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}" }}
 """
+
+
+def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
+    """The loop's text with a way out that is never taken after every so many stores, and the last block's name.
+
+    LLVM's time grows with the square of the stores in one block: 8 s for a mass matrix of 44 rows, cut up 0.4 s.
+    """
+    text, stores, last = [], 0, "loop"
+    for line in lines:
+        text.append(line)
+        if line.startswith("  store"):
+            stores += 1
+            if stores % STORES == 0:
+                last = f"block{stores // STORES}"
+                text += [f"  br i1 %any, label %{last}, label %done", f"{last}:"]
+    return "\n".join(text), last
 
 
 _STREAM = """
@@ -555,14 +572,17 @@ def lanes_of(dtype: Any) -> int:
     return int(host()[2] // np.dtype(dtype).itemsize)
 
 
-def compiled(program: Program, layout: Layout, dtype: Any = np.float64, stream: bool = False) -> tuple[bytes, int]:
+def compiled(
+    program: Program, layout: Layout, dtype: Any = np.float64, stream: bool = False, one: bool = False
+) -> tuple[bytes, int]:
     """Object code of the kernel, and the bytes of workspace that a call needs.
 
+    one     for tiles of one sample: LLVM makes scalars of vectors of one
     stream  results go past the caches, for outputs larger than they are: a tile's rows, which lie side by side, are
             written in whole lines. The outputs then have to start on a vector's boundary.
     """
     name, features, _, fma = host()
-    lanes = lanes_of(dtype)
+    lanes = 1 if one else lanes_of(dtype)
     writer = _Writer(program, layout, dtype, lanes, fma, stream)
     module = llvm.parse_assembly(writer.text())
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
