@@ -7,7 +7,6 @@ untraced kernel, which knows the long sine, NaN and errors.
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import itertools
 import math
@@ -15,7 +14,7 @@ import os
 import struct
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ from ..bodies import FLOATING, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE_CS, SPHERI
 from ..errors import SpatialDynError
 from ..recursions.checks import EPS
 from ..recursions.spec import Spec
-from . import lanes, store
+from . import callers, lanes, store
 from .jit import STAMP
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
@@ -37,7 +36,10 @@ from .trace import Number, Program, Tape, scratch, table
 FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 KEPT = 128  # programs in memory
+SHARE = 16 << 20  # bytes of machine code to run through before another thread is worth waking: some 100 µs
 STREAM = 16 << 20  # bytes of output from which it goes past the caches: 17 x Pinocchio instead of 9 on talos crba
+
+NONE = np.empty(0, np.intp)
 
 _lock = threading.RLock()
 _kept: OrderedDict[str, Kernel | None] = OrderedDict()
@@ -213,80 +215,53 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
 class Kernel:
     """A compiled program over batches."""
 
-    def __init__(self, code: bytes, workspace: int, layout: lanes.Layout, dtype: Any) -> None:
+    def __init__(self, code: bytes, workspace: int, layout: lanes.Layout, dtype: Any, one: bool = False) -> None:
         """Load object code made by ``lanes.compiled`` from a program of that layout."""
         self._loaded = lanes.Loaded(code)
-        self.address = self._loaded.address
-        self.layout, self.dtype, self.workspace = layout, np.dtype(dtype), workspace
-        self.lanes = lanes.lanes_of(dtype)
-        pairs = [ctypes.c_void_p, ctypes.c_int64] * len(layout.inputs)
-        pointers = [ctypes.c_void_p] * (len(layout.outputs) + 2)
-        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *pairs, *pointers)
-        self._call: Callable[..., None] = kind(self._loaded.address)
+        self.dtype, self.lanes = np.dtype(dtype), 1 if one else lanes.lanes_of(dtype)
+        self.address, self.workspace = self._loaded.address, workspace
+        columns = [(k,) for k in (*layout.inputs, *map(len, layout.outputs))]
+        self._plan = callers.plan(self.address, workspace, self.lanes, columns)
+        self._at = int(self._plan.ctypes.data)
+        self._run = callers.many(len(layout.inputs), len(layout.outputs), self.dtype)
+        self._share = max(1, SHARE // len(code))
 
-    def __call__(
-        self, n: int, inputs: Sequence[tuple[NDArray[Any], int]], outputs: Sequence[NDArray[Any]]
-    ) -> NDArray[np.intp]:
-        """Compute n samples; returns the numbers of those that the caller has to do again.
+    def __call__(self, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]]) -> NDArray[np.intp] | None:
+        """Compute a batch; returns the numbers of the samples that the caller has to do again.
 
-        inputs   (rows, step) per input: C-ordered (samples, columns), step 0 where one row serves all
-        outputs  C-ordered (n, columns)
+        inputs   (n, columns) in C order, or (1, columns) for one that serves all samples
+        outputs  (n, columns) in C order
+
+        None if arrays are not of these sizes and this order, or outputs overlap anything. Raises TypeError for arrays
+        of another rank or dtype.
         """
-        W = self.lanes
-        tiles = n // W
-        bits = np.empty(tiles + (n % W > 0), np.uint16)
-        threads = min(_team.size, max(1, tiles // 64))
-        if threads == 1:
-            self._range(0, tiles, inputs, outputs, bits)
+        n, W = len(outputs[0]), self.lanes
+        tiles = -(-n // W)
+        bits = np.empty(tiles, np.uint16)
+        threads = 1 if _team.size == 1 else min(_team.size, tiles // self._share)
+        if threads <= 1:
+            odd = self._run(self._at, *inputs, *outputs, bits)
         else:
             cuts = [tiles * k // threads for k in range(threads + 1)]
-            pool = _team.pool(threads)
-            jobs = [pool.submit(self._range, a, b, inputs, outputs, bits) for a, b in pairwise(cuts)]
-            for job in jobs:
-                job.result()
-        if n % W:
-            self._tail(tiles * W, n, inputs, outputs, bits[tiles:])
-        whole = (1 << W) - 1
-        odd = np.flatnonzero(bits != whole)
-        if not len(odd):
-            return odd
-        lane = np.arange(W)
-        again = (odd[:, None] * W + lane)[(bits[odd, None] >> lane & 1) == 0]
+            parts = [self._part(slice(a * W, b * W), inputs, outputs, bits[a:b]) for a, b in pairwise(cuts)]
+            jobs = [_team.pool(threads).submit(self._run, *part) for part in parts[1:]]
+            odds = [self._run(*parts[0]), *(job.result() for job in jobs)]
+            odd = -1 if min(odds) < 0 else sum(odds)
+        return NONE if odd == 0 else None if odd < 0 else self._samples(n, bits)
+
+    def _part(
+        self, at: slice, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]], bits: NDArray[np.uint16]
+    ) -> tuple[Any, ...]:
+        """Arguments for some samples of a batch."""
+        n = len(outputs[0])
+        return self._at, *(x[at] if len(x) == n else x for x in inputs), *(y[at] for y in outputs), bits
+
+    def _samples(self, n: int, bits: NDArray[np.uint16]) -> NDArray[np.intp]:
+        """The samples without their bit."""
+        lane = np.arange(self.lanes)
+        odd = np.flatnonzero(bits != (1 << self.lanes) - 1)
+        again = (odd[:, None] * self.lanes + lane)[(bits[odd, None] >> lane & 1) == 0]
         return np.asarray(again[again < n])
-
-    def _range(
-        self,
-        first: int,
-        end: int,
-        inputs: Sequence[tuple[NDArray[Any], int]],
-        outputs: Sequence[NDArray[Any]],
-        bits: NDArray[np.uint16],
-    ) -> None:
-        """Tiles first .. end - 1; the GIL is free meanwhile."""
-        room = np.empty(self.workspace + 64, np.uint8)
-        size, start = self.dtype.itemsize, first * self.lanes
-        arguments: list[int] = [end - first]
-        for (x, step), columns in zip(inputs, self.layout.inputs, strict=True):
-            arguments += [x.ctypes.data + step * start * columns * size, step * columns]
-        for out, places in zip(outputs, self.layout.outputs, strict=True):
-            arguments.append(out.ctypes.data + start * len(places) * size)
-        self._call(*arguments, bits.ctypes.data + 2 * first, room.ctypes.data + -room.ctypes.data % 64)
-
-    def _tail(
-        self,
-        first: int,
-        n: int,
-        inputs: Sequence[tuple[NDArray[Any], int]],
-        outputs: Sequence[NDArray[Any]],
-        bits: NDArray[np.uint16],
-    ) -> None:
-        """The last samples, fewer than a tile: on copies, filled up with the last of them."""
-        at = np.minimum(np.arange(first, first + self.lanes), n - 1)
-        padded = [(np.ascontiguousarray(x[at]), 1) if step else (x, 0) for x, step in inputs]
-        results = [np.empty((self.lanes, len(places)), self.dtype) for places in self.layout.outputs]
-        self._range(0, 1, padded, results, bits)
-        for out, result in zip(outputs, results, strict=True):
-            out.reshape(n, -1)[first:] = result[: n - first]
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any]) -> bool:
@@ -320,7 +295,7 @@ def kernel(
         if digest in _kept:
             _kept.move_to_end(digest)
             return _kept[digest]
-        made = _from_disk(digest, dtype) or _made(specs, bodies, static, digest, dtype, choice, one, stream)
+        made = _from_disk(digest, dtype, one) or _made(specs, bodies, static, digest, dtype, choice, one, stream)
         _kept[digest] = made
         while len(_kept) > KEPT:
             _kept.popitem(last=False)
@@ -344,7 +319,7 @@ def _made(
     if not lanes.supported(program):
         return None
     code, workspace = lanes.compiled(program, layout, dtype, stream, one)
-    made = Kernel(code, workspace, layout, dtype)
+    made = Kernel(code, workspace, layout, dtype, one)
     store.write(digest, _packed(code, workspace, layout))
     return made
 
@@ -355,7 +330,7 @@ def _packed(code: bytes, workspace: int, layout: lanes.Layout) -> bytes:
     return struct.pack(f"<q{len(widths)}q", len(widths), *widths) + code
 
 
-def _from_disk(digest: str, dtype: Any) -> Kernel | None:
+def _from_disk(digest: str, dtype: Any, one: bool) -> Kernel | None:
     payload = store.read(digest)
     if payload is None:
         return None
@@ -363,4 +338,4 @@ def _from_disk(digest: str, dtype: Any) -> Kernel | None:
     numbers = list(struct.unpack_from(f"<{count}q", payload, 8))
     inputs = tuple(numbers[1 : 1 + numbers[0]])
     outputs = tuple(tuple(range(k)) for k in numbers[2 + numbers[0] : -1])
-    return Kernel(payload[8 + 8 * count :], numbers[-1], lanes.Layout(inputs, outputs), dtype)
+    return Kernel(payload[8 + 8 * count :], numbers[-1], lanes.Layout(inputs, outputs), dtype, one)

@@ -107,7 +107,7 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     return [*lines, f"if not all_finite({spec.output.name}):", f"    {fail(NONFINITE)}"]
 
 
-def _define(name: str, parameters: list[str], body: list[str], scope: dict[str, Any]) -> Callable[..., Any]:
+def define(name: str, parameters: list[str], body: list[str], scope: dict[str, Any]) -> Callable[..., Any]:
     """A function made of text that holds argument names of a Spec and nothing else.
 
     What may change between versions of the package reaches it as the captured ``stamp``, so Numba's key sees it.
@@ -170,10 +170,11 @@ def _label(spec: Spec) -> str:
     return "_".join([spec.name, *(x.name for x in spec.given)])
 
 
-def _compiled(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True) -> Callable[..., Any]:
+    """A function compiled for one signature and no other: what does not match raises TypeError at once."""
     if PLAIN:
         return _plain(function, signature)
-    dispatcher = njit(**FLAGS)(function)
+    dispatcher = njit(**{**FLAGS, "nogil": nogil})(function)
     dispatcher.compile(signature)
     dispatcher.disable_compile()
     for strided in (False, True):
@@ -208,8 +209,7 @@ def _sample(kind: Any, strided: bool, writable: bool) -> Any:
     """A value for a parameter of that type, so that Numba learns to convert such a one."""
     if not isinstance(kind, types.Array):
         return 0.0 if kind == types.float64 else 0
-    dtype = np.int8 if kind.dtype == types.int8 else np.float64
-    x = np.zeros((4,) * kind.ndim, dtype)
+    x = np.zeros((4,) * kind.ndim, str(kind.dtype))
     if strided and kind.layout == "A":
         x = x[(slice(None, None, 2),) * kind.ndim]
     x.flags.writeable = writable or kind.mutable
@@ -230,8 +230,8 @@ def single(spec: Spec) -> Callable[..., int]:
     with _LOCK:
         parameters = ["table", *(x.name for x in spec.given), spec.output.name]
         body = ["bodies = table_at(table)", *_body(spec, lambda status: f"return {status}"), f"return {OK}"]
-        function = _define(_label(spec), parameters, body, _scope(spec))
-        return _compiled(function, (types.intp, *(_type(x, 0) for x in spec.given), _type(spec.output, 0, True, "C")))
+        function = define(_label(spec), parameters, body, _scope(spec))
+        return compiled(function, (types.intp, *(_type(x, 0) for x in spec.given), _type(spec.output, 0, True, "C")))
 
 
 @cache
@@ -259,13 +259,13 @@ def batch(spec: Spec) -> Callable[..., int]:
             "        bad += 1",
             "return bad",
         ]
-        function = _define(_label(spec) + "_batch", parameters, body, {"single": single(spec)})
+        function = define(_label(spec) + "_batch", parameters, body, {"single": single(spec)})
         signature: list[Any] = [types.intp, types.int64]
         for x in varying:
             signature += [_type(x, 1, layout="C"), types.int64]
         signature += [_type(x, 0) for x in static]
         signature += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-        return _compiled(function, tuple(signature))
+        return compiled(function, tuple(signature))
 
 
 _MESSAGES = {
@@ -284,7 +284,7 @@ def opened(name: str) -> Callable[..., None]:
     optional = [x for x in spec.given if x.optional]
     parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]
     body = _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
-    function = _define(f"{name}_open", parameters, body, _scope(spec))
+    function = define(f"{name}_open", parameters, body, _scope(spec))
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
     made: Callable[..., None] = njit(**FLAGS)(function)
     return made

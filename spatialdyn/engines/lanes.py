@@ -10,7 +10,8 @@ finite, every quaternion of unit norm, every angle in the range of the short sin
 result finite. A sample without its bit is computed again by the caller, by the engine that can say what is wrong.
 
 sin and cos: n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵², x - n π/2 in three parts (Cody, Waite), the
-minimax polynomials of fdlibm, quadrants by selection. For |x| <= FAR.
+minimax polynomials of fdlibm, quadrants by selection. For |x| <= FAR, which holds where the squares of all angles
+sum to no more than FAR²: one operation an angle to see that.
 """
 
 from __future__ import annotations
@@ -195,7 +196,8 @@ class _Text:
         sine = self.fused(self.binary("fmul", z, r), p, r)
         cosine = self.fused(self.binary("fmul", z, z), q, self.fused(z, k(-0.5), k(1.0)))
         quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
-        one, two, top = self.integer(1), self.integer(2), 62 if s == "double" else 30
+        one, top = self.integer(1), 62 if s == "double" else 30
+        sign = self.integer(-(2 << top))
         odd = self.put(f"icmp ne {self.bits} {self.put(f'and {self.bits} {quadrant}, {one}')}, zeroinitializer")
         i1 = f"<{self.lanes} x i1>"
         results = []
@@ -204,7 +206,7 @@ class _Text:
             (sine, cosine, self.put(f"add {self.bits} {quadrant}, {one}")),
         ):
             value = self.put(f"select {i1} {odd}, {v} {swapped}, {v} {straight}")
-            flip = self.put(f"shl {self.bits} {self.put(f'and {self.bits} {turn}, {two}')}, {self.integer(top)}")
+            flip = self.put(f"and {self.bits} {self.put(f'shl {self.bits} {turn}, {self.integer(top)}')}, {sign}")
             bits = self.put(f"bitcast {v} {value} to {self.bits}")
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
         return results[0], results[1]
@@ -395,6 +397,7 @@ class _Writer:
     def _operations(self, t: _Text, chunk: Sequence[int], poison: str, at: int | None) -> str:
         lines, values = self.program.lines, self.values
         pairs: dict[int, tuple[str, str]] = {}
+        reach = ""
 
         def value(k: int) -> str:
             if k < 0:
@@ -410,14 +413,16 @@ class _Writer:
             if op.code in (SIN, COS):
                 if op.a not in pairs:
                     x = value(op.a)
-                    near = t.put(f"fcmp ole {t.vector} {t.unary('fabs', x)}, {t.constant(FAR)}")
-                    poison = t.poisoned_unless(near, poison)
+                    reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
                     pairs[op.a] = t.sincos(x)
                 values[k] = pairs[op.a][op.code == COS]
             else:
                 values[k] = self._operation(t, op, value)
             if at is not None and k in self.slots:
                 self._store(t, values[k], self.slots[k])
+        if reach:
+            near = t.put(f"fcmp ole {t.vector} {reach}, {t.constant(FAR * FAR)}")
+            poison = t.poisoned_unless(near, poison)
         return poison
 
     def _operation(self, t: _Text, op: Operation, value: Any) -> str:

@@ -51,7 +51,7 @@ def apart(x: Any, out: Any) -> bool:
         else:
             last += reach
     start = out.ctypes.data
-    return bool(x.size == 0 or last < start or first >= start + 8 * out.size)
+    return bool(x.size == 0 or last < start or first >= start + out.itemsize * out.size)
 
 
 @inlined
