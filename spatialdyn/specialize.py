@@ -28,7 +28,7 @@ from .border import (
 )
 from .diagnosis import diagnose, unit_part
 from .dynamics import calls as public
-from .engines import batches, callers, jit, parameters
+from .engines import batches, jit, parameters, quick
 from .engines.parameters import Parameter
 from .engines.trace import Program
 from .errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
@@ -463,8 +463,8 @@ class Specialized:
             return
         made = [shape or (1,) for shape in self._shapes]
         given = [x.shape for x in self._inputs]
-        plan = callers.plan(kernel.address, kernel.workspace, kernel.lanes, given + made)
-        caller = callers.one(tuple(map(len, given)), tuple(map(len, made)))
+        plan = quick.plan(kernel.address, kernel.workspace, given + made)
+        caller = quick.caller(tuple(map(len, given)), tuple(map(len, made)))
         self._single, self._plan = kernel, plan
         kinds = tuple((x.name.partition(":")[0], bool(x.shape)) for x in self._inputs)
         call = _quick_call(kinds, tuple(map(bool, self._shapes)), self._task.several)

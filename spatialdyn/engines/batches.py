@@ -7,14 +7,16 @@ untraced kernel, which knows the long sine, NaN and errors.
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import itertools
 import math
 import os
 import struct
+import sys
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -26,7 +28,8 @@ from ..bodies import FLOATING, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE_CS, SPHERI
 from ..errors import SpatialDynError
 from ..recursions.checks import EPS
 from ..recursions.spec import Spec
-from . import callers, lanes, store
+from . import lanes, store
+from .entry import DATA, room
 from .jit import STAMP
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
@@ -220,11 +223,13 @@ class Kernel:
         self._loaded = lanes.Loaded(code)
         self.dtype, self.lanes = np.dtype(dtype), 1 if one else lanes.lanes_of(dtype)
         self.address, self.workspace = self._loaded.address, workspace
-        columns = [(k,) for k in (*layout.inputs, *map(len, layout.outputs))]
-        self._plan = callers.plan(self.address, workspace, self.lanes, columns)
-        self._at = int(self._plan.ctypes.data)
-        self._run = callers.many(len(layout.inputs), len(layout.outputs), self.dtype)
+        self._inputs, self._outputs = layout.inputs, tuple(map(len, layout.outputs))
+        self._room = room(self._inputs, self._outputs, workspace, self.lanes, self.dtype.itemsize)
         self._share = max(1, SHARE // len(code))
+        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self._inputs)
+        kinds += [ctypes.py_object] * (len(self._outputs) + 1)
+        kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64)
+        self._run: Callable[..., int] = kind(self._loaded.entry)
 
     def __call__(self, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]]) -> NDArray[np.intp] | None:
         """Compute a batch; returns the numbers of the samples that the caller has to do again.
@@ -232,34 +237,53 @@ class Kernel:
         inputs   (n, columns) in C order, or (1, columns) for one that serves all samples
         outputs  (n, columns) in C order
 
-        None if arrays are not of these sizes and this order, or outputs overlap anything. Raises TypeError for arrays
-        of another rank or dtype.
+        None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything.
         """
-        n, W = len(outputs[0]), self.lanes
-        tiles = -(-n // W)
-        bits = np.empty(tiles, np.uint16)
+        n, arguments = len(outputs[0]), []
+        for x, columns in zip(inputs, self._inputs, strict=True):
+            rows = len(x)
+            if x.shape != (rows, columns) or not (rows == n or rows == 1) or not self._fit(x):
+                return None
+            arguments += [x, rows]
+        for y, columns in zip(outputs, self._outputs, strict=True):
+            if y.shape != (n, columns) or not self._fit(y) or not y.flags.writeable:
+                return None
+        tiles = -(-n // self.lanes)
         threads = 1 if _team.size == 1 else min(_team.size, tiles // self._share)
         if threads <= 1:
-            odd = self._run(self._at, *inputs, *outputs, bits)
-        else:
-            cuts = [tiles * k // threads for k in range(threads + 1)]
-            parts = [self._part(slice(a * W, b * W), inputs, outputs, bits[a:b]) for a, b in pairwise(cuts)]
-            jobs = [_team.pool(threads).submit(self._run, *part) for part in parts[1:]]
-            odds = [self._run(*parts[0]), *(job.result() for job in jobs)]
-            odd = -1 if min(odds) < 0 else sum(odds)
-        return NONE if odd == 0 else None if odd < 0 else self._samples(n, bits)
+            return self._part(n, [*arguments, *outputs])
+        cuts = [min(tiles * k // threads * self.lanes, n) for k in range(threads + 1)]
+        parts = [(b - a, [*self._cut(inputs, a, b, n), *(y[a:b] for y in outputs)]) for a, b in pairwise(cuts)]
+        jobs = [_team.pool(threads).submit(self._part, *part) for part in parts[1:]]
+        found = []
+        for first, samples in zip(cuts, [self._part(*parts[0]), *(job.result() for job in jobs)], strict=False):
+            if samples is None:
+                return None
+            found.append(samples + first)
+        return np.concatenate(found)
 
-    def _part(
-        self, at: slice, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]], bits: NDArray[np.uint16]
-    ) -> tuple[Any, ...]:
-        """Arguments for some samples of a batch."""
-        n = len(outputs[0])
-        return self._at, *(x[at] if len(x) == n else x for x in inputs), *(y[at] for y in outputs), bits
+    def _fit(self, x: NDArray[Any]) -> bool:
+        return x.dtype is self.dtype and x.flags.c_contiguous
 
-    def _samples(self, n: int, bits: NDArray[np.uint16]) -> NDArray[np.intp]:
-        """The samples without their bit."""
+    def _cut(self, inputs: Sequence[NDArray[Any]], first: int, end: int, n: int) -> list[Any]:
+        arguments: list[Any] = []
+        for x in inputs:
+            part = x[first:end] if len(x) == n else x
+            arguments += [part, len(part)]
+        return arguments
+
+    def _part(self, n: int, arguments: list[Any]) -> NDArray[np.intp] | None:
+        """Some samples, in this thread; the GIL is free meanwhile."""
+        tiles = -(-n // self.lanes)
+        buffer = np.empty(2 * tiles + self._room, np.uint8)
+        if not self._run(*arguments, buffer, n):
+            return None
+        bits = buffer[: 2 * tiles].view(np.uint16)
+        whole = (1 << self.lanes) - 1
+        if bits.tobytes() == whole.to_bytes(2, sys.byteorder) * tiles:
+            return NONE
         lane = np.arange(self.lanes)
-        odd = np.flatnonzero(bits != (1 << self.lanes) - 1)
+        odd = np.flatnonzero(bits != whole)
         again = (odd[:, None] * self.lanes + lane)[(bits[odd, None] >> lane & 1) == 0]
         return np.asarray(again[again < n])
 
@@ -289,7 +313,7 @@ def kernel(
     values = "|".join(x.tobytes().hex() if isinstance(x, np.ndarray) else str(x) for x in static)
     chosen = "" if choice == ALL else repr(choice)
     dtype_name = np.dtype(dtype).name + (" one" if one else "") + (" stream" if stream else "")
-    text = "\n".join((key, names, values, chosen, dtype_name, STAMP, processor, features, lanes.VERSION))
+    text = "\n".join((key, names, values, chosen, dtype_name, STAMP, processor, features, lanes.VERSION, str(DATA)))
     digest = hashlib.sha256(text.encode()).hexdigest()
     with _lock:
         if digest in _kept:

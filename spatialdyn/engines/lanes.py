@@ -8,16 +8,10 @@ operations are cut into functions of their own, between which values wait in tha
 The code answers only the ordinary case. Beside the results it writes one bit a sample: whether every input is
 finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot sound and every
 result finite. A sample without its bit is computed again by the caller, by the engine that can say what is wrong.
-
-sin and cos: n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵², x - n π/2 in three parts (Cody, Waite), the
-minimax polynomials of fdlibm, quadrants by selection. For |x| <= FAR, which holds where the squares of all angles
-sum to no more than FAR²: one operation an angle to see that.
 """
 
 from __future__ import annotations
 
-import math
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -26,6 +20,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
+from .entry import entry
 from .trace import (
     ADD,
     ATAN2,
@@ -45,49 +40,14 @@ from .trace import (
     Program,
     operands,
 )
+from .vectors import Text
 
-FAR = 1e5
+FAR = 1e5  # angles whose squares sum to more than its square are left to the exact sine
 VERSION = ".".join(map(str, llvm.llvm_version_info))
 CHUNK = 1500  # operations of one function, in programs of more than
 WHOLE = 2500
 STORES = 128  # in one block of the kernel
 UNIT_TOLERANCE = 2e-6
-MAGIC = {"double": 6755399441055744.0, "float": 12582912.0}
-HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
-    # with fma: parts of full precision; without: parts whose product with n is exact
-    ("double", True): (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33),
-    ("double", False): (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
-    ("float", True): (1.5707963705062866, -4.371138828673793e-08, -1.7151245100058819e-15),
-    ("float", False): (
-        1.5703125,
-        0.0004825592041015625,
-        1.2665987014770508e-06,
-        9.89530235528946e-10,
-        2.563344151594519e-12,
-    ),
-}
-SINE = {
-    "double": (
-        -1.66666666666666324348e-01,
-        8.33333333332248946124e-03,
-        -1.98412698298579493134e-04,
-        2.75573137070700676789e-06,
-        -2.50507602534068634195e-08,
-        1.58969099521155010221e-10,
-    ),
-    "float": (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4),
-}
-COSINE = {
-    "double": (
-        4.16666666666666019037e-02,
-        -1.38888888888741095749e-03,
-        2.48015872894767294178e-05,
-        -2.75573143513906633035e-07,
-        2.08757232129817482790e-09,
-        -1.13596475577881948265e-11,
-    ),
-    "float": (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5),
-}
 
 
 @dataclass(frozen=True)
@@ -126,125 +86,6 @@ def host() -> tuple[str, str, int, bool]:
 def supported(program: Program) -> bool:
     """Whether every operation has a vector form: there is none of atan2."""
     return all(op.code != ATAN2 for op in program.lines)
-
-
-class _Text:
-    """LLVM text of one function body: fresh names, and the few shapes of instruction that programs need."""
-
-    def __init__(self, scalar: str, lanes: int, fma: bool) -> None:
-        self.scalar, self.lanes, self.fma = scalar, lanes, fma
-        self.vector = f"<{lanes} x {scalar}>"
-        self.bits = f"<{lanes} x i{64 if scalar == 'double' else 32}>"
-        self.out: list[str] = []
-        self.count = 0
-
-    def name(self) -> str:
-        self.count += 1
-        return f"%t{self.count}"
-
-    def put(self, text: str) -> str:
-        at = self.name()
-        self.out.append(f"  {at} = {text}")
-        return at
-
-    def constant(self, value: float) -> str:
-        if self.scalar == "float":
-            value = float(np.float32(value))
-        bits = struct.unpack("<Q", struct.pack("<d", value))[0]
-        return "<" + ", ".join([f"{self.scalar} 0x{bits:016X}"] * self.lanes) + ">"
-
-    def integer(self, value: int) -> str:
-        kind = self.bits.split()[-1][:-1]
-        return "<" + ", ".join([f"{kind} {value}"] * self.lanes) + ">"
-
-    def binary(self, word: str, a: str, b: str) -> str:
-        return self.put(f"{word} {self.vector} {a}, {b}")
-
-    def negative(self, a: str) -> str:
-        return self.put(f"fneg {self.vector} {a}")
-
-    def suffix(self) -> str:
-        return f"v{self.lanes}f{64 if self.scalar == 'double' else 32}"
-
-    def fused(self, a: str, b: str, c: str) -> str:
-        """a b + c, rounded once where the host can."""
-        v = self.vector
-        if self.fma:
-            return self.put(f"call {v} @llvm.fma.{self.suffix()}({v} {a}, {v} {b}, {v} {c})")
-        return self.binary("fadd", self.binary("fmul", a, b), c)
-
-    def unary(self, function: str, a: str) -> str:
-        return self.put(f"call {self.vector} @llvm.{function}.{self.suffix()}({self.vector} {a})")
-
-    def poisoned_unless(self, condition: str, poison: str) -> str:
-        """poison, or NaN where the condition does not hold."""
-        v, nan = self.vector, self.constant(math.nan)
-        return self.put(f"select <{self.lanes} x i1> {condition}, {v} {poison}, {v} {nan}")
-
-    def sincos(self, x: str) -> tuple[str, str]:
-        """(sin x, cos x)."""
-        s, v, k = self.scalar, self.vector, self.constant
-        shifted = self.fused(x, k(2.0 / math.pi), k(MAGIC[s]))
-        n = self.binary("fsub", shifted, k(MAGIC[s]))
-        r = self._reduced(x, n)
-        z = self.binary("fmul", r, r)
-        p, q = k(SINE[s][-1]), k(COSINE[s][-1])
-        for c in reversed(SINE[s][:-1]):
-            p = self.fused(z, p, k(c))
-        for c in reversed(COSINE[s][:-1]):
-            q = self.fused(z, q, k(c))
-        sine = self.fused(self.binary("fmul", z, r), p, r)
-        cosine = self.fused(self.binary("fmul", z, z), q, self.fused(z, k(-0.5), k(1.0)))
-        quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
-        one, top = self.integer(1), 62 if s == "double" else 30
-        sign = self.integer(-(2 << top))
-        odd = self.put(f"icmp ne {self.bits} {self.put(f'and {self.bits} {quadrant}, {one}')}, zeroinitializer")
-        i1 = f"<{self.lanes} x i1>"
-        results = []
-        for swapped, straight, turn in (
-            (cosine, sine, quadrant),
-            (sine, cosine, self.put(f"add {self.bits} {quadrant}, {one}")),
-        ):
-            value = self.put(f"select {i1} {odd}, {v} {swapped}, {v} {straight}")
-            flip = self.put(f"and {self.bits} {self.put(f'shl {self.bits} {turn}, {self.integer(top)}')}, {sign}")
-            bits = self.put(f"bitcast {v} {value} to {self.bits}")
-            results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
-        return results[0], results[1]
-
-    def _reduced(self, x: str, n: str) -> str:
-        """x - n π/2, within an ulp."""
-        k = self.constant
-        *parts, least = HALF_PI[self.scalar, self.fma]
-        r, rest = x, ""
-        for part in parts:
-            if self.fma:
-                r = self.fused(n, k(-part), r)
-                continue
-            taken = self.binary("fmul", n, k(part))  # exact; what the difference loses is kept
-            less = self.binary("fsub", r, taken)
-            lost = self.binary("fsub", self.binary("fsub", r, less), taken)
-            r, rest = less, self.binary("fadd", rest, lost) if rest else lost
-        if self.fma:
-            return self.fused(n, k(-least), r)
-        return self.binary("fadd", r, self.binary("fsub", rest, self.binary("fmul", n, k(least))))
-
-    def transposed(self, vectors: list[str]) -> list[str]:
-        """The transpose of len(vectors) columns in groups of so many lanes, by log2 exchanges."""
-        size, W, v = len(vectors), self.lanes, self.vector
-        d = 1
-        while d < size:
-            mask_low = [(lane if not lane & d else W + lane - d) for lane in range(W)]
-            mask_high = [(lane + d if not lane & d else W + lane) for lane in range(W)]
-            new = list(vectors)
-            for i in range(size):
-                if not i & d:
-                    a, b = vectors[i], vectors[i | d]
-                    new[i], new[i | d] = (
-                        self.put(f"shufflevector {v} {a}, {v} {b}, <{W} x i32> <{', '.join(f'i32 {m}' for m in mask)}>")
-                        for mask in (mask_low, mask_high)
-                    )
-            vectors, d = new, 2 * d
-        return vectors
 
 
 def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
@@ -312,7 +153,7 @@ class _Writer:
         """The module."""
         self.values: dict[int, str] = {}
         functions = []
-        main = _Text(self.scalar, self.lanes, self.fma)
+        main = Text(self.scalar, self.lanes, self.fma)
         poison = self._prologue(main)
         if self.whole:
             poison = self._operations(main, self.chunks[0], poison, None)
@@ -327,7 +168,7 @@ class _Writer:
 
     # -- the parts of a tile
 
-    def _prologue(self, t: _Text) -> str:
+    def _prologue(self, t: Text) -> str:
         """Read the tile's rows and transpose them; returns the poison that the inputs bring."""
         index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT}
         zero = t.constant(0.0)
@@ -364,7 +205,7 @@ class _Writer:
             base = t.poisoned_unless(near, base)
         return base
 
-    def _joined(self, t: _Text, parts: list[str], size: int) -> str:
+    def _joined(self, t: Text, parts: list[str], size: int) -> str:
         """Vectors of ``size`` side by side as one."""
         while len(parts) > 1:
             mask = ", ".join(f"i32 {m}" for m in range(2 * size))
@@ -376,17 +217,17 @@ class _Writer:
             size *= 2
         return parts[0]
 
-    def _store(self, t: _Text, value: str, slot: int) -> None:
+    def _store(self, t: Text, value: str, slot: int) -> None:
         address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
         t.out.append(f"  store {t.vector} {value}, ptr {address}, align {self.size * self.lanes}")
 
-    def _load(self, t: _Text, slot: int) -> str:
+    def _load(self, t: Text, slot: int) -> str:
         address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
         return t.put(f"load {t.vector}, ptr {address}, align {self.size * self.lanes}")
 
     def _chunk(self, i: int, chunk: list[int]) -> str:
         """One function of a long program: reads what it needs from the workspace, leaves what others need there."""
-        t = _Text(self.scalar, self.lanes, self.fma)
+        t = Text(self.scalar, self.lanes, self.fma)
         self.values = {}
         poison = self._load(t, self.slot_count)
         poison = self._operations(t, chunk, poison, i)
@@ -394,7 +235,7 @@ class _Writer:
         body = "\n".join(t.out)
         return f"define internal void @chunk{i}(ptr %ws) noinline #0 {{\n{body}\n  ret void\n}}\n"
 
-    def _operations(self, t: _Text, chunk: Sequence[int], poison: str, at: int | None) -> str:
+    def _operations(self, t: Text, chunk: Sequence[int], poison: str, at: int | None) -> str:
         lines, values = self.program.lines, self.values
         pairs: dict[int, tuple[str, str]] = {}
         reach = ""
@@ -425,7 +266,7 @@ class _Writer:
             poison = t.poisoned_unless(near, poison)
         return poison
 
-    def _operation(self, t: _Text, op: Operation, value: Any) -> str:
+    def _operation(self, t: Text, op: Operation, value: Any) -> str:
         words = {ADD: "fadd", SUB: "fsub", MUL: "fmul", DIV: "fdiv"}
         if op.code in words:
             return t.binary(words[op.code], value(op.a), value(op.b))
@@ -443,7 +284,7 @@ class _Writer:
             return t.put(f"select <{self.lanes} x i1> {above}, {v} {value(op.b)}, {v} {value(op.c)}")
         raise ValueError(f"no vector form of operation {op.code}")
 
-    def _epilogue(self, t: _Text, poison: str) -> None:
+    def _epilogue(self, t: Text, poison: str) -> None:
         """Transpose the results into their rows and write the tile's bits."""
         lines, zero = self.program.lines, t.constant(0.0)
 
@@ -503,7 +344,7 @@ class _Writer:
         address = t.put("getelementptr i16, ptr %bits, i64 %tile")
         t.out.append(f"  store i16 {bits}, ptr {address}, align 2")
 
-    def _module(self, main: _Text, functions: list[str]) -> str:
+    def _module(self, main: Text, functions: list[str]) -> str:
         v, suffix = main.vector, main.suffix()
         ins = "".join(f"ptr noalias %in{a}, i64 %step{a}, " for a in range(len(self.layout.inputs)))
         outs = "".join(f"ptr noalias %out{a}, " for a in range(len(self.layout.outputs)))
@@ -531,6 +372,7 @@ done:
   ret void
 }}
 attributes #0 = {{ "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}" }}
+{entry(self.layout.inputs, tuple(map(len, self.layout.outputs)), self.workspace, self.lanes, self.size)}
 """
 
 
@@ -597,7 +439,7 @@ def compiled(
 
 
 class Loaded:
-    """Object code in memory, with the address of its kernel; lives as long as it is referred to."""
+    """Object code in memory, with the addresses of its functions; lives as long as it is referred to."""
 
     def __init__(self, code: bytes) -> None:
         """Load and link."""
@@ -606,6 +448,6 @@ class Loaded:
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._machine)
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
-        self.address = int(self._engine.get_function_address("kernel"))
-        if not self.address:
+        self.address, self.entry = (int(self._engine.get_function_address(name)) for name in ("kernel", "entry"))
+        if not self.address or not self.entry:
             raise ValueError("the object code has no kernel")
