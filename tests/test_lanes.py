@@ -97,7 +97,7 @@ class Runner:
             arguments += [x.ctypes.data, step * x.shape[1]]
             kinds += [ctypes.c_void_p, ctypes.c_int64]
         pointers = [*(x.ctypes.data for x in outs), bits.ctypes.data, room.ctypes.data + -room.ctypes.data % 128]
-        call = ctypes.CFUNCTYPE(None, *kinds, *[ctypes.c_void_p] * len(pointers))(self.loaded.address)
+        call = ctypes.CFUNCTYPE(None, *kinds, *[ctypes.c_void_p] * len(pointers))(self.loaded.address("kernel"))
         call(*arguments, *pointers)
         assert bits[-1] == 0xABCD
         for x in outs:
@@ -457,7 +457,7 @@ def test_a_pivot_is_fine_above_its_least_value() -> None:
 def test_the_workspace_and_code_of_this_host_are_those_of_the_writer() -> None:
     program, layout = program_of(everything, 3)
     code, workspace = lanes.compiled(program, layout)
-    assert Loaded(code).address
+    assert Loaded(code).address("kernel")
     assert workspace == lanes.lanes_of(np.float64) * 8
     assert lanes.lanes_of(np.float32) == 2 * lanes.lanes_of(np.float64)
     assert lanes.compiled(program, layout)[0] == code

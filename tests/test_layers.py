@@ -54,7 +54,7 @@ BELOW: dict[str, tuple[str, ...]] = {
 UPWARD: dict[tuple[str, str], str] = {}
 
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
-CHANGED = {"engines.batches": {"_kept", "_team"}}
+CHANGED = {"engines.batches": {"_kept", "team"}}
 
 SHARED = {"spec", "joints", "lie", "energy"}  # what recursions import of their own room
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines", "cli"}

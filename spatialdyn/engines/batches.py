@@ -66,9 +66,9 @@ class _Team:
             return self._pools[threads]
 
 
-_team = _Team()
+team = _Team()
 if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child
-    os.register_at_fork(after_in_child=_team.forget)
+    os.register_at_fork(after_in_child=team.forget)
 
 
 def set_num_threads(n: int) -> None:
@@ -78,7 +78,7 @@ def set_num_threads(n: int) -> None:
     """
     if int(n) < 1:
         raise SpatialDynError(f"n is {n}, expected at least 1 thread")
-    _team.size = int(n)
+    team.size = int(n)
 
 
 class Recorded(NamedTuple):
@@ -222,14 +222,14 @@ class Kernel:
         """Load object code made by ``lanes.compiled`` from a program of that layout."""
         self._loaded = lanes.Loaded(code)
         self.dtype, self.lanes = np.dtype(dtype), 1 if one else lanes.lanes_of(dtype)
-        self.address, self.workspace = self._loaded.address, workspace
+        self.address, self.workspace = self._loaded.address("kernel"), workspace
         self._inputs, self._outputs = layout.inputs, tuple(map(len, layout.outputs))
         self._room = room(self._inputs, self._outputs, workspace, self.lanes, self.dtype.itemsize)
         self._share = max(1, SHARE // len(code))
         kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self._inputs)
         kinds += [ctypes.py_object] * (len(self._outputs) + 1)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64)
-        self._run: Callable[..., int] = kind(self._loaded.entry)
+        self._run: Callable[..., int] = kind(self._loaded.address("entry"))
 
     def __call__(self, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]]) -> NDArray[np.intp] | None:
         """Compute a batch; returns the numbers of the samples that the caller has to do again.
@@ -249,18 +249,22 @@ class Kernel:
             if y.shape != (n, columns) or not self._fit(y) or not y.flags.writeable:
                 return None
         tiles = -(-n // self.lanes)
-        threads = 1 if _team.size == 1 else min(_team.size, tiles // self._share)
+        threads = self.threads(tiles)
         if threads <= 1:
             return self._part(n, [*arguments, *outputs])
         cuts = [min(tiles * k // threads * self.lanes, n) for k in range(threads + 1)]
         parts = [(b - a, [*self._cut(inputs, a, b, n), *(y[a:b] for y in outputs)]) for a, b in pairwise(cuts)]
-        jobs = [_team.pool(threads).submit(self._part, *part) for part in parts[1:]]
+        jobs = [team.pool(threads).submit(self._part, *part) for part in parts[1:]]
         found = []
         for first, samples in zip(cuts, [self._part(*parts[0]), *(job.result() for job in jobs)], strict=False):
             if samples is None:
                 return None
             found.append(samples + first)
         return np.concatenate(found)
+
+    def threads(self, tiles: int) -> int:
+        """How many threads are worth waking for so many tiles, of those there may be."""
+        return 1 if team.size == 1 else max(1, min(team.size, tiles // self._share))
 
     def _fit(self, x: NDArray[Any]) -> bool:
         return x.dtype is self.dtype and x.flags.c_contiguous

@@ -428,18 +428,24 @@ def compiled(
     stream  results go past the caches, for outputs larger than they are: a tile's rows, which lie side by side, are
             written in whole lines. The outputs then have to start on a vector's boundary.
     """
-    name, features, _, fma = host()
+    fma = host()[3]
     lanes = 1 if one else lanes_of(dtype)
     writer = _Writer(program, layout, dtype, lanes, fma, stream)
-    module = llvm.parse_assembly(writer.text())
+    return assembled(writer.text()), writer.workspace
+
+
+def assembled(text: str) -> bytes:
+    """Object code of a module for this host."""
+    name, features, _, _ = host()
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
         cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
     )
-    return machine.emit_object(module), writer.workspace
+    code: bytes = machine.emit_object(llvm.parse_assembly(text))
+    return code
 
 
 class Loaded:
-    """Object code in memory, with the addresses of its functions; lives as long as it is referred to."""
+    """Object code in memory; lives as long as it is referred to."""
 
     def __init__(self, code: bytes) -> None:
         """Load and link."""
@@ -448,6 +454,10 @@ class Loaded:
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._machine)
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
-        self.address, self.entry = (int(self._engine.get_function_address(name)) for name in ("kernel", "entry"))
-        if not self.address or not self.entry:
-            raise ValueError("the object code has no kernel")
+
+    def address(self, name: str) -> int:
+        """Where a function is. Raises ValueError if it is not in the code."""
+        at = int(self._engine.get_function_address(name))
+        if not at:
+            raise ValueError(f"the object code has no {name}")
+        return at
