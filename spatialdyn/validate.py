@@ -673,10 +673,14 @@ _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]
         ),
     ),
     "momentum_rate": (
-        "v · (rate - tau) = -v · bias",
+        "v · (rate - tau) = v · (bias - 2 gravity)",
         lambda m, s: (
             np.einsum("si,si->s", s.v, _call("momentum_rate", m, s.q, s.v, s.tau) - s.tau),
-            -np.einsum("si,si->s", s.v, _call("nonlinear_effects", m, s.q, s.v)),
+            np.einsum(
+                "si,si->s",
+                s.v,
+                _call("nonlinear_effects", m, s.q, s.v) - 2.0 * _call("generalized_gravity", m, s.q),
+            ),
         ),
     ),
     "momentum_rate (fext)": (
@@ -704,8 +708,14 @@ def _by_identity(call: _Call, model: Model, states: States, why: str, times: tup
     try:
         left, right = sides(model, states)
     except (InertiaError, NonFiniteError) as refusal:
+        if isinstance(refusal, InertiaError) and not call.peer and _singular(_call("crba", model, states.q)):
+            return Row(call.label, None, BOUND, True, f"{why}; InertiaError, as M is singular")
         return Row(call.label, float("inf"), BOUND, False, f"{why}; {words} instead: {refusal}")
     error = _scaled_error(left, right, min(call.rank, left.ndim - 1))
+    if call.name == "velocity_from_momentum" and error > BOUND:  # as of aba, see _residual
+        M, v = _call("crba", model, states.q), _call(call.label, model, states.q, states.tau)
+        rounding = np.finfo(float).eps * _times_vector(abs(M), abs(v)).max(-1) / abs(right).max(-1, initial=1.0)
+        return _row(call.label, error, max(BOUND, 4.0 * float(rounding.max())), f"{why}; {words} instead; {RAISED}")
     return _row(call.label, error, BOUND, f"{why}; {words} instead", times)
 
 

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.engines import jit
 from spatialdyn.lagrangian.brackets import structure_constants
 from spatialdyn.lagrangian.conserved import ConservedQuantity
 from spatialdyn.lagrangian.hamiltonian import STEP, WEIGHTS
@@ -27,6 +28,7 @@ DIFFERENCE = 1e-9  # 6th-order differences with steps of 4e-3 of sums of sines: 
 NESTED = 1e-7  # differences of differences: rounding is divided by the step twice
 FLOW = 1e-9  # DOP853 at rtol 1e-12 over a second, of the largest value
 SOLID = np.diag([0.1, 0.2, 0.25])
+COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: a minute of plain Python")
 
 TREES = {
     "chain": lambda: random_tree(1, 5, ("revolute", "prismatic"), branching=0.0),
@@ -202,7 +204,7 @@ def test_rotor_inertia_of_a_planar_joint_is_not_in_the_hamiltonian_flow(rng: np.
     model = builder.build()
     q, v, p, _ = state(model, rng)
     rate = sd.momentum_rate(model, q, v, np.zeros(3))
-    assert_close(v @ rate, -v @ sd.nonlinear_effects(model, q, v), ROUNDING)
+    assert abs(v @ rate) <= ROUNDING  # M is constant and the plane level
     generated = -energy_gradient(model, q, p) - np.einsum("m,mjk,k->j", p, structure_constants(model), v)
     turning = 0.5 * v[2] * np.array([-v[1], v[0], 0.0])
     assert_close(rate, generated + turning, DIFFERENCE)
@@ -420,6 +422,7 @@ def test_free_floating_arm_conserves_its_momenta_and_not_m_v(rng: np.random.Gene
     assert X.shape == (4, 4)
 
 
+@COMPILED
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (1.0, 2.0, -2.0)])
 def test_falling_arm_conserves_what_gravity_does_not_see(gravity: Any, rng: np.random.Generator) -> None:
     model = space_arm(gravity)
@@ -433,6 +436,7 @@ def test_falling_arm_conserves_what_gravity_does_not_see(gravity: Any, rng: np.r
         assert {"x", "y", "z"} <= {x.name[-1] for x in found}
 
 
+@COMPILED
 def test_quantities_commute_with_h(model: sd.Model, rng: np.random.Generator) -> None:
     q, _, p, _ = state(model, rng)
     for x in sd.conserved_quantities(model)[1:]:
