@@ -32,8 +32,9 @@ def structure_constants(model: Model) -> Array:
     Returns c (nv, nv, nv) [1 | 1/m | m], antisymmetric in j and k.
     Raises  ModelError if model is none.
 
-    >>> import spatialdyn as sd
-    >>> ball = sd.ModelBuilder("ball").add_body("ball", kind="spherical", inertia=(1, (0, 0, 0), [1, 1, 1])).build()
+    >>> import numpy as np, spatialdyn as sd
+    >>> body = (1.0, (0, 0, 0), np.eye(3))
+    >>> ball = sd.ModelBuilder("ball").add_body("ball", None, "spherical", inertia=body).build()
     >>> structure_constants(ball)[2, 0, 1].item()
     1.0
     """
