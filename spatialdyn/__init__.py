@@ -28,6 +28,8 @@ from .errors import (
     UrdfError,
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
+from .lagrangian.conserved import check_conservation, conserved_quantities
+from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
 from .specialize import Specialized, specialize
@@ -38,7 +40,7 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "from_drake", "from_mujoco",
-    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
-    "wrench_at",
+    "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "check_conservation",
+    "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "kernels", "load_urdf",
+    "poisson_bracket", "random_configuration", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
 ]  # fmt: skip
