@@ -28,6 +28,7 @@ from .errors import (
     UrdfError,
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
+from .lagrangian import ChristoffelC, verify_skew_symmetry
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
 from .specialize import Specialized, specialize
@@ -37,8 +38,8 @@ from .urdf import load_urdf
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "from_drake", "from_mujoco",
-    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
-    "wrench_at",
+    "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder",
+    "ModelError", "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError",
+    "assemble", "from_drake", "from_mujoco", "from_pinocchio", "kernels", "load_urdf", "random_configuration",
+    "specialize", "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

@@ -261,39 +261,42 @@ class _Call:
 # --- what Pinocchio has no call for, of those that it has
 
 
+def _coriolis_matrix(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """C (nv, nv), a matrix of one entry as well."""
+    return np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+
+
 def _mass_matrix_dot(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
     """C + Cᵀ."""
-    C = np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+    C = _coriolis_matrix(pin, model, data, q, v)
     return C + C.T
 
 
 def _coriolis_transpose(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
     """Cᵀ v."""
-    C = np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+    C = _coriolis_matrix(pin, model, data, q, v)
     return C.T @ v
 
 
 def _modified_rnea(pin: Any, model: Any, data: Any, q: Array, v: Array, v_r: Array, a_r: Array) -> Array:
     """M a_r + g, and C v_r."""
     at_rest = np.array(pin.rnea(model, data, q, np.zeros(model.nv), a_r), float).reshape(model.nv)
-    C = np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
-    torque: Array = at_rest + C @ v_r
-    return torque
+    C = _coriolis_matrix(pin, model, data, q, v)
+    return np.asarray(at_rest + C @ v_r)
 
 
 def _christoffel_symbols(pin: Any, model: Any, data: Any, q: Array) -> Array:
     """C is linear in v, and its columns at unit velocities are the symbols."""
     symbols = np.zeros((model.nv, model.nv, model.nv))
     for k, e in enumerate(np.eye(model.nv)):
-        symbols[:, :, k] = pin.computeCoriolisMatrix(model, data, q, e)
+        symbols[:, :, k] = _coriolis_matrix(pin, model, data, q, e)
     return symbols
 
 
 def _mass_matrix_derivatives(pin: Any, model: Any, data: Any, q: Array) -> Array:
     """Γ_ijk + Γ_jik."""
     symbols = _christoffel_symbols(pin, model, data, q)
-    both: Array = symbols + symbols.transpose(1, 0, 2)
-    return both
+    return symbols + symbols.transpose(1, 0, 2)
 
 
 CALLS = (
