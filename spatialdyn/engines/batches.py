@@ -292,10 +292,19 @@ class Kernel:
         """The last samples, fewer than a tile: on copies, filled up with the last of them."""
         at = np.minimum(np.arange(first, first + self.lanes), n - 1)
         padded = [(np.ascontiguousarray(x[at]), 1) if step else (x, 0) for x, step in inputs]
-        results = [np.empty((self.lanes, len(places)), self.dtype) for places in self.layout.outputs]
+        results = [_on_a_line((self.lanes, len(places)), self.dtype) for places in self.layout.outputs]
         self._range(0, 1, padded, results, bits)
         for out, result in zip(outputs, results, strict=True):
             out.reshape(n, -1)[first:] = result[: n - first]
+
+
+def _on_a_line(shape: tuple[int, int], dtype: Any) -> NDArray[Any]:
+    """An empty array that starts on a cache line, as streamed results have to."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    raw = np.empty(size + 64, np.uint8)
+    start = -raw.ctypes.data % 64
+    array: NDArray[Any] = raw[start : start + size].view(dtype).reshape(shape)
+    return array
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
