@@ -28,6 +28,7 @@ from .errors import (
     UrdfError,
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
+from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
 from .lagrangian.conserved import check_conservation, conserved_quantities
 from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
 from .model import Frame, Joint, Model, assemble
@@ -39,8 +40,9 @@ from .urdf import load_urdf
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "check_conservation",
-    "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "kernels", "load_urdf",
-    "poisson_bracket", "random_configuration", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
+    "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError",
+    "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble",
+    "check_conservation", "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations",
+    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
+    "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

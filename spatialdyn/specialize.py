@@ -390,7 +390,7 @@ class Specialized:
         self._shape = self._shapes[0]
         self.compile_seconds = 0.0
         self._kernel: batches.Kernel | None = None
-        if not jit.PLAIN and batches.fits(task.specs, task.model.bodies):
+        if not jit.PLAIN and batches.fits(task.specs, task.model.bodies, sum(map(math.prod, task.shapes()))):
             self._kernel = self._compiled(one=False)
         self._quick = self._kernel is not None and task.dtype == np.float64
         self._single: batches.Kernel | None = None  # keeps the code of single samples in memory, and its plan

@@ -489,6 +489,48 @@ def jacobian_dot_times_v(
     return jacobian_dot(tree, q, v, body, reference, offset) @ np.asarray(v, float)
 
 
+# --- the Coriolis matrix and what it is made of ---------------------------------------------------------
+
+
+def coriolis_matrix(tree: Tree, q: ArrayLike, v: ArrayLike) -> Array:
+    """C (nv, nv) = Σ Jᵀ (I J̇ + ½ (v×* I + (I v)×̄* - I v×) J) over the bodies, in world coordinates."""
+    p, v, C = _parts(tree, q), np.asarray(v, float), np.zeros((tree.nv, tree.nv))
+    for i in range(1, tree.njoints):
+        X, J, Jd = plucker(p.T[i]), _world_jacobian(tree, p, i), _world_jacobian_dot(tree, p, i, v)
+        I, u = X.T @ p.I[i] @ X, J @ v
+        n, f = (I @ u)[:3], (I @ u)[3:]
+        of_momentum = np.block([[-skew(n), -skew(f)], [-skew(f), np.zeros((3, 3))]])
+        C = C + J.T @ (I @ Jd + 0.5 * (crf(u) @ I + of_momentum - I @ crm(u)) @ J)
+    return C
+
+
+def christoffel_symbols(tree: Tree, q: ArrayLike) -> Array:
+    """Γ (nv, nv, nv): C is linear in v."""
+    columns = [coriolis_matrix(tree, q, e) for e in np.eye(tree.nv)]
+    return np.moveaxis(np.array(columns).reshape((tree.nv,) * 3), 0, -1)
+
+
+def mass_matrix_dot(tree: Tree, q: ArrayLike, v: ArrayLike) -> Array:
+    """dM/dt (nv, nv) = Σ J̇ᵀ I J + Jᵀ İ J + Jᵀ I J̇ over the bodies, in world coordinates."""
+    p, v, M = _parts(tree, q), np.asarray(v, float), np.zeros((tree.nv, tree.nv))
+    for i in range(1, tree.njoints):
+        X, J, Jd = plucker(p.T[i]), _world_jacobian(tree, p, i), _world_jacobian_dot(tree, p, i, v)
+        I, u = X.T @ p.I[i] @ X, J @ v
+        M = M + Jd.T @ I @ J + J.T @ (crf(u) @ I - I @ crm(u)) @ J + J.T @ I @ Jd
+    return M
+
+
+def mass_matrix_derivatives(tree: Tree, q: ArrayLike) -> Array:
+    """∂M_ij/∂q_k (nv, nv, nv)."""
+    rates = [mass_matrix_dot(tree, q, e) for e in np.eye(tree.nv)]
+    return np.moveaxis(np.array(rates).reshape((tree.nv,) * 3), 0, -1)
+
+
+def modified_rnea(tree: Tree, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
+    """M a_r + C v_r + g (nv,)."""
+    return crba(tree, q) @ np.asarray(a_r) + coriolis_matrix(tree, q, v) @ np.asarray(v_r) + gravity_torque(tree, q)
+
+
 # --- energy, centre of mass, momentum -------------------------------------------------------------------
 
 

@@ -74,6 +74,30 @@ ORACLE: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
         lambda m, s: sd.centroidal_map_dot(m, s.q, s.v),
         lambda t, s: dense.centroidal_map_dot(t, s.q, s.v),
     ),
+    "coriolis_matrix": (
+        lambda m, s: sd.coriolis_matrix(m, s.q, s.v),
+        lambda t, s: dense.coriolis_matrix(t, s.q, s.v),
+    ),
+    "mass_matrix_dot": (
+        lambda m, s: sd.mass_matrix_dot(m, s.q, s.v),
+        lambda t, s: dense.mass_matrix_dot(t, s.q, s.v),
+    ),
+    "coriolis_transpose_times_velocity": (
+        lambda m, s: sd.coriolis_transpose_times_velocity(m, s.q, s.v),
+        lambda t, s: dense.coriolis_matrix(t, s.q, s.v).T @ s.v,
+    ),
+    "modified_rnea": (
+        lambda m, s: sd.modified_rnea(m, s.q, s.v, s.tau, s.a),
+        lambda t, s: dense.modified_rnea(t, s.q, s.v, s.tau, s.a),
+    ),
+    "christoffel_symbols": (
+        lambda m, s: sd.christoffel_symbols(m, s.q),
+        lambda t, s: dense.christoffel_symbols(t, s.q),
+    ),
+    "mass_matrix_derivatives": (
+        lambda m, s: sd.mass_matrix_derivatives(m, s.q),
+        lambda t, s: dense.mass_matrix_derivatives(t, s.q),
+    ),
     "forward_kinematics": (lambda m, s: sd.forward_kinematics(m, s.q), lambda t, s: dense.placements(t, s.q)),
     "integrate": (lambda m, s: sd.integrate(m, s.q, s.v), lambda t, s: dense.integrate(t, s.q, s.v)),
     "neutral": (lambda m, s: sd.neutral(m), lambda t, s: dense.neutral(t)),

@@ -82,7 +82,7 @@ def momentum_rate(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, d
     """ṗ = Cᵀ v + τ - g + Σ Jᵀ fext; tau, fext may be None, for zero. Poses are computed here."""
     for i in range(1, len(bodies)):
         place_joint(bodies, i, q, work[i].X)
-    _rate(bodies, work, v, tau, fext, dp)
+    rate(bodies, work, v, tau, vec_of(bodies[0].gravity), fext, dp)
 
 
 @inlined
@@ -97,7 +97,7 @@ def hamilton_field(bodies: Any, work: Any, q: Any, p: Any, tau: Any, fext: Any, 
     pivots  (nv), written: the articulated inertia D of each row
     """
     velocity_from_momentum(bodies, work, q, p, v, pivots)
-    _rate(bodies, work, v, tau, fext, dp)
+    rate(bodies, work, v, tau, vec_of(bodies[0].gravity), fext, dp)
 
 
 @inlined
@@ -127,29 +127,39 @@ def _move(bodies: Any, work: Any, i: int, v: Any) -> None:
 
 
 @inlined
-def _rate(bodies: Any, work: Any, v: Any, tau: Any, fext: Any, dp: Any) -> None:
-    """ṗ_i = (v × S)·p + S·f, with p the momentum of what row i carries, f its weight and the forces on it."""
+def rate(bodies: Any, work: Any, v: Any, tau: Any, gravity: Any, fext: Any, dp: Any) -> None:
+    """ṗ_i = (v × S)·p + S·f, with p the momentum of what row i carries, f its weight and the forces on it.
+
+    Poses are there; tau, gravity (a Vec) and fext may be None, for zero: then ṗ is Cᵀ v alone.
+    """
     put_motion(work[0].v, zero_motion())
-    put_vec(work[0].g, vec_of(bodies[0].gravity))
     put_force(work[0].p, zero_force())
     put_force(work[0].f, zero_force())
+    if gravity is not None:
+        put_vec(work[0].g, gravity)
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         _move(bodies, work, i, v)
-        I, g = inertia_of(b.inertia), unrotate(pose_of(here.X).R, vec_of(parent.g))
-        f = Force(cross(I.h, g), times(I.m, g))
+        f = zero_force()
+        if gravity is not None:
+            I, g = inertia_of(b.inertia), unrotate(pose_of(here.X).R, vec_of(parent.g))
+            f = Force(cross(I.h, g), times(I.m, g))
+            put_vec(here.g, g)
         if fext is not None and b.joint > 0:
             f = add_force(f, force_from(fext[b.joint]))
-        put_vec(here.g, g)
         put_force(here.f, f)
 
     for i in range(len(bodies) - 1, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        X, S, p, f = pose_of(here.X), motion_of(b.S), force_of(here.p), force_of(here.f)
-        rate = power(cross_motion(motion_of(here.v), S), p) + power(S, f)
-        dp[i - 1] = rate if tau is None else tau[i - 1] + rate
+        X, S, p = pose_of(here.X), motion_of(b.S), force_of(here.p)
+        dp[i - 1] = power(cross_motion(motion_of(here.v), S), p)
         put_force(parent.p, add_force(force_of(parent.p), force_to_parent(X, p)))
-        put_force(parent.f, add_force(force_of(parent.f), force_to_parent(X, f)))
+        if gravity is not None or fext is not None:
+            f = force_of(here.f)
+            dp[i - 1] = dp[i - 1] + power(S, f)
+            put_force(parent.f, add_force(force_of(parent.f), force_to_parent(X, f)))
+        if tau is not None:
+            dp[i - 1] = dp[i - 1] + tau[i - 1]
 
 
 P = Argument("p", ("nv",), "kg m²/s | kg m/s", "joint momenta M(q) v", dual=True)
