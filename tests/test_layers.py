@@ -42,11 +42,12 @@ BELOW: dict[str, tuple[str, ...]] = {
     "diagnosis": ("border",),
     "dynamics": ("diagnosis",),
     "specialize": ("dynamics",),
+    "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "specialize"),
+    "__init__": ("interop", "urdf", "builder", "lagrangian"),
     "cli": ("validate", "__init__"),
     "__main__": ("cli",),
 }

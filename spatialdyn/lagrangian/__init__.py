@@ -1,0 +1,1 @@
+"""Lagrange and Hamilton: what people build on M, C and g."""
