@@ -39,7 +39,7 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "Specialized", "SymbolicManipulator", "UrdfError", "assemble", "from_drake", "from_mujoco",
-    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
-    "wrench_at",
+    "Robot", "ShapeError", "SpatialDynError", "Specialized", "SymbolicManipulator", "UrdfError",
+    "assemble", "from_drake", "from_mujoco", "from_pinocchio", "kernels", "load_urdf", "random_configuration",
+    "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
 ]  # fmt: skip

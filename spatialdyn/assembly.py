@@ -174,9 +174,7 @@ class Moving(NamedTuple):
     X: Pose
 
 
-def walk(
-    robot: Robot, base: Pose, root: str
-) -> tuple[list[Moving], list[Inertia], list[tuple[str, str, int, Pose]]]:
+def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inertia], list[tuple[str, str, int, Pose]]]:
     """The joints that move, depth first, the inertia of each one's body (index 0: the world), and the frames.
 
     base    where the root link stands at q = 0

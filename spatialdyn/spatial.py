@@ -13,6 +13,7 @@ Pose (R, p)         a frame seen from its parent: orientation and origin
 Inertia (m, h, I)   a rigid body: mass, first moment m c, rotational inertia about the origin
 Articulated         an articulated body inertia [I H; Hᵀ M]
 (I, H, M)
+Coupling (P, p)     the factor B = [P 0; -p̃ 0] of a moving body in C
 ==================  =====================================================================
 
 The types are NamedTuples of plain scalars: under Numba they compile away, and in plain Python the scalars
@@ -104,13 +105,20 @@ class Articulated(NamedTuple):
     M: Sym
 
 
+class Coupling(NamedTuple):
+    """What couples velocities in C for a moving body: B = [P 0; -p̃ 0], p its linear momentum (see ``coupling``)."""
+
+    P: Rot
+    p: Vec
+
+
 def _layout(cls: type) -> np.dtype:
     """Structured dtype of a NamedTuple class, nested classes included."""
     hints = get_type_hints(cls).items()
     return np.dtype([(name, _layout(kind) if hasattr(kind, "_fields") else np.float64) for name, kind in hints])
 
 
-TYPES: tuple[type, ...] = (Vec, Rot, Sym, Motion, Force, Pose, Inertia, Articulated)
+TYPES: tuple[type, ...] = (Vec, Rot, Sym, Motion, Force, Pose, Inertia, Articulated, Coupling)
 DTYPES: dict[Any, np.dtype] = {cls: _layout(cls) for cls in TYPES}
 DTYPES[float] = np.dtype(np.float64)
 DTYPES[int] = np.dtype(np.int64)
@@ -471,6 +479,117 @@ def inertia_rate(I: Inertia, v: Motion) -> Inertia:
     )
 
 
+# --- parallel frames: the same axes, another origin --------------------------------------------------------
+
+
+@inlined
+def rotate_motion(R: Rot, m: Motion) -> Motion:
+    """A motion in axes of which R gives the orientation, in the axes R is seen from; the origin is the same."""
+    return Motion(rotate(R, m.w), rotate(R, m.v))
+
+
+@inlined
+def shift_motion(p: Vec, m: Motion) -> Motion:
+    """A motion seen from an origin that lies at p."""
+    return Motion(m.w, plus(m.v, cross(m.w, p)))
+
+
+@inlined
+def unshift_force(p: Vec, f: Force) -> Force:
+    """A force about an origin that lies at p, about the origin that p starts from."""
+    return Force(plus(f.n, cross(p, f.f)), f.f)
+
+
+@inlined
+def rotate_inertia(R: Rot, I: Inertia) -> Inertia:
+    """An inertia in axes of which R gives the orientation, in the axes R is seen from; the origin is the same."""
+    return Inertia(I.m, rotate(R, I.h), congruence(R, I.I))
+
+
+@inlined
+def unshift_inertia(p: Vec, I: Inertia) -> Inertia:
+    """An inertia about an origin that lies at p, about the origin that p starts from: the parallel axis theorem."""
+    h = plus(I.h, times(I.m, p))
+    return Inertia(I.m, h, shifted(I.I, p, I.h, h))
+
+
+# --- velocity against velocity: the factor B of the Coriolis matrix -----------------------------------------
+
+
+@inlined
+def second_moment(I: Sym) -> Sym:
+    """Σ = ½ tr(Ī) 1 - Ī, the integral of r rᵀ over a body of rotational inertia Ī."""
+    return Sym(
+        0.5 * (I.yy + I.zz - I.xx), -I.xy, -I.xz,
+        0.5 * (I.zz + I.xx - I.yy), -I.yz,
+        0.5 * (I.xx + I.yy - I.zz),
+    )  # fmt: skip
+
+
+@inlined
+def coupling(I: Inertia, v: Motion) -> Coupling:
+    """B(I, v) = ½ (v×* I + (I v)×̄* - I v×), with (f)×̄* m = m ×* f, of a body of inertia I moving with v.
+
+    B v = v ×* I v, B + Bᵀ is the inertia's rate, and B(I, v) w - B(I, w) v = -I (v × w): of the many factors that
+    give C v, the one of the Levi-Civita connection. With v = (ω, l) it is [P 0; -p̃ 0], p = m l + ω × h and
+    P = (h·l) 1 - l hᵀ - ω̃ Σ. Source: Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and
+    Christoffel symbols for rigid-body systems (2021); the twelve numbers are a derivation of our own.
+    """
+    h, w, l = I.h, v.w, v.v
+    M = second_moment(I.I)
+    x = cross(w, Vec(M.xx, M.xy, M.xz))
+    y = cross(w, Vec(M.xy, M.yy, M.yz))
+    z = cross(w, Vec(M.xz, M.yz, M.zz))
+    hx, hy, hz = h.x * l.x, h.y * l.y, h.z * l.z
+    P = Rot(
+        hy + hz - x.x, -(l.x * h.y) - y.x, -(l.x * h.z) - z.x,
+        -(l.y * h.x) - x.y, hz + hx - y.y, -(l.y * h.z) - z.y,
+        -(l.z * h.x) - x.z, -(l.z * h.y) - y.z, hx + hy - z.z,
+    )  # fmt: skip
+    return Coupling(P, plus(times(I.m, l), cross(w, h)))
+
+
+@inlined
+def add_coupling(A: Coupling, B: Coupling) -> Coupling:
+    """A + B."""
+    return Coupling(add_rot(A.P, B.P), plus(A.p, B.p))
+
+
+@inlined
+def unshift_coupling(p: Vec, B: Coupling) -> Coupling:
+    """B about an origin that lies at p, about the origin that p starts from: XᵀB X = [P - p̃ b̃ 0; -b̃ 0], b = B.p."""
+    P, b = B.P, B.p
+    x, y, z = p.x * b.x, p.y * b.y, p.z * b.z
+    return Coupling(
+        Rot(
+            P.xx + (y + z), P.xy - b.x * p.y, P.xz - b.x * p.z,
+            P.yx - b.y * p.x, P.yy + (z + x), P.yz - b.y * p.z,
+            P.zx - b.z * p.x, P.zy - b.z * p.y, P.zz + (x + y),
+        ),
+        b,
+    )  # fmt: skip
+
+
+@inlined
+def coupled(B: Coupling, S: Motion) -> Force:
+    """B S."""
+    return Force(rotate(B.P, S.w), cross(S.w, B.p))
+
+
+@inlined
+def coupled_back(B: Coupling, S: Motion) -> Vec:
+    """Bᵀ S, a couple: its moment, the same about every origin."""
+    return plus(unrotate(B.P, S.w), cross(B.p, S.v))
+
+
+@inlined
+def coupled_force(I: Inertia, v: Motion, w: Motion) -> Force:
+    """B(I, v) w without B: two thirds of the work where it is needed once."""
+    p = plus(times(I.m, v.v), cross(v.w, I.h))
+    moment = minus(cross(I.h, cross(w.w, v.v)), cross(v.w, apply_sym(second_moment(I.I), w.w)))
+    return Force(moment, cross(w.w, p))
+
+
 # --- articulated bodies (RBDA chapter 7) ----------------------------------------------------------------
 
 
@@ -603,6 +722,12 @@ def articulated_of(r: Any) -> Articulated:
 
 
 @inlined
+def coupling_of(r: Any) -> Coupling:
+    """Read a Coupling field."""
+    return Coupling(rot_of(r.P), vec_of(r.p))
+
+
+@inlined
 def put_vec(r: Any, a: Vec) -> None:
     """Write a Vec field."""
     r.x = a.x
@@ -670,6 +795,13 @@ def put_articulated(r: Any, A: Articulated) -> None:
     put_sym(r.I, A.I)
     put_rot(r.H, A.H)
     put_sym(r.M, A.M)
+
+
+@inlined
+def put_coupling(r: Any, B: Coupling) -> None:
+    """Write a Coupling field."""
+    put_rot(r.P, B.P)
+    put_vec(r.p, B.p)
 
 
 # --- the border: public arrays are linear part first ----------------------------------------------------

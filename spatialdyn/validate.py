@@ -20,6 +20,7 @@ import timeit
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -225,7 +226,8 @@ class _Call:
 
     label   of its row: the name of the call, and in brackets what is special
     inputs  fields of States that both take, in order
-    peer    Pinocchio's function of (model, data, *inputs)
+    peer    Pinocchio's function of (model, data, *inputs), or where it has none what makes one of those it has:
+            a function of (pin, model, data, *inputs), which is not timed
     result  where Pinocchio leaves the answer in its data; None if it returns it
     frame   Pinocchio's function of (model, data, frame, reference) that follows ``peer``, for calls about a frame
     static  what ours takes after the frame and the reference
@@ -234,7 +236,7 @@ class _Call:
 
     label: str
     inputs: str
-    peer: str
+    peer: str | Callable[..., Any]
     result: Callable[[Any], Any] | None = None
     frame: str = ""
     static: tuple[Any, ...] = ()
@@ -254,6 +256,44 @@ class _Call:
     def rank(self) -> int:
         """Axes of one result."""
         return len(SPECS[self.name].output.shape) if self.name in SPECS else 0
+
+
+# --- what Pinocchio has no call for, of those that it has
+
+
+def _mass_matrix_dot(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """C + Cᵀ."""
+    C = np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+    return C + C.T
+
+
+def _coriolis_transpose(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """Cᵀ v."""
+    C = np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+    return C.T @ v
+
+
+def _modified_rnea(pin: Any, model: Any, data: Any, q: Array, v: Array, v_r: Array, a_r: Array) -> Array:
+    """M a_r + g, and C v_r."""
+    at_rest = np.array(pin.rnea(model, data, q, np.zeros(model.nv), a_r), float).reshape(model.nv)
+    C = np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+    torque: Array = at_rest + C @ v_r
+    return torque
+
+
+def _christoffel_symbols(pin: Any, model: Any, data: Any, q: Array) -> Array:
+    """C is linear in v, and its columns at unit velocities are the symbols."""
+    symbols = np.zeros((model.nv, model.nv, model.nv))
+    for k, e in enumerate(np.eye(model.nv)):
+        symbols[:, :, k] = pin.computeCoriolisMatrix(model, data, q, e)
+    return symbols
+
+
+def _mass_matrix_derivatives(pin: Any, model: Any, data: Any, q: Array) -> Array:
+    """Γ_ijk + Γ_jik."""
+    symbols = _christoffel_symbols(pin, model, data, q)
+    both: Array = symbols + symbols.transpose(1, 0, 2)
+    return both
 
 
 CALLS = (
@@ -287,6 +327,12 @@ CALLS = (
     _Call("centroidal_momentum", "q v", "computeCentroidalMomentum"),
     _Call("centroidal_map", "q", "computeCentroidalMap"),
     _Call("centroidal_map_dot", "q v", "dccrba", lambda data: data.dAg),
+    _Call("coriolis_matrix", "q v", "computeCoriolisMatrix"),
+    _Call("mass_matrix_dot", "q v", _mass_matrix_dot),
+    _Call("coriolis_transpose_times_velocity", "q v", _coriolis_transpose),
+    _Call("modified_rnea", "q v d a", _modified_rnea),
+    _Call("christoffel_symbols", "q", _christoffel_symbols),
+    _Call("mass_matrix_derivatives", "q", _mass_matrix_derivatives),
     _Call("neutral", "", "neutral", data=False),
     _Call("normalize", "raw", "normalize", data=False),
     _Call("integrate", "q d", "integrate", data=False),
@@ -345,13 +391,17 @@ class _Peer:
             values.append(float(value) if name == "t" else value)
         return values
 
+    def function(self, call: _Call) -> Callable[..., Any]:
+        """What answers for Pinocchio."""
+        return getattr(self.pin, call.peer) if isinstance(call.peer, str) else partial(call.peer, self.pin)
+
     def arguments(self, call: _Call) -> tuple[Any, ...]:
         """What stands before the inputs."""
         return (self.model, self.data) if call.data else (self.model,)
 
     def __call__(self, call: _Call, states: States, k: int) -> Array:
         """Its answer for one sample, in the shape of ours."""
-        answer = getattr(self.pin, call.peer)(*self.arguments(call), *self.inputs(call, states, k))
+        answer = self.function(call)(*self.arguments(call), *self.inputs(call, states, k))
         if not call.frame:
             found = _array(answer if call.result is None else call.result(self.data))
             return found.reshape(self._core(call)) if call.name in SPECS else found
@@ -427,7 +477,7 @@ def _compared(call: _Call, model: Model, peer: _Peer, states: States, timing: bo
     except (InertiaError, NonFiniteError) as error:
         yield _refused(call, model, peer, states, theirs, error)
         return
-    times = _times(call, model, peer, states) if timing else None
+    times = _times(call, model, peer, states) if timing and isinstance(call.peer, str) else None
     same = np.array_equal(single, ours[0], equal_nan=True)
     note = "" if same else "a single call and a batch of it differ"
     if call.name in ("aba", "minverse"):
@@ -541,6 +591,11 @@ def _frame_accelerations(m: Model, s: States) -> Array:
     return _times_vector(_call("frame_jacobian", m, s.q), s.a) + _call("jacobian_dot_times_v", m, s.q, s.v)
 
 
+def _coriolis_forces(m: Model, s: States) -> Array:
+    """Bias less gravity."""
+    return _call("nonlinear_effects", m, s.q, s.v) - _call("generalized_gravity", m, s.q)
+
+
 # label -> the identity in words, and its two sides
 _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]]] = {
     "rnea": (
@@ -590,6 +645,47 @@ _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]
     "static_torque": (
         "static torque = rnea at v = a = 0",
         lambda m, s: (_call("static_torque", m, s.q, s.fext), _call("rnea", m, s.q, 0.0 * s.v, 0.0 * s.a, s.fext)),
+    ),
+    "coriolis_matrix": (
+        "C v = bias - g",
+        lambda m, s: (_times_vector(_call("coriolis_matrix", m, s.q, s.v), s.v), _coriolis_forces(m, s)),
+    ),
+    "mass_matrix_dot": (
+        "dM/dt = C + Cᵀ",
+        lambda m, s: (
+            _call("mass_matrix_dot", m, s.q, s.v),
+            _call("coriolis_matrix", m, s.q, s.v) + _call("coriolis_matrix", m, s.q, s.v).transpose(0, 2, 1),
+        ),
+    ),
+    "coriolis_transpose_times_velocity": (
+        "Cᵀ v = dM/dt v - C v",
+        lambda m, s: (
+            _call("coriolis_transpose_times_velocity", m, s.q, s.v),
+            _times_vector(_call("mass_matrix_dot", m, s.q, s.v), s.v) - _coriolis_forces(m, s),
+        ),
+    ),
+    "modified_rnea": (
+        "modified rnea = M a_r + C v_r + g",
+        lambda m, s: (
+            _call("modified_rnea", m, s.q, s.v, s.d, s.a),
+            _times_vector(_call("crba", m, s.q), s.a)
+            + _times_vector(_call("coriolis_matrix", m, s.q, s.v), s.d)
+            + _call("generalized_gravity", m, s.q),
+        ),
+    ),
+    "christoffel_symbols": (
+        "Γ v = C",
+        lambda m, s: (
+            _times_vector(_call("christoffel_symbols", m, s.q), s.v),
+            _call("coriolis_matrix", m, s.q, s.v),
+        ),
+    ),
+    "mass_matrix_derivatives": (
+        "dM/dq v = dM/dt",
+        lambda m, s: (
+            _times_vector(_call("mass_matrix_derivatives", m, s.q), s.v),
+            _call("mass_matrix_dot", m, s.q, s.v),
+        ),
     ),
     "kinetic_energy": ("T = ½ vᵀ M v", lambda m, s: _IDENTITIES["crba"][1](m, s)[::-1]),
     "center_of_mass_velocity": (
@@ -684,7 +780,7 @@ def _times(call: _Call, model: Model, peer: _Peer, states: States) -> tuple[floa
         given += ["frame", *["reference"] * bool(call.references), *["extra"] * bool(call.static)]
     ours = timeit.Timer(f"f({', '.join(given)})", globals=scope)
 
-    there: dict[str, Any] = {"f": getattr(peer.pin, call.peer), "model": peer.model, "data": peer.data}
+    there: dict[str, Any] = {"f": peer.function(call), "model": peer.model, "data": peer.data}
     there |= dict(zip(names, peer.inputs(call, states, 0), strict=True))
     text = f"f({', '.join(['model', *['data'] * call.data, *names])})"
     if call.frame:

@@ -47,7 +47,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "lagrangian"),
+    "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian"),
     "cli": ("validate", "__init__"),
     "__main__": ("cli",),
 }
@@ -57,7 +57,7 @@ UPWARD: dict[tuple[str, str], str] = {}
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
 CHANGED = {"engines.batches": {"_kept", "_team"}}
 
-SHARED = {"spec", "joints", "lie", "energy"}  # what recursions import of their own room
+SHARED = {"spec", "joints", "lie", "energy", "coriolis"}  # what recursions import of their own room
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines", "cli"}
 NAME_FILES = {"validate"}  # tells Pinocchio which file to read
 PRINT = {"cli"}

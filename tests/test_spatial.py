@@ -12,7 +12,7 @@ from dense import Array, crf, crm, flip, plucker, skew, spatial_inertia
 from trees import random_inertia, random_placement
 
 from spatialdyn import spatial as sp
-from spatialdyn.spatial import Articulated, Force, Inertia, Motion, Pose, Rot, Sym, Vec
+from spatialdyn.spatial import Articulated, Coupling, Force, Inertia, Motion, Pose, Rot, Sym, Vec
 
 CLOSE = 64 * np.finfo(float).eps  # of the largest entry: products of three 6 x 6 matrices
 SEEDS = range(6)
@@ -206,7 +206,74 @@ BODIES: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
         lambda x: x.P + x.a @ (2.0 * x.b + x.s * x.a) * np.eye(3) - np.outer(x.b, x.a) - np.outer(x.a, x.b + x.s * x.a),
     ),
 }
-OPERATORS = THREE | SIX | BODIES
+
+
+def skew_of_force(f: Array) -> Array:
+    """f×̄*, (6, 6): (f×̄*) m = m ×* f."""
+    return np.block([[-skew(f[:3]), -skew(f[3:])], [-skew(f[3:]), np.zeros((3, 3))]])
+
+
+def coupling_matrix(I: Array, v: Array) -> Array:
+    """½ (v×* I + (I v)×̄* - I v×), (6, 6)."""
+    return 0.5 * (crf(v) @ I + skew_of_force(I @ v) - I @ crm(v))
+
+
+def of_coupling(B: Coupling) -> Array:
+    o = np.zeros((3, 3))
+    return np.block([[square(B.P), o], [-skew(B.p), o]])
+
+
+def shift(p: Array) -> Array:
+    """Motion transform (6, 6) to a parallel frame whose origin lies at p."""
+    T = np.eye(4)
+    T[:3, 3] = p
+    return plucker(T)
+
+
+def turned(R: Array) -> Array:
+    """Motion transform (6, 6) from axes of which R gives the orientation; R need not be a rotation."""
+    return np.kron(np.eye(2), R)
+
+
+COUPLINGS: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
+    "rotate_motion": (lambda x: flat(sp.rotate_motion(rot(x.A), motion(x.m))), lambda x: turned(x.A) @ x.m),
+    "shift_motion": (lambda x: flat(sp.shift_motion(vec(x.a), motion(x.m))), lambda x: shift(x.a) @ x.m),
+    "unshift_force": (lambda x: flat(sp.unshift_force(vec(x.a), force(x.f))), lambda x: shift(x.a).T @ x.f),
+    "rotate_inertia": (
+        lambda x: of_body(sp.rotate_inertia(rot(x.T[:3, :3]), body(*x.inertia))),
+        lambda x: turned(x.T[:3, :3]) @ spatial_inertia(*x.inertia) @ turned(x.T[:3, :3]).T,
+    ),
+    "unshift_inertia": (
+        lambda x: of_body(sp.unshift_inertia(vec(x.a), body(*x.inertia))),
+        lambda x: shift(x.a).T @ spatial_inertia(*x.inertia) @ shift(x.a),
+    ),
+    "second_moment": (lambda x: full(sp.second_moment(sym(x.P))), lambda x: 0.5 * np.trace(x.P) * np.eye(3) - x.P),
+    "coupling": (
+        lambda x: of_coupling(sp.coupling(body(*x.inertia), motion(x.v))),
+        lambda x: coupling_matrix(spatial_inertia(*x.inertia), x.v),
+    ),
+    "add_coupling": (
+        lambda x: of_coupling(sp.add_coupling(Coupling(rot(x.A), vec(x.a)), Coupling(rot(x.B), vec(x.b)))),
+        lambda x: of_coupling(Coupling(rot(x.A + x.B), vec(x.a + x.b))),
+    ),
+    "unshift_coupling": (
+        lambda x: of_coupling(sp.unshift_coupling(vec(x.a), Coupling(rot(x.A), vec(x.b)))),
+        lambda x: shift(x.a).T @ of_coupling(Coupling(rot(x.A), vec(x.b))) @ shift(x.a),
+    ),
+    "coupled": (
+        lambda x: flat(sp.coupled(Coupling(rot(x.A), vec(x.b)), motion(x.m))),
+        lambda x: of_coupling(Coupling(rot(x.A), vec(x.b))) @ x.m,
+    ),
+    "coupled_back": (
+        lambda x: np.r_[sp.coupled_back(Coupling(rot(x.A), vec(x.b)), motion(x.m)), np.zeros(3)],
+        lambda x: of_coupling(Coupling(rot(x.A), vec(x.b))).T @ x.m,
+    ),
+    "coupled_force": (
+        lambda x: flat(sp.coupled_force(body(*x.inertia), motion(x.v), motion(x.m))),
+        lambda x: coupling_matrix(spatial_inertia(*x.inertia), x.v) @ x.m,
+    ),
+}
+OPERATORS = THREE | SIX | BODIES | COUPLINGS
 
 
 @pytest.mark.parametrize("name", OPERATORS)
@@ -250,6 +317,13 @@ def test_inertia_rate_is_the_derivative_along_the_motion(x: Sample) -> None:
     assert abs(of_body(sp.inertia_rate(I, motion(x.v))) - by_difference).max() < 1e-8  # h² and eps/h
 
 
+def test_coupling_is_antisymmetric_in_what_moves_and_what_is_asked(x: Sample) -> None:
+    """a·B(I, v) b = -v·B(I, a) b: one number serves six Christoffel symbols."""
+    I, (a, b, v) = body(*x.inertia), (motion(m) for m in (x.m, x.f, x.v))
+    forward, back = sp.power(a, sp.coupled(sp.coupling(I, v), b)), sp.power(v, sp.coupled(sp.coupling(I, a), b))
+    assert abs(forward + back) <= CLOSE * max(1.0, abs(forward))
+
+
 def test_a_force_along_a_force_is_an_error_by_construction() -> None:
     f = force(np.arange(6.0))
     with pytest.raises(AttributeError):
@@ -273,6 +347,7 @@ FIELDS = {
     Vec: (sp.put_vec, sp.vec_of), Rot: (sp.put_rot, sp.rot_of), Sym: (sp.put_sym, sp.sym_of),
     Motion: (sp.put_motion, sp.motion_of), Force: (sp.put_force, sp.force_of), Pose: (sp.put_pose, sp.pose_of),
     Inertia: (sp.put_inertia, sp.inertia_of), Articulated: (sp.put_articulated, sp.articulated_of),
+    Coupling: (sp.put_coupling, sp.coupling_of),
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Symbols: a recursion run once on exact numbers that hold sines, cosines and parameters, and its result in closed form.
+"""Symbols: a recursion run once on exact numbers made of sines, cosines and parameters, for its result in closed form.
 
 A Number is a quotient of polynomials with rational coefficients. For every angle α its ring has two generators, cos α
 and sin α, and sin² is replaced by 1 - cos² in every product; likewise the square of a radical, and one square of a
@@ -6,7 +6,8 @@ unit quaternion. What is left is a canonical form: two polynomials of the ring a
 have the same terms, so nothing has to be "simplified" on the way, and zero is seen to be zero.
 
 At the end ``Ring.expression`` folds products of sines and cosines into sums of cos(n·α) and sin(n·α): the Fourier
-series of the function, which is canonical too, and the form in which textbooks print M, C and g.
+series of the function, which is canonical too, and the form in which textbooks print M, C and g. Its length grows
+exponentially with the angles that an entry depends on: closed forms are for arms of a few joints.
 
 SymPy brings the polynomials; it is imported when a Ring is made.
 """
@@ -37,7 +38,9 @@ def need_sympy() -> Any:
     try:
         import sympy
     except ImportError:
-        raise SpatialDynError('symbols need sympy, which is not installed; pip install "spatialdyn[symbolic]"') from None
+        raise SpatialDynError(
+            'symbols need sympy, which is not installed; pip install "spatialdyn[symbolic]"'
+        ) from None
     return sympy
 
 
@@ -81,11 +84,8 @@ class Number:
         return (-self) + other
 
     def __mul__(self, other: Any) -> Any:
-        if isinstance(other, (int, float)):
-            if other == 0.0:
-                return 0.0
-            if other == 1.0:
-                return self
+        if isinstance(other, float) and other in (0.0, 1.0):
+            return self if other else 0.0
         other = self.ring.number_or_none(other)
         if other is None:
             return NotImplemented
@@ -220,7 +220,7 @@ class Ring:
         if isinstance(x, Number):
             return x
         if isinstance(x, (int, float, Fraction, np.integer, np.floating)):
-            f = Fraction(x) if not isinstance(x, np.integer) else Fraction(int(x))
+            f = Fraction(int(x) if isinstance(x, np.integer) else float(x) if isinstance(x, np.floating) else x)
             return Number(self, self.polynomials(self._sympy.QQ(f.numerator, f.denominator)))
         return self.of(x) if isinstance(x, self._sympy.Expr) else None
 
@@ -269,34 +269,34 @@ class Ring:
         if e.is_Float:
             return self.of(sympy.Rational(repr(float(e))))
         if e.is_Add or e.is_Mul:
-            parts = [self.of(x) for x in e.args]
-            total = parts[0]
-            for x in parts[1:]:
-                total = total + x if e.is_Add else total * x
+            total = self.of(e.args[0])
+            for x in e.args[1:]:
+                total = total + self.of(x) if e.is_Add else self.of(x) * total
             return total
         if e.is_Pow and e.exp.is_Integer:
-            base, power = self.of(e.base), Number(self, self.one)
-            for _ in range(abs(int(e.exp))):
-                power = power * base
+            base, power = self.of(e.base), self.of(1)
+            for _ in range(abs(int(e.exp))):  # one by one, for squares to be replaced
+                power = base * power
             return power if e.exp > 0 else power.reciprocal()
         if e.is_Pow and (2 * e.exp).is_Integer and e.base.is_Rational:
-            return self._radical(e.base) * self.of(e.base ** (e.exp - sympy.S.Half))
+            rest = self.of(e.base ** (e.exp - sympy.S.Half))
+            return Number(self, self.times(self._radical(e.base), rest.num))
         if isinstance(e, (sympy.cos, sympy.sin)):
             return self.turn(e.args[0])[isinstance(e, sympy.sin)]
         if isinstance(e, sympy.tan):
             c, s = self.turn(e.args[0])
-            return s / c
+            return Number(self, s.num, c.num)
         raise SpatialDynError(f"{e} is not rational in {', '.join(map(str, self.plain))}, sines and cosines")
 
-    def _radical(self, x: Expr) -> Number:
+    def _radical(self, x: Expr) -> Poly:
         """√x of a positive rational: √(a/b) = √(a b) / b, prime by prime."""
-        root = Number(self, self.one) / int(x.q)
+        root = self.one.mul_ground(self._sympy.QQ(1, int(x.q)))
         for p, k in self._sympy.factorint(int(x.p) * int(x.q)).items():
-            root = root * p ** (k // 2)
+            root = root.mul_ground(p ** (k // 2))
             if k % 2:
                 if p not in self._root:
                     raise SpatialDynError(f"the square root of {p} is not among the ring's")
-                root = root * Number(self, self._gens[self._root[p]])
+                root = root * self._gens[self._root[p]]
         return root
 
     def derivative(self, x: Any, symbol: Expr) -> Number:
@@ -414,7 +414,9 @@ def _waves(powers: Place) -> tuple[tuple[tuple[Place, bool], Fraction], ...]:
 # --- running ------------------------------------------------------------------------------------------------
 
 
-def run(spec: Spec, ring: Ring, rows: Sequence[Any], sizes: Mapping[str, int], inputs: Mapping[str, Any]) -> NDArray[Any]:
+def run(
+    spec: Spec, ring: Ring, rows: Sequence[Any], sizes: Mapping[str, int], inputs: Mapping[str, Any]
+) -> NDArray[Any]:
     """The output of a call on a table of Numbers, as an object array of Numbers.
 
     rows    the table of bodies, as ``trace.table`` makes one, its entries Numbers or the floats 0 and 1

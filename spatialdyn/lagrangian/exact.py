@@ -137,8 +137,9 @@ def exact(model: Model) -> Exact:
         p = [ring.of(read.decimal(X[k])) for k in (3, 7, 11)]
         return (*R[:3], p[0], *R[3:6], p[1], *R[6:], p[2], 0.0, 0.0, 0.0, 1.0)
 
+    change: Any = replace  # fields declared float receive Numbers
     links = tuple(
-        replace(
+        change(
             link,
             mass=ring.of(read.decimal(link.mass)),
             com=tuple(ring.of(read.decimal(x)) for x in link.com),
@@ -147,7 +148,7 @@ def exact(model: Model) -> Exact:
         for link in robot.links
     )
     joints = tuple(
-        replace(
+        change(
             joint,
             placement=placed(f"joint {joint.name}", joint.placement),
             axis=tuple(ring.of(x) for x in axes.get(joint.name, ())),
@@ -189,9 +190,9 @@ def _values(ring: Ring, k: int, I: Inertia, X: Pose, armature: Expr) -> dict[str
     return values
 
 
-def exact_table(model: Model, known: Exact, ring: Ring, chosen: Mapping[str, Expr]) -> list[Row]:
-    """The table of bodies in Numbers of a ring that extends ``known.ring``; some values by name are other than known."""
-    rows = table(model.bodies)
+def exact_table(model: Model, known: Exact, ring: Ring, chosen: Mapping[str, Expr]) -> Any:
+    """The table of bodies in Numbers of a ring that extends ``known.ring``; values by name may be other than known."""
+    rows: Any = table(model.bodies)
     values = {name: ring.of(chosen[name]) if name in chosen else ring.taken(x) for name, x in known.values.items()}
     put_vec(rows[0].gravity, Vec(*(values[f"g_{x}"] for x in "xyz")))
     for k, (kind, axis, X) in enumerate(known.moving, start=1):

@@ -19,6 +19,16 @@ Expr = Any  # sympy.Expr
 Arguments = Mapping[str, tuple[Expr, ...]]
 
 
+def text(name: str, value: Any) -> str:
+    """An expression as ``name = ...``; of a matrix or array the entries that are not 0, counted from 1."""
+    flat, shape = _flat(value)
+    if not shape:
+        return f"{name} = {value}\n"
+    places = [[k + 1 for k in place] for place in np.ndindex(shape)]
+    lines = [f"{name}{place} = {x}" for place, x in zip(places, flat, strict=True) if x != 0]
+    return "\n".join(lines or [f"{name} = 0"]) + "\n"
+
+
 def latex(value: Any, v: Sequence[Expr], a: Sequence[Expr]) -> str:
     """LaTeX of an expression, matrix or array; v and a are written with one dot and two."""
     sympy = need_sympy()
@@ -37,7 +47,9 @@ def _flat(value: Any) -> tuple[list[Expr], tuple[int, ...]]:
     return flat, shape[:1] if len(shape) == 2 and shape[1] == 1 else shape
 
 
-def _shared(value: Any, arguments: Arguments, entry: Callable[[str, int], str]) -> tuple[list[tuple[Expr, Expr]], list[Expr]]:
+def _shared(
+    value: Any, arguments: Arguments, entry: Callable[[str, int], str]
+) -> tuple[list[tuple[Expr, Expr]], list[Expr]]:
     """Common subexpressions and results, the symbols of the arguments replaced by their entries."""
     sympy = need_sympy()
     flat, _ = _flat(value)
@@ -79,7 +91,9 @@ def function(
         return out.reshape(batch + shape)
 
     closed_form.__name__ = closed_form.__qualname__ = name
-    closed_form.__doc__ = f"{name}({', '.join(arguments)}) in closed form: arrays (..., size), a result {shape or 'scalar'}."
+    closed_form.__doc__ = (
+        f"{name}({', '.join(arguments)}) in closed form: arrays (..., size), a result {shape or 'scalar'}."
+    )
     return closed_form
 
 

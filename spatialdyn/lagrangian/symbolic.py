@@ -27,6 +27,7 @@ Expr = Any  # sympy.Expr
 Matrix = Any  # sympy.ImmutableMatrix
 Numbers = NDArray[Any]
 
+ROUTES = ("recursion", "derivatives")
 LARGEST = 4  # freedoms up to which M is inverted in closed form
 KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
 MEANING = {
@@ -78,12 +79,12 @@ class SymbolicManipulator:
     >>> s.M()[0, 1]
     l_1*l_2*cos(q_2) + l_2**2
 
+    Closed forms grow exponentially with the joints: an arm of three takes tenths of a second, one of six minutes.
+
     Raises  ModelError for mimic joints; SpatialDynError naming a parameter that is not known, or that sympy is missing
     """
 
-    def __init__(
-        self, model: Model, parameters: str | Iterable[str] | Mapping[str, Any] = "numbers"
-    ) -> None:
+    def __init__(self, model: Model, parameters: str | Iterable[str] | Mapping[str, Any] = "numbers") -> None:
         """Read the robot and choose its symbols."""
         if check_model(model).mimic_matrix is not None:
             raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for symbols')
@@ -99,10 +100,9 @@ class SymbolicManipulator:
         self.assumptions = tuple(known.assumptions)
         chosen = self._chosen(known, parameters)
         self.parameters = self._own(known, chosen)
-        turning = [self.q[int(row["at"])] for row in model.bodies[1:] if _turns(int(row["kind"]))]
-        turning += [
-            self.q[int(row["at"]) + 2] for row in model.bodies[1:] if int(row["kind"]) == kinds.PLANAR
-        ]
+        places = {kinds.REVOLUTE: 0, kinds.PLANAR: 2}
+        rows = [(int(row["kind"]), int(row["at"])) for row in model.bodies[1:]]
+        turning = [self.q[at + places[kind]] for kind, at in rows if kind in places]
         units = [tuple(self.q[k] for k in part) for part in unit_parts(model.bodies)]
         plain = (*self.q, *self.v, *self.a, *self.p, *self.tau, *self.parameters)
         if len(set(plain)) < len(plain):
@@ -187,7 +187,7 @@ class SymbolicManipulator:
             inputs: dict[str, Any] = dict(static)
             for x in spec.given:
                 if x.name in own:
-                    inputs[x.name] = np.array([self._ring.of(s) for s in own[x.name]] + [None], dtype=object)[:-1]
+                    inputs[x.name] = _array([self._ring.of(s) for s in own[x.name]])
             sizes = {"nq": self.model.nq, "nv": self.model.nv, "njoints": self.model.njoints}
             self._results[key] = engine.run(spec, self._ring, self._rows, sizes, inputs)
         made: Numbers = self._results[key]
@@ -213,10 +213,9 @@ class SymbolicManipulator:
                     raise SpatialDynError(f'call "{name}" needs a frame, expected its name')
                 found = self.model.frame(frame)
                 X = self._frames[f"{found.kind}:{found.name}"]
-                R, p = X.R, X.p
+                entries = [*X.R[:3], X.p[0], *X.R[3:6], X.p[1], *X.R[6:], X.p[2], 0.0, 0.0, 0.0, 1.0]
+                static["placement"] = _array([self._ring.taken(x) for x in entries]).reshape(4, 4)
                 static["row"] = self.model.joints[found.joint].row
-                flat = [*R[:3], p[0], *R[3:6], p[1], *R[6:], p[2], 0.0, 0.0, 0.0, 1.0]
-                static["placement"] = np.array([self._ring.taken(e) for e in flat] + [None], dtype=object)[:-1].reshape(4, 4)
                 static["frame"] = f"{found.kind}:{found.name}"
             elif x.name == "reference":
                 static["reference"] = reference_of(reference)
@@ -257,32 +256,45 @@ class SymbolicManipulator:
         """Gravity torque g(q) = ∂V/∂q (nv, 1), by the recursive Newton-Euler algorithm."""
         return self._shown(self._numbers("generalized_gravity"))
 
-    def christoffel(self, route: str = "derivatives") -> Any:
+    def christoffel(self, route: str = "recursion") -> Any:
         """Christoffel symbols of the first kind Γ (nv, nv, nv): C_ij = Σ_k Γ_ijk v_k.
 
-        route  "derivatives": ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk), for joints whose velocities are q̇
+        route  "recursion": over the tree, any joints. "derivatives": ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk), for joints
+               whose velocities are q̇. Both give the same expressions.
 
         Raises SpatialDynError for another route, or naming a joint that has no such coordinates
         """
         return self._shown(self._gamma(route))
 
     def _gamma(self, route: str) -> Numbers:
+        if route not in ROUTES:
+            raise SpatialDynError(f"route is {route!r}, expected one of {', '.join(ROUTES)}")
+        if route == "recursion":
+            return self._numbers("christoffel_symbols")
         self._coordinates("Christoffel symbols from derivatives")
+        n, half = self.model.nv, self._sympy.Rational(1, 2)
+        dM, made = self._derivatives(), np.empty((n, n, n), dtype=object)
+        for i, j, k in np.ndindex(n, n, n):
+            made[i, j, k] = (dM[i, j, k] + dM[i, k, j] - dM[j, k, i]) * half
+        return made
+
+    def _derivatives(self) -> Numbers:
+        """∂M_ij/∂q_k (nv, nv, nv) of the entries of M."""
         M, n = self._numbers("crba"), self.model.nv
-        half = self._ring.of(self._sympy.Rational(1, 2))
         dM = np.empty((n, n, n), dtype=object)
         for i, j, k in np.ndindex(n, n, n):
             dM[i, j, k] = self._ring.derivative(M[i, j], self.q[k]) if i <= j else dM[j, i, k]
-        made = np.empty((n, n, n), dtype=object)
-        for i, j, k in np.ndindex(n, n, n):
-            made[i, j, k] = half * (dM[i, j, k] + dM[i, k, j] - dM[j, k, i])
-        return made
+        return dM
 
-    def C(self, route: str = "derivatives") -> Matrix:
-        """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols: Ṁ - 2C is skew. For routes see christoffel."""
-        G = self._gamma(route)
+    def C(self, route: str = "recursion") -> Matrix:
+        """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols: Ṁ - 2C is skew.
+
+        route  "recursion": C itself over the tree, in O(n d). "derivatives": Σ_k Γ_ijk v_k of ``christoffel``'s.
+        """
+        if route == "recursion":
+            return self._shown(self._numbers("coriolis_matrix"))
+        G, n = self._gamma(route), self.model.nv
         v = [self._ring.of(x) for x in self.v]
-        n = self.model.nv
         made = np.empty((n, n), dtype=object)
         for i, j in np.ndindex(n, n):
             made[i, j] = sum((G[i, j, k] * v[k] for k in range(n)), self._ring.of(0))
@@ -298,16 +310,16 @@ class SymbolicManipulator:
 
     def kinetic_energy(self) -> Expr:
         """T(q, v) = ½ vᵀ M v."""
-        return self._shown(self._numbers("kinetic_energy").reshape(()))
+        return self._shown(self._numbers("kinetic_energy"))
 
     def potential_energy(self) -> Expr:
         """V(q) of gravity."""
-        return self._shown(self._numbers("potential_energy").reshape(()))
+        return self._shown(self._numbers("potential_energy"))
 
     def lagrangian(self) -> Expr:
         """L(q, v) = T - V."""
         T, V = self._numbers("kinetic_energy"), self._numbers("potential_energy")
-        return self._shown((T - V).reshape(()))
+        return self._shown((T.reshape(1) - V.reshape(1)).reshape(()))
 
     # --- Hamilton -----------------------------------------------------------------------------------------
 
@@ -354,18 +366,18 @@ class SymbolicManipulator:
         """q̇ = ∂H/∂p = M⁻¹ p (nv, 1)."""
         self._coordinates("Hamilton's equations")
         det = self._inverse[1]
-        return self._shown(_column([x / det for x in self._momenta()]))
+        return self._shown(_array([x / det for x in self._momenta()]))
 
     def momentum_rate(self) -> Matrix:
         """ṗ = -∂H/∂q + τ (nv, 1): ½ q̇ᵀ ∂M/∂q q̇ - g + τ with q̇ = M⁻¹ p."""
         self._coordinates("Hamilton's equations")
-        det, w, M = self._inverse[1], self._momenta(), self._numbers("crba")
+        det, w, dM = self._inverse[1], self._momenta(), self._derivatives()
         gravity, n = self._numbers("generalized_gravity"), self.model.nv
         made = []
         for k in range(n):
             total = self._ring.of(0)
             for i, j in np.ndindex(n, n):
-                total = total + self._ring.derivative(M[i, j], self.q[k]) * w[i] * w[j]
+                total = total + dM[i, j, k] * w[i] * w[j]
             made.append(self._ring.expression(total / (det * det * 2)))
             made[-1] += self._ring.expression(self._ring.of(self.tau[k]) - gravity[k])
         return self._sympy.ImmutableMatrix(n, 1, made)
@@ -404,7 +416,7 @@ class SymbolicManipulator:
     # --- exports ------------------------------------------------------------------------------------------
 
     def quantity(self, what: Any) -> tuple[str, Any, tuple[str, ...]]:
-        """Name, expression and arguments of a quantity (M, C, g, christoffel, T, V, L, H, tau, qdot, pdot) or expression.
+        """Name, expression and arguments of a quantity, a key of QUANTITIES, or of an expression.
 
         Raises SpatialDynError for another name, or symbols that are not the robot's
         """
@@ -427,6 +439,11 @@ class SymbolicManipulator:
         """Symbols of each argument of an exported function; the parameters last if there are any."""
         made = {name: getattr(self, name) for name in names}
         return made | ({"parameters": tuple(self.parameters)} if self.parameters else {})
+
+    def text(self, what: Any) -> str:
+        """A quantity or expression as plain text, a line for each entry that is not 0."""
+        name, value, _ = self.quantity(what)
+        return printing.text(name, value)
 
     def latex(self, what: Any) -> str:
         """LaTeX of a quantity or expression; velocities are written with dots."""
@@ -457,12 +474,8 @@ class SymbolicManipulator:
         return f"<SymbolicManipulator {self.model.name}: nv {self.model.nv}, {len(self.parameters)} parameters>"
 
 
-def _turns(kind: int) -> bool:
-    """Whether a row's coordinate is an angle."""
-    return kind == kinds.REVOLUTE
-
-
-def _column(x: list[Any]) -> Numbers:
+def _array(x: Sequence[Any]) -> Numbers:
+    """An object array of Numbers, which NumPy is not to look into."""
     made = np.empty(len(x), dtype=object)
     made[:] = x
     return made
