@@ -28,7 +28,7 @@ def test_derive_prints_m_c_and_g(capsys: pytest.CaptureFixture[str]) -> None:
         "M[2, 2] = 1",
         "",
         "C[1, 1] = -v_2*sin(q_2)",
-        "C[1, 2] = -(v_1 + v_2)*sin(q_2)",
+        "C[1, 2] = (-v_1 - v_2)*sin(q_2)",
         "C[2, 1] = v_1*sin(q_2)",
         "",
         "g[1] = 981*cos(q_1)/50 + 981*cos(q_1 + q_2)/100",

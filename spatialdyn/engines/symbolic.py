@@ -304,7 +304,8 @@ class Ring:
         x = self.of(0) + x
         if x.den is not None:
             num, den = Number(self, x.num), Number(self, x.den)
-            return (self.derivative(num, symbol) * den - num * self.derivative(den, symbol)) / (den * den)
+            top = self.derivative(num, symbol) * den - num * self.derivative(den, symbol)
+            return Number(self, top.num, self.times(x.den, x.den))
         total = self.polynomials.zero
         if symbol in self._place:
             total = x.num.diff(self._gens[self._place[symbol]])
