@@ -80,7 +80,7 @@ def test_two_link_arm_is_the_textbooks() -> None:
     assert is_zero(s.C() - C)
     assert is_zero(s.g() - sympy.Matrix([(m1 + m2) * g * l1 * cos(q1) + far, far]))
     assert s.christoffel() == sympy.ImmutableDenseNDimArray([0, h, h, h, -h, 0, 0, 0], (2, 2, 2))
-    assert is_zero(s.potential_energy() - m1 * g * l1 * sin(q1) - m2 * g * (l1 * sin(q1) + l2 * sin(q1 + q2)))
+    assert is_zero(s.V() - m1 * g * l1 * sin(q1) - m2 * g * (l1 * sin(q1) + l2 * sin(q1 + q2)))
 
 
 def test_general_two_link_arm_of_the_last_exercise() -> None:
@@ -206,20 +206,20 @@ def test_frames_in_closed_form() -> None:
 
 def test_hamilton_equations_are_gradients_of_h() -> None:
     s = two_link()
-    H = s.hamiltonian()
+    H = s.H()
     qdot, pdot = s.hamilton_equations()
     for k in range(2):
         assert s.simplify(qdot[k] - H.diff(s.p[k])) == 0
         assert s.simplify(pdot[k] + H.diff(s.q[k]) - s.tau[k]) == 0
     momentum = s.M() * sympy.Matrix(s.v)
-    assert s.simplify(H.subs(dict(zip(s.p, momentum, strict=True))) - s.kinetic_energy() - s.potential_energy()) == 0
+    assert s.simplify(H.subs(dict(zip(s.p, momentum, strict=True))) - s.T() - s.V()) == 0
 
 
 def test_poisson_brackets() -> None:
     """{q, p} = 1, antisymmetry, Jacobi's identity, {H, H} = 0 and dp/dt = {p, H}."""
     s = two_link("numbers")
     (q1, q2), (p1, p2) = s.q, s.p
-    H, bracket = s.hamiltonian(), s.poisson_bracket
+    H, bracket = s.H(), s.poisson_bracket
     assert [bracket(a, b) for a in s.q for b in s.p] == [1, 0, 0, 1]
     assert bracket(H, H) == 0
     assert s.simplify(bracket(p2, H) + H.diff(q2)) == 0
@@ -236,7 +236,7 @@ def test_hamiltonian_refuses_joints_without_coordinate_velocities() -> None:
         with pytest.raises(sd.SpatialDynError, match='joint "root_joint" is floating, whose velocities are not'):
             call()
     with pytest.raises(sd.SpatialDynError, match="has 6 freedoms, expected at most 4"):
-        s.hamiltonian()
+        s.H()
 
 
 # --- exact numbers ---------------------------------------------------------------------------------------

@@ -43,10 +43,10 @@ QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
     "C": ("C", ("q", "v")),
     "g": ("g", ("q",)),
     "christoffel": ("christoffel", ("q",)),
-    "T": ("kinetic_energy", ("q", "v")),
-    "V": ("potential_energy", ("q",)),
-    "L": ("lagrangian", ("q", "v")),
-    "H": ("hamiltonian", ("q", "p")),
+    "T": ("T", ("q", "v")),
+    "V": ("V", ("q",)),
+    "L": ("L", ("q", "v")),
+    "H": ("H", ("q", "p")),
     "tau": ("inverse_dynamics", ("q", "v", "a")),
     "qdot": ("position_rate", ("q", "p")),
     "pdot": ("momentum_rate", ("q", "p", "tau")),
@@ -308,15 +308,15 @@ class SymbolicManipulator:
         """M a + C v + g = τ, an equation for each freedom."""
         return [self._sympy.Eq(x, t) for x, t in zip(self.inverse_dynamics(), self.tau, strict=True)]
 
-    def kinetic_energy(self) -> Expr:
+    def T(self) -> Expr:
         """T(q, v) = ½ vᵀ M v."""
         return self._shown(self._numbers("kinetic_energy"))
 
-    def potential_energy(self) -> Expr:
+    def V(self) -> Expr:
         """V(q) of gravity."""
         return self._shown(self._numbers("potential_energy"))
 
-    def lagrangian(self) -> Expr:
+    def L(self) -> Expr:
         """L(q, v) = T - V."""
         T, V = self._numbers("kinetic_energy"), self._numbers("potential_energy")
         return self._shown((T.reshape(1) - V.reshape(1)).reshape(()))
@@ -355,12 +355,12 @@ class SymbolicManipulator:
         p = [self._ring.of(x) for x in self.p]
         return [sum((a * x for a, x in zip(row, p, strict=True)), self._ring.of(0)) for row in self._inverse[0]]
 
-    def hamiltonian(self) -> Expr:
+    def H(self) -> Expr:
         """H(q, p) = ½ pᵀ M⁻¹ p + V, up to four freedoms."""
         p, zero = [self._ring.of(x) for x in self.p], self._ring.of(0)
         twice = sum((x * y for x, y in zip(p, self._momenta(), strict=True)), zero)
         T = twice / (self._inverse[1] * 2) if self.p else zero
-        return self._ring.expression(T) + self.potential_energy()
+        return self._ring.expression(T) + self.V()
 
     def position_rate(self) -> Matrix:
         """q̇ = ∂H/∂p = M⁻¹ p (nv, 1)."""
