@@ -31,6 +31,7 @@ from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoc
 from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
 from .lagrangian.conserved import check_conservation, conserved_quantities
 from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
+from .lagrangian.symbolic import SymbolicManipulator
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
 from .specialize import Specialized, specialize
@@ -41,7 +42,7 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError",
-    "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble",
+    "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "SymbolicManipulator", "UrdfError", "assemble",
     "check_conservation", "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations",
     "kernels", "load_urdf", "poisson_bracket", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
     "verify_skew_symmetry", "wrench_at",

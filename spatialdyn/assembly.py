@@ -107,7 +107,8 @@ def tables(robot: Robot, options: Options) -> Tables:
     leaders: dict[str, Mimic] = {}
     if options.mimic:
         robot, leaders = resolve_mimics(robot)
-    moving, inertias, frames = walk(robot, options)
+    moving, inertias, places = walk(robot, pose(options.base), options.root)
+    frames = [Frame(name, kind, body, matrix(X)) for name, kind, body, X in places]
     bodies, joints = tabulate(moving, inertias, options)
     free = [k for k, joint in enumerate(joints) if joint.name not in leaders]
     free_q = [at for k in free for at in range(joints[k].idx_q, joints[k].idx_q + joints[k].nq)]
@@ -173,20 +174,25 @@ class Moving(NamedTuple):
     X: Pose
 
 
-def walk(robot: Robot, options: Options) -> tuple[list[Moving], list[Inertia], list[Frame]]:
+def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inertia], list[tuple[str, str, int, Pose]]]:
     """The joints that move, depth first, the inertia of each one's body (index 0: the world), and the frames.
 
+    base    where the root link stands at q = 0
+    root    "fixed" or "floating"
+
     A joint's index is its place in the first list plus one. A fixed joint merges what it carries into the body it
-    hangs on.
+    hangs on. A frame is its name, its kind, its joint's index and its pose there. The robot's numbers may be of any
+    kind that has + - *.
     """
     moving: list[Moving] = []
-    inertias, frames = [NOTHING], []
+    inertias: list[Inertia] = [NOTHING]
+    frames: list[tuple[str, str, int, Pose]] = []
     links, children = {link.name: link for link in robot.links}, robot.children
     # what is still to be walked: a link, the joint it hangs on, the body that carries that joint, a pose in that body
-    stack: list[tuple[str, RobotJoint | None, int, Pose]] = [(robot.root, None, 0, pose(options.base))]
-    if options.root == "floating":
-        joint = RobotJoint(ROOT_JOINT, "floating", "", robot.root, options.base)
-        stack = [(robot.root, joint, 0, identity_pose())]
+    stack: list[tuple[str, RobotJoint | None, int, Pose]] = [(robot.root, None, 0, base)]
+    if root == "floating":
+        joint = RobotJoint(ROOT_JOINT, "floating", "", robot.root, IDENTITY)
+        stack = [(robot.root, joint, 0, base)]
     while stack:
         link, hung, body, X = stack.pop()
         if hung is not None:
@@ -195,8 +201,8 @@ def walk(robot: Robot, options: Options) -> tuple[list[Moving], list[Inertia], l
                 moving.append(Moving(hung, body, X))
                 inertias.append(NOTHING)
                 body, X = len(moving), identity_pose()
-            frames.append(Frame(hung.name, "joint", body, matrix(X)))
-        frames.append(Frame(link, "link", body, matrix(X)))
+            frames.append((hung.name, "joint", body, X))
+        frames.append((link, "link", body, X))
         inertias[body] = add_inertia(inertias[body], inertia_to_parent(X, about_origin(links[link])))
         stack += [(joint.child, joint, body, X) for joint in reversed(children[link])]
     return moving, inertias, frames

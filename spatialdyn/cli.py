@@ -1,4 +1,4 @@
-"""The command line: ``spatialdyn info ROBOT`` and ``spatialdyn compare [ROBOT ...|--all]``.
+"""The command line: ``spatialdyn info ROBOT``, ``derive ROBOT`` and ``compare [ROBOT ...|--all]``.
 
 Tables are drawn by rich if it is installed, as aligned text otherwise. Exit status: 0 all is well, 1 disagreement
 with Pinocchio, 2 bad input, which is said on stderr in one line.
@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from .errors import SpatialDynError
+from .lagrangian.symbolic import QUANTITIES, SymbolicManipulator
 from .model import Model
 from .robot import Joint
 from .urdf import example_robots, load_urdf, robot_names
@@ -57,6 +58,16 @@ def _parser() -> argparse.ArgumentParser:
     info.add_argument("--root", choices=ROOTS, default="fixed", help="what the root link does (default: fixed)")
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info)
+
+    derive = commands.add_parser("derive", help="M, C, g, energies in closed form")
+    derive.add_argument("robot", metavar="ROBOT", help=robot)
+    derive.add_argument("--root", choices=ROOTS, default="fixed", help="what the root link does (default: fixed)")
+    derive.add_argument(
+        "--quantity", default="M,C,g", metavar="LIST", help=f"of {', '.join(QUANTITIES)} (default: M,C,g)"
+    )
+    derive.add_argument("--format", choices=("text", "latex", "c", "python"), default="text", help="default: text")
+    derive.add_argument("--symbols", action="store_true", help="masses, lengths, ... as symbols, not numbers")
+    derive.set_defaults(run=_derive)
 
     compare = commands.add_parser("compare", help="errors and times of every call against Pinocchio")
     compare.add_argument("robots", metavar="ROBOT", nargs="*", help=robot)
@@ -259,6 +270,31 @@ def _info_record(model: Model) -> dict[str, Any]:
 def _finite(x: float | None) -> float | None:
     """A number that JSON can hold."""
     return x if x is not None and math.isfinite(x) else None
+
+
+# --- derive ----------------------------------------------------------------------------------------------
+
+
+def _derive(arguments: argparse.Namespace) -> int:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # ``info`` tells what is odd
+        model = load_urdf(arguments.robot, root=arguments.root)
+    s = SymbolicManipulator(model, "symbols" if arguments.symbols else "numbers")
+    asked = [name.strip() for name in arguments.quantity.split(",")]
+    for name in asked:  # before the first of them takes its time
+        if name not in QUANTITIES:
+            raise SpatialDynError(f'quantity is "{name}", expected one of {", ".join(QUANTITIES)}')
+    comment = {"text": "", "latex": "% ", "c": "// ", "python": "# "}[arguments.format]
+    for x, value in s.parameters.items():
+        print(f"{comment}{x} = {value}: {s.meaning[x]}")
+    for note in s.assumptions:
+        print(f"{comment}{note}")
+    if s.parameters or s.assumptions:
+        print()
+    make = {"text": s.text, "latex": s.latex, "c": s.c_code, "python": s.python_code}[arguments.format]
+    for name in asked:
+        print(f"{name} = {make(name)}\n" if arguments.format == "latex" else make(name))
+    return 0
 
 
 # --- compare ---------------------------------------------------------------------------------------------

@@ -29,6 +29,7 @@ JOINT_KINDS = (
     "planar",
 )
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
+GIMBAL = 1e-9  # cosine of a pitch below which roll and yaw are one rotation
 
 
 @dataclass(frozen=True)
@@ -256,6 +257,15 @@ def rpy_matrix(roll: float, pitch: float, yaw: float) -> Array:
     )
     R[abs(R) < 1e-15] = 0.0
     return R
+
+
+def rpy_of(R: Array) -> list[float]:
+    """Roll, pitch, yaw of a rotation; at a right angle of pitch, where only one of the others counts, the roll is 0."""
+    cos_pitch = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], cos_pitch)
+    if cos_pitch < GIMBAL:
+        return [0.0, pitch, math.atan2(-R[0, 1], R[1, 1])]
+    return [math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])]
 
 
 def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:

@@ -83,9 +83,11 @@ def row_kind(kind: str, continuous: str) -> int:
 def subspace(kind: str, axis: ArrayLike) -> Array:
     """Motion subspaces (freedoms, 6) of a joint's rows, angular first, in its frame.
 
-    A plane's two axes are what the shortest rotation that takes z to its normal makes of x and y.
+    A plane's two axes are what the shortest rotation that takes z to its normal makes of x and y. An axis of exact
+    numbers gives exact entries.
     """
-    u = np.asarray(axis, dtype=float)
+    u = np.asarray(axis)
+    u = u if u.dtype == object else u.astype(float)
     if kind in ("revolute", "continuous"):
         return np.array([[*u, 0.0, 0.0, 0.0]])
     if kind == "prismatic":
@@ -95,13 +97,13 @@ def subspace(kind: str, axis: ArrayLike) -> Array:
         return linear_first
     if kind == "spherical":
         return linear_first[3:]
-    if u[2] <= -1.0 + 1e-15:
+    if float(u[2]) <= -1.0 + 1e-15:
         x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
     else:
         k = 1.0 / (1.0 + u[2])
         x = np.array([1.0 - k * u[0] * u[0], -k * u[0] * u[1], -u[0]])
         y = np.array([-k * u[0] * u[1], 1.0 - k * u[1] * u[1], -u[1]])
-    S = np.zeros((3, 6))
+    S = np.zeros((3, 6), dtype=u.dtype)
     S[0, 3:], S[1, 3:], S[2, :3] = x, y, u
     return S
 

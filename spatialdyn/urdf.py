@@ -36,11 +36,11 @@ from .robot import (
     pose_matrix,
     quoted,
     rpy_matrix,
+    rpy_of,
 )
 from .robot_files import example_robots, find_robot, robot_names
 from .urdf_xml import (
     LIMITED,
-    NEAR,
     RIGHT,
     SIZE_LIMIT,
     URDF_KINDS,
@@ -224,21 +224,12 @@ def _pose(origin: Any, what: str, snap: float | None, angles: list[float]) -> Ar
     """A yourdfpy origin as a pose (4, 4), rotation entries below 1e-15 zero; its angles are added to ``angles``."""
     X = pose_matrix(origin, what)
     R = X[:3, :3]
-    rpy = _rpy_of(R)
+    rpy = rpy_of(R)
     angles += rpy
     if snap is not None and any(0.0 < off_right(angle) <= snap for angle in rpy):
         R[:] = rpy_matrix(*(snapped(angle, snap) for angle in rpy))
     R[abs(R) < 1e-15] = 0.0
     return X
-
-
-def _rpy_of(R: Array) -> list[float]:
-    """Roll, pitch, yaw of a rotation; at a right angle of pitch, where only one of the others counts, the roll is 0."""
-    cos_pitch = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], cos_pitch)
-    if cos_pitch < NEAR:
-        return [0.0, pitch, math.atan2(-R[0, 1], R[1, 1])]
-    return [math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])]
 
 
 def _link(link: Any, snap: float | None, angles: list[float]) -> Link:

@@ -42,8 +42,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "diagnosis": ("border",),
     "dynamics": ("diagnosis",),
     "specialize": ("dynamics",),
-    "states": ("dynamics",),
     "lagrangian": ("states", "specialize"),
+    "states": ("dynamics",),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors

@@ -1,1 +1,1 @@
-"""What Lagrange and Hamilton make of M, C and g."""
+"""Lagrange and Hamilton: what people build on M, C and g."""
