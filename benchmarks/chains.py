@@ -13,6 +13,7 @@ import spatialdyn as sd
 
 LENGTHS = (10, 30, 100, 300, 1000)
 FROM = 30  # joints from which on the slope is taken
+HELD = 300  # joints up to which Pinocchio is asked: its data holds several n³ tensors, 32 GB at 1000
 SAMPLES = 512  # of a batch: the least that runs on lanes
 ARGUMENTS = {"rnea": "qva", "aba": "qvt", "crba": "q"}
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
@@ -42,55 +43,47 @@ def measured(rounds: int, tell: Any) -> dict[str, Any]:
     """Microseconds of one call, and of a sample of a batch; ``slope`` of log time over log n from FROM joints on.
 
     untraced   one public call from Python, by the kernel for any model
-    lanes      a sample of a batch by the program of the chain; null above the longest that is compiled
-    batch      a sample of a batch of the public call, whichever way that takes
-    pinocchio  one call from Python
+    batch      a sample of a batch of the public call, by the engine that ``batch_engine`` names for each length
+    pinocchio  one call from Python, of chains that its data can be held of
     """
-    times: dict[str, dict[str, list[float | None]]] = {}
+    times: dict[str, dict[str, list[float]]] = {}
+    engines = []
     for n in LENGTHS:
-        found = _of_length(n, rounds)
-        for call, ways in found.items():
+        model = ours(n)
+        for call, ways in _of_length(n, model, rounds).items():
             for way, value in ways.items():
                 times.setdefault(call, {}).setdefault(way, []).append(value)
+        engines.append(sd.specialize(model, sd.rnea).engine)
         tell()
     slope = {call: {way: _slope(values) for way, values in ways.items()} for call, ways in times.items()}
-    return {"joints": list(LENGTHS), "us": times, "slope": slope}
+    return {"joints": list(LENGTHS), "us": times, "slope": slope, "batch_engine": engines}
 
 
-def _of_length(n: int, rounds: int) -> dict[str, dict[str, float | None]]:
-    model, other = ours(n), theirs(n)
-    data = other.createData()
-    samples = SAMPLES
-    state = random_state(model, samples)
-    found: dict[str, dict[str, float | None]] = {}
+def _of_length(n: int, model: sd.Model, rounds: int) -> dict[str, dict[str, float]]:
+    other = theirs(n) if n <= HELD else None
+    data = None if other is None else other.createData()
+    state = random_state(model, SAMPLES)
+    found: dict[str, dict[str, float]] = {}
     for name, letters in ARGUMENTS.items():
         call, function = getattr(sd, name), getattr(pin, name)
         arguments = [state[letter] for letter in letters]
         one = [np.array(x[0]) for x in arguments]
-        wanted = np.array(function(other, data, *one))
-        error = abs(call(model, *one) - wanted).max() / max(1.0, abs(wanted).max())
-        # a chain of n rods has an M of condition n⁴ or so
-        assert error <= SCALED * max(1.0, (n / 10) ** 2), f"chain of {n}, {name}: scaled error {error:.1e}"
-        runs = {
-            "untraced": lambda call=call, one=one: call(model, *one),
-            "pinocchio": lambda function=function, one=one: function(other, data, *one),
-        }
-        if name != "crba":
-            out = aligned((samples, n))
+        runs = {"untraced": lambda call=call, one=one: call(model, *one)}
+        if other is not None:
+            runs["pinocchio"] = lambda function=function, one=one: function(other, data, *one)
+            wanted = np.array(runs["pinocchio"]())
+            error = abs(runs["untraced"]() - wanted).max() / max(1.0, abs(wanted).max())
+            assert error <= SCALED, f"chain of {n}, {name}: scaled error {error:.1e} against Pinocchio"
+        if name != "crba":  # 4 GB of M at 1000 joints
             sd.set_num_threads(1)
+            out = aligned((SAMPLES, n))
             runs["batch"] = lambda call=call, x=arguments, out=out: call(model, *x, out=out)
         times = interleaved(runs, rounds, 0.01)
-        found[name] = {way: 1e6 * t / (samples if way == "batch" else 1) for way, t in times.items()}
-        if name != "crba":
-            traced = sd.specialize(model, call).engine == "lanes"
-            found[name]["lanes"] = found[name]["batch"] if traced else None
+        found[name] = {way: 1e6 * t / (SAMPLES if way == "batch" else 1) for way, t in times.items()}
     return found
 
 
-def _slope(values: list[float | None]) -> float | None:
-    """Of the logarithms; None with fewer than three lengths."""
-    known = [(n, t) for n, t in zip(LENGTHS, values, strict=True) if t is not None and n >= FROM]
-    if len(known) < 3:
-        return None
-    x, y = np.log(known).T
+def _slope(values: list[float]) -> float:
+    """Of log time over log n from FROM joints on."""
+    x, y = np.log([(n, t) for n, t in zip(LENGTHS, values, strict=False) if n >= FROM]).T
     return float(np.polyfit(x, y, 1)[0])

@@ -65,7 +65,9 @@ def peak(scalar: str) -> float:
         for c, name in enumerate(names):
             before = f"%{name}" if turn == 0 else f"%{name}_{turn}"
             body.append(f"  %{name}_{turn + 1} = call {v} @llvm.fma.{suffix}({v} {before}, {v} {half}, {v} %start{c})")
-    starts = [f"  %p{c} = getelementptr {v}, ptr %io, i64 {c}\n  %start{c} = load {v}, ptr %p{c}" for c in range(CHAINS)]
+    starts = [
+        f"  %p{c} = getelementptr {v}, ptr %io, i64 {c}\n  %start{c} = load {v}, ptr %p{c}" for c in range(CHAINS)
+    ]
     phis = [f"  %{x} = phi {v} [ %start{c}, %entry ], [ %{x}_{DEEP}, %loop ]" for c, x in enumerate(names)]
     ends = [f"  store {v} %{x}_{DEEP}, ptr %p{c}" for c, x in enumerate(names)]
     text = f"declare {v} @llvm.fma.{suffix}({v}, {v}, {v})\n" + _loop(starts, phis, body, ends)

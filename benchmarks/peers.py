@@ -13,7 +13,6 @@ import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -108,8 +107,7 @@ def expected(case: Case, call: str) -> Array:
 # --- MuJoCo ----------------------------------------------------------------------------------------------
 
 
-@cache
-def _mujoco_model(case_id: int, theirs: Any) -> Any:
+def _mujoco_model(theirs: Any) -> Any:
     """A MuJoCo model of a Pinocchio model on a fixed base: same joints in the same order, no contact, no damping."""
     import mujoco
 
@@ -152,7 +150,7 @@ def mujoco(case: Case, call: str) -> Contestant | None:
         return None
     import mujoco as mj
 
-    model = _mujoco_model(id(case.theirs), case.theirs)
+    model = _mujoco_model(case.theirs)
     data, n = mj.MjData(model), model.nv
     qpos, qvel = sd.to_mujoco(case.ours, case.state["q"], case.state["v"])
     acceleration, torque, zero, eye = case.state["a"], case.state["t"], np.zeros(n), np.eye(n)
@@ -379,4 +377,4 @@ def drake(case: Case, call: str) -> Contestant | None:
     return Contestant(**looped(single, case.samples), read=in_our_order)
 
 
-OPTIONAL = {"casadi + adam": adam, "frax": frax, "drake": drake}
+MAKE = {"mujoco": mujoco, "casadi + adam": adam, "frax": frax, "drake": drake}
