@@ -48,7 +48,7 @@ def throughput(results: dict[str, Any]) -> Any:
             axis.bar(places, rates, 0.2, color=COLOURS[way], zorder=2)
         axis.set_yscale("log")
         axis.set_title(call.replace("_", " "))
-        axis.set_xticks(range(len(robots)), robots, rotation=30, ha="right")
+        axis.set_xticks(range(len(robots)), [r.removesuffix(", fixed") for r in robots], rotation=30, ha="right")
         axis.grid(axis="y", color="0.9", zorder=0)
     for axis in axes[:, 0]:
         axis.set_ylabel("samples a second")
@@ -88,8 +88,8 @@ def chains(results: dict[str, Any]) -> Any:
     for axis, (call, ways) in zip(np.ravel(axes), found["us"].items(), strict=True):
         for way, values in ways.items():
             label, colour, line = looks[way]
-            slope = found["slope"][call][way]
-            axis.loglog(n[: len(values)], values, line, color=colour, label=f"{label}: $n^{{{slope:.2f}}}$")
+            grows = f": $n^{{{found['slope'][call][way]:.2f}}}$" if way in found["slope"][call] else ""
+            axis.loglog(n[: len(values)], values, line, color=colour, label=label + grows)
             if way == "batch":  # where the program ends and the kernel for any model begins
                 bare = [k for k, engine in enumerate(found["batch_engine"]) if engine == "untraced"]
                 axis.plot([n[k] for k in bare], [values[k] for k in bare], "^", mfc="white", color=colour, zorder=3)

@@ -87,7 +87,7 @@ def of_robot(case: Case, calls: Iterable[str], present: list[str], effort: Effor
         single[call] = times_of_one(plain, own, jitted, pin, others, effort)
         batch[call] = times_of_many(plain, two, fresh, own, narrow, pin, pools, others, effort)
         batch[call] |= {"float32_error": error, "engine": k.engine}
-        batch[call] |= limits(case, call, k, batch[call]["ours_ns"])
+        batch[call] |= limits(case, call, k, batch[call]["k_ns" if call == "kinematics" else "ours_ns"])
         for name, why in refused.items():
             batch[call]["peers"][name] = why
     return single, batch
@@ -130,8 +130,8 @@ def times_of_many(
 def limits(case: Case, call: str, k: sd.Specialized, ns: float) -> dict[str, Any]:
     """Operations of the program, and how near the machine's limits the public batch comes with them.
 
-    Of gravity the program is an rnea at rest; the stores count where the result is larger than the caches, or there
-    is no share.
+    Of gravity the program is an rnea at rest; of kinematics it is k, for the public calls are two programs. The stores
+    count where the result is larger than the caches; elsewhere there is no share.
     """
     if k.engine != "lanes":
         return dict.fromkeys(("operations", "flops_per_ns", "peak_share", "bytes_per_ns", "store_share"))

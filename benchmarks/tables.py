@@ -103,7 +103,7 @@ def _chains(chains: dict[str, Any]) -> tuple[str, list[str], Rows]:
     rows = []
     for call, ways in chains["us"].items():
         for way, values in ways.items():
-            slope = number(chains["slope"][call][way], 2)
+            slope = number(chains["slope"][call].get(way), 2)
             rows.append([call, way, *_padded(values, len(chains["joints"])), slope])
     engines = ", ".join(chains["batch_engine"])
     title = f"chains, µs a sample; slope of log time over log n from 30 joints on; engines of batches: {engines}"
