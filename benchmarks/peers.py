@@ -108,7 +108,7 @@ def expected(case: Case, call: str) -> Array:
 
 
 def _mujoco_model(theirs: Any) -> Any:
-    """A MuJoCo model of a Pinocchio model on a fixed base: same joints in the same order, no contact, no damping."""
+    """A MuJoCo model of a Pinocchio model: same joints in the same order, no contact, no damping."""
     import mujoco
 
     world = ET.Element("mujoco", model="peer")
@@ -120,12 +120,7 @@ def _mujoco_model(theirs: Any) -> Any:
         quaternion = pin.Quaternion(X.rotation).coeffs()[[3, 0, 1, 2]]
         body = ET.SubElement(elements[theirs.parents[i]], "body", pos=_text(X.translation), quat=_text(quaternion))
         ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")  # the true one is put in below
-        joint = theirs.joints[i]
-        data = joint.createData()
-        joint.calc(data, pin.neutral(theirs)[joint.idx_q : joint.idx_q + joint.nq])
-        S = np.ravel(data.S)
-        kind, axis = ("slide", S[:3]) if np.any(S[:3]) else ("hinge", S[3:])
-        ET.SubElement(body, "joint", type=kind, axis=_text(axis))
+        _mujoco_joint(body, theirs.joints[i])
         elements.append(body)
     model = mujoco.MjModel.from_xml_string(ET.tostring(world, encoding="unicode"))
     for i in range(1, theirs.njoints):  # as they are: the compiler refuses inertias that no body can have
@@ -140,20 +135,36 @@ def _mujoco_model(theirs: Any) -> Any:
     return model
 
 
+def _mujoco_joint(body: ET.Element, joint: Any) -> None:
+    if joint.shortname() == "JointModelFreeFlyer":
+        ET.SubElement(body, "freejoint")
+        return
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.idx_q + joint.nq))  # S is the same at any angle
+    S = np.ravel(data.S)
+    kind, axis = ("slide", S[:3]) if np.any(S[:3]) else ("hinge", S[3:])
+    ET.SubElement(body, "joint", type=kind, axis=_text(axis))
+
+
 def _text(numbers: Sequence[float]) -> str:
     return " ".join(repr(float(x)) for x in numbers)
 
 
 def mujoco(case: Case, call: str) -> Contestant | None:
-    """The functions that a call is made of, one sample after the other from Python; fixed bases only."""
-    if case.root != "fixed":
-        return None
+    """The functions that a call is made of, one sample after the other from Python.
+
+    Its floating base moves with a linear velocity in the world's axes; inputs are turned before a time is taken, and
+    results when they are read.
+    """
     import mujoco as mj
 
     model = _mujoco_model(case.theirs)
     data, n = mj.MjData(model), model.nv
     qpos, qvel = sd.to_mujoco(case.ours, case.state["q"], case.state["v"])
-    acceleration, torque, zero, eye = case.state["a"], case.state["t"], np.zeros(n), np.eye(n)
+    base = _Base(case)
+    acceleration, torque = base.acceleration(case.state["a"]), base.turned(case.state["t"])
+    fall = base.acceleration(np.zeros_like(case.state["a"])) if case.root == "floating" else None  # ours is at rest
+    zero, eye = np.zeros(n), np.eye(n)
     body = list(case.ours.names).index(case.tip)
 
     def place(k: int, v: Array) -> None:
@@ -198,14 +209,15 @@ def mujoco(case: Case, call: str) -> Contestant | None:
 
     single = {
         "rnea": lambda k: newton_euler(k, qvel[k], acceleration[k]),
-        "nonlinear_effects": lambda k: newton_euler(k, qvel[k], None),
+        "nonlinear_effects": lambda k: newton_euler(k, qvel[k], None if fall is None else fall[k]),
         "gravity": lambda k: newton_euler(k, zero, None),
         "crba": mass,
         "minverse": inverse,
         "aba": forward,
         "kinematics": kinematics,
     }[call]
-    return Contestant(**looped(single, case.samples), read=_local if call == "kinematics" else rows)
+    read = {"kinematics": base.frames, "crba": base.matrices, "minverse": base.matrices, "aba": base.accelerations}
+    return Contestant(**looped(single, case.samples), read=read.get(call, base.forces))
 
 
 def _mass_matrix(mj: Any) -> Any:
@@ -220,14 +232,47 @@ def _full(mj: Any, model: Any, data: Any, out: Array) -> None:
         mj.mj_fullM(model, out, data.qM)
 
 
-def _local(parts: Any, samples: Sequence[int]) -> Array:
-    """Placement and local Jacobian from rotation, position and the Jacobian in the world's axes."""
-    found = []
-    for R, p, linear, angular in parts:
-        X = np.eye(4)
-        X[:3, :3], X[:3, 3] = R, p
-        found.append([X, np.vstack([R.T @ linear, R.T @ angular])])
-    return rows(found, samples)
+class _Base:
+    """Between MuJoCo's linear velocity of a floating base, in the world's axes, and ours, in its own; T of w = T v."""
+
+    def __init__(self, case: Case) -> None:
+        """T of every sample, and ω × v, by which the linear accelerations differ besides; on a fixed base nothing."""
+        n, samples, self.floating = case.ours.nv, case.samples, case.root == "floating"
+        self.T, self.shift = np.tile(np.eye(n), (samples, 1, 1)), np.zeros((samples, n))
+        if self.floating:
+            v = case.state["v"]
+            for k, q in enumerate(case.state["q"]):
+                self.T[k, :3, :3] = pin.Quaternion(q[3:7]).toRotationMatrix()
+            self.shift[:, :3] = np.cross(v[:, 3:6], v[:, :3])
+
+    def turned(self, x: Array) -> Array:
+        """T x: forces, and velocities, as MuJoCo has them."""
+        return np.einsum("kij,kj->ki", self.T, x)
+
+    def acceleration(self, a: Array) -> Array:
+        """As MuJoCo has it."""
+        return self.turned(a + self.shift)
+
+    def forces(self, parts: Any, samples: Sequence[int]) -> Array:
+        """As we have them."""
+        return np.array([self.T[k].T @ x for x, k in zip(parts, samples, strict=True)])
+
+    def accelerations(self, parts: Any, samples: Sequence[int]) -> Array:
+        """As we have them."""
+        return self.forces(parts, samples) - self.shift[list(samples)]
+
+    def matrices(self, parts: Any, samples: Sequence[int]) -> Array:
+        """M or its inverse, as we have it; T is orthogonal."""
+        return rows([self.T[k].T @ M @ self.T[k] for M, k in zip(parts, samples, strict=True)], samples)
+
+    def frames(self, parts: Any, samples: Sequence[int]) -> Array:
+        """Placement and local Jacobian from rotation, position and the Jacobian in the world's axes."""
+        found = []
+        for (R, p, linear, angular), k in zip(parts, samples, strict=True):
+            X = np.eye(4)
+            X[:3, :3], X[:3, 3] = R, p
+            found.append([X, np.vstack([R.T @ linear, R.T @ angular]) @ self.T[k]])
+        return rows(found, samples)
 
 
 # --- those that are optional ------------------------------------------------------------------------------

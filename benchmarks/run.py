@@ -51,7 +51,7 @@ QUICK = Effort(rounds=5, seconds=0.002, samples=2048, starts=3, held=500_000)
 
 
 def optional(case: Case, call: str, build: Callable[[Case, str], Contestant | None], name: str, wanted: Array) -> Any:
-    """A checked contestant of another library, None, or {"refused": why}: a peer may fail, its answers may not."""
+    """A contestant of another library, None, or {"refused": why}: one that fails or errs is recorded, not timed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
