@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -149,12 +150,14 @@ def _is_number(rows: Rows, k: int) -> bool:
 
 
 class Bar:
-    """A bar of progress over so many steps, by rich where it is installed; else nothing is shown."""
+    """A bar of progress over so many steps by rich; lines on stderr where that or a terminal is not there."""
 
     def __init__(self, steps: int) -> None:
         """Begin at none."""
-        self._done: Callable[[str], None] = lambda text: None
+        self._done: Callable[[str], None] = lambda text: print(text, file=sys.stderr, flush=True)
         self._end: Callable[[], None] = lambda: None
+        if not sys.stdout.isatty():
+            return
         try:
             from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
         except ImportError:
