@@ -20,7 +20,8 @@ def interleaved(contestants: Mapping[str, Callable[[], object]], rounds: int, se
     calls = {}
     for name, run in contestants.items():
         run()
-        calls[name] = max(1, int(seconds / max(per_call(run, 3), 1e-9)))
+        once = per_call(run, 1)
+        calls[name] = max(1, int(seconds / (once if once > seconds else max(per_call(run, 3), 1e-9))))
     taken: dict[str, list[float]] = {name: [] for name in contestants}
     for _ in range(rounds):
         for name, run in contestants.items():

@@ -9,6 +9,12 @@ import json
 import sys
 from pathlib import Path
 
+BATCHES = {  # the robots of the table, with their headings
+    "ur5, fixed": "ur5, fixed", "panda, fixed": "panda, fixed", "talos_full, fixed": "talos_full, fixed",
+    "anymal, floating": "anymal, base floating",
+}  # fmt: skip
+SINGLES = ("ur5", "panda", "talos_full")
+
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
 BEGIN, END = "<!-- measured: benchmarks/run.py -->\n", "<!-- end -->\n"
@@ -18,21 +24,17 @@ def table() -> str:
     """Batches and single calls as Markdown."""
     results = json.loads((HERE / "results.json").read_text(encoding="utf-8"))
     machine = results["machine"]
-    robots = list(results["batch"])
-    names = [name.rsplit("/", 1)[-1].replace(",", ", base") if "/" in name else name for name in robots]
-    lines = ["| a batch, ns a sample | " + " | ".join(names) + " |", "|---|" + "---|" * len(names)]
+    batches = {heading: results["batch"][robot] for robot, heading in BATCHES.items()}
+    singles = [results["single"][robot] for robot in SINGLES]
+    lines = ["| a batch, ns a sample | " + " | ".join(batches) + " |", "|---|" + "---|" * len(batches)]
     for call in ("rnea", "aba", "crba"):
         cells = [
-            f"{t[call]['ours_ns']:.0f} / {t[call]['pin_ns']:.0f}, {t[call]['ratio']:.0f}x"
-            for t in results["batch"].values()
+            f"{t[call]['ours_ns']:.0f} / {t[call]['pin_ns']:.0f}, {t[call]['ratio']:.0f}x" for t in batches.values()
         ]
         lines.append(f"| `{call}` | " + " | ".join(cells) + " |")
-    lines += ["", "| one call, µs | " + " | ".join(results["single"]) + " |", "|---|" + "---|" * len(results["single"])]
+    lines += ["", "| one call, µs | " + " | ".join(SINGLES) + " |", "|---|" + "---|" * len(SINGLES)]
     for call in ("rnea", "crba", "aba", "minverse"):
-        cells = [
-            f"{t[call]['ours_us']:.2f} / {t[call]['pin_us']:.2f} ({t[call]['jitted_us']:.2f})"
-            for t in results["single"].values()
-        ]
+        cells = [f"{t[call]['ours_us']:.2f} / {t[call]['pin_us']:.2f} ({t[call]['jitted_us']:.2f})" for t in singles]
         lines.append(f"| `{call}` | " + " | ".join(cells) + " |")
     about = (
         f"spatialdyn / Pinocchio {machine['pinocchio']}. Batches of {results['samples']} on one thread, results into a "

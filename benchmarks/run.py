@@ -1,312 +1,200 @@
-"""Ours against Pinocchio in one process: correctness asserted first, then times, ratios and what starting costs.
+"""Ours against its peers in one process: correctness asserted first, then times, and what they cost.
 
-    python benchmarks/run.py [--quick]
+    python benchmarks/run.py [--quick] [--robots ur5,panda] [--output FOLDER]
 
-Writes benchmarks/results.json and prints the tables; benchmarks/report.py puts one of them into the README.
-Needs ``pip install "spatialdyn[validate,bench]"``.
+Prints tables, writes results.json and plots/*.svg and *.png into the folder, which is this one unless --quick or
+--robots leaves figures out: then nothing is written without --output. benchmarks/report.py puts a table into the
+README. Needs ``pip install "spatialdyn[validate,bench]"``; adam, frax and drake are measured where installed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import pickle
-import platform
-import subprocess
-import sys
-import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numba
+import cases
+import chains
+import costs
+import machine
 import numpy as np
-import pinocchio as pin
+import peers
+import plots
+from cases import CALLS, INSIDE, ROBOTS, Array, Case, Contestant
 from measure import interleaved
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
+from tables import Bar, show
 
 import spatialdyn as sd
-from spatialdyn.urdf import find_robot
+from spatialdyn.engines import batches
 
-RESULTS = Path(__file__).with_name("results.json")
-ROBOTS = ("ur5", "panda", "talos_full")
-BATCHES = (
-    ("ur5", "fixed"),
-    ("panda", "fixed"),
-    ("talos_full", "fixed"),
-    ("anymal_b_simple_description/robots/anymal", "floating"),
-)
-CALLS: dict[str, tuple[str, Callable[..., Any]]] = {  # name: arguments, Pinocchio's function
-    "rnea": ("qva", pin.rnea),
-    "crba": ("q", pin.crba),
-    "aba": ("qvt", pin.aba),
-    "nonlinear_effects": ("qv", pin.nonLinearEffects),
-    "generalized_gravity": ("q", pin.computeGeneralizedGravity),
-    "minverse": ("q", pin.computeMinverse),
-}
-INSIDE = 1000  # calls of a jitted loop
-SCALED = 1e-10  # both are float64; M⁻¹ of an ill-conditioned M is no better in either
+HERE = Path(__file__).parent
+FLOAT32 = 2e-2  # of the largest entry: a check that the right thing was computed; the error is reported
+QUICK_CALLS = {"talos_full": ("rnea", "aba", "crba"), "tiago_dual": ()}  # of the others all
+QUICK_COMPILED = {"ur5": ("rnea",), "talos_full": ("aba", "crba")}
 
 
-def jitted_loop(name: str) -> Callable[..., None]:
-    """A user's own jitted loop over the public kernel."""
-    kernel = getattr(sd.kernels, name)
-    if CALLS[name][0] == "q":
+class Effort(NamedTuple):
+    """How much is measured: rounds, seconds of each contestant in each, samples of batches and of memory."""
 
-        @numba.njit(nogil=True)
-        def one(bodies, q, out, n):  # type: ignore[no-untyped-def]
-            for _ in range(n):
-                kernel(bodies, q, out)
-
-        return one
-    if CALLS[name][0] == "qv":
-
-        @numba.njit(nogil=True)
-        def two(bodies, q, v, out, n):  # type: ignore[no-untyped-def]
-            for _ in range(n):
-                kernel(bodies, q, v, out)
-
-        return two
-
-    @numba.njit(nogil=True)
-    def three(bodies, q, v, a, out, n):  # type: ignore[no-untyped-def]
-        for _ in range(n):
-            kernel(bodies, q, v, a, out)
-
-    return three
+    rounds: int
+    seconds: float
+    samples: int
+    starts: int
+    held: int
 
 
-def single_calls(robot: str, rounds: int, seconds: float) -> dict[str, dict[str, float]]:
+FULL = Effort(rounds=21, seconds=0.02, samples=8192, starts=7, held=10_000_000)
+QUICK = Effort(rounds=5, seconds=0.002, samples=2048, starts=3, held=500_000)
+
+
+def optional(case: Case, call: str, build: Callable[[Case, str], Contestant | None], name: str, wanted: Array) -> Any:
+    """A contestant of another library, None, or {"refused": why}: one that fails or errs is recorded, not timed."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = build(case, call)
+            if made is not None:
+                cases.check(case, call, name, made, wanted)
+    except Exception as error:
+        return {"refused": f"{type(error).__name__}: {str(error).splitlines()[0][:200]}"}
+    return made
+
+
+def of_robot(case: Case, calls: Iterable[str], present: list[str], effort: Effort, bar: Bar) -> tuple[Any, Any]:
+    """Single and batched figures of some calls of one robot."""
+    single, batch = {}, {}
+    for call in calls:
+        bar.step(f"{case.name} {call}")
+        wanted = peers.expected(case, call)
+        plain, two, fresh = (
+            cases.public(case, call, threads=threads, fresh=new) for threads, new in ((1, False), (2, False), (1, True))
+        )
+        own, k = cases.specialized(case, call)
+        narrow, _ = cases.specialized(case, call, np.float32)
+        pin, pools = peers.pinocchio(case, call), [peers.pool(case, call, threads) for threads in (1, 2)]
+        jitted = cases.jitted(case, call)
+        inside = Contestant(jitted, None, read=cases.rows)
+        ours = {"sd": plain, "sd on 2 threads": two, "sd afresh": fresh, "k": own, "kernels": inside, "pin": pin}
+        for name, one in {**ours, **{f"pool of {n + 1}": p for n, p in enumerate(pools) if p}}.items():
+            cases.check(case, call, name, one, wanted)
+        error = cases.check(case, call, "float32", narrow._replace(single=None), wanted, FLOAT32)
+        others = {name: optional(case, call, peers.MAKE[name], name, wanted) for name in present}
+        refused = {name: x for name, x in others.items() if isinstance(x, dict)}
+        others = {name: x for name, x in others.items() if isinstance(x, Contestant)}
+        single[call] = times_of_one(plain, own, jitted, pin, others, effort)
+        batch[call] = times_of_many(plain, two, fresh, own, narrow, pin, pools, others, effort)
+        batch[call] |= {"float32_error": error, "engine": k.engine}
+        batch[call] |= limits(case, call, k, batch[call]["k_ns" if call == "kinematics" else "ours_ns"])
+        for name, why in refused.items():
+            batch[call]["peers"][name] = why
+    return single, batch
+
+
+def times_of_one(
+    plain: Contestant, own: Contestant, jitted: Any, pin: Contestant, others: dict[str, Contestant], effort: Effort
+) -> dict[str, Any]:
     """Microseconds of one 1-D call from Python with an allocated result, and of one inside jitted code."""
-    path = str(find_robot(robot))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        ours = sd.load_urdf(path)
-    theirs = pin.buildModelFromUrdf(path)
-    data, rng = theirs.createData(), np.random.default_rng(0)
-    state = {"q": sd.random_configuration(ours, rng), **{k: rng.normal(size=ours.nv) for k in "vat"}}
-    table = {}
-    for name, (letters, pin_call) in CALLS.items():
-        arguments = [state[k] for k in letters]
-        call, loop = getattr(sd, name), jitted_loop(name)
-        expected = pin_call(theirs, data, *arguments)
-        out = np.empty_like(expected, order="C")
-        loop(ours.bodies, *arguments, out, 1)
-        for result in (call(ours, *arguments), out):
-            error = abs(result - expected).max() / max(1.0, abs(expected).max())
-            assert error <= SCALED, f"{robot} {name}: scaled error {error:.1e} against Pinocchio"
-        times = interleaved(
-            {
-                "ours": lambda call=call, arguments=arguments: call(ours, *arguments),
-                "pin": lambda pin_call=pin_call, arguments=arguments: pin_call(theirs, data, *arguments),
-                "jitted": lambda loop=loop, arguments=arguments, out=out: loop(ours.bodies, *arguments, out, INSIDE),
-            },
-            rounds,
-            seconds,
-        )
-        table[name] = {
-            "ours_us": 1e6 * times["ours"],
-            "pin_us": 1e6 * times["pin"],
-            "jitted_us": 1e6 * times["jitted"] / INSIDE,
-            "ratio": times["ours"] / times["pin"],
-            "jitted_ratio": times["jitted"] / INSIDE / times["pin"],
-        }
-    return table
+    runs = {"ours": plain.single, "k": own.single, "pin": pin.single, "jitted": jitted}
+    runs |= {f"peer {name}": x.single for name, x in others.items()}
+    times = interleaved({name: run for name, run in runs.items() if run}, effort.rounds, effort.seconds)
+    times["jitted"] /= INSIDE
+    found: dict[str, Any] = {f"{name}_us": 1e6 * t for name, t in times.items() if not name.startswith("peer ")}
+    found |= {"ratio": times["ours"] / times["pin"], "k_ratio": times["k"] / times["pin"]}
+    found["jitted_ratio"] = times["jitted"] / times["pin"]
+    found["peers"] = {name: {"us": 1e6 * times[f"peer {name}"]} for name in others}
+    return found
 
 
-def aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """A float64 array on a 64-byte boundary, as results that are streamed out want it."""
-    raw = np.zeros(8 * int(np.prod(shape)) + 64, np.uint8)
-    start = -raw.ctypes.data % 64
-    return raw[start : start + 8 * int(np.prod(shape))].view(np.float64).reshape(shape)
+def times_of_many(
+    plain: Contestant, two: Contestant, fresh: Contestant, own: Contestant, narrow: Contestant, pin: Contestant,
+    pools: list[Contestant | None], others: dict[str, Contestant], effort: Effort,
+) -> dict[str, Any]:  # fmt: skip
+    """Nanoseconds a sample; ``ratio``: Pinocchio's pool on one thread, or its loop in Python, over the public call."""
+    runs = {"ours": plain, "ours_2_threads": two, "fresh": fresh, "k": own, "float32": narrow, "pin": pools[0] or pin}
+    if pools[1] is not None:
+        runs["pin_2_threads"] = pools[1]
+    runs |= {f"peer {name}": x for name, x in others.items()}
+    calls = {name: x.batch for name, x in runs.items() if x.batch}
+    times = interleaved(calls, effort.rounds, effort.seconds)
+    sd.set_num_threads(1)
+    ns = {name: 1e9 * t / runs[name].count for name, t in times.items()}
+    found: dict[str, Any] = {f"{name}_ns": t for name, t in ns.items() if not name.startswith("peer ")}
+    found |= {"ratio": ns["pin"] / ns["ours"], "pin_how": runs["pin"].how}
+    found["peers"] = {name: {"ns": ns[f"peer {name}"], "how": x.how} for name, x in others.items() if x.batch}
+    return found
 
 
-def batch_calls(robot: str, root: str, samples: int, rounds: int) -> dict[str, dict[str, float]]:
-    """Nanoseconds a sample of the public batched call into a given array, and of Pinocchio's pool (crba: its loop)."""
-    path = str(find_robot(robot))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        ours = sd.load_urdf(path, root=root)
-    theirs = pin.buildModelFromUrdf(path, *([pin.JointModelFreeFlyer()] if root == "floating" else []))
-    data, rng = theirs.createData(), np.random.default_rng(0)
-    q = sd.random_configuration(ours, rng, samples)
-    v, a = rng.normal(size=(2, samples, ours.nv))
-    columns = [np.asfortranarray(x.T) for x in (q, v, a)]
-    pools = {n: pin.ModelPool(theirs, n) for n in (1, 2)}
-    few = range(min(samples, 512))
-    theirs_for = {
-        "rnea": lambda n: pin.rneaInParallel(n, pools[n], *columns),
-        "aba": lambda n: pin.abaInParallel(n, pools[n], *columns),
-        "crba": lambda n: [pin.crba(theirs, data, q[i]) for i in few],
-    }
-    table = {}
-    for name, run in theirs_for.items():
-        arguments = (q,) if name == "crba" else (q, v, a)
-        call = getattr(sd, name)
-        out = aligned((samples, ours.nv, ours.nv) if name == "crba" else (samples, ours.nv))
-        call(ours, *arguments, out=out)
-        single = getattr(pin, name)
-        for i in range(0, samples, max(1, samples // 100)):
-            expected = single(theirs, data, *(x[i] for x in arguments))
-            error = abs(out[i] - expected).max() / max(1.0, abs(expected).max())
-            assert error <= SCALED, f"{robot} {name}: scaled error {error:.1e} of sample {i} against Pinocchio"
+def limits(case: Case, call: str, k: sd.Specialized, ns: float) -> dict[str, Any]:
+    """Operations of the program, and how near the machine's limits the public batch comes with them.
 
-        def ours_on(threads: int, call=call, arguments=arguments, out=out) -> None:  # type: ignore[no-untyped-def]
-            sd.set_num_threads(threads)
-            call(ours, *arguments, out=out)
-
-        times = interleaved(
-            {
-                "ours": lambda on=ours_on: on(1),
-                "ours2": lambda on=ours_on: on(2),
-                "pin": lambda run=run: run(1),
-                **({} if name == "crba" else {"pin2": lambda run=run: run(2)}),
-            },
-            rounds,
-            0.02,
-        )
-        sd.set_num_threads(1)
-        count = len(few) if name == "crba" else samples
-        table[name] = {
-            "ours_ns": 1e9 * times["ours"] / samples,
-            "pin_ns": 1e9 * times["pin"] / count,
-            "ratio": times["pin"] / count / (times["ours"] / samples),
-            "ours_2_threads_ns": 1e9 * times["ours2"] / samples,
-        }
-        if name != "crba":
-            table[name]["pin_2_threads_ns"] = 1e9 * times["pin2"] / samples
-    return table
-
-
-def chain(n: int) -> sd.Model:
-    """Rods end to end, joints about y and x in turn."""
-    builder = sd.ModelBuilder(f"chain{n}")
-    inertia = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
-    for k in range(n):
-        builder.add_body(
-            f"b{k:04d}", f"b{k - 1:04d}" if k else None, "revolute", (0, 1, 0) if k % 2 else (1, 0, 0),
-            (0, 0, 1.0) if k else None, inertia,
-        )  # fmt: skip
-    return builder.build()
-
-
-def chain_times(rounds: int) -> dict[str, Any]:
-    """Microseconds of one untraced call against the number of joints, and the slope of the logarithms from 30 on."""
-    lengths = (10, 30, 100, 300, 1000)
-    times: dict[str, list[float]] = {"rnea": [], "aba": []}
-    rng = np.random.default_rng(0)
-    for n in lengths:
-        model = chain(n)
-        q, v, a = rng.normal(size=(3, n))
-        runs = {
-            "rnea": lambda model=model, x=(q, v, a): sd.rnea(model, *x),
-            "aba": lambda model=model, x=(q, v, a): sd.aba(model, *x),
-        }
-        for name, seconds in interleaved(runs, rounds, 0.01).items():
-            times[name].append(1e6 * seconds)
-    slope = {k: float(np.polyfit(np.log(lengths[1:]), np.log(v[1:]), 1)[0]) for k, v in times.items()}
-    return {"joints": list(lengths), **{f"{k}_us": v for k, v in times.items()}, "slope": slope}
-
-
-FIRST = """
-import time; start = time.perf_counter()
-import spatialdyn as sd; imported = time.perf_counter()
-import pickle, sys, warnings, numpy as np; warnings.simplefilter("ignore")
-model = pickle.load(open(sys.argv[2], "rb")) if sys.argv[1] == "pickle" else sd.load_urdf(sys.argv[2])
-sd.rnea(model, sd.neutral(model), np.zeros(model.nv), np.zeros(model.nv))
-print(imported - start, time.perf_counter() - start)
-"""
-
-
-def starting(rounds: int) -> dict[str, float]:
-    """Seconds of a fresh process with a warm cache: the import, and from its start to the first torque."""
-    path = str(find_robot("panda"))
-    with tempfile.TemporaryDirectory() as folder:
-        pickled = Path(folder) / "model.pickle"
-        pickled.write_bytes(pickle.dumps(sd.load_urdf(path)))
-        taken: dict[str, list[float]] = {"import_s": [], "first_rnea_from_pickle_s": [], "first_rnea_from_urdf_s": []}
-        for _ in range(rounds + 1):
-            for way, source in (("pickle", pickled), ("urdf", path)):
-                command = [sys.executable, "-c", FIRST, way, str(source)]
-                done = subprocess.run(command, capture_output=True, text=True, check=True)
-                imported, first = map(float, done.stdout.split())
-                taken["import_s"].append(imported)
-                taken[f"first_rnea_from_{way}_s"].append(first)
-    return {name: float(np.median(values[2:])) for name, values in taken.items()}
-
-
-def machine() -> dict[str, Any]:
-    """What the figures were taken on."""
+    Of gravity the program is an rnea at rest; of kinematics it is k, for the public calls are two programs. The stores
+    count where the result is larger than the caches; elsewhere there is no share.
+    """
+    if k.engine != "lanes":
+        return dict.fromkeys(("operations", "flops_per_ns", "peak_share", "bytes_per_ns", "store_share"))
+    flops = machine.flops(k.operations) / ns
+    written = 8 * sum(int(np.prod(shape)) for shape in cases.shapes(case, call))
+    large = written * case.samples >= batches.STREAM
     return {
-        "processor": numba.core.config.CPU_NAME or _cpu(),
-        "cores": os.cpu_count(),
-        "system": platform.system(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "pinocchio": pin.__version__,
+        "operations": k.operations,
+        "flops_per_ns": flops,
+        "peak_share": flops / machine.peak("double"),
+        "bytes_per_ns": written / ns,
+        "store_share": written / ns / max(machine.stores().values()) if large else None,
     }
 
 
-def _cpu() -> str:
-    import llvmlite.binding as llvm
-
-    return str(llvm.get_host_cpu_name())
-
-
-def show(console: Console, results: dict[str, Any]) -> None:
-    """The tables, losses included."""
-    table = Table(title="one call, ratio = ours / Pinocchio from Python", title_justify="left")
-    for heading in ("robot", "call", "ours µs", "pin µs", "ratio", "in jitted code µs", "ratio"):
-        table.add_column(heading, justify="left" if heading in ("robot", "call") else "right")
-    for robot, calls in results["single"].items():
-        for name, t in calls.items():
-            table.add_row(
-                robot, name, f"{t['ours_us']:.2f}", f"{t['pin_us']:.2f}", f"{t['ratio']:.2f}",
-                f"{t['jitted_us']:.2f}", f"{t['jitted_ratio']:.2f}",
-            )  # fmt: skip
-        table.add_section()
-    console.print(table)
-    table = Table(title="batches, one thread, given array, ratio = Pinocchio's pool / ours", title_justify="left")
-    for heading in ("robot", "call", "ours ns", "pin ns", "ratio", "ours 2 threads ns", "pin 2 threads ns"):
-        table.add_column(heading, justify="left" if heading in ("robot", "call") else "right")
-    for robot, calls in results["batch"].items():
-        for name, t in calls.items():
-            table.add_row(
-                robot, name, f"{t['ours_ns']:.1f}", f"{t['pin_ns']:.0f}", f"{t['ratio']:.1f}",
-                f"{t['ours_2_threads_ns']:.1f}", f"{t['pin_2_threads_ns']:.0f}" if "pin_2_threads_ns" in t else "",
-            )  # fmt: skip
-        table.add_section()
-    console.print(table)
-    slope = results["chain"]["slope"]
-    grows = ", ".join(f"n^{x:.2f} ({name})" for name, x in slope.items())
-    console.print(f"chains of 30 to 1000 joints: time grows as {grows}")
-    console.print("fresh process, warm cache: " + ", ".join(f"{k[:-2]} {v:.2f} s" for k, v in results["start"].items()))
+def measured(robots: list[str], quick: bool) -> dict[str, Any]:
+    """Everything."""
+    effort = QUICK if quick else FULL
+    calls = {robot: QUICK_CALLS.get(robot, tuple(CALLS)) if quick else tuple(CALLS) for robot in robots}
+    compiled = {robot: QUICK_COMPILED.get(robot, ()) if quick else tuple(CALLS) for robot in robots}
+    steps = sum(map(len, calls.values())) + sum(map(len, compiled.values())) + len(chains.LENGTHS) + 3
+    bar = Bar(steps)
+    bar.step("machine")
+    results: dict[str, Any] = {"machine": machine.machine(), "samples": effort.samples, "single": {}, "batch": {}}
+    installed = [name for name, version in results["machine"]["peers"].items() if version != "absent"]
+    for robot in robots:
+        if not calls[robot]:
+            continue
+        asked = peers.FIXED_ARMS[: 1 if quick else None]
+        present = [name for name in installed if name == "mujoco" or robot in asked]
+        case = cases.case(robot, effort.samples)
+        one, many = of_robot(case, calls[robot], present, effort, bar)
+        results["single"][robot], results["batch"][f"{robot}, {case.root}"] = one, many
+    results["chains"] = chains.measured(effort.rounds, lambda: bar.step("chains"))
+    results["compile"] = costs.compiling({k: v for k, v in compiled.items() if v}, lambda: bar.step("compiling"))
+    bar.step("memory")
+    results["memory"] = costs.memory(effort.held)
+    bar.step("starting")
+    results["start"] = costs.starting(effort.starts)
+    bar.end()
+    return results
 
 
 def main() -> None:
     """Measure, assert, print, write."""
+    assert __doc__
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter rounds, well under 2 minutes")
+    parser.add_argument("--quick", action="store_true", help="fewer robots, rounds and samples, under 2 minutes")
+    parser.add_argument("--robots", default=",".join(ROBOTS), help="some of them, by default %(default)s")
+    parser.add_argument("--output", type=Path, help="folder of results.json and plots")
     options = parser.parse_args()
-    rounds, seconds = (7, 0.005) if options.quick else (21, 0.02)
-    samples = 8192
-    results = {
-        "machine": machine(),
-        "single": {robot: single_calls(robot, rounds, seconds) for robot in track(ROBOTS, "single calls")},
-        "samples": samples,
-        "batch": {
-            f"{robot}, {root}": batch_calls(robot, root, samples, rounds) for robot, root in track(BATCHES, "batches")
-        },
-        "chain": chain_times(rounds),
-        "start": starting(3 if options.quick else 7),
-    }
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    show(Console(), results)
+    robots = options.robots.split(",")
+    unknown = [robot for robot in robots if robot not in ROBOTS]
+    if unknown:
+        parser.error(f"no robot {unknown[0]!r}, expected some of {', '.join(ROBOTS)}")
+    results = measured(robots, options.quick)
+    show(results)
+    folder = options.output or (HERE if not options.quick and robots == list(ROBOTS) else None)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "results.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+        for path in plots.draw(results, folder / "plots"):
+            print(path)
 
 
 if __name__ == "__main__":

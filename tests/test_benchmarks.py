@@ -1,0 +1,201 @@
+"""The benchmarks' own parts: what they compare is equal, what they print and draw is whole. No test asserts a time."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+from spatialdyn.engines import jit
+
+pytest.importorskip("pinocchio")
+pytest.importorskip("mpmath")
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+if not (BENCHMARKS / "run.py").exists():
+    pytest.skip("the benchmarks are not here", allow_module_level=True)
+sys.path.insert(0, str(BENCHMARKS))
+
+import cases  # noqa: E402
+import chains  # noqa: E402
+import corpus  # noqa: E402
+import costs  # noqa: E402
+import machine  # noqa: E402
+import measure  # noqa: E402
+import peers  # noqa: E402
+import plots  # noqa: E402
+import report  # noqa: E402
+import run  # noqa: E402
+import tables  # noqa: E402
+
+SAMPLES = 20
+EPS = float(np.finfo(float).eps)
+CONGRUENT = 1e3 * EPS  # M of a short chain of rods, added up in another order
+compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, Any]:
+    """The figures that are kept."""
+    found: dict[str, Any] = json.loads((BENCHMARKS / "results.json").read_text(encoding="utf-8"))
+    return found
+
+
+@pytest.fixture(scope="module", params=["2R", "ur5", "anymal"])
+def case(request: pytest.FixtureRequest) -> cases.Case:
+    """A robot with cos and sin for an angle, one without, one that floats."""
+    return cases.case(request.param, SAMPLES)
+
+
+# --- measuring ------------------------------------------------------------------------------------------
+
+
+def test_contestants_run_in_turn_in_every_round() -> None:
+    seen: list[str] = []
+    found = measure.interleaved({name: lambda name=name: seen.append(name) for name in "ab"}, rounds=3, seconds=0.0)
+    assert list(found) == ["a", "b"]
+    assert seen[-6:] == ["a", "b"] * 3
+
+
+@pytest.mark.parametrize("call", cases.CALLS)
+def test_pinocchio_and_our_single_and_batched_calls_agree(case: cases.Case, call: str) -> None:
+    wanted = peers.expected(case, call)
+    assert len(wanted) == SAMPLES
+    ours = [cases.public(case, call), cases.public(case, call, fresh=True), peers.pinocchio(case, call)]
+    ours += [made for made in [peers.pool(case, call, 1)] if made]
+    for made in ours:
+        assert cases.check(case, call, "ours", made, wanted) <= cases.SCALED
+
+
+@compiled
+@pytest.mark.parametrize("call", ["rnea", "gravity", "kinematics"])
+def test_programs_and_jitted_loops_answer_the_same(case: cases.Case, call: str) -> None:
+    wanted = peers.expected(case, call)
+    own, k = cases.specialized(case, call)
+    assert k.engine == "lanes"
+    cases.check(case, call, "k", own, wanted)
+    narrow, _ = cases.specialized(case, call, np.float32)
+    error = cases.check(case, call, "float32", narrow._replace(single=None), wanted, run.FLOAT32)
+    assert error > EPS
+    cases.check(case, call, "kernels", cases.Contestant(cases.jitted(case, call), None, read=cases.rows), wanted)
+
+
+@pytest.mark.parametrize("call", cases.CALLS)
+def test_mujoco_answers_the_same(case: cases.Case, call: str) -> None:
+    pytest.importorskip("mujoco")
+    made = peers.mujoco(case, call)
+    assert made is not None
+    cases.check(case, call, "MuJoCo", made, peers.expected(case, call))
+
+
+def test_a_wrong_answer_is_found() -> None:
+    case = cases.case("2R", SAMPLES)
+    wanted = peers.expected(case, "rnea")
+    right = cases.public(case, "rnea")
+    assert right.single is not None
+    assert right.batch is not None
+    first, many = np.array(right.single()), np.array([right.batch()[i][0] for i in range(SAMPLES)])
+    spoiled = many.copy()
+    spoiled[7, 1] += 1e-8 * abs(many).max()
+    for wrong in (
+        cases.Contestant(lambda: first + 1e-6, None, read=cases.rows),
+        cases.Contestant(None, lambda: spoiled, SAMPLES),
+    ):
+        with pytest.raises(AssertionError, match="scaled error"):
+            cases.check(case, "rnea", "wrong", wrong, wanted)
+    cases.check(case, "rnea", "right", cases.Contestant(lambda: first, lambda: many, SAMPLES), wanted)
+
+
+def test_a_peer_that_fails_is_recorded_and_one_that_errs_too() -> None:
+    case = cases.case("2R", SAMPLES)
+    wanted = peers.expected(case, "gravity")
+
+    def fails(case: cases.Case, call: str) -> cases.Contestant:
+        raise RuntimeError("cannot hold it\nat all")
+
+    def errs(case: cases.Case, call: str) -> cases.Contestant:
+        return cases.Contestant(lambda: np.zeros(2), None)
+
+    assert run.optional(case, "gravity", fails, "peer", wanted) == {"refused": "RuntimeError: cannot hold it"}
+    assert "scaled error" in run.optional(case, "gravity", errs, "peer", wanted)["refused"]
+    assert run.optional(case, "gravity", lambda case, call: None, "peer", wanted) is None
+
+
+def test_the_two_chains_are_one() -> None:
+    ours, theirs = chains.ours(6), chains.theirs(6)
+    q = np.linspace(-1.0, 2.0, 6)
+    M = np.array(peers.pin.crba(theirs, theirs.createData(), q))
+    assert abs(sd.crba(ours, q) - M).max() <= CONGRUENT * abs(M).max()
+
+
+# --- limits and costs -----------------------------------------------------------------------------------
+
+
+def test_flops_count_a_sine_and_cosine_as_its_polynomials() -> None:
+    counted = {"mul": 5, "add": 4, "div": 1, "sqrt": 1, "sincos": 0, "depth": 3}
+    assert machine.flops(counted) == 11
+    # shift and its undoing 3, three parts of π/2 6, square 1, polynomials 20, sine 3, cosine 5
+    assert machine.flops(counted | {"sincos": 2}) == 11 + 2 * 38
+
+
+def test_the_limits_of_this_machine_are_positive() -> None:
+    assert machine.peak("float") > 0
+    assert machine.peak("double") > 0
+
+
+@compiled
+def test_a_program_is_compiled_once_and_then_read() -> None:
+    told: list[int] = []
+    found = costs.compiling({"2R": ["rnea"]}, lambda: told.append(1))["2R"]["rnea"]
+    assert found["engine"] == "lanes"
+    assert found["compile_s"] > 0
+    assert found["from_disk_s"] > 0
+    assert len(told) == 1
+
+
+@compiled
+@pytest.mark.parametrize("name", corpus.CALLS)
+def test_the_corpus_script_holds_lanes_within_their_bounds(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = sd.load_urdf("three_link")
+    how, error, bound = corpus.compared(model, name, 11)
+    assert how == "lanes"
+    assert error <= bound
+    monkeypatch.setattr(corpus, "scaled", lambda x, wanted: 1e-6)
+    how, error, bound = corpus.compared(model, name, 11)
+    assert (error > bound) == (name not in ("aba", "minverse"))  # there the untraced one is as far off
+
+
+# --- what is shown --------------------------------------------------------------------------------------
+
+
+def test_every_row_of_every_table_is_whole(results: dict[str, Any]) -> None:
+    found = list(tables.tables(results))
+    assert len(found) == 5
+    for title, headings, rows in found:
+        assert rows
+        assert {len(row) for row in rows} == {len(headings)}, title
+        text = tables.plain(title, headings, rows)
+        assert len(text.splitlines()) == len(rows) + 2
+
+
+def test_the_kept_figures_are_of_all_robots_and_calls(results: dict[str, Any]) -> None:
+    assert list(results["single"]) == list(cases.ROBOTS)
+    for robots in (results["single"], results["batch"], results["compile"]):
+        assert all(list(calls) == list(cases.CALLS) for calls in robots.values())
+    assert set(results["machine"]["peers"]) == set(peers.MAKE)
+
+
+def test_plots_are_written_in_both_forms(results: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    written = plots.draw(results, tmp_path)
+    assert sorted(path.name for path in written) == ["chains.png", "chains.svg", "throughput.png", "throughput.svg"]
+    assert all(path.stat().st_size > 1000 for path in written)
+
+
+def test_the_readme_holds_the_kept_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["report.py", "--check"])
+    assert report.main() == 0
