@@ -42,8 +42,8 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError",
-    "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "SymbolicManipulator", "UrdfError", "assemble",
-    "check_conservation", "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations",
-    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
-    "verify_skew_symmetry", "wrench_at",
+    "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "SymbolicManipulator", "UrdfError",
+    "assemble", "check_conservation", "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio",
+    "hamilton_equations", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "specialize", "step",
+    "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip
