@@ -112,15 +112,24 @@ def _program(spec: Spec, model: Model, static: tuple[bytes | int, ...], stream: 
 
 
 def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], result: Array) -> None:
-    """Forward dynamics and M⁻¹ of a model with mimic joints, where no recursion over the tree exists."""
-    M = calls["crba"](model, given["q"])
+    """What is solved for with M of a model with mimic joints, where no recursion over the tree does it."""
+    q, zero = given["q"], np.zeros(model.nv)
+    M = calls["crba"](model, q)
     refuse_singular(model, M)
     if spec.name == "minverse":
         result[...] = np.linalg.inv(M)
-        return
-    zero = np.zeros(model.nv)
-    bias = calls["rnea"](model, given["q"], given["v"], zero, given.get("fext"))
-    result[...] = np.linalg.solve(M, (given["tau"] - bias)[..., None])[..., 0]
+    elif spec.name == "aba":
+        bias = calls["rnea"](model, q, given["v"], zero, given.get("fext"))
+        result[...] = np.linalg.solve(M, (given["tau"] - bias)[..., None])[..., 0]
+    else:
+        v = np.linalg.solve(M, given["p"][..., None])[..., 0]
+        if spec.name == "velocity_from_momentum":
+            result[...] = v
+        elif spec.name == "hamiltonian":
+            result[...] = 0.5 * np.einsum("...i,...i->...", given["p"], v) + calls["potential_energy"](model, q)
+        else:
+            result[..., 0, :] = v
+            result[..., 1, :] = calls["momentum_rate"](model, q, v, given["tau"], given.get("fext"))
 
 
 # --- the calls, one per spec -----------------------------------------------------------------------------

@@ -56,7 +56,7 @@ UPWARD: dict[tuple[str, str], str] = {}
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
 CHANGED = {"engines.batches": {"_kept", "_team"}}
 
-SHARED = {"spec", "joints", "lie", "energy"}  # what recursions import of their own room
+SHARED = {"spec", "joints", "lie", "energy", "aba"}  # what recursions import of their own room
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines", "cli"}
 NAME_FILES = {"validate"}  # tells Pinocchio which file to read
 PRINT = {"cli"}

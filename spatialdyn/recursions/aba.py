@@ -10,6 +10,7 @@ from ..spatial import (
     Force,
     Motion,
     Pose,
+    Vec,
     add_articulated,
     add_force,
     add_motion,
@@ -54,9 +55,16 @@ PIVOTS = Argument("pivots", ("nv",), "kg m² | kg", "articulated inertia D of ea
 @inlined
 def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
     """RBDA table 7.1 in body coordinates; fext may be None, for zero."""
+    articulated_inward(bodies, work, q, v, tau, fext, pivots)
+    articulated_outward(bodies, work, v, vec_of(bodies[0].gravity), a)
+
+
+@inlined
+def articulated_inward(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, pivots: Any) -> None:
+    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
     n = len(bodies) - 1
-    put_motion(work[0].v, zero_motion())
-    put_motion(work[0].a, Motion(zero(), negative(vec_of(bodies[0].gravity))))
+    if v is not None:
+        put_motion(work[0].v, zero_motion())
     put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
     put_force(work[0].pA, zero_force())
 
@@ -64,13 +72,15 @@ def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, piv
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         I = inertia_of(b.inertia)
         place_joint(bodies, i, q, here.X)
-        vJ = joint_motion(bodies, i, v)
-        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
-        pA = cross_force(vi, momentum(I, vi))
+        pA = zero_force()
+        if v is not None:
+            vJ = joint_motion(bodies, i, v)
+            vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+            pA = cross_force(vi, momentum(I, vi))
+            put_motion(here.v, vi)
+            put_motion(here.c, cross_motion(vi, vJ))
         if fext is not None and b.joint > 0:
             pA = sub_force(pA, force_from(fext[b.joint]))
-        put_motion(here.v, vi)
-        put_motion(here.c, cross_motion(vi, vJ))
         put_articulated(here.IA, articulated(I))
         put_force(here.pA, pA)
 
@@ -83,7 +93,8 @@ def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, piv
         d = 1.0 / D
         u = tau[i - 1] - power(S, pA)
         Ia = without(IA, U, scale_force(d, U))
-        pa = add_force(add_force(pA, articulated_force(Ia, motion_of(here.c))), scale_force(d * u, U))
+        pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
+        pa = add_force(pa, scale_force(d * u, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
         put_force(here.U, U)
@@ -91,9 +102,16 @@ def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, piv
         here.u = u
         pivots[i - 1] = D
 
-    for i in range(1, n + 1):
+
+@inlined
+def articulated_outward(bodies: Any, work: Any, v: Any, gravity: Vec, a: Any) -> None:
+    """The third pass, under a gravity. Without v, and with none, it solves M(q) a = τ + Σ Jᵀ fext."""
+    put_motion(work[0].a, Motion(zero(), negative(gravity)))
+    for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        ai = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.a)), motion_of(here.c))
+        ai = motion_to_child(pose_of(here.X), motion_of(parent.a))
+        if v is not None:
+            ai = add_motion(ai, motion_of(here.c))
         qdd = here.d * (here.u - power(ai, force_of(here.U)))
         put_motion(here.a, add_motion(ai, scale_motion(qdd, motion_of(b.S))))
         a[i - 1] = qdd
