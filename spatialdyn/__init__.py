@@ -24,12 +24,14 @@ from .errors import (
     ModelError,
     NonFiniteError,
     ShapeError,
+    SimulationError,
     SpatialDynError,
     UrdfError,
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
+from .simulation import Trajectory, hamilton_simulation, integrators, simulate
 from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .urdf import load_urdf
@@ -38,7 +40,7 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
-    "Robot", "ShapeError", "SpatialDynError", "Specialized", "UrdfError", "assemble", "from_drake", "from_mujoco",
-    "from_pinocchio", "kernels", "load_urdf", "random_configuration", "specialize", "step", "to_drake", "to_mujoco",
-    "wrench_at",
+    "Robot", "ShapeError", "SimulationError", "SpatialDynError", "Specialized", "Trajectory", "UrdfError", "assemble",
+    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_simulation", "integrators", "kernels", "load_urdf",
+    "random_configuration", "simulate", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
 ]  # fmt: skip

@@ -8,7 +8,8 @@ Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1 an
 Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008).
 
 Rows of ``work``: 0 z, 1 what compensation has left over, 2 a stage, 3 its slope, 4 and 5 momenta and rates of the
-joints, 6 scratch, 7 and on increments of stages.
+joints, 6 scratch, 7 to 9 increments of the stages, 10 to 12 those of
+the step before.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from .charts import chart_rate, enter, leave, recentre
 from .compiled import kernel
 from .system import NONFINITE, STALLED, State, System, copy, note
 
-ROWS = 10
+ROWS = 13
 SWEEPS = 100  # at most; at steps that make sense it takes 5 to 20
+LARGEST = 1e300
 SETTLED = 1e-10  # relative: changes this small are rounding once they no longer shrink
 
 
@@ -113,15 +115,15 @@ def slope(system: System, t: float, z: Any, state: State, dz: Any) -> None:
     """ż at (t, z)."""
     n = len(system.tau)
     p, rates = state.work[4][:n], state.work[5].reshape((2, n))
-    note(system, system.kernels.leave(system.table, state.centres, z, state.stage, p), t)
+    note(system, system.kernels.leave(system.table, state.by_row, z, state.stage, p), t)
     joint_rates(system, t, state.stage, p, rates)
-    note(system, system.kernels.chart_rate(system.table, state.centres, z, p, rates[0], rates[1], dz), t)
+    note(system, system.kernels.chart_rate(system.table, state.by_row, z, p, rates[0], rates[1], dz), t)
 
 
 @register_jitable
 def start(system: System, state: State) -> None:
     """z of the state (q, p)."""
-    system.kernels.enter(system.table, state.centres, state.q, state.w, state.work[0])
+    system.kernels.enter(system.table, state.by_row, state.q, state.w, state.work[0])
 
 
 @register_jitable
@@ -129,7 +131,7 @@ def observe(system: System, t: float, state: State) -> None:
     """q, p and v of z."""
     n = len(system.tau)
     rates = state.work[5].reshape((2, n))
-    note(system, system.kernels.leave(system.table, state.centres, state.work[0], state.q, state.w), t)
+    note(system, system.kernels.leave(system.table, state.by_row, state.work[0], state.q, state.w), t)
     note(system, system.kernels.field(system, state.q, state.w, rates), t)
     copy(state.v, rates[0])
 
@@ -137,7 +139,7 @@ def observe(system: System, t: float, state: State) -> None:
 @register_jitable
 def _change_charts(system: System, state: State) -> None:
     """New centres where they are due; what was kept from the last step is then of no use."""
-    if system.kernels.recentre(system.table, state.centres, state.work[0], state.work[6]) != 0:
+    if system.kernels.recentre(system.table, state.by_row, state.work[0], state.work[6]) != 0:
         for row in range(1, len(state.work)):
             for i in range(state.work.shape[1]):
                 state.work[row, i] = 0.0
@@ -149,7 +151,7 @@ def _change_charts(system: System, state: State) -> None:
 @register_jitable
 def settled(system: System, t: float, change: float, before: float, sweep: int) -> bool:
     """Whether an iteration is over: its relative change is rounding and shrinks no more, or it leads nowhere."""
-    if not change <= 1e100:
+    if not change <= LARGEST:
         note(system, NONFINITE, t)
     if system.trouble[0] != 0 or change == 0.0 or (change <= SETTLED and change >= before):
         return True
@@ -160,8 +162,10 @@ def settled(system: System, t: float, change: float, before: float, sweep: int) 
 
 @register_jitable
 def relative(change: float, size: float) -> float:
-    """change / size, 0 where nothing changes."""
-    return change / size if change > 0.0 else change
+    """change / size, 0 where nothing changes, infinite for a NaN."""
+    if not change <= LARGEST:
+        return math.inf
+    return change / size if change > 0.0 else 0.0
 
 
 @register_jitable
@@ -181,7 +185,7 @@ def _half(system: System, t: float, c: float, first: int, base: Any, state: Stat
             new = base[i] + c * dy[i]
             change = max(change, abs(new - y[i]))
             size = max(size, abs(base[i]) + abs(c * dy[i]))
-            if not abs(new) <= 1e300:
+            if not abs(new) <= LARGEST:
                 change = math.inf
             y[i] = new
         change = relative(change, size)
@@ -227,14 +231,15 @@ def _gauss(system: System, t: float, h: float, state: State, method: Tableau) ->
     """L_i = h b_i ż(z + Σ mu_ij L_j), z⁺ = z + Σ L_i, stage after stage until nothing changes."""
     _change_charts(system, state)
     stages, n = len(method.b), len(system.tau)
-    z, rest, y, dy, L = state.work[0], state.work[1], state.work[2], state.work[3], state.work[7:]
-    for i in range(2 * n):
-        for a in range(stages):
-            y[a] = L[a, i]
-        for a in range(stages):
+    z, rest, y, dy, L = state.work[0], state.work[1], state.work[2], state.work[3], state.work[7:10]
+    old = state.work[10:13]
+    for a in range(stages):
+        copy(old[a], L[a])
+    for a in range(stages):
+        for i in range(2 * n):
             L[a, i] = 0.0
             for b in range(stages):
-                L[a, i] += method.ahead[a][b] * y[b]
+                L[a, i] += method.ahead[a][b] * old[b, i]
     before = math.inf
     for sweep in range(SWEEPS):
         change = 0.0
@@ -250,7 +255,7 @@ def _gauss(system: System, t: float, h: float, state: State, method: Tableau) ->
                     new = h * method.b[a] * dy[i]
                     moved = max(moved, abs(new - L[a, i]))
                     size = max(size, abs(z[i]) + abs(new))
-                    if not abs(new) <= 1e300:
+                    if not abs(new) <= LARGEST:
                         moved = math.inf
                     L[a, i] = new
                 change = max(change, relative(moved, size))

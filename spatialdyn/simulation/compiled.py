@@ -22,7 +22,12 @@ def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = No
     names = [f"x{k}" for k in range(len(ranks))]
     passed = ["bodies", *(["empty(len(bodies), WORK)"] if work is not None else []), *names]
     body = ["stamp", "bodies = table_at(table)", f"return function({', '.join(passed)})"]
-    scope: dict[str, Any] = {"table_at": (lambda table: table) if jit.PLAIN else jit._table_at, "function": function, "WORK": work, "empty": np.empty}
+    scope: dict[str, Any] = {
+        "table_at": (lambda table: table) if jit.PLAIN else jit._table_at,
+        "function": function,
+        "WORK": work,
+        "empty": np.empty,
+    }
     made = jit._define(f"simulation_{function.__name__}", ["table", *names], body, scope)
     array: Any = types.Array
     return jit._compiled(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))

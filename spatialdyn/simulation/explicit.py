@@ -13,12 +13,13 @@ from numba.extending import register_jitable
 from ..bodies import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
 from ..engines import jit
 from ..recursions import SPECS
+from ..recursions.checks import all_finite
 from ..recursions.configuration import put_twist, twist
 from ..recursions.lie import log_jacobian
 from ..scalars import inlined
 from ..spatial import Motion, dot, plus, rotate
 from .compiled import kernel
-from .system import OK, TURNED, State, System, along, copy, note
+from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 
 HALF_TURN = 9.8696  # π² [rad²]
 
@@ -154,3 +155,10 @@ def rk4(system: System, t: float, h: float, state: State) -> None:
 def observe(system: System, t: float, state: State) -> None:
     """The velocity of a state is its own."""
     copy(state.v, state.w)
+    if not (all_finite(state.q) and all_finite(state.w)):
+        note(system, NONFINITE, t)
+
+
+@register_jitable
+def start(system: System, state: State) -> None:
+    """Nothing is kept in other coordinates."""

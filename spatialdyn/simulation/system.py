@@ -27,7 +27,7 @@ class System(NamedTuple):
     torque   ``torque(system, t, q, v)`` writes tau and notes one that is not finite
     user     the function that ``torque`` asks, None for torques held over a step
     table    the model's bodies, as kernels take them
-    held     (rows, nv) torques of steps ``offset``, ``offset + 1`` ..., the last one held on
+    held     (rows, nv) torques of the steps, the last one held on
     fext     (njoints, 6), or (0, 6) where there is none
     zero     (nv,) zeros
     tau      (nv,) written
@@ -39,7 +39,6 @@ class System(NamedTuple):
     user: Any
     table: Any
     held: Any
-    offset: Any
     fext: Any
     zero: Any
     tau: Any
@@ -53,7 +52,7 @@ class State(NamedTuple):
     w        (nv,) velocity or momentum, whichever the family of methods moves
     v        (nv,) velocity, written when the state is observed
     stage    (nq,) scratch
-    centres  (rows + 1, 4) centres of charts, for methods in canonical coordinates
+    by_row   (rows + 1, 6) scratch of every body: the centre of its chart, or its displacement
     work     (rows, nv or 2 nv) scratch; what a method keeps from step to step lies here too
     """
 
@@ -61,7 +60,7 @@ class State(NamedTuple):
     w: Any
     v: Any
     stage: Any
-    centres: Any
+    by_row: Any
     work: Any
 
 
@@ -77,7 +76,7 @@ def note(system: System, code: int, t: float, size: float = 0.0) -> None:
 @register_jitable
 def hold(system: System, step: int) -> None:
     """Put the torque of a step where methods read it."""
-    row = min(system.offset + step, len(system.held) - 1)
+    row = min(step, len(system.held) - 1)
     for i in range(len(system.tau)):
         system.tau[i] = system.held[row, i]
 
