@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from numba import njit
-from numba.extending import register_jitable
+from numba.extending import is_jitted, register_jitable
 
 from ..engines import jit
 from .methods import Method
@@ -50,6 +50,17 @@ _SYSTEM = ("table", "held", "fext", "zero", "tau", "trouble")
 _LOOP = ("first", "count", "total", "every", "dt", "h", "at", "out_q", "out_w", "out_tau")
 
 
+def _called(kernel: Any) -> Any:
+    """A compiled kernel as a function that is compiled into its caller, for as a value it would keep that off the disk."""
+    if not is_jitted(kernel):
+        return kernel
+
+    def call(*arguments: Any) -> Any:
+        return kernel(*arguments)
+
+    return register_jitable(call)
+
+
 @lru_cache(maxsize=64)
 def compiled(method: Method, loaded: bool, user: Any = None) -> Callable[..., None]:
     """``(*system's data, *state, *drive's arguments from first on)`` in one compiled function, without the GIL.
@@ -59,7 +70,7 @@ def compiled(method: Method, loaded: bool, user: Any = None) -> Callable[..., No
     family = method.family
     assert family is not None
     kernels = family.kernels(loaded)
-    parts = {f"part{k}": part for k, part in enumerate(kernels)}
+    parts = {f"part{k}": _called(part) for k, part in enumerate(kernels)}
     torque = "held_torque" if user is None else "user_torque"
     body = [
         "stamp",
