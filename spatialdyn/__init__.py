@@ -29,6 +29,8 @@ from .errors import (
     UrdfError,
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
+from .lagrangian.conserved import check_conservation, conserved_quantities
+from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
 from .simulation import Trajectory, hamilton_simulation, integrators, simulate
@@ -41,6 +43,7 @@ __all__ = [
     *_dynamics.__all__,
     "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError",
     "Robot", "ShapeError", "SimulationError", "SpatialDynError", "Specialized", "Trajectory", "UrdfError", "assemble",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_simulation", "integrators", "kernels", "load_urdf",
-    "random_configuration", "simulate", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
+    "check_conservation", "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations",
+    "hamilton_simulation", "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration",
+    "simulate", "specialize", "step", "to_drake", "to_mujoco", "wrench_at",
 ]  # fmt: skip

@@ -126,6 +126,10 @@ def expanded(model: Model, argument: Argument, x: Array) -> Array:
     if argument.shape == ("nq",):
         q: Array = x[..., model.mimic_index] * model.mimic_ratio + model.mimic_offset
         return q
+    if argument.shape == ("nv",) and argument.dual:
+        whole = np.zeros((*x.shape[:-1], len(model.bodies) - 1))
+        whole[..., model.free_v] = x
+        return whole
     if argument.shape == ("nv",):
         return x @ mimic_matrix(model).T
     return x

@@ -107,7 +107,7 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
     pivots, M = np.empty(n), np.empty((n, n))
     with np.errstate(all="ignore"):
         scratch = np.zeros(n + 1, spec.work)
-        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output)), pivots)
+        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output) or (1,)), pivots)
         crba = SPECS["crba"]
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
     singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))

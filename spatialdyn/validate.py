@@ -143,7 +143,8 @@ def compare_with_pinocchio(
     rows = [_joint_order(model, pin_model)]
     other = _other_question(model)
     for call in CALLS:
-        rows += [_by_identity(call, model, states, other)] if other else _compared(call, model, peer, states, timing)
+        why = other if call.peer else "Pinocchio has no such call"
+        rows += [_by_identity(call, model, states, why)] if why else _compared(call, model, peer, states, timing)
     return Comparison(model.name, root, model.nq, model.nv, samples, tuple(rows))
 
 
@@ -225,7 +226,7 @@ class _Call:
 
     label   of its row: the name of the call, and in brackets what is special
     inputs  fields of States that both take, in order
-    peer    Pinocchio's function of (model, data, *inputs)
+    peer    Pinocchio's function of (model, data, *inputs); empty if it has none
     result  where Pinocchio leaves the answer in its data; None if it returns it
     frame   Pinocchio's function of (model, data, frame, reference) that follows ``peer``, for calls about a frame
     static  what ours takes after the frame and the reference
@@ -294,6 +295,12 @@ CALLS = (
     _Call("interpolate", "q q1 t", "interpolate", data=False),
     _Call("dintegrate", "q d", "dIntegrate", data=False),
     _Call("ddifference", "q q1", "dDifference", data=False),
+    _Call("momentum", "q v", ""),
+    _Call("velocity_from_momentum", "q tau", ""),
+    _Call("hamiltonian", "q tau", ""),
+    _Call("momentum_rate", "q v tau", ""),
+    _Call("momentum_rate (fext)", "q v tau fext", ""),
+    _Call("hamilton_field", "q tau a", ""),
 )
 _CRASHES_WITHOUT_FREEDOMS = ("getFrameJacobian", "getFrameJacobianTimeVariation")  # seen with Pinocchio 4.1
 _BY_LABEL = {call.label: call for call in CALLS}
@@ -648,6 +655,42 @@ _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]
         lambda m, s: (
             _call("interpolate", m, s.q, s.q1, s.t),
             _call("integrate", m, s.q, s.t[:, None] * s.d),
+        ),
+    ),
+    "momentum": (
+        "p = M v",
+        lambda m, s: (_call("momentum", m, s.q, s.v), _times_vector(_call("crba", m, s.q), s.v)),
+    ),
+    "velocity_from_momentum": (
+        "momentum(velocity) = p",
+        lambda m, s: (_call("momentum", m, s.q, _call("velocity_from_momentum", m, s.q, s.tau)), s.tau),
+    ),
+    "hamiltonian": (
+        "H = T + V",
+        lambda m, s: (
+            _call("hamiltonian", m, s.q, _call("momentum", m, s.q, s.v)),
+            _call("kinetic_energy", m, s.q, s.v) + _call("potential_energy", m, s.q),
+        ),
+    ),
+    "momentum_rate": (
+        "v · (rate - tau) = -v · bias",
+        lambda m, s: (
+            np.einsum("si,si->s", s.v, _call("momentum_rate", m, s.q, s.v, s.tau) - s.tau),
+            -np.einsum("si,si->s", s.v, _call("nonlinear_effects", m, s.q, s.v)),
+        ),
+    ),
+    "momentum_rate (fext)": (
+        "what fext adds = gravity - static torque",
+        lambda m, s: (
+            _call("momentum_rate", m, s.q, s.v, s.tau, s.fext) - _call("momentum_rate", m, s.q, s.v, s.tau),
+            _call("generalized_gravity", m, s.q) - _call("static_torque", m, s.q, s.fext),
+        ),
+    ),
+    "hamilton_field": (
+        "v = M⁻¹ p and its momentum rate",
+        lambda m, s: (
+            _call("hamilton_field", m, s.q, s.tau, s.a),
+            np.stack([v := _call("velocity_from_momentum", m, s.q, s.tau), _call("momentum_rate", m, s.q, v, s.a)], 1),
         ),
     ),
 }

@@ -43,10 +43,11 @@ BELOW: dict[str, tuple[str, ...]] = {
     "dynamics": ("diagnosis",),
     "specialize": ("dynamics",),
     "states": ("dynamics",),
+    "lagrangian": ("states", "specialize"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "specialize"),
+    "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian"),
     "cli": ("validate", "__init__"),
     "__main__": ("cli",),
 }

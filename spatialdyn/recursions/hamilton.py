@@ -152,7 +152,7 @@ def _rate(bodies: Any, work: Any, v: Any, tau: Any, fext: Any, dp: Any) -> None:
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(X, f)))
 
 
-P = Argument("p", ("nv",), "kg m²/s | kg m/s", "joint momenta M(q) v")
+P = Argument("p", ("nv",), "kg m²/s | kg m/s", "joint momenta M(q) v", dual=True)
 _RATE = Argument("dp", ("nv",), "N m | N", "rate of the joint momenta")
 _ABA = "after Featherstone, RBDA (2008), table 7.1, with momenta in place of torques."
 _SWEEP = "a derivation of our own from Hamilton's principle; momenta are summed inward as RBDA table 5.1 sums forces."

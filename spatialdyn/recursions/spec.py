@@ -26,6 +26,8 @@ class Argument:
     unit_norm the quaternions and (cos, sin) pairs of a configuration have to be of unit norm
     free      an output indexed by coordinates rather than summed over them: with mimic joints, the independent
               entries are taken where another output is contracted with G
+    dual      an input that pairs with velocities, as a torque does: with mimic joints, the followers' entries are 0
+              where those of a velocity follow by G
     """
 
     name: str
@@ -36,6 +38,7 @@ class Argument:
     static: bool = False
     unit_norm: bool = False
     free: bool = False
+    dual: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ class Spec:
 Q = Argument("q", ("nq",), "rad | m", "joint positions", unit_norm=True)
 V = Argument("v", ("nv",), "rad/s | m/s", "joint velocities")
 A = Argument("a", ("nv",), "rad/s² | m/s²", "joint accelerations")
-TAU = Argument("tau", ("nv",), "N m | N", "joint torques")
+TAU = Argument("tau", ("nv",), "N m | N", "joint torques", dual=True)
 FEXT = Argument(
     "fext",
     ("njoints", 6),

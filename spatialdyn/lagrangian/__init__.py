@@ -1,0 +1,1 @@
+"""What Lagrange and Hamilton make of M, C and g."""

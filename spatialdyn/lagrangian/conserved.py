@@ -1,0 +1,307 @@
+"""What a motion without torques conserves, and how well a computed motion did so.
+
+Noether: a motion of the whole robot that changes neither its kinetic nor its potential energy has a momentum that
+stays. Turning or shifting everything behind a joint on the world is such a motion if it is one that the joint allows
+and that gravity does not see: a rotation about the direction of gravity, a shift across it; any where there is none.
+
+Of a free-floating robot it is the total momentum, six numbers, that is conserved. M(q) v as a whole is not: its rows
+for the inner joints change with the shape, and those of the base are the total momentum in the base's frame, which
+turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..border import as_array, check_model
+from ..dynamics import calls
+from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..model import Model
+from ..rows import Joint
+from ..states import random_configuration
+from .brackets import subspace
+from .hamiltonian import STEP, WEIGHTS, hamilton_equations
+
+Array = NDArray[np.float64]
+
+SAMPLES = 8  # random states; an analytic rate that is not zero everywhere is zero in none of them
+CONSERVED = 1e-9  # of the terms of a rate: above rounding and above a URDF's π/2 of 12 digits, below any real rate
+
+
+@dataclass(frozen=True, repr=False)
+class ConservedQuantity:
+    """A function of (q, p) that no free motion changes.
+
+    name         what it is
+    unit         of its values
+    description  why it is conserved
+    function     of q (..., nq), p (..., nv), to values (...)
+    """
+
+    name: str
+    unit: str
+    description: str
+    function: Callable[[Array, Array], Array]
+
+    def value(self, q: ArrayLike, p: ArrayLike) -> Any:
+        """Its values at q (..., nq), p (..., nv): an array (...), or a float at one state."""
+        found = np.asarray(self.function(as_array("q", q), as_array("p", p)))
+        return found if found.shape else float(found)
+
+    def __repr__(self) -> str:
+        return f"<{self.name} [{self.unit}]: {self.description}>"
+
+
+def conserved_quantities(model: Model) -> list[ConservedQuantity]:
+    """Quantities that a motion without torques and external forces conserves: energy first, then momenta.
+
+    Source: Noether's theorem; see the module for which motions of the robot are looked at.
+
+    Each joint on the world gives the momenta of the shifts and turns that it allows and gravity does not see: of a
+    floating base without gravity the six of the whole robot, with gravity the linear ones across it and the angular
+    ones about the vertical and, falling freely, about the centre of mass. To these come single momenta p_i whose rate
+    is zero whatever the state, as that of a symmetric top about its axis. Every one has been checked at random
+    states, where its rate is below 1e-9 of the terms it is made of; joint limits are not seen. Only such symmetries
+    are looked for: a robot may conserve more.
+
+    Returns a list of ConservedQuantity, with .name, .unit, .description and .value(q, p).
+    Raises  InertiaError if M is singular; ModelError if model is none.
+
+    >>> import spatialdyn as sd
+    >>> [x.name for x in conserved_quantities(sd.load_urdf("ur5"))]
+    ['energy', 'momentum of shoulder_pan_joint']
+    """
+    check_model(model)
+    rng = np.random.default_rng(0)
+    q = random_configuration(model, rng, SAMPLES)
+    v = rng.normal(size=(SAMPLES, model.nv))
+    p = calls["momentum"](model, q, v)
+    found = [ConservedQuantity("energy", "J", "no torque does work", partial(calls["hamiltonian"], model))]
+    if not model.nv:
+        return found
+    terms = abs(p) @ np.ones(model.nv) * abs(v).max(-1) + abs(calls["generalized_gravity"](model, q)).max(-1)
+    _, dp = hamilton_equations(model, q, p)
+    taken = set()
+    for index, joint in enumerate(model.joints):
+        if index == 0 or joint.parent != 0 or joint.mimic is not None:
+            continue
+        for quantity in _of_joint(model, index):
+            if _is_conserved(model, quantity, q, p, v, dp, terms):
+                found.append(quantity)
+                taken |= {joint.idx_v} if joint.nv == 1 else set()
+    for joint in model.joints[1:]:
+        for k in range(joint.idx_v, joint.idx_v + joint.nv):
+            if joint.mimic is None and k not in taken and (abs(dp[:, k]) <= CONSERVED * terms).all():
+                found.append(_of_coordinate(joint, k))
+    return found
+
+
+def _of_coordinate(joint: Joint, k: int) -> ConservedQuantity:
+    """One p_k by itself."""
+    place = "" if joint.nv == 1 else f" [{k - joint.idx_v}]"
+    unit = "kg m/s" if joint.kind == "prismatic" or (joint.nv > 1 and k - joint.idx_v < joint.nv // 2) else "kg m²/s"
+    return ConservedQuantity(
+        f"momentum of {joint.name}{place}", unit, "the energy does not change along it", partial(_coordinate, k)
+    )
+
+
+def _coordinate(k: int, q: Array, p: Array) -> Array:
+    return np.broadcast_to(p[..., k], np.broadcast_shapes(q.shape[:-1], p.shape[:-1]))
+
+
+# --- motions of the whole robot --------------------------------------------------------------------------
+
+
+def _of_joint(model: Model, index: int) -> Iterator[ConservedQuantity]:
+    """Momenta of the motions that a joint on the world allows and gravity does not see."""
+    joint = model.joints[index]
+    S, R, origin = subspace(model, joint), joint.placement[:3, :3], joint.placement[:3, 3]
+    g = model.gravity
+    up = -g / np.linalg.norm(g) if g.any() else np.zeros(3)
+    why = "gravity does not see it" if g.any() else "there is no gravity"
+    linear = [x for x in S[:, 3:] @ R.T if x.any()]
+    angular = [x for x in S[:, :3] @ R.T if x.any()]
+    single = joint.nv == 1
+    for u in _across(np.array(linear).reshape(-1, 3), up):
+        name = f"momentum of {joint.name}" if single else f"linear momentum of {joint.name} along {_direction(u)}"
+        twist = np.concatenate([np.zeros(3), u])
+        yield ConservedQuantity(
+            name, "kg m/s", f"everything shifts along {_direction(u)}: {why}", partial(_mapped, model, index, twist)
+        )
+    centre = np.zeros(3) if joint.kind == "floating" else origin
+    for u in _about(np.array(angular).reshape(-1, 3), up):
+        name = f"momentum of {joint.name}" if single else f"angular momentum of {joint.name} about {_direction(u)}"
+        twist = np.concatenate([u, np.cross(centre, u)])
+        yield ConservedQuantity(
+            name, "kg m²/s", f"everything turns about {_direction(u)} through {_point(centre)}: {why}",
+            partial(_mapped, model, index, twist),
+        )  # fmt: skip
+    alone = [j.parent for j in model.joints[1:]].count(0) == 1
+    if joint.kind == "floating" and g.any() and alone:
+        for k, axis in enumerate("xyz"):
+            yield ConservedQuantity(
+                f"angular momentum about the centre of mass, {axis}", "kg m²/s", "it falls freely",
+                partial(_about_centre, model, index, k),
+            )  # fmt: skip
+
+
+def _across(rows: Array, up: Array) -> Array:
+    """An orthonormal basis of the part of the span of orthonormal rows that is orthogonal to ``up``."""
+    rows = np.eye(3) if len(rows) == 3 else rows
+    seen = abs(rows @ up) > CONSERVED
+    if seen.sum() <= 1:
+        return rows[~seen]
+    part = rows @ up
+    basis = np.linalg.svd(part[None])[2][1:]  # orthogonal to part, within the rows
+    return np.asarray(basis @ rows)
+
+
+def _about(rows: Array, up: Array) -> Array:
+    """The axes among the span of orthonormal rows that are along ``up``; the rows themselves if it is zero."""
+    if not up.any():
+        return np.eye(3) if len(rows) == 3 else rows
+    if not len(rows) or abs(rows.T @ (rows @ up) - up).max() > CONSERVED:
+        return np.zeros((0, 3))
+    return rows if len(rows) == 1 else up[None]
+
+
+def _wrench(model: Model, index: int, q: Array, p: Array) -> tuple[Array, Array]:
+    """Momentum that a joint carries, (..., 3) angular about the world's origin and linear, in world axes."""
+    joint = model.joints[index]
+    body = p[..., joint.idx_v : joint.idx_v + joint.nv] @ subspace(model, joint)
+    X = calls["forward_kinematics"](model, q)[..., index, :, :]
+    n, f = ((X[..., :3, :3] @ part[..., None])[..., 0] for part in (body[..., :3], body[..., 3:]))
+    return n + np.cross(X[..., :3, 3], f), f
+
+
+def _mapped(model: Model, index: int, twist: Array, q: Array, p: Array) -> Array:
+    """Momentum along a twist (angular first) of the world."""
+    n, f = _wrench(model, index, q, p)
+    return np.asarray(n @ twist[:3] + f @ twist[3:])
+
+
+def _about_centre(model: Model, index: int, k: int, q: Array, p: Array) -> Array:
+    n, f = _wrench(model, index, q, p)
+    return np.asarray((n - np.cross(calls["center_of_mass"](model, q), f))[..., k])
+
+
+def _is_conserved(
+    model: Model, quantity: ConservedQuantity, q: Array, p: Array, v: Array, dp: Array, terms: Array
+) -> bool:
+    """Whether its rate along the flow is next to nothing in all samples."""
+    h = STEP / max(1.0, float(abs(v).max()))
+    rate = np.zeros(len(q))
+    for k, weight in WEIGHTS:
+        for s in (k * h, -k * h):
+            rate += np.sign(s) * weight / h * quantity.function(calls["integrate"](model, q, s * v), p + s * dp)
+    return bool((abs(rate) <= CONSERVED * terms).all())
+
+
+def _direction(u: Array) -> str:
+    axes = [sign + axis for k, axis in enumerate("xyz") for sign in ("", "-") if float(sign + "1") * u[k] > 1 - 1e-12]
+    return axes[0] if axes else _point(u)
+
+
+def _point(x: Array) -> str:
+    return "(" + ", ".join(f"{c + 0.0:.6g}" for c in x) + ")"
+
+
+# --- along a motion --------------------------------------------------------------------------------------
+
+
+class Conservation(NamedTuple):
+    """How well one quantity was conserved.
+
+    name, unit   of the quantity
+    initial      its first value
+    drift        largest |value - initial|
+    slope        of the straight line that fits the values best, per second
+    slope_error  its standard error, as if the deviations from that line were independent
+    """
+
+    name: str
+    unit: str
+    initial: float
+    drift: float
+    slope: float
+    slope_error: float
+
+
+class ConservationReport(tuple[Conservation, ...]):
+    """A Conservation per quantity, printed as a table."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        width = max([len(x.name) for x in self], default=8)
+        lines = [f"{'quantity':<{width}}  {'initial':>13}  {'max drift':>9}  {'slope per s':>20}  unit"]
+        for x in self:
+            slope = f"{x.slope:.1e} ± {x.slope_error:.1e}"
+            lines.append(f"{x.name:<{width}}  {x.initial:>13.6g}  {x.drift:>9.1e}  {slope:>20}  {x.unit}")
+        return "\n".join(lines)
+
+
+def check_conservation(
+    trajectory: Any, quantities: list[ConservedQuantity] | None = None, model: Model | None = None
+) -> ConservationReport:
+    """How well a motion without torques conserved what it should: a line per quantity.
+
+    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv); its ``model``, if it has one, serves
+                where none is given
+    quantities  what to look at; conserved_quantities(model) if left out
+    model       whose motion it is
+
+    A line through the values tells a drift from an oscillation: an integrator that loses energy has a slope many
+    times its standard error. Oscillations make neighbouring values depend on each other, and the error too small.
+
+    Returns a ConservationReport: per quantity name, unit, initial, drift, slope, slope_error.
+    Raises  ShapeError for arrays that do not fit, fewer than 3 times or times that do not increase; NonFiniteError
+            naming the first state that is not finite; SpatialDynError if the model is needed and not there.
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np, spatialdyn as sd
+    >>> model = sd.load_urdf("ur5")
+    >>> still = SimpleNamespace(t=np.arange(3.0), q=np.zeros((3, 6)), v=np.zeros((3, 6)))
+    >>> check_conservation(still, model=model)[0].drift
+    0.0
+    """
+    model = getattr(trajectory, "model", None) if model is None else model
+    if quantities is None:
+        quantities = conserved_quantities(_needed(model))
+    t, q = as_array("t", trajectory.t), as_array("q", trajectory.q)
+    if t.ndim != 1 or len(t) < 3 or not (np.diff(t) > 0.0).all():
+        raise ShapeError(f"t has shape {t.shape}, expected at least 3 times that increase")
+    given = "v" if getattr(trajectory, "p", None) is None else "p"
+    p = as_array(given, getattr(trajectory, given))
+    for name, x in (("q", q), (given, p)):
+        if x.ndim != 2 or len(x) != len(t):
+            raise ShapeError(f"{name} has shape {x.shape}, expected ({len(t)}, ...): a row for each time")
+        lost = np.flatnonzero(~np.isfinite(x).all(-1))
+        if len(lost):
+            raise NonFiniteError(f"{name} is not finite at t = {t[lost[0]]:g}, expected a motion of finite numbers")
+    if given == "v":
+        p = calls["momentum"](_needed(model), q, p)
+    return ConservationReport(_judged(quantity, t, q, p) for quantity in quantities)
+
+
+def _needed(model: Model | None) -> Model:
+    if model is None:
+        raise SpatialDynError("model is None, expected the model of a trajectory that carries none")
+    return check_model(model)
+
+
+def _judged(quantity: ConservedQuantity, t: Array, q: Array, p: Array) -> Conservation:
+    """Drift and line of one quantity."""
+    values = np.asarray(quantity.value(q, p))
+    off, centred = values - values[0], t - t.mean()
+    spread = float(centred @ centred)
+    slope = float(centred @ off) / spread
+    left = off - off.mean() - slope * centred
+    error = float(np.sqrt(left @ left / (len(t) - 2) / spread))
+    return Conservation(quantity.name, quantity.unit, float(values[0]), float(abs(off).max()), slope, error)
