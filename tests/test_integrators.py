@@ -11,6 +11,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines import jit
 from spatialdyn.lagrangian.brackets import structure_constants
+from spatialdyn.recursions.lie import Quat
 from spatialdyn.simulation import integrators
 from spatialdyn.simulation.charts import nearest
 from spatialdyn.simulation.recorder import Steps
@@ -69,13 +70,15 @@ def test_order_of_convergence(name: str, system: str) -> None:
     model, q, v = SYSTEMS[system]
     order, duration = integrators[name].order, 0.6
     exact = end(sd.simulate(model, q, v, duration, 2.5e-3, "gauss6"))
-    dt = {1: 2e-4, 2: 4e-3, 4: 2e-2, 6: 5e-2}[order]
+    dt = {1: 2e-4, 2: 4e-3, 4: 2e-2, 6: 2e-2 if system == "3R" else 4e-2}[order]
     errors = [distance(model, exact, end(sd.simulate(model, q, v, duration, h, name))) for h in (dt, dt / 2)]
     assert errors[1] > 1e3 * EPS  # an error of rounding has no order
     assert abs(math.log2(errors[0] / errors[1]) - order) <= SLOPE
 
 
-@pytest.mark.parametrize("name", ["velocity_verlet", "rk4", "implicit_midpoint", "gauss4", "variational", "stormer_verlet"])
+@pytest.mark.parametrize(
+    "name", ["velocity_verlet", "rk4", "implicit_midpoint", "gauss4", "variational", "stormer_verlet"]
+)
 def test_order_of_convergence_where_every_kind_of_joint_is(name: str) -> None:
     model = ball_and_arm()
     rng = np.random.default_rng(1)
@@ -173,15 +176,41 @@ def test_verlet_in_q_and_v_is_symplectic_where_the_mass_matrix_is_constant(name:
 
 
 @pytest.mark.parametrize("name", ["gauss4", "variational", "stormer_verlet"])
-def test_symplectic_methods_keep_omega_after_a_change_of_chart(name: str) -> None:
-    """Ten revolutions and many charts, then the derivative of all that: charts change where none of the neighbours' do."""
+def test_symplectic_methods_keep_omega_where_charts_have_changed(name: str) -> None:
+    """A tumbling body, several revolutions: the derivative of the next step is taken wherever that has led."""
     model, q, v = SYSTEMS["floating body"]
-    n = model.nv
-    p = sd.momentum(model, q, v)
-    run = sd.hamilton_simulation(model, q, p, 8.0, STEP, name)
-    assert abs(run.q[:, 3:]).min(axis=0).max() < 0.5  # it does turn over
+    model = model.with_(gravity=(0.0, 0.0, 0.0))
+    run = sd.hamilton_simulation(model, q, sd.momentum(model, q, v), 8.0, STEP, name)
+    centres = {tuple(nearest(Quat(*a))) for a in run.q[:, 3:]}
+    assert len(centres) > 3
+    assert abs(run.energy - run.energy[0]).max() < 1e-3 * run.energy[0]
     assert defect(model, run.q[-1], run.p[-1], STEP, name) <= DEFECT
-    assert n == 6
+
+
+def test_a_chart_is_left_only_when_far_from_its_centre() -> None:
+    """One long map over several charts is symplectic as a whole: neighbours change charts at the same steps."""
+    model, q, v = SYSTEMS["floating body"]
+    model = model.with_(gravity=(0.0, 0.0, 0.0))
+    p = sd.momentum(model, q, v)
+    n = model.nv
+
+    def far(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        start = sd.integrate(model, q, d[:n]), p + d[n:]
+        return end(sd.hamilton_simulation(model, *start, 3.0, STEP, "gauss6"))
+
+    q1, p1 = far(np.zeros(2 * n))
+    D, size = np.empty((2 * n, 2 * n)), 1e-3
+    for k in range(2 * n):
+        column = np.zeros(2 * n)
+        for weight, reach in ((3 / 4, 1), (-3 / 20, 2), (1 / 60, 3)):
+            for side in (1, -1):
+                d = np.zeros(2 * n)
+                d[k] = side * reach * size
+                qs, ps = far(d)
+                column += side * weight / size * np.concatenate([sd.difference(model, q1, qs), ps - p1])
+        D[:, k] = column
+    gap = abs(D.T @ omega(model, p1) @ D - omega(model, p)).max()
+    assert gap <= DEFECT * abs(D).max() ** 2
 
 
 @pytest.mark.parametrize("name", SYMMETRIC)
@@ -290,8 +319,6 @@ def test_rk4_is_the_step_of_rk4() -> None:
 
 def test_hurwitz_centres_leave_no_rotation_farther_than_90_degrees() -> None:
     rng, seen = np.random.default_rng(0), set()
-    from spatialdyn.recursions.lie import Quat
-
     for a in rng.normal(size=(2000, 4)):
         a /= np.linalg.norm(a)
         c = np.array(nearest(Quat(*a)))
@@ -302,7 +329,12 @@ def test_hurwitz_centres_leave_no_rotation_farther_than_90_degrees() -> None:
 
 
 def test_steps_end_at_the_duration() -> None:
-    for duration, dt, whole, rest in ((1.0, 0.1, 10, 0.0), (1.0, 0.3, 3, 0.1), (0.0, 0.1, 0, 0.0), (0.05, 0.1, 0, 0.05)):
+    for duration, dt, whole, rest in (
+        (1.0, 0.1, 10, 0.0),
+        (1.0, 0.3, 3, 0.1),
+        (0.0, 0.1, 0, 0.0),
+        (0.05, 0.1, 0, 0.05),
+    ):
         steps = Steps.of(duration, dt)
         assert steps.whole == whole
         assert steps.rest == pytest.approx(rest, abs=1e-12)

@@ -21,6 +21,7 @@ from numba.extending import register_jitable
 
 from ..engines import jit
 from ..recursions import SPECS
+from ..recursions.checks import EPS
 from .charts import chart_rate, enter, leave, recentre
 from .compiled import kernel
 from .system import NONFINITE, STALLED, State, System, copy, note
@@ -153,11 +154,10 @@ def settled(system: System, t: float, change: float, before: float, sweep: int) 
     """Whether an iteration is over: its relative change is rounding and shrinks no more, or it leads nowhere."""
     if not change <= LARGEST:
         note(system, NONFINITE, t)
-    if system.trouble[0] != 0 or change == 0.0 or (change <= SETTLED and change >= before):
-        return True
-    if sweep == SWEEPS - 1:
+    if sweep == SWEEPS - 1 and not change <= SETTLED:
         note(system, STALLED, t, change)
-    return False
+    rounding = change <= SETTLED and change >= before
+    return system.trouble[0] != 0 or change <= 2.0 * EPS or rounding
 
 
 @register_jitable
