@@ -24,7 +24,7 @@ from ..recursions import SPECS
 from ..recursions.checks import EPS
 from .charts import chart_rate, enter, leave, recentre
 from .compiled import kernel
-from .system import NONFINITE, STALLED, State, System, copy, note
+from .system import NONFINITE, STALLED, TORQUE, State, System, copy, note
 
 ROWS = 13
 SWEEPS = 100  # at most; at steps that make sense it takes 5 to 20
@@ -154,6 +154,8 @@ def settled(system: System, t: float, change: float, before: float, sweep: int) 
     """Whether an iteration is over: its relative change is rounding and shrinks no more, or it leads nowhere."""
     if not change <= LARGEST:
         note(system, NONFINITE, t)
+    if sweep > 0 and system.trouble[0] != 0 and system.trouble[0] != TORQUE:
+        system.trouble[0], system.trouble[1], system.trouble[2] = STALLED, t, before  # it is the iterates that run away
     if sweep == SWEEPS - 1 and not change <= SETTLED:
         note(system, STALLED, t, change)
     rounding = change <= SETTLED and change >= before

@@ -239,8 +239,8 @@ def _reason(trouble: Array, model: Model, method: Method, h: float, state: State
         return f"torque is not finite at t = {t:.9g} s, expected finite numbers"
     if code == STALLED:
         return (
-            f"{method.name} does not converge at t = {t:.9g} s: after {SWEEPS} sweeps the residual is {size:.2g} of "
-            f"the step, expected less than {SETTLED:g}; try dt = {h / 4:g} instead of {h:g}"
+            f"{method.name} does not converge at t = {t:.9g} s: the residual is {size:.2g} of the step, expected "
+            f"less than {SETTLED:g} within {SWEEPS} sweeps; try dt = {h / 4:g} instead of {h:g}"
         )
     if code == TURNED:
         return (

@@ -91,7 +91,7 @@ def user_torque(system: System, t: float, q: Any, v: Any) -> None:
     """The torque of a function ``user(t, q, v, tau)``."""
     system.user(t, q, v, system.tau)
     if not all_finite(system.tau):
-        note(system, TORQUE, t)
+        note(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})  # type: ignore[untyped-decorator]
