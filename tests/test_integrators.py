@@ -107,7 +107,7 @@ def test_adaptive_methods_follow_their_tolerance(name: str, system: str) -> None
 
 
 def omega(model: sd.Model, p: np.ndarray) -> np.ndarray:
-    """Ω (2 nv, 2 nv) in the frame of the velocities and the momenta: Σ dθ_i ∧ dp_i + p_i dθ_i, up to its sign."""
+    """Ω (2 nv, 2 nv) in the frame of the velocities and the momenta: Σ θ_i ∧ dp_i - p_i dθ_i."""
     n = model.nv
     W = np.zeros((2 * n, 2 * n))
     W[:n, :n] = np.einsum("m,mij->ij", p, structure_constants(model))

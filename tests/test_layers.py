@@ -49,7 +49,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "validate": ("interop", "urdf"),
     # doors
     "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian", "simulation"),
-    "cli": ("validate", "__init__"),
+    "simulate_command": ("simulation", "urdf"),
+    "cli": ("validate", "__init__", "simulate_command"),
     "__main__": ("cli",),
 }
 # Imports that go up nonetheless, made by a function when it is called.

@@ -2,8 +2,9 @@
 
 The momenta p = M v belong to the velocities v, and where these are twists in a body's frame (spherical, floating and
 planar joints) the symplectic form Ω in (q, p) is not the standard one: with θ the forms dual to the v it is
-Ω = Σ dθ_i ∧ dp_i + p_i dθ_i, and {p_i, p_j} = -c^m_ij p_m with c the structure constants of the joint's group. A method that
-is symplectic in linear coordinates is so for a robot only in coordinates in which Ω is Σ dx_i ∧ dπ_i. Per joint
+Ω = Σ θ_i ∧ dp_i - p_i dθ_i, which pairs X_i with X_j to p_m c^m_ij, and {p_i, p_j} = -c^m_ij p_m with c the structure
+constants of the joint's group, [X_i, X_j] = c^m_ij X_m. A method that is symplectic in linear coordinates is so for a
+robot only in coordinates in which Ω is Σ dx_i ∧ dπ_i. Per joint
 
 one freedom  x = q, or the angle of a (cos, sin) pair         π = p
 rotation     R = centre exp(x),  ω = B(x) ẋ                    π = Bᵀ p,  π̇ = Bᵀ ṗ + Ḃᵀ p
@@ -142,7 +143,7 @@ def recentre(bodies: Any, centres: Any, z: Any, p: Any) -> int:
     status = OK
     for i in range(1, len(bodies)):
         kind = bodies[i].kind
-        if kind == SPHERICAL or kind == FLOATING:
+        if kind in (SPHERICAL, FLOATING):
             r = i - 1 if kind == SPHERICAL else i + 2
             x = _vec(z, r)
             if dot(x, x) > FAR:

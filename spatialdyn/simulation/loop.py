@@ -51,7 +51,7 @@ _LOOP = ("first", "count", "total", "every", "dt", "h", "at", "out_q", "out_w", 
 
 
 def _called(kernel: Any) -> Any:
-    """A compiled kernel as a function that is compiled into its caller, for as a value it would keep that off the disk."""
+    """A compiled kernel as a function that is compiled into its caller; as a value it would keep that off the disk."""
     if not is_jitted(kernel):
         return kernel
 

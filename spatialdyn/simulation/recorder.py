@@ -66,7 +66,7 @@ class Recorder:
         if kept[-1] != steps.total:
             kept = np.append(kept, steps.total)
         self.kept = kept
-        self.t = kept * steps.dt
+        self.t: Array = np.asarray(kept * steps.dt, np.float64)
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
         self.at = np.zeros(2, np.int64)
@@ -89,5 +89,5 @@ class Recorder:
         v = calls["velocity_from_momentum"](model, q, w) if self.moves_p else w
         p = w if self.moves_p else calls["momentum"](model, q, w)
         energy = calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q)
-        made = (self.t[:n].copy(), q, v, p, tau, energy)
-        return Trajectory(*made, self.method.name, self.steps.dt, model.name, interrupted)
+        t = np.array(self.t[:n])
+        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted)

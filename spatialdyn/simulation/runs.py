@@ -200,6 +200,8 @@ def _run_fixed(
     model, method, steps = recorder.model, recorder.method, recorder.steps
     family = method.family
     assert family is not None
+    assert method.advance is not None
+    advance = method.advance
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     trouble = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
@@ -211,12 +213,12 @@ def _run_fixed(
     family.start(system, state)
 
     def run(first: int, count: int, h: float) -> None:
-        times = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
+        times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
         if torque.compiled:
             compiled(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             with np.errstate(all="ignore"):
-                drive(method.advance, family.observe, system, state, *times)
+                drive(advance, family.observe, system, state, *times)
         if trouble[0] != OK:
             raise SimulationError(_reason(trouble, model, method, h, state))
         report(int(recorder.at[0]), steps.total)

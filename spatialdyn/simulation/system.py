@@ -94,14 +94,14 @@ def user_torque(system: System, t: float, q: Any, v: Any) -> None:
         note(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def along(out: Any, x: Any, c: float, y: Any) -> None:
     """out = x + c y."""
     for i in range(len(out)):
         out[i] = x[i] + c * y[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def copy(out: Any, x: Any) -> None:
     """out = x."""
     for i in range(len(out)):

@@ -34,7 +34,7 @@ class Torque:
 
     def at(self, step: int, t: float, q: Array, v: Array) -> Array:
         """The torque (nv,) at the beginning of a step. Raises SimulationError if it is not finite."""
-        tau = self.held[min(step, len(self.held) - 1)].copy()
+        tau: Array = np.array(self.held[min(step, len(self.held) - 1)])
         if self.user is not None:
             self.user(t, q.copy(), v.copy(), tau)
             if not np.isfinite(tau).all():
