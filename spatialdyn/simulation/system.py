@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import njit
 from numba.extending import register_jitable
 
 from ..engines import jit
@@ -94,14 +93,14 @@ def user_torque(system: System, t: float, q: Any, v: Any) -> None:
         note(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@register_jitable
 def along(out: Any, x: Any, c: float, y: Any) -> None:
     """out = x + c y."""
     for i in range(len(out)):
         out[i] = x[i] + c * y[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@register_jitable
 def copy(out: Any, x: Any) -> None:
     """out = x."""
     for i in range(len(out)):
