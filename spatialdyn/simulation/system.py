@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from numba import njit
-from numba.extending import register_jitable
+from ..scalars import inlined
 
 from ..engines import jit
 from ..recursions.checks import all_finite
@@ -64,7 +64,7 @@ class State(NamedTuple):
     work: Any
 
 
-@register_jitable
+@inlined
 def note(system: System, code: int, t: float, size: float = 0.0) -> None:
     """Keep the first trouble."""
     if code != OK and system.trouble[0] == OK:
@@ -73,7 +73,7 @@ def note(system: System, code: int, t: float, size: float = 0.0) -> None:
         system.trouble[2] = size
 
 
-@register_jitable
+@inlined
 def hold(system: System, step: int) -> None:
     """Put the torque of a step where methods read it."""
     row = min(step, len(system.held) - 1)
@@ -81,12 +81,12 @@ def hold(system: System, step: int) -> None:
         system.tau[i] = system.held[row, i]
 
 
-@register_jitable
+@inlined
 def held_torque(system: System, t: float, q: Any, v: Any) -> None:
     """The torque that ``hold`` has put there."""
 
 
-@register_jitable
+@inlined
 def user_torque(system: System, t: float, q: Any, v: Any) -> None:
     """The torque of a function ``user(t, q, v, tau)``."""
     system.user(t, q, v, system.tau)
