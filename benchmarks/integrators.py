@@ -33,6 +33,7 @@ LABELS = {
     "stormer_verlet": "Störmer-Verlet in (q, p), symplectic",
     "velocity_verlet": "Verlet in (q, v)",
 }
+STYLES = {"rk4": "-", "stormer_verlet": "-", "velocity_verlet": (0, (2, 2))}  # one lies on the other
 HANGING = -math.pi / 2  # first angle of the 2R arm
 
 
@@ -130,7 +131,13 @@ def draw(runs: list[sd.Trajectory], path: Path) -> None:
             if run.robot == name:
                 error = abs(run.energy - run.energy[0])
                 block = error[1:].reshape(-1, 50).max(axis=1)  # envelope over half a second
-                axes.semilogy(run.t[50::50], np.maximum(block, 1e-13), linewidth=1.1, label=LABELS[run.method])
+                axes.semilogy(
+                    run.t[50::50],
+                    np.maximum(block, 1e-13),
+                    linewidth=1.1,
+                    label=LABELS[run.method],
+                    linestyle=STYLES[run.method],
+                )
         axes.set(title=titles[name], xlabel="t [s]", ylabel="|H(t) - H(0)| [J], largest of 0.5 s")
         axes.grid(alpha=0.3)
     panels["two_link"].legend(fontsize="small")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-
 from ..bodies import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
 from ..engines import jit
 from ..recursions import SPECS

@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from numba import njit
-from ..scalars import inlined
 
 from ..engines import jit
 from ..recursions.checks import all_finite
+from ..scalars import inlined
 
 OK, UNIT, PIVOT, NONFINITE = jit.OK, jit.UNIT, jit.PIVOT, jit.NONFINITE
 TORQUE, STALLED, TURNED = 5, 6, 7  # further codes of trouble
