@@ -49,7 +49,7 @@ QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
     "H": ("H", ("q", "p")),
     "tau": ("inverse_dynamics", ("q", "v", "a")),
     "qdot": ("position_rate", ("q", "p")),
-    "pdot": ("momentum_rate", ("q", "p", "tau")),
+    "pdot": ("pdot", ("q", "p", "tau")),
 }
 
 
@@ -368,7 +368,7 @@ class SymbolicManipulator:
         det = self._inverse[1]
         return self._shown(_array([x / det for x in self._momenta()]))
 
-    def momentum_rate(self) -> Matrix:
+    def pdot(self) -> Matrix:
         """ṗ = -∂H/∂q + τ (nv, 1): ½ q̇ᵀ ∂M/∂q q̇ - g + τ with q̇ = M⁻¹ p."""
         self._coordinates("Hamilton's equations")
         det, w, dM = self._inverse[1], self._momenta(), self._derivatives()
@@ -387,7 +387,7 @@ class SymbolicManipulator:
 
         Raises SpatialDynError naming a joint whose velocities are not q̇, or above four freedoms
         """
-        return self.position_rate(), self.momentum_rate()
+        return self.position_rate(), self.pdot()
 
     def poisson_bracket(self, F: Any, G: Any) -> Expr:
         """{F, G} = Σ ∂F/∂q_i ∂G/∂p_i - ∂F/∂p_i ∂G/∂q_i of two functions of q and p; dF/dt = {F, H} without torques.
