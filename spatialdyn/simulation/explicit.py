@@ -50,11 +50,23 @@ def _loaded(system: System, q: Any, v: Any, a: Any) -> int:
 
 @inlined
 def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
-    """u̇ of q(t) = q0 ∘ exp(u(t)) where the joints move with v: the inverse right Jacobian of exp at u, times v.
-
-    Returns TURNED where a joint has turned by π or more, too near the 2π at which the exponential folds.
+    """``rate_of_displacement``; returns TURNED where a joint has turned by π or more, too near the 2π at which the
+    exponential folds.
     """
+    rate_of_displacement(bodies, u, v, out)
     status = OK
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        if not (b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS or b.kind == FOLLOW):
+            w = twist(b, i - 1, u).w
+            if not dot(w, w) < HALF_TURN:
+                status = TURNED
+    return status
+
+
+@inlined
+def rate_of_displacement(bodies: Any, u: Any, v: Any, out: Any) -> None:
+    """u̇ of q(t) = q0 ∘ exp(u(t)) where the joints move with v: the inverse right Jacobian of exp at u, times v."""
     for i in range(1, len(bodies)):
         b = bodies[i]
         if b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS:
@@ -63,9 +75,6 @@ def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
             m, rate = twist(b, i - 1, u), twist(b, i - 1, v)
             T = log_jacobian(m, 1.0)
             put_twist(b, i - 1, Motion(rotate(T.J, rate.w), plus(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
-            if not dot(m.w, m.w) < HALF_TURN:
-                status = TURNED
-    return status
 
 
 @inlined

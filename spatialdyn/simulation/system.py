@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import njit
-
 from ..engines import jit
 from ..recursions.checks import all_finite
 from ..scalars import inlined
@@ -94,14 +92,14 @@ def user_torque(system: System, t: float, q: Any, v: Any) -> None:
         note(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@inlined
 def along(out: Any, x: Any, c: float, y: Any) -> None:
     """out = x + c y."""
     for i in range(len(out)):
         out[i] = x[i] + c * y[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@inlined
 def copy(out: Any, x: Any) -> None:
     """out = x."""
     for i in range(len(out)):
