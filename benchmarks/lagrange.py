@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +119,7 @@ def rollout(robot: Case, method: str, rounds: int) -> dict[str, Any]:
 def simulate(robot: Case, rounds: int) -> dict[str, Any]:
     """One robot by RK4 against the loop that one writes with Pinocchio."""
     model, theirs, data = robot.ours, robot.theirs, robot.theirs.createData()
-    q0, v0, tau, steps = robot.state["q"][0], np.zeros(model.nv), np.zeros(model.nv), 500
+    q0, v0, tau, steps = robot.state["q"][0], np.zeros(model.nv), np.zeros(model.nv), 5000
 
     def loop() -> Any:
         q, v, h = q0.copy(), v0.copy(), DT
@@ -135,6 +136,7 @@ def simulate(robot: Case, rounds: int) -> dict[str, Any]:
         return q
 
     def ours() -> sd.Trajectory:
+        warnings.simplefilter("ignore")  # that its damping acts nowhere, as in Pinocchio
         return sd.simulate(model, q0, v0, steps * DT, DT, method="rk4", record=steps)
 
     same(ours().q[-1], loop(), "simulate by rk4")

@@ -20,11 +20,8 @@ CHAINS = 16  # independent ones hide the latency of a multiply-add, 4 cycles or 
 DEEP = 8  # of each chain in one turn of the loop
 TURNS = 100_000
 BYTES = 256 << 20  # far above the caches
-SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, two polynomials (engines/vectors.py)
-    scalar: 3
-    + 2 * len(vectors.HALF_PI[scalar, True])
-    + 2 * (len(vectors.SINE[scalar]) + len(vectors.COSINE[scalar]) - 2)
-    + 7
+SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, polynomials (engines/vectors.py)
+    scalar: 10 + 2 * (len(vectors.HALF_PI[scalar, True]) + len(vectors.SINE[scalar]) + len(vectors.COSINE[scalar]) - 2)
     for scalar in ("double", "float")
 }
 
