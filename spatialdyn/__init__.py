@@ -24,6 +24,7 @@ from .errors import (
     ModelError,
     NonFiniteError,
     ShapeError,
+    SimulationError,
     SpatialDynError,
     UrdfError,
 )
@@ -35,6 +36,7 @@ from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
 from .lagrangian.symbolic import SymbolicManipulator
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
+from .simulation import PD, Rollout, Trajectory, hamilton_simulation, integrators, rollout, simulate
 from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .urdf import load_urdf
@@ -43,8 +45,9 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError",
-    "NonFiniteError", "Robot", "ShapeError", "SpatialDynError", "Specialized", "SymbolicManipulator", "UrdfError",
-    "assemble", "check_conservation", "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio",
-    "hamilton_equations", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "specialize", "step",
+    "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
+    "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation", "conserved_quantities",
+    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators",
+    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "rollout", "simulate", "specialize", "step",
     "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

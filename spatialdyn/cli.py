@@ -1,4 +1,4 @@
-"""The command line: ``spatialdyn info ROBOT``, ``derive ROBOT`` and ``compare [ROBOT ...|--all]``.
+"""The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``.
 
 Tables are drawn by rich if it is installed, as aligned text otherwise. Exit status: 0 all is well, 1 disagreement
 with Pinocchio, 2 bad input, which is said on stderr in one line.
@@ -7,6 +7,7 @@ with Pinocchio, 2 bad input, which is said on stderr in one line.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import math
 import shutil
@@ -22,6 +23,7 @@ from .errors import SpatialDynError
 from .lagrangian.symbolic import QUANTITIES, SymbolicManipulator
 from .model import Model
 from .robot import Joint
+from .simulate_command import add_simulate
 from .specialize import specialize
 from .urdf import example_robots, load_urdf, robot_names
 from .validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
@@ -94,7 +96,14 @@ def _parser() -> argparse.ArgumentParser:
     compare.add_argument("--no-timing", dest="timing", action="store_false", help="errors only")
     compare.add_argument("--json", action="store_true", help="print JSON")
     compare.set_defaults(run=_compare)
+
+    add_simulate(commands, robot, print, _watched)
     return parser
+
+
+def _watched() -> bool:
+    """Whether a progress bar would be seen."""
+    return sys.stderr.isatty() and importlib.util.find_spec("rich") is not None
 
 
 # --- tables ----------------------------------------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class SpatialDynError(ValueError):
     """Base of every error on bad input; the message names the thing, its value and what was expected."""
@@ -29,3 +31,9 @@ class ConfigurationError(SpatialDynError):
 
 class NonFiniteError(SpatialDynError):
     """Finite input whose result is not finite."""
+
+
+class SimulationError(SpatialDynError):
+    """A simulation that cannot go on; what was recorded up to then is its ``trajectory``, None if nothing was."""
+
+    trajectory: Any = None

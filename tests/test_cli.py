@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from spatialdyn import cli, dynamics, validate
+from spatialdyn import Trajectory, cli, dynamics, validate
 from spatialdyn.urdf import example_robots
 
 pytest.importorskip("pinocchio")
@@ -226,3 +227,29 @@ def test_python_m_spatialdyn_is_the_same_command() -> None:
     )
     assert done.returncode == 0
     assert done.stdout.startswith("pendulum")
+
+
+# --- simulate --------------------------------------------------------------------------------------------
+
+
+def test_simulate_reports_saves_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    saved, drawn = tmp_path / "run.npz", tmp_path / "energy.png"
+    options = ["--q0", "0.5,-0.3", "--duration", "0.1", "--dt", "0.01", "--save", str(saved), "--plot", str(drawn)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matplotlib says of its own future
+        assert cli.main(["simulate", "two_link", "--method", "rk4", *options]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("two_link: 11 samples of 0.1 s by rk4, dt 0.01 s")
+    assert "energy  " in out
+    assert Trajectory.load(saved).q[0].tolist() == [0.5, -0.3]
+    assert drawn.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_simulate_refuses_bad_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["simulate", "two_link", "--q0", "0.5"]) == 2
+    assert capsys.readouterr().err == "spatialdyn: --q0 has 1 numbers, expected 2\n"
+    assert cli.main(["simulate", "two_link", "--v0", "a,b"]) == 2
+    assert "--v0 is 'a,b', expected numbers separated by commas" in capsys.readouterr().err
+    assert cli.main(["simulate", "two_link", "--dt", "0"]) == 2
+    assert "dt is 0.0, expected a finite number of seconds above 0" in capsys.readouterr().err

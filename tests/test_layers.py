@@ -44,11 +44,13 @@ BELOW: dict[str, tuple[str, ...]] = {
     "specialize": ("dynamics",),
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
+    "simulation": ("lagrangian",),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian"),
-    "cli": ("validate", "__init__"),
+    "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian", "simulation"),
+    "simulate_command": ("simulation", "urdf"),
+    "cli": ("validate", "__init__", "simulate_command"),
     "__main__": ("cli",),
 }
 # Imports that go up nonetheless, made by a function when it is called.
@@ -59,6 +61,7 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 
 SHARED = {"spec", "joints", "lie", "energy", "aba", "coriolis", "hamilton"}  # what recursions import of their own room
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines", "cli"}
+SAVE = {"simulation.trajectory"}  # writes and reads itself
 NAME_FILES = {"validate"}  # tells Pinocchio which file to read
 PRINT = {"cli"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
@@ -66,7 +69,7 @@ FILE_CALLS = {
     "open", "read_text", "read_bytes", "write_text", "write_bytes", "glob", "rglob", "iterdir", "unlink", "mkdir",
     "fromfile", "tofile", "loadtxt", "savetxt", "genfromtxt", "memmap",
 }  # fmt: skip
-LATE = {"yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy"}
+LATE = {"yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas"}
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}
 
 
@@ -196,7 +199,7 @@ def test_engines_know_recursions_by_their_specs_only(name: str) -> None:
 # --- who touches files, who speaks ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) not in TOUCH_FILES])
+@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) not in TOUCH_FILES and name not in SAVE])
 def test_only_urdf_engines_and_the_command_line_touch_files(name: str) -> None:
     assert {f for _, f in called(name)} & FILE_CALLS == set()
     assert {f for of, f in called(name) if of in ("np", "numpy", "pickle", "json")} & {"load", "save", "dump"} == set()

@@ -79,7 +79,8 @@ class SymbolicManipulator:
     Closed forms grow exponentially with the joints that turn about different axes. Measured, one core, robots' own
     numbers: all quantities of an arm of three but ṗ in 0.1 s, that in 5 s; of ur5 (six joints, three of them parallel)
     M in 0.1 s, 1400 operations, and C in 2 s, 7200; of panda (seven) g in 0.5 s, 40 000. Its M takes 25 s without limit
-    and has 660 000; that and its C are refused. Code of any robot and call, unsimplified, is at once there: ``specialize(model, sd.crba).c_code()``.
+    and has 660 000; that and its C are refused. Code of any robot and call, unsimplified, is there at once:
+    ``specialize(model, sd.crba).c_code()``.
 
     Raises  ModelError for mimic joints; SpatialDynError naming a parameter that is not known, or that sympy is missing;
             of its methods, SpatialDynError for a quantity beyond the limit

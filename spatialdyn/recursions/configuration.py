@@ -3,7 +3,7 @@
 A configuration q moves by a velocity v held for unit time, q ∘ exp(v): each joint's twist in its own body's frame,
 as v itself is. Coordinates that are numbers add; quaternions and (cos, sin) pairs multiply on the right and come
 back on the unit sphere, q/|q| to rounding, so no drift builds up. A joint of one freedom is a group too: its
-displacement is carried as w.z of a twist, which lets every kind share ``_twist``, ``_move`` and ``_between``, and
+displacement is carried as w.z of a twist, which lets every kind share ``twist``, ``_move`` and ``_between``, and
 a planar joint's twist is written in its own x, y and normal.
 
 The exponentials and their derivatives are in ``lie``.
@@ -101,7 +101,7 @@ def integrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
     """
     for i in range(1, len(bodies)):
         if bodies[i].kind != FOLLOW:
-            _move(bodies[i], q, _twist(bodies[i], i - 1, v), out)
+            _move(bodies[i], q, twist(bodies[i], i - 1, v), out)
 
 
 @inlined
@@ -115,7 +115,7 @@ def difference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
     """
     for i in range(1, len(bodies)):
         if bodies[i].kind != FOLLOW:
-            _put_twist(bodies[i], i - 1, _between(bodies[i], q0, q1), out)
+            put_twist(bodies[i], i - 1, _between(bodies[i], q0, q1), out)
 
 
 @inlined
@@ -146,7 +146,7 @@ def dintegrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
             out[0, r, r] = 1.0
             out[1, r, r] = 1.0
         elif b.kind != FOLLOW:
-            m = _twist(b, r, v)
+            m = twist(b, r, v)
             _put_tangent(b, r, carried_back(m), 1.0, out, 0)
             _put_tangent(b, r, exp_jacobian(m), 1.0, out, 1)
 
@@ -226,7 +226,7 @@ def _between(b: Any, q0: Any, q1: Any) -> Motion:
 
 
 @inlined
-def _twist(b: Any, r: int, v: Any) -> Motion:
+def twist(b: Any, r: int, v: Any) -> Motion:
     """The twist of the joint whose velocities start at v[r]."""
     if b.kind == SPHERICAL:
         return Motion(_point(v, r), zero())
@@ -238,7 +238,7 @@ def _twist(b: Any, r: int, v: Any) -> Motion:
 
 
 @inlined
-def _put_twist(b: Any, r: int, m: Motion, out: Any) -> None:
+def put_twist(b: Any, r: int, m: Motion, out: Any) -> None:
     """Write the twist of the joint whose velocities start at out[r]."""
     if b.kind == SPHERICAL:
         _put_point(out, r, m.w)

@@ -1,0 +1,104 @@
+"""``spatialdyn simulate ROBOT``: let a robot move freely, and see what becomes of its energy."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dynamics import calls
+from .errors import SpatialDynError
+from .model import Model
+from .simulation import Trajectory, integrators, simulate
+from .states import random_configuration
+from .urdf import load_urdf
+
+Array = NDArray[np.float64]
+
+
+def add_simulate(commands: Any, robot: str, say: Callable[[str], None], bar: Callable[[], bool]) -> None:
+    """Register the command.
+
+    commands  what argparse's add_subparsers has given
+    robot     help of the argument ROBOT
+    say       writes a line where people read it
+    bar       whether there is somebody to look at a progress bar
+    """
+    parser = commands.add_parser("simulate", help="free motion of a robot, its energy, a plot and a file of it")
+    parser.add_argument("robot", metavar="ROBOT", help=robot)
+    parser.add_argument("--root", choices=("fixed", "floating"), default="fixed", help="the root link (default: fixed)")
+    parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="seconds (default: 10)")
+    parser.add_argument("--dt", type=float, default=1e-3, metavar="S", help="step in seconds (default: 0.001)")
+    parser.add_argument("--method", choices=list(integrators), default="rk4", metavar="METHOD", help=_methods())
+    parser.add_argument(
+        "--q0", metavar="Q", help="joint positions, separated by commas (default: random, always the same)"
+    )
+    parser.add_argument("--v0", metavar="V", help="joint velocities, separated by commas (default: zeros)")
+    parser.add_argument(
+        "--record", type=int, metavar="K", help="keep every K-th step (default: 10 000 samples at most)"
+    )
+    parser.add_argument("--plot", metavar="FILE", help="draw q, v and energy to a PNG, SVG or PDF file")
+    parser.add_argument("--save", metavar="FILE", help="write the trajectory to an npz file")
+    parser.set_defaults(run=lambda arguments: _run(arguments, say, bar()))
+
+
+def _methods() -> str:
+    return f"one of {', '.join(integrators)} (default: rk4)"
+
+
+def _run(arguments: argparse.Namespace, say: Callable[[str], None], bar: bool) -> int:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # ``info`` has what is odd about the file
+        model = load_urdf(arguments.robot, root=arguments.root)
+    q0 = _numbers("--q0", arguments.q0, model.nq)
+    if q0 is None:
+        q0 = random_configuration(model, np.random.default_rng(0))
+    v0 = _numbers("--v0", arguments.v0, model.nv)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run = simulate(
+            model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt, arguments.method,
+            record=arguments.record, progress=bar,
+        )  # fmt: skip
+    for line in _report(model, run):
+        say(line)
+    for warning in caught:
+        say(f"note    {warning.message}")
+    if arguments.save:
+        run.save(arguments.save)
+        say(f"saved   {arguments.save}")
+    if arguments.plot:
+        run.plot().savefig(arguments.plot)
+        say(f"drawn   {arguments.plot}")
+    return 0
+
+
+def _numbers(option: str, text: str | None, count: int) -> Array | None:
+    """Numbers separated by commas. Raises SpatialDynError unless there are ``count``."""
+    if text is None:
+        return None
+    try:
+        x = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        raise SpatialDynError(f"{option} is {text!r}, expected numbers separated by commas") from None
+    if len(x) != count:
+        raise SpatialDynError(f"{option} has {len(x)} numbers, expected {count}")
+    return x
+
+
+def _report(model: Model, run: Trajectory) -> list[str]:
+    """What there is to say of a run in a few lines."""
+    method = integrators[run.method]
+    change = run.energy - run.energy[0]
+    T = calls["kinetic_energy"](model, run.q, run.v)
+    return [
+        f"{model.name}: {len(run)} samples of {run.t[-1]:g} s by {run.method}, dt {run.dt:g} s",
+        f"method  order {method.order}, preserves {method.preserves}; {method.note}",
+        f"energy  {run.energy[0]:.9g} J, changes by {change[-1]:.3g} J, at most {abs(change).max():.3g} J; "
+        f"kinetic at most {T.max():.4g} J",
+        f"q(end)  {np.array2string(run.q[-1], precision=6, max_line_width=10_000)}",
+    ]

@@ -1,0 +1,113 @@
+"""SciPy's DOP853 and Radau, which choose their steps: the state is (q, v), with quaternions as four coordinates.
+
+Quaternions and (cos, sin) pairs are scaled to unit norm where the right-hand side is evaluated and in what comes out;
+between, the tolerances keep them there. Torques that are held over steps jump between them, so SciPy starts anew there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
+from ..dynamics import calls
+from ..engines import jit
+from ..errors import NonFiniteError, SimulationError, SpatialDynError
+from ..recursions.configuration import twist
+from ..recursions.lie import Quat, matrix, product
+from ..scalars import cos, inlined, sin
+from ..spatial import rotate
+from .compiled import kernel
+from .recorder import Recorder
+from .torques import Torque
+
+Array = NDArray[np.float64]
+
+
+def run_adaptive(
+    recorder: Recorder, q: Array, v: Array, torque: Torque, fext: Array | None,
+    report: Callable[[int, int], None], tolerances: tuple[float, float],
+) -> None:  # fmt: skip
+    """Integrate and record. Raises SimulationError if SciPy gives up, or is not there (SpatialDynError)."""
+    try:
+        from scipy import integrate
+    except ImportError as error:
+        raise SpatialDynError('SciPy is not installed; pip install "spatialdyn[simulation]"') from error
+    solver = {"dop853": integrate.DOP853, "radau": integrate.Radau}[recorder.method.name]
+    model, steps = recorder.model, recorder.steps
+    nq, y = model.nq, np.concatenate([q, v])
+    rate = kernel(coordinate_rate, 1, 1, 1)
+    dq = np.empty(nq)
+
+    def slope(step: int) -> Callable[[float, Array], Array]:
+        def at(t: float, y: Array) -> Array:
+            try:
+                q, v = calls["normalize"](model, y[:nq]), y[nq:].copy()
+                a = calls["aba"](model, q, v, torque.at(step, t, q, v), fext)
+            except NonFiniteError as error:
+                raise SimulationError(f"the state is not finite any more at t = {t:.9g} s: {error}") from error
+            rate(getattr(model, jit.TABLE), q, v, dq)
+            return np.concatenate([dq, a])
+
+        return at
+
+    ends = range(1, steps.total + 1) if len(torque.held) > 1 else [steps.total] * (steps.total > 0)
+    first = 0
+    for end in ends:
+        run = solver(slope(first), steps.time(first), y, steps.time(end), rtol=tolerances[0], atol=tolerances[1])
+        while run.status == "running":
+            problem = run.step()
+            if run.status == "failed":
+                raise SimulationError(f"{recorder.method.name} gives up at t = {run.t:.9g} s: {problem}")
+            _record(recorder, run, torque, end)
+            report(int(recorder.at[0]), steps.total)
+        y, first = run.y, end
+
+
+def _record(recorder: Recorder, run: Any, torque: Torque, end: int) -> None:
+    """Write the samples that SciPy's last step has passed."""
+    steps, model = recorder.steps, recorder.model
+    recorder.at[0] = end if run.status == "finished" else min(int(run.t / steps.dt), end)
+    last = steps.time(end) if run.status == "finished" else run.t
+    within = None
+    while recorder.at[1] < len(recorder.t) and (t := recorder.t[recorder.at[1]]) <= last:
+        within = within or run.dense_output()
+        y = within(t)
+        q, v = calls["normalize"](model, y[: model.nq]), y[model.nq :].copy()
+        recorder.put(q, v, torque.at(int(recorder.kept[recorder.at[1]]), t, q, v))
+
+
+@inlined
+def coordinate_rate(bodies: Any, q: Any, v: Any, dq: Any) -> int:
+    """dq/dt (nq) where the joints move with v."""
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        k = b.at
+        if b.kind == FOLLOW:
+            continue
+        m = twist(b, i - 1, v)
+        if b.kind == REVOLUTE_CS:
+            dq[k], dq[k + 1] = -q[k + 1] * m.w.z, q[k] * m.w.z
+        elif b.kind == SPHERICAL or b.kind == FLOATING:
+            if b.kind == FLOATING:
+                k += 3
+            a = Quat(q[k], q[k + 1], q[k + 2], q[k + 3])
+            e = product(a, Quat(0.5 * m.w.x, 0.5 * m.w.y, 0.5 * m.w.z, 0.0))
+            dq[k], dq[k + 1], dq[k + 2], dq[k + 3] = e.x, e.y, e.z, e.w
+            if b.kind == FLOATING:
+                u = rotate(matrix(a), m.v)
+                dq[k - 3], dq[k - 2], dq[k - 1] = u.x, u.y, u.z
+        elif b.kind == PLANAR or b.kind == PLANAR_CS:
+            if b.kind == PLANAR:
+                c, s = cos(q[k + 2]), sin(q[k + 2])
+                dq[k + 2] = m.w.z
+            else:
+                c, s = q[k + 2], q[k + 3]
+                dq[k + 2], dq[k + 3] = -s * m.w.z, c * m.w.z
+            dq[k], dq[k + 1] = c * m.v.x - s * m.v.y, s * m.v.x + c * m.v.y
+        else:
+            dq[k] = m.w.z
+    return 0

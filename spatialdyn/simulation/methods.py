@@ -1,0 +1,111 @@
+"""The methods of integration: what each is, what it costs and what it keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from . import canonical, explicit, variational
+
+KEEPS_NOTHING = "nothing"
+SYMPLECTIC = "Ω"
+SYMMETRIC = "Ω, time reversal"
+MOMENTA = "Ω, time reversal, momenta of symmetries"
+
+
+@dataclass(frozen=True)
+class Family:
+    """Methods that share a state: how it is entered and observed, what kernels they call, their rows of scratch.
+
+    moves  "v" or "p"
+    wide   rows of scratch hold 2 nv numbers rather than nv
+    """
+
+    moves: str
+    kernels: Callable[[bool], Any]
+    start: Callable[..., None]
+    observe: Callable[..., None]
+    rows: int
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of integration.
+
+    name         as ``simulate`` takes it
+    order        the global error is O(dt^order); for SciPy's methods rtol and atol govern the error instead
+    evaluations  of forward dynamics in a step; for implicit methods per sweep, of which a step takes 5 to 20
+    preserves    exactly, but for rounding: Ω, the symplectic form; "time reversal", going back by -dt; "momenta of
+                 symmetries", such as those of a free-floating robot. None of the methods keeps the energy itself; one
+                 that keeps Ω has an energy error that stays bounded over very long times
+    note         what else there is to say
+    """
+
+    name: str
+    order: int
+    evaluations: int
+    preserves: str
+    note: str
+    family: Family | None = None
+    advance: Callable[..., None] | None = None
+
+    @property
+    def symplectic(self) -> bool:
+        """Whether the method keeps the symplectic form."""
+        return self.preserves.startswith(SYMPLECTIC)
+
+
+EXPLICIT = Family("v", explicit.kernels, explicit.start, explicit.observe, 10)
+CANONICAL = Family("p", canonical.kernels, canonical.start, canonical.observe, canonical.ROWS, wide=True)
+DISCRETE = Family("p", variational.kernels, variational.start, variational.observe, variational.ROWS)
+
+_ALL = (
+    Method(
+        "explicit_euler", 1, 1, KEEPS_NOTHING, "gains energy; for teaching",
+        EXPLICIT, explicit.explicit_euler,
+    ),
+    Method(
+        "semi_implicit_euler", 1, 1, KEEPS_NOTHING, "symplectic only where M is constant; else energy drifts",
+        EXPLICIT, explicit.semi_implicit_euler,
+    ),
+    Method(
+        "velocity_verlet", 2, 2, KEEPS_NOTHING,
+        "symplectic only where M is constant: with M(q) the forces depend on v, and its energy drifts worse than RK4's",
+        EXPLICIT, explicit.velocity_verlet,
+    ),
+    Method(
+        "rk4", 4, 4, KEEPS_NOTHING, "accurate and cheap over short times; energy drifts like dt^5 per step",
+        EXPLICIT, explicit.rk4,
+    ),
+    Method(
+        "symplectic_euler", 1, 1, SYMPLECTIC, "implicit in p",
+        CANONICAL, canonical.symplectic_euler,
+    ),
+    Method(
+        "stormer_verlet", 2, 2, SYMMETRIC, "generalised to M(q), implicit in p and then in q (HLW VI.3)",
+        CANONICAL, canonical.stormer_verlet,
+    ),
+    Method(
+        "implicit_midpoint", 2, 1, SYMMETRIC, "implicit in q and p; compensated summation",
+        CANONICAL, canonical.implicit_midpoint,
+    ),
+    Method(
+        "gauss4", 4, 2, SYMMETRIC, "Gauss's collocation in 2 stages; compensated summation",
+        CANONICAL, canonical.gauss4,
+    ),
+    Method(
+        "gauss6", 6, 3, SYMMETRIC, "Gauss's collocation in 3 stages; compensated summation: for long, accurate runs",
+        CANONICAL, canonical.gauss6,
+    ),
+    Method(
+        "variational", 2, 1, MOMENTA, "discrete mechanics on the group of the joints, O(n)",
+        DISCRETE, variational.variational,
+    ),
+    Method("dop853", 8, 12, KEEPS_NOTHING, "SciPy's, step by tolerance; best for high accuracy up to 1000 s"),
+    Method("radau", 5, 3, KEEPS_NOTHING, "SciPy's, step by tolerance; for stiff torques; takes energy away"),
+)  # fmt: skip
+
+integrators: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})

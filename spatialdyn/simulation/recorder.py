@@ -1,0 +1,93 @@
+"""The steps of a simulation, and the samples that are kept of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics import calls
+from ..errors import SpatialDynError
+from ..model import Model
+from .methods import Method
+from .trajectory import Trajectory
+
+Array = NDArray[np.float64]
+FIT = 1e-9  # a duration is a whole number of steps if it is one to this relative accuracy
+
+
+@dataclass(frozen=True)
+class Steps:
+    """``whole`` steps of dt, and one of ``rest`` if that is not 0."""
+
+    dt: float
+    whole: int
+    rest: float
+
+    @classmethod
+    def of(cls, duration: float, dt: float) -> Steps:
+        """The steps of a duration. Raises SpatialDynError for one that is negative or not finite, or dt <= 0."""
+        for name, x, sense in (("duration", duration, "of 0 or more"), ("dt", dt, "above 0")):
+            number = isinstance(x, (int, float, np.integer, np.floating)) and not isinstance(x, bool)
+            if not number or not math.isfinite(x) or x < 0 or (name == "dt" and x == 0):
+                raise SpatialDynError(f"{name} is {x!r}, expected a finite number of seconds {sense}")
+        ratio = float(duration) / float(dt)
+        if not ratio < 2.0**53:
+            raise SpatialDynError(f"dt is {dt!r} for a duration of {duration!r} s, expected fewer than 2^53 steps")
+        whole = round(ratio)
+        if abs(ratio - whole) <= FIT * max(1.0, ratio):
+            return cls(float(dt), whole, 0.0)
+        whole = math.floor(ratio)
+        return cls(float(dt), whole, float(duration) - whole * float(dt))
+
+    @property
+    def total(self) -> int:
+        """Number of steps."""
+        return self.whole + (self.rest > 0.0)
+
+    def time(self, step: int) -> float:
+        """When a step begins."""
+        return step * self.dt if step <= self.whole else self.whole * self.dt + self.rest
+
+
+class Recorder:
+    """The arrays that samples are written to, and the Trajectory that comes of them.
+
+    at    (2,)  steps done, samples written
+    t     times of all samples that are to come
+    rows  arrays of q, of v or p, and of tau
+    """
+
+    def __init__(self, model: Model, method: Method, steps: Steps, every: int) -> None:
+        self.model, self.method, self.steps, self.every = model, method, steps, every
+        kept = np.arange(0, steps.total + 1, every)
+        if kept[-1] != steps.total:
+            kept = np.append(kept, steps.total)
+        self.kept = kept
+        self.t: Array = np.asarray(kept * steps.dt, np.float64)
+        self.t[-1] = steps.time(steps.total)
+        self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
+        self.at = np.zeros(2, np.int64)
+
+    @property
+    def moves_p(self) -> bool:
+        """Whether momenta are recorded rather than velocities."""
+        return self.method.family is not None and self.method.family.moves == "p"
+
+    def put(self, q: Array, w: Array, tau: Array) -> None:
+        """Write one sample."""
+        for rows, x in zip(self.rows, (q, w, tau), strict=True):
+            rows[self.at[1]] = x
+        self.at[1] += 1
+
+    def trajectory(self, interrupted: bool = False) -> Trajectory:
+        """What there is so far; of v and p the one that is not recorded is computed here, for all samples at once."""
+        n, model = int(self.at[1]), self.model
+        q, w, tau = (rows[:n].copy() for rows in self.rows)
+        v = calls["velocity_from_momentum"](model, q, w) if self.moves_p else w
+        p = w if self.moves_p else calls["momentum"](model, q, w)
+        energy = calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q)
+        t = np.array(self.t[:n])
+        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted)

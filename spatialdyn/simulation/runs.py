@@ -1,0 +1,256 @@
+"""``simulate`` and ``hamilton_simulation``: what is asked for is checked, the loop is run in slices, the rest is told.
+
+Between slices of the loop Ctrl-C is heard, progress is reported, and a trouble becomes an error that has what was
+recorded up to then.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..border import as_array, check_model
+from ..dynamics import calls
+from ..engines import jit
+from ..errors import ModelError, NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..model import Model
+from .adaptive import run_adaptive
+from .canonical import SETTLED, SWEEPS
+from .loop import compiled, drive
+from .methods import Method, integrators
+from .progress import Progress, reporting
+from .recorder import Recorder, Steps
+from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, user_torque
+from .torques import Torque, torque_of
+from .trajectory import Trajectory
+
+Array = NDArray[np.float64]
+SAMPLES = 10_000  # as many steps at most are recorded if nothing is said
+SLICE = 0.05  # seconds between two looks at Ctrl-C and progress
+
+
+def simulate(
+    model: Model,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    duration: float,
+    dt: float,
+    method: str = "rk4",
+    torque: ArrayLike | Callable[..., Any] | None = None,
+    fext: ArrayLike | None = None,
+    record: int | None = None,
+    progress: Progress = False,
+    rtol: float = 1e-9,
+    atol: float = 1e-12,
+) -> Trajectory:
+    """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter where they do not fit).
+
+    q0        (nq,)  joint positions [rad | m]
+    v0        (nv,)  joint velocities [rad/s | m/s]
+    duration  [s]
+    dt        [s]
+    method    a name of ``integrators``, which says what each costs and keeps:
+              explicit_euler, semi_implicit_euler, velocity_verlet, rk4  in (q, v), explicit, not symplectic
+              symplectic_euler, stormer_verlet, implicit_midpoint, gauss4, gauss6, variational  symplectic, implicit
+              dop853, radau  SciPy's, which choose their steps by rtol and atol; dt is then the spacing of samples
+    torque    joint torques [N m | N]: None for zero, (nv,), (steps, nv) each held over its step, a Python function
+              ``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` that writes tau, or an ``@njit`` function of the latter kind,
+              which never leaves compiled code. Functions are asked when the method needs it, and once more for every
+              sample that is recorded
+    fext      (njoints, 6)  constant force on each joint's body, in the joint's frame [N | N m]
+    record    keep every so many-th step; by default every step up to 10 000 of them, then evenly so many at most. The
+              first and the last state are always kept
+    progress  True for a bar (needs rich), or a function of the number of steps done and their total
+    rtol, atol  tolerances of dop853 and radau
+
+    Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
+    coordinates (x, π) of charts (``simulation.charts``); for v that are rates of coordinates these are (q, p). A method
+    in (q, v) that leaves M's change out of account, such as Verlet's, is not symplectic as soon as M depends on q.
+    Ctrl-C ends a simulation early: what was recorded comes back, ``interrupted``, with a RuntimeWarning.
+
+    Returns Trajectory.
+    Raises  ShapeError; SpatialDynError for a dt, duration or method that is none; ModelError for mimic joints;
+            SimulationError, with the recorded part as ``trajectory``, for a torque that is not finite, a state that
+            is no longer finite, or an implicit step that does not converge.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> run = sd.simulate(model, [0.5, -0.3], [0.0, 0.0], 1.0, 0.01, "gauss4")
+    >>> run.q.shape
+    (101, 2)
+    >>> bool(abs(run.energy - run.energy[0]).max() < 1e-5)
+    True
+    """
+    q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext)
+    calls["aba"](model, q, v, np.zeros(model.nv))  # names a joint that moves no inertia
+    p = calls["momentum"](model, q, v)
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
+
+
+def hamilton_simulation(
+    model: Model,
+    q0: ArrayLike,
+    p0: ArrayLike,
+    duration: float,
+    dt: float,
+    method: str = "stormer_verlet",
+    torque: ArrayLike | Callable[..., Any] | None = None,
+    fext: ArrayLike | None = None,
+    record: int | None = None,
+    progress: Progress = False,
+    rtol: float = 1e-9,
+    atol: float = 1e-12,
+) -> Trajectory:
+    """The motion from a point (q0, p0) of phase space by Hamilton's equations: ``simulate`` with a symplectic method.
+
+    p0  (nv,)  joint momenta M(q0) v0 [kg m²/s | kg m/s]
+
+    The rest as in ``simulate``, what it returns and raises too; every method is taken.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("pendulum")
+    >>> run = sd.hamilton_simulation(model, [1.0], [0.0], 10.0, 0.01)
+    >>> bool(abs(run.energy - run.energy[0]).max() < 1e-3)
+    True
+    """
+    q, p, chosen, forces = _checked(model, q0, ("p0", p0), method, fext)
+    v = calls["velocity_from_momentum"](model, q, p)
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
+
+
+# --- what is asked for -----------------------------------------------------------------------------------
+
+
+def _checked(
+    model: Model, q0: ArrayLike, moving: tuple[str, ArrayLike], method: str, fext: ArrayLike | None
+) -> tuple[Array, Array, Method, Array | None]:
+    check_model(model)
+    if model.mimic_matrix is not None:
+        raise ModelError(f'robot "{model.name}" has dependent mimic joints, expected none; load it with mimic=False')
+    try:
+        chosen = integrators[method]
+    except (KeyError, TypeError):
+        raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(integrators)}") from None
+    name, w0 = moving
+    q, w = _vector("q0", q0, (model.nq,)), _vector(name, w0, (model.nv,))
+    forces = None if fext is None else _vector("fext", fext, (model.njoints, 6))
+    if model.damping.any() or model.friction.any():
+        text = f'robot "{model.name}" has joint damping or friction, which act nowhere; put them into the torque'
+        warnings.warn(text, stacklevel=3)
+    return q, w, chosen, forces
+
+
+def _vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """A finite array of that very shape, a copy in C order."""
+    x = as_array(name, value)
+    if x.shape != shape:
+        raise ShapeError(f"{name} has shape {x.shape}, expected {shape}")
+    if not np.isfinite(x).all():
+        raise NonFiniteError(f"{name} is {x.tolist()}, expected finite numbers")
+    return np.array(x, order="C")
+
+
+def _every(record: int | None, total: int) -> int:
+    if record is None:
+        return max(1, math.ceil(total / SAMPLES))
+    if isinstance(record, bool) or not isinstance(record, (int, np.integer)) or record < 1:
+        raise SpatialDynError(f"record is {record!r}, expected a whole number of steps of 1 or more")
+    return int(record)
+
+
+# --- the run ---------------------------------------------------------------------------------------------
+
+
+def _run(
+    model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
+    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
+) -> Trajectory:  # fmt: skip
+    steps = Steps.of(duration, dt)
+    recorder = Recorder(model, method, steps, _every(record, steps.total))
+    try:
+        asked = torque_of(torque, model.nv, steps)
+        recorder.put(q, p if recorder.moves_p else v, asked.at(0, 0.0, q, v))
+        with reporting(progress) as report:
+            if method.family is None:
+                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol))
+            else:
+                _run_fixed(recorder, (q, v, p), asked, fext, report)
+    except KeyboardInterrupt:
+        trajectory = recorder.trajectory(interrupted=True)
+        reached = trajectory.t[-1] if len(trajectory) else 0.0
+        warnings.warn(f"interrupted at t = {reached:g} s of {duration:g} s", RuntimeWarning, stacklevel=3)
+        return trajectory
+    except SimulationError as error:
+        error.trajectory = recorder.trajectory()
+        raise
+    return recorder.trajectory()
+
+
+def _run_fixed(
+    recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
+    report: Callable[[int, int], None],
+) -> None:  # fmt: skip
+    """All steps of a method of our own, in slices of about SLICE seconds."""
+    model, method, steps = recorder.model, recorder.method, recorder.steps
+    family = method.family
+    assert family is not None
+    assert method.advance is not None
+    advance = method.advance
+    (q, v, p), n, rows = start, model.nv, len(model.bodies)
+    trouble = np.zeros(3)
+    forces = np.zeros((0, 6)) if fext is None else fext
+    data = (getattr(model, jit.TABLE), torque.held, forces, np.zeros(n), np.zeros(n), trouble)
+    scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
+    state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
+    asks = held_torque if torque.user is None else user_torque
+    system = System(family.kernels(fext is not None), asks, torque.user, *data)
+    family.start(system, state)
+
+    def run(first: int, count: int, h: float) -> None:
+        times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
+        if torque.compiled:
+            compiled(method, fext is not None, torque.user)(*data, *state, *times)
+        else:
+            with np.errstate(all="ignore"):
+                drive(advance, family.observe, system, state, *times)
+        if trouble[0] != OK:
+            raise SimulationError(_reason(trouble, model, method, h, state))
+        report(int(recorder.at[0]), steps.total)
+
+    count = 1
+    while (first := int(recorder.at[0])) < steps.whole:
+        began = time.perf_counter()
+        count = min(count, steps.whole - first)
+        run(first, count, steps.dt)
+        spent = max(time.perf_counter() - began, 1e-6)
+        count = max(1, int(min(10.0 * count, count * SLICE / spent)))
+    if steps.rest > 0.0:
+        run(steps.whole, 1, steps.rest)
+
+
+def _reason(trouble: Array, model: Model, method: Method, h: float, state: State) -> str:
+    """Why a simulation has to stop."""
+    code, t, size = int(trouble[0]), trouble[1], trouble[2]
+    if code == TORQUE:
+        return f"torque is not finite at t = {t:.9g} s, expected finite numbers"
+    if code == STALLED:
+        return (
+            f"{method.name} does not converge at t = {t:.9g} s: the residual is {size:.2g} of the step, expected "
+            f"less than {SETTLED:g} within {SWEEPS} sweeps; try dt = {h / 4:g} instead of {h:g}"
+        )
+    if code == TURNED:
+        return (
+            f"a body turns too far in the step at t = {t:.9g} s for {method.name}; try dt = {h / 4:g} instead of {h:g}"
+        )
+    if code == PIVOT and np.isfinite(state.q).all() and np.isfinite(state.w).all():
+        return f'a joint of robot "{model.name}" moves next to no inertia at t = {t:.9g} s, expected some'
+    return (
+        f"the state is not finite any more at t = {t:.9g} s, after steps of {h:g} s by {method.name}, expected a "
+        f"bounded motion; try dt = {h / 4:g}"
+    )

@@ -1,0 +1,99 @@
+"""What may be given as a torque, made into one thing: rows held over steps, or a function that writes tau."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba.extending import is_jitted
+from numpy.typing import NDArray
+
+from ..border import as_array
+from ..engines import jit
+from ..errors import ShapeError, SimulationError
+from .recorder import Steps
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Torques of a simulation.
+
+    held      (rows, nv) of the steps, the last one held on; one row of zeros where there is a function
+    user      None, or ``user(t, q, v, tau)``, which writes tau
+    compiled  whether the loop can run without Python
+    """
+
+    held: Array
+    user: Callable[..., None] | None
+    compiled: bool
+
+    def at(self, step: int, t: float, q: Array, v: Array) -> Array:
+        """The torque (nv,) at the beginning of a step. Raises SimulationError if it is not finite."""
+        tau: Array = np.array(self.held[min(step, len(self.held) - 1)])
+        if self.user is not None:
+            self.user(t, q.copy(), v.copy(), tau)
+            if not np.isfinite(tau).all():
+                raise SimulationError(f"torque is {tau.tolist()} at t = {t:.9g} s, expected finite numbers")
+        return tau
+
+
+def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
+    """The Torque of what ``simulate`` has been given.
+
+    Raises ShapeError for an array of another shape, SimulationError for one that is not finite, with the time.
+    """
+    if torque is None:
+        return Torque(np.zeros((1, nv)), None, not jit.PLAIN)
+    if not callable(torque):
+        rows = as_array("torque", torque)
+        if rows.shape not in ((nv,), (steps.total, nv)):
+            raise ShapeError(
+                f"torque has shape {rows.shape}, expected ({nv},) or ({steps.total}, {nv}), a row per step"
+            )
+        rows = np.array(rows.reshape(-1, nv) if rows.size else np.zeros((1, nv)), order="C")
+        lost = ~np.isfinite(rows).all(axis=1)
+        if lost.any():
+            step = int(np.argmax(lost))
+            raise SimulationError(
+                f"torque is {rows[step].tolist()} at t = {steps.time(step):.9g} s (row {step}), expected finite numbers"
+            )
+        return Torque(rows, None, not jit.PLAIN)
+    if is_jitted(torque):
+        return Torque(np.zeros((1, nv)), torque, True)
+    return Torque(np.zeros((1, nv)), _writing(torque, nv), False)
+
+
+def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, Array, Array], None]:
+    """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` as the latter; it gets copies, which it may keep."""
+    writes = _takes(function, 4) and not _takes(function, 3)
+
+    def ask(t: float, q: Array, v: Array, tau: Array) -> None:
+        if writes:
+            function(t, q.copy(), v.copy(), tau)
+            return
+        made = function(t, q.copy(), v.copy())
+        try:
+            x = as_array("torque", made)
+        except ShapeError as error:
+            raise SimulationError(f"{error}, at t = {t:.9g} s") from error
+        if x.shape != (nv,):
+            raise SimulationError(f"torque has shape {x.shape} at t = {t:.9g} s, expected ({nv},)")
+        tau[:] = x
+
+    return ask
+
+
+def _takes(function: Callable[..., Any], count: int) -> bool:
+    """Whether a function can be called with that many arguments; unknown ones can with three."""
+    try:
+        inspect.signature(function).bind(*range(count))
+    except TypeError:
+        return False
+    except ValueError:
+        return count == 3
+    return True

@@ -1,0 +1,280 @@
+"""A variational integrator in O(n), on the group of the joints: discrete mechanics of the bodies' average velocities.
+
+In a step each body moves from its pose T_i to T_i exp(h V_i). The discrete Lagrangian, which is h times the kinetic
+energy Σ ½ V_i·I_i V_i less the potential energy, averaged over both ends, has the momenta
+
+    μ⁻_i = (dexp⁻¹ at +h V_i)ᵀ I_i V_i    at the beginning, in the body's frame there
+    μ⁺_i = (dexp⁻¹ at -h V_i)ᵀ I_i V_i    at the end, in the body's frame there
+
+and with Jᵀ the backward sweep of Newton and Euler a step solves J(q)ᵀ μ⁻ = p + ½ h f(q) for the displacement ξ of the
+joints, q⁺ = q ∘ exp(ξ), and sets p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺), with f torques, gravity's and external ones. The map is
+symplectic, symmetric without torques, and keeps the momentum of a free robot whatever its joints do. ξ is improved by
+-h M⁻¹ r, with r what is left of the equation, until it changes no longer.
+
+Displacements of bodies are carried as (quaternion, travel): both of them keep their relative accuracy however small the
+step, so what rounding does to a momentum is a part in 1e16 of it, not that over h.
+
+Source: Lee, Liu, Park, Srinivasa, A linear-time variational integrator for multibody systems (2016), for the use of M⁻¹
+in O(n); the form in (q, p) and on joints of several freedoms is derived here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numba.extending import register_jitable
+
+from ..bodies import FOLLOW
+from ..engines import jit
+from ..recursions import SPECS
+from ..recursions.configuration import put_twist, twist
+from ..recursions.joints import joint_motion, place_joint
+from ..recursions.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
+from ..scalars import inlined
+from ..spatial import (
+    Force,
+    Motion,
+    Pose,
+    Vec,
+    add_force,
+    cross,
+    force_of,
+    force_to_parent,
+    inertia_of,
+    momentum,
+    motion_of,
+    plus,
+    pose_of,
+    power,
+    put_force,
+    put_vec,
+    table_dtype,
+    times,
+    unrotate,
+    vec_of,
+    zero,
+    zero_force,
+)
+from .canonical import LARGEST, SWEEPS, relative, settled
+from .compiled import kernel
+from .system import OK, TURNED, State, System, copy, note
+
+ROWS = 9
+TURN = 0.5  # cosine of half the angle by which a body may turn in one step, 120°
+WORK_BEFORE = table_dtype(X=Pose, x=float, y=float, z=float, w=float, d=Vec, p=Force)
+WORK_AFTER = table_dtype(X=Pose, p=Force)
+
+
+class Kernels(NamedTuple):
+    """What the method calls: load(system, q, g) with g the torques that gravity and ``fext`` ask for, and kernels."""
+
+    load: Any
+    static_torque: Any
+    velocity: Any
+    integrate: Any
+    before: Any
+    after: Any
+
+
+def kernels(loaded: bool) -> Kernels:
+    """The kernels of the method, compiled when first asked for; ``loaded`` says that there are external forces."""
+    return Kernels(
+        _loaded if loaded else _free,
+        jit.single(SPECS["static_torque" if loaded else "generalized_gravity"]),
+        jit.single(SPECS["velocity_from_momentum"]),
+        jit.single(SPECS["integrate"]),
+        kernel(momenta_before, 1, 1, 2, 1, 1, work=WORK_BEFORE),
+        kernel(momenta_after, 1, 1, 2, 1, 1, work=WORK_AFTER),
+    )
+
+
+@register_jitable
+def _free(system: System, q: Any, g: Any) -> int:
+    return system.kernels.static_torque(system.table, q, g)  # type: ignore[no-any-return]
+
+
+@register_jitable
+def _loaded(system: System, q: Any, g: Any) -> int:
+    return system.kernels.static_torque(system.table, q, system.fext, g)  # type: ignore[no-any-return]
+
+
+# --- the sweeps -----------------------------------------------------------------------------------------
+
+
+@inlined
+def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> int:
+    """h J(q)ᵀ μ⁻, that is the momenta at the beginning of a step of unit length.
+
+    q      (nq)         where the step begins
+    xi     (nv)         displacement of the joints
+    moved  (rows + 1, 6)  written: the twist log(T⁻¹ T⁺) = h V of every body, angular first
+    rotor  (nv)         scratch
+    out    (nv)         written
+    Returns TURNED where a body turns by more than 120°, else OK.
+    """
+    status = OK
+    _put_displacement(work[0], Quat(0.0, 0.0, 0.0, 1.0), zero())
+    put_force(work[0].p, zero_force())
+    for i in range(1, len(bodies)):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        place_joint(bodies, i, q, here.X)
+        X = pose_of(here.X)
+        a, d = _carried(X, Quat(parent.x, parent.y, parent.z, parent.w), vec_of(parent.d))
+        if b.kind != FOLLOW:
+            m = joint_motion(bodies, i, xi)
+            t = exp_travel(m)
+            a, d = product(a, exp_rotation(m.w)), plus(plus(d, t), _turned(a, t))
+        _put_displacement(here, a, d)
+        put_force(here.p, zero_force())
+        if b.joint > 0:
+            w = log_rotation(a)
+            V = Motion(w, log_travel(w, d))
+            _put_twist(moved[i], V)
+            put_force(here.p, _dual(log_jacobian(V, -1.0), -1.0, momentum(inertia_of(b.inertia), V)))
+            if not a.w > TURN:
+                status = TURNED
+    _sum_inward(bodies, work, out)
+    _add_rotors(bodies, xi, rotor, -1.0, out)
+    return status
+
+
+@inlined
+def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> int:
+    """h J(q⁺)ᵀ μ⁺, the momenta at the end of a step of unit length; q is q⁺, and ``moved`` is read."""
+    put_force(work[0].p, zero_force())
+    for i in range(1, len(bodies)):
+        b, here = bodies[i], work[i]
+        place_joint(bodies, i, q, here.X)
+        put_force(here.p, zero_force())
+        if b.joint > 0:
+            V = _twist(moved[i])
+            put_force(here.p, _dual(log_jacobian(V, 1.0), 1.0, momentum(inertia_of(b.inertia), V)))
+    _sum_inward(bodies, work, out)
+    _add_rotors(bodies, xi, rotor, 1.0, out)
+    return OK
+
+
+@inlined
+def _sum_inward(bodies: Any, work: Any, out: Any) -> None:
+    """out_i = S_i · Σ momenta of what row i carries."""
+    for i in range(len(bodies) - 1, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        p = force_of(here.p)
+        out[i - 1] = power(motion_of(bodies[i].S), p)
+        put_force(parent.p, add_force(force_of(parent.p), force_to_parent(pose_of(here.X), p)))
+
+
+@inlined
+def _add_rotors(bodies: Any, xi: Any, rotor: Any, side: float, out: Any) -> None:
+    """The momenta of rotors, ½ armature v² being their energy."""
+    for i in range(1, len(bodies)):
+        rotor[i - 1] = bodies[i].armature * xi[i - 1]
+    for i in range(1, len(bodies)):
+        b, r = bodies[i], i - 1
+        if b.kind == FOLLOW or b.armature == 0.0:
+            continue
+        if b.dofs == 1:
+            out[r] += rotor[r]
+        else:
+            m = twist(b, r, rotor)
+            F = _dual(log_jacobian(twist(b, r, xi), side), side, Force(m.w, m.v))
+            put_twist(b, r, Motion(F.n, F.f), rotor)
+            for k in range(r, r + b.dofs):
+                out[k] += rotor[k]
+
+
+@inlined
+def _dual(T: Tangent, side: float, f: Force) -> Force:
+    """side Tᵀ f."""
+    return Force(
+        times(side, plus(unrotate(T.J, f.n), unrotate(T.K, f.f))),
+        times(side, unrotate(T.J, f.f)),
+    )
+
+
+@inlined
+def _turned(a: Quat, p: Vec) -> Vec:
+    """(R(a) - 1) p, accurate for a small rotation."""
+    u = Vec(a.x, a.y, a.z)
+    s = cross(u, p)
+    return times(2.0, plus(times(a.w, s), cross(u, s)))
+
+
+@inlined
+def _carried(X: Pose, a: Quat, d: Vec) -> tuple[Quat, Vec]:
+    """The displacement (a, d) of the frame in which X is given, as one of the frame X: X⁻¹ (a, d) X."""
+    u = unrotate(X.R, Vec(a.x, a.y, a.z))
+    return Quat(u.x, u.y, u.z, a.w), unrotate(X.R, plus(d, _turned(a, X.p)))
+
+
+@inlined
+def _put_displacement(here: Any, a: Quat, d: Vec) -> None:
+    here.x, here.y, here.z, here.w = a.x, a.y, a.z, a.w
+    put_vec(here.d, d)
+
+
+@inlined
+def _put_twist(row: Any, m: Motion) -> None:
+    row[0], row[1], row[2] = m.w.x, m.w.y, m.w.z
+    row[3], row[4], row[5] = m.v.x, m.v.y, m.v.z
+
+
+@inlined
+def _twist(row: Any) -> Motion:
+    return Motion(Vec(row[0], row[1], row[2]), Vec(row[3], row[4], row[5]))
+
+
+# --- the method -----------------------------------------------------------------------------------------
+
+
+@register_jitable
+def start(system: System, state: State) -> None:
+    """Nothing is kept in other coordinates."""
+
+
+@register_jitable
+def observe(system: System, t: float, state: State) -> None:
+    """v = M⁻¹ p."""
+    note(system, system.kernels.velocity(system.table, state.q, state.w, state.v), t)
+
+
+@register_jitable
+def variational(system: System, t: float, h: float, state: State) -> None:
+    """One step; the torque at either end is asked for with the average velocity ξ/h, which keeps the order at 2."""
+    n, k = len(system.tau), system.kernels
+    xi, old, older = state.work[0], state.work[1], state.work[2]
+    mean, g, left, change, rotor = state.work[3], state.work[4], state.work[5], state.work[6], state.work[7]
+    for i in range(n):
+        older[i], old[i], xi[i] = old[i], xi[i], 2.0 * xi[i] - old[i]
+    note(system, k.load(system, state.q, g), t)
+    before = math.inf
+    for sweep in range(SWEEPS):
+        for i in range(n):
+            mean[i] = xi[i] / h
+        system.torque(system, t, state.q, mean)
+        note(system, k.before(system.table, state.q, xi, state.by_row, rotor, left), t)
+        for i in range(n):
+            left[i] = left[i] / h - state.w[i] - 0.5 * h * (system.tau[i] - g[i])
+        note(system, k.velocity(system.table, state.q, left, change), t)
+        moved = size = 0.0
+        for i in range(n):
+            moved = max(moved, abs(h * change[i]))
+            if not abs(change[i]) <= LARGEST:
+                moved = math.inf
+            xi[i] -= h * change[i]
+            size = max(size, abs(xi[i]) + abs(old[i]))
+        moved = relative(moved, size)
+        if settled(system, t, moved, before, sweep):
+            break
+        before = moved
+    copy(state.stage, state.q)
+    note(system, k.integrate(system.table, state.stage, xi, state.q), t + h)
+    note(system, k.before(system.table, state.stage, xi, state.by_row, rotor, left), t)
+    note(system, k.after(system.table, state.q, xi, state.by_row, rotor, left), t + h)
+    note(system, k.load(system, state.q, g), t + h)
+    for i in range(n):
+        mean[i] = xi[i] / h
+    system.torque(system, t + h, state.q, mean)
+    for i in range(n):
+        state.w[i] = left[i] / h + 0.5 * h * (system.tau[i] - g[i])

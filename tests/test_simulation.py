@@ -1,0 +1,392 @@
+"""``simulate``: what it takes, what it records, how it ends."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from trees import random_tree
+
+import spatialdyn as sd
+from spatialdyn.engines import jit
+from spatialdyn.simulation import integrators, runs
+from spatialdyn.simulation.loop import compiled
+
+EPS = np.finfo(float).eps
+COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+OURS = [name for name, method in integrators.items() if method.family is not None]
+METHODS = ("rk4", "stormer_verlet", "variational")  # one of each family
+TINY = 64 * EPS  # ten steps of rounding
+
+
+@pytest.fixture
+def arm() -> sd.Model:
+    return sd.load_urdf("two_link")
+
+
+Q0, V0 = [0.8, 0.6], [0.3, -0.5]
+
+
+@numba.njit
+def feedback(t, q, v, tau):  # type: ignore[no-untyped-def]
+    tau[0] = 3.0 * math.cos(2.0 * t) - v[0]
+    tau[1] = 1.0 - 2.0 * q[1] - 0.5 * v[1]
+
+
+def feedback_writes(t: float, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> None:
+    tau[:] = [3.0 * math.cos(2.0 * t) - v[0], 1.0 - 2.0 * q[1] - 0.5 * v[1]]
+
+
+def feedback_returns(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
+    return [3.0 * math.cos(2.0 * t) - v[0], 1.0 - 2.0 * q[1] - 0.5 * v[1]]
+
+
+# --- by hand --------------------------------------------------------------------------------------------
+
+
+def test_a_thrown_point_falls_by_hand() -> None:
+    builder = sd.ModelBuilder()
+    builder.add_body("slide", joint="prismatic", axis=(0, 0, 1), inertia=(2.0, (0, 0, 0), np.eye(3)))
+    model = builder.build(gravity=(0.0, 0.0, -10.0))
+    for name in ("rk4", "gauss4", "stormer_verlet", "variational", "velocity_verlet"):
+        run = sd.simulate(model, [1.0], [3.0], 0.5, 0.1, name)
+        np.testing.assert_allclose(run.q[:, 0], 1.0 + 3.0 * run.t - 5.0 * run.t**2, atol=TINY)
+        np.testing.assert_allclose(run.v[:, 0], 3.0 - 10.0 * run.t, atol=TINY)
+        np.testing.assert_allclose(run.p, 2.0 * run.v, atol=TINY)
+        np.testing.assert_allclose(run.energy, 20.0 + 9.0, atol=100 * TINY)
+
+
+def test_a_held_torque_acts_during_its_step() -> None:
+    builder = sd.ModelBuilder()
+    builder.add_body("slide", joint="prismatic", axis=(1, 0, 0), inertia=(1.0, (0, 0, 0), np.eye(3)))
+    model = builder.build()
+    torque = np.array([[1.0], [0.0], [-2.0]])
+    for name in ("rk4", "stormer_verlet", "gauss4", "variational"):
+        run = sd.simulate(model, [0.0], [0.0], 3.0, 1.0, name, torque=torque)
+        np.testing.assert_allclose(run.v[:, 0], [0.0, 1.0, 1.0, -1.0], atol=TINY)
+        np.testing.assert_allclose(run.q[:, 0], [0.0, 0.5, 1.5, 1.5], atol=TINY)
+        assert run.tau[:, 0].tolist() == [1.0, 0.0, -2.0, -2.0]
+    run = sd.simulate(model, [0.0], [0.0], 3.0, 1.0, "dop853", torque=torque)
+    np.testing.assert_allclose(run.q[:, 0], [0.0, 0.5, 1.5, 1.5], atol=1e-9)
+
+
+def test_external_forces_act() -> None:
+    builder = sd.ModelBuilder()
+    builder.add_body("slide", joint="prismatic", axis=(1, 0, 0), inertia=(2.0, (0, 0, 0), np.eye(3)))
+    model = builder.build()
+    fext = np.zeros((2, 6))
+    fext[1, 0] = 4.0
+    for name in ("rk4", "stormer_verlet", "variational", "dop853"):
+        run = sd.simulate(model, [0.0], [0.0], 1.0, 0.5, name, fext=fext)
+        np.testing.assert_allclose(run.q[-1], [1.0], atol=1e-9)
+
+
+# --- the ways of giving a torque -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_torques_of_every_kind_agree(arm: sd.Model, name: str) -> None:
+    given = (feedback_returns, feedback_writes, feedback)
+    made = [sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=torque) for torque in given]
+    for run in made[1:]:
+        np.testing.assert_allclose(run.q, made[0].q, rtol=0, atol=TINY)
+        np.testing.assert_allclose(run.p, made[0].p, rtol=0, atol=100 * TINY)
+        np.testing.assert_allclose(run.tau, made[0].tau, rtol=0, atol=100 * TINY)
+    states = zip(made[0].t, made[0].q, made[0].v, strict=True)
+    assert abs(made[0].tau - [feedback_returns(t, q, v) for t, q, v in states]).max() <= TINY
+
+
+@COMPILED
+@pytest.mark.parametrize("name", METHODS)
+def test_python_and_compiled_loop_are_one_source(arm: sd.Model, name: str) -> None:
+    """A Python function that returns zero, and no torque at all."""
+    plain = sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=lambda t, q, v: [0.0, 0.0])
+    fast = sd.simulate(arm, Q0, V0, 0.1, 0.01, name)
+    np.testing.assert_allclose(plain.q, fast.q, rtol=0, atol=TINY)
+    np.testing.assert_allclose(plain.p, fast.p, rtol=0, atol=100 * TINY)
+
+
+@COMPILED
+def test_compiled_loops_are_kept_on_disk() -> None:
+    loop = compiled(integrators["rk4"], False)
+    sd.simulate(sd.load_urdf("two_link"), Q0, V0, 0.1, 0.01, "rk4")
+    files = Path(loop.stats.cache_path)  # type: ignore[attr-defined]
+    assert list(files.glob("*simulate_rk4_free*.nbi"))
+
+
+def test_functions_get_copies(arm: sd.Model) -> None:
+    seen: list[np.ndarray] = []
+
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        seen.append(q)
+        q += 100.0
+        return np.zeros(2)
+
+    run = sd.simulate(arm, Q0, V0, 0.02, 0.01, torque=torque)
+    assert abs(run.q).max() < 2.0
+    assert len({id(q) for q in seen}) == len(seen)
+
+
+# --- what is recorded -----------------------------------------------------------------------------------
+
+
+def test_samples_are_bounded_and_keep_both_ends(arm: sd.Model) -> None:
+    every = sd.simulate(arm, Q0, V0, 0.1, 0.01)
+    assert every.t.tolist() == [0.01 * k for k in range(10)] + [0.1]
+    some = sd.simulate(arm, Q0, V0, 0.1, 0.01, record=4)
+    assert some.t.tolist() == [every.t[k] for k in (0, 4, 8, 10)]
+    assert (some.q == every.q[[0, 4, 8, 10]]).all()
+    cut = sd.simulate(arm, Q0, V0, 0.095, 0.01, record=100)
+    assert cut.t.tolist() == [0.0, 0.095]
+    if not jit.PLAIN:
+        long = sd.simulate(arm, Q0, V0, 30.0, 1e-3)
+        assert len(long) == 10_001
+        assert long.t[-1] == 30.0
+
+
+def test_the_last_step_is_shorter_where_steps_do_not_fit(arm: sd.Model) -> None:
+    for name in (*METHODS, "dop853"):
+        run = sd.simulate(arm, Q0, V0, 0.035, 0.01, name)
+        assert run.t.tolist() == [0.0, 0.01, 0.02, 0.03, 0.035]
+        fine = sd.simulate(arm, Q0, V0, 0.035, 0.0005, name)
+        np.testing.assert_allclose(run.q[-1], fine.q[-1], atol=1e-4)
+
+
+def test_no_duration_gives_the_first_state(arm: sd.Model) -> None:
+    for name in (*METHODS, "dop853"):
+        run = sd.simulate(arm, Q0, V0, 0.0, 0.01, name)
+        assert run.t.tolist() == [0.0]
+        assert run.q.tolist() == [Q0]
+        np.testing.assert_allclose(run.v, [V0], atol=TINY)
+
+
+def test_momentum_and_energy_belong_to_the_states() -> None:
+    model, rng = random_tree(3, 4, floating=True).model, np.random.default_rng(0)
+    q, v = sd.random_configuration(model, rng), rng.normal(size=model.nv)
+    for name in METHODS:
+        run = sd.simulate(model, q, v, 0.02, 0.005, name)
+        np.testing.assert_allclose(run.p, sd.momentum(model, run.q, run.v), rtol=0, atol=1e4 * EPS * abs(run.p).max())
+        H = sd.hamiltonian(model, run.q, run.p)
+        np.testing.assert_allclose(run.energy, H, rtol=1e-11)
+        assert (abs(np.linalg.norm(run.q[:, 3:7], axis=1) - 1.0) <= 4 * EPS).all()
+
+
+def test_hamilton_simulation_starts_from_momenta(arm: sd.Model) -> None:
+    p = sd.momentum(arm, Q0, V0)
+    for name in METHODS:
+        one = sd.hamilton_simulation(arm, Q0, p, 0.05, 0.01, name)
+        two = sd.simulate(arm, Q0, V0, 0.05, 0.01, name)
+        np.testing.assert_allclose(one.q, two.q, rtol=0, atol=TINY)
+        np.testing.assert_allclose(one.v, two.v, rtol=0, atol=100 * TINY)
+    assert sd.hamilton_simulation(arm, Q0, p, 0.05, 0.01).method == "stormer_verlet"
+
+
+def test_conservation_is_checked_of_a_trajectory() -> None:
+    model = sd.load_urdf("pendulum")
+    run = sd.simulate(model, [1.0], [0.0], 1.0, 0.01, "gauss4")
+    assert "energy" in repr(sd.check_conservation(run, sd.conserved_quantities(model)))
+
+
+def test_npz_round_trip(arm: sd.Model, tmp_path: Path) -> None:
+    run = sd.simulate(arm, Q0, V0, 0.05, 0.01, torque=[0.1, 0.2])
+    run.save(tmp_path / "run.npz")
+    again = sd.Trajectory.load(tmp_path / "run.npz")
+    for name in ("t", "q", "v", "p", "tau", "energy"):
+        assert (getattr(again, name) == getattr(run, name)).all()
+    assert (again.method, again.dt, again.robot, again.interrupted) == ("rk4", 0.01, "two_link", False)
+    np.savez(tmp_path / "other.npz", x=np.zeros(3))
+    with pytest.raises(sd.SpatialDynError, match="holds no trajectory"):
+        sd.Trajectory.load(tmp_path / "other.npz")
+
+
+def test_dataframe_and_plot(arm: sd.Model) -> None:
+    run = sd.simulate(arm, Q0, V0, 0.05, 0.01)
+    pytest.importorskip("pandas")
+    frame = run.to_dataframe()
+    assert frame.shape == (6, 9)
+    assert frame["q1"].iloc[0] == 0.6
+    pytest.importorskip("matplotlib")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matplotlib says of its own future
+        figure = run.plot(("q", "energy"))
+    assert len(figure.axes) == 2
+    with pytest.raises(sd.SpatialDynError, match=r"plot of .*, expected some of q, v, p, tau, energy"):
+        run.plot(("x",))
+
+
+def test_trajectory_says_what_it_is(arm: sd.Model) -> None:
+    run = sd.simulate(arm, Q0, V0, 0.05, 0.01)
+    assert repr(run).startswith("<Trajectory of two_link: rk4, dt 0.01 s, 6 samples of 0 .. 0.05 s, energy 23.")
+    assert len(run) == 6
+
+
+# --- what is refused ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*METHODS, "dop853"])
+def test_a_torque_that_is_not_finite_stops_with_its_time(arm: sd.Model, name: str) -> None:
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
+        return [0.0, math.nan if t > 0.055 else 0.0]
+
+    with pytest.raises(sd.SimulationError, match=r"torque is .* at t = 0\.\d+ s") as caught:
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=torque)
+    kept = caught.value.trajectory
+    assert (1 if name == "dop853" else 5) <= len(kept) <= 6  # SciPy's steps are long
+    assert np.isfinite(kept.q).all()
+
+
+@COMPILED
+def test_a_compiled_torque_that_is_not_finite_stops_with_its_time(arm: sd.Model) -> None:
+    @numba.njit
+    def torque(t, q, v, tau):  # type: ignore[no-untyped-def]
+        tau[:] = math.inf if t > 0.055 else 0.0
+
+    with pytest.raises(sd.SimulationError, match=r"torque is not finite at t = 0\.06 s") as caught:
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=torque)
+    assert len(caught.value.trajectory) == 6
+
+
+def test_torques_of_wrong_shape_are_refused(arm: sd.Model) -> None:
+    for torque in (np.zeros(3), np.zeros((5, 2)), np.zeros((10, 3)), 1.0):
+        with pytest.raises(sd.ShapeError, match=r"torque has shape .*, expected \(2,\) or \(10, 2\), a row per step"):
+            sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=torque)
+    rows = np.zeros((10, 2))
+    rows[7, 1] = math.nan
+    with pytest.raises(sd.SimulationError, match=r"torque is \[0.0, nan\] at t = 0.07 s \(row 7\)"):
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=rows)
+    with pytest.raises(sd.SimulationError, match=r"torque has shape \(3,\) at t = 0 s, expected \(2,\)"):
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=lambda t, q, v: [0.0] * 3)
+    with pytest.raises(sd.SimulationError, match=r"torque has dtype .* at t = 0 s"):
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=lambda t, q, v: None)
+
+
+def test_what_makes_no_simulation_is_refused(arm: sd.Model) -> None:
+    for dt in (0.0, -0.1, math.nan, math.inf, "fast", None, True):
+        with pytest.raises(sd.SpatialDynError, match=r"dt is .*, expected a finite number of seconds above 0"):
+            sd.simulate(arm, Q0, V0, 1.0, dt)  # type: ignore[arg-type]
+    for duration in (-1.0, math.nan, math.inf):
+        with pytest.raises(
+            sd.SpatialDynError, match=r"duration is .*, expected a finite number of seconds of 0 or more"
+        ):
+            sd.simulate(arm, Q0, V0, duration, 0.1)
+    with pytest.raises(sd.SpatialDynError, match=r"fewer than 2\^53 steps"):
+        sd.simulate(arm, Q0, V0, 1e300, 1e-300)
+    with pytest.raises(
+        sd.SpatialDynError, match="method is 'euler', expected one of explicit_euler, semi_implicit_euler"
+    ):
+        sd.simulate(arm, Q0, V0, 1.0, 0.1, "euler")
+    with pytest.raises(sd.SpatialDynError, match="record is 0, expected a whole number of steps"):
+        sd.simulate(arm, Q0, V0, 1.0, 0.1, record=0)
+    with pytest.raises(sd.ShapeError, match=r"q0 has shape \(3,\), expected \(2,\)"):
+        sd.simulate(arm, [0.0] * 3, V0, 1.0, 0.1)
+    with pytest.raises(sd.ShapeError, match=r"p0 has shape \(1, 2\), expected \(2,\)"):
+        sd.hamilton_simulation(arm, Q0, [V0], 1.0, 0.1)
+    with pytest.raises(sd.NonFiniteError, match=r"v0 is \[nan, 0.0\]"):
+        sd.simulate(arm, Q0, [math.nan, 0.0], 1.0, 0.1)
+    with pytest.raises(sd.ShapeError, match=r"fext has shape \(6,\), expected \(3, 6\)"):
+        sd.simulate(arm, Q0, V0, 1.0, 0.1, fext=np.zeros(6))
+    with pytest.raises(sd.ModelError, match="model is a str"):
+        sd.simulate("panda", Q0, V0, 1.0, 0.1)  # type: ignore[arg-type]
+    tree = sd.load_urdf("tree", mimic=True)
+    with pytest.raises(sd.ModelError, match="has dependent mimic joints"):
+        sd.simulate(tree, np.zeros(tree.nq), np.zeros(tree.nv), 1.0, 0.1)
+    with pytest.raises(sd.InertiaError, match='joint "b_joint" moves no inertia'):
+        sd.simulate(sd.ModelBuilder().add_body("b").build(), [0.0], [0.0], 1.0, 0.1)
+
+
+def test_quaternions_have_to_be_of_unit_norm() -> None:
+    model = sd.load_urdf("floating_body", root="floating")
+    with pytest.raises(sd.ConfigurationError):
+        sd.simulate(model, [0, 0, 0, 0, 0, 0, 1.1], np.zeros(6), 1.0, 0.1)
+
+
+def test_an_implicit_step_that_does_not_converge_says_so(arm: sd.Model) -> None:
+    for name in ("stormer_verlet", "gauss4", "implicit_midpoint", "symplectic_euler"):
+        with pytest.raises(
+            sd.SimulationError, match=f"{name} does not converge at t = .* s: the residual is .*; try dt"
+        ):
+            sd.simulate(arm, Q0, [40.0, -80.0], 5.0, 0.25, name)
+
+
+def test_a_stalled_step_names_time_residual_and_a_smaller_dt(arm: sd.Model) -> None:
+    with pytest.raises(sd.SimulationError) as caught:
+        sd.simulate(arm, Q0, V0, 10.0, 0.5, "gauss4")
+    assert "gauss4 does not converge at t = " in str(caught.value)
+    assert "the residual is" in str(caught.value)
+    assert "try dt = 0.125 instead of 0.5" in str(caught.value)
+    assert caught.value.trajectory.t[0] == 0.0
+
+
+@pytest.mark.parametrize("name", ["explicit_euler", "rk4"])
+def test_a_state_that_blows_up_stops_and_says_when(arm: sd.Model, name: str) -> None:
+    with pytest.raises(
+        sd.SimulationError, match=r"the state is not finite any more at t = \S+ s, after steps of 0.5 s"
+    ) as caught:
+        sd.simulate(arm, Q0, V0, 1e5, 0.5, name)
+    kept = caught.value.trajectory
+    assert np.isfinite(kept.q).all()
+    assert len(kept) >= 1
+
+
+def test_damping_that_acts_nowhere_is_said_once() -> None:
+    model = sd.load_urdf("tree")
+    with pytest.warns(UserWarning, match='robot "tree" has joint damping or friction, which act nowhere') as caught:
+        sd.simulate(model, np.zeros(model.nq), np.zeros(model.nv), 0.02, 0.01)
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+
+
+# --- how it ends, and what it tells meanwhile -------------------------------------------------------------
+
+
+def test_ctrl_c_leaves_what_was_recorded(arm: sd.Model) -> None:
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
+        if t > 0.055:
+            raise KeyboardInterrupt
+        return [0.0, 0.0]
+
+    for name in (*METHODS, "dop853"):
+        with pytest.warns(RuntimeWarning, match=r"interrupted at t = 0\.0\d* s of 0.1 s"):
+            run = sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=torque)
+        assert run.interrupted
+        assert (1 if name == "dop853" else 5) <= len(run) <= 6
+        assert "interrupted" in repr(run)
+
+
+@COMPILED
+def test_ctrl_c_is_heard_between_slices_of_the_compiled_loop(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(done: int, total: int) -> None:
+        if done > 1000:
+            raise KeyboardInterrupt
+
+    with pytest.warns(RuntimeWarning, match="interrupted at t = "):
+        run = sd.simulate(arm, Q0, V0, 1e6, 1e-3, record=1000, progress=stop)
+    assert run.interrupted
+    assert 1 < len(run) < 1e6
+    assert runs.SLICE <= 0.1  # seconds until it is heard
+
+
+def test_progress_is_told(arm: sd.Model) -> None:
+    told: list[tuple[int, int]] = []
+    sd.simulate(arm, Q0, V0, 0.1, 0.01, progress=lambda done, total: told.append((done, total)))
+    assert told[-1] == (10, 10)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+
+
+def test_progress_of_true_is_richs_bar(arm: sd.Model, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rich")
+    sd.simulate(arm, Q0, V0, 0.1, 0.01, progress=True)
+    assert capsys.readouterr().out == ""
+
+
+def test_the_table_of_methods_names_all() -> None:
+    assert list(integrators) == [method.name for method in integrators.values()]
+    for name in integrators:
+        assert name in str(sd.simulate.__doc__)
+    assert [name for name in OURS if integrators[name].symplectic] == [
+        "symplectic_euler", "stormer_verlet", "implicit_midpoint", "gauss4", "gauss6", "variational",
+    ]  # fmt: skip
