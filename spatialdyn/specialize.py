@@ -476,7 +476,7 @@ class Specialized:
             for k, ((kind, _, _), x) in enumerate(zip(label, self._inputs, strict=True), start=1)
         }
         outputs = {spec.output.name: shape for spec, shape in zip(specs, self._shapes, strict=True)}
-        if len(outputs) < len(specs) or set(inputs) & set(outputs):
+        if len(outputs) < len(specs) or {name, *inputs} & set(outputs):
             outputs = {f"out_{k}": shape for k, shape in enumerate(self._shapes, start=1)}
         program = self.program.only(at for part in places for at in part)
         return PRINTERS[language](name, program, inputs, outputs)

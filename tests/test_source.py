@@ -70,6 +70,13 @@ def test_python_code_has_forces_parameters_and_several_results(model: sd.Model) 
         assert_close(found, expected)
 
 
+def test_arrays_of_one_name_are_told_apart(model: sd.Model) -> None:
+    k = sd.specialize(model, sd.crba)
+    assert "(const double *q, double *M)" in k.c_code()
+    assert "void M(const double *q, double *out_1)" in k.c_code("M")
+    assert "double *out_1, double *out_2)" in sd.specialize(model, [sd.rnea, sd.generalized_gravity]).c_code()
+
+
 def test_code_of_chosen_outputs_and_constants_is_shorter(model: sd.Model) -> None:
     whole = sd.specialize(model, sd.aba)
     part = sd.specialize(model, sd.aba, fixed={"v": 0}, outputs=[0])
