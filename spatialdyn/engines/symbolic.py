@@ -144,7 +144,8 @@ scalars.select.register(Number)(_unknown("select"))
 
 @dataclass
 class Budget:
-    """How long a closed form may get, in products of two terms and waves of a series, some 50 µs each.
+    """How long a closed form may get, in products of two terms and waves of a series of up to 80 generators,
+    some 50 µs each; of more generators they count as often as they take longer.
 
     owner  in words, for the refusal
     most   that may be spent between two settings of ``spent`` to 0
@@ -199,6 +200,7 @@ class Ring:
         self.polynomials = PolyRing(names or [sympy.Symbol("none")], sympy.QQ, sympy.lex)
         self.one: Poly = self.polynomials.one
         self._gens = self.polynomials.gens
+        self._weight = max(1, len(names) // 40)  # a product of 300 generators takes 10 times one of 40
         self._angle = {a: k for k, a in enumerate(self.angles)}
         self._place = {x: 2 * len(self.angles) + k for k, x in enumerate(self.plain)}
         self._root = {p: 2 * len(self.angles) + len(self.plain) + k for k, p in enumerate(self.primes)}
@@ -230,7 +232,7 @@ class Ring:
             return b.mul_ground(a.coeff(1))
         if len(b) == 1 and b.is_ground:
             return a.mul_ground(b.coeff(1))
-        self.budget.spend(len(a) * len(b))
+        self.budget.spend(len(a) * len(b) * self._weight)
         product = a * b
         highest = tuple(map(max, zip(*product, strict=True)))
         for at, square in self._squares:
@@ -361,7 +363,7 @@ class Ring:
         return self._sympy.expand(self._series(num) / scale, deep=False) / below
 
     def _series(self, poly: Poly) -> Expr:
-        self.budget.spend(length(poly, len(self.angles)))
+        self.budget.spend(length(poly, len(self.angles)) * self._weight)
         return fourier(poly, self.angles, self.values)
 
     def _without_common(self, num: Poly, den: Poly) -> tuple[Poly, Poly]:
