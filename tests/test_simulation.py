@@ -425,3 +425,10 @@ def test_what_a_program_has_no_answer_for_is_told_as_ever(monkeypatch: pytest.Mo
     far = sd.simulate(model, [2e5 * np.pi, 0.2], [0.0, 0.0], 0.1, 0.01)  # beyond the short sine
     near = sd.simulate(model, [0.0, 0.2], [0.0, 0.0], 0.1, 0.01)
     assert abs(far.v - near.v).max() <= 1e-8
+
+
+def test_a_trajectory_says_how_well_it_was_conserved() -> None:
+    model = sd.load_urdf("two_link")
+    report = sd.check_conservation(sd.simulate(model, [1.0, 0.5], [0.0, 0.0], 2.0, 1e-2, "gauss6"))
+    (energy,) = [line for line in report if "energy" in line.name]
+    assert 0.0 < energy.drift <= 1e-4

@@ -90,7 +90,7 @@ class Recorder:
         p = w if self.moves_p else _of_samples("momentum", model, q, w)
         energy = _of_samples("kinetic_energy", model, q, v) + _of_samples("potential_energy", model, q)
         t = np.array(self.t[:n])
-        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted)
+        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted, model)
 
 
 def _of_samples(name: str, model: Model, *arrays: Array) -> Array:
