@@ -72,11 +72,10 @@ class Text:
         if self.scalar == "float":
             value = float(np.float32(value))
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
-        return "<" + ", ".join([f"{self.scalar} 0x{bits:016X}"] * self.lanes) + ">"
+        return f"splat ({self.scalar} 0x{bits:016X})"
 
     def integer(self, value: int) -> str:
-        kind = self.bits.split()[-1][:-1]
-        return "<" + ", ".join([f"{kind} {value}"] * self.lanes) + ">"
+        return f"splat ({self.bits.split()[-1][:-1]} {value})"
 
     def binary(self, word: str, a: str, b: str) -> str:
         return self.put(f"{word} {self.vector} {a}, {b}")
