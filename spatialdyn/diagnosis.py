@@ -104,10 +104,11 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
     n = len(model.bodies) - 1
     values = dict(zip((x.name for x in spec.given if not x.static), sample, strict=True))
     inputs = [None if x is None else values[x.name] for x in spec.inputs]
-    pivots, M = np.empty(n), np.empty((n, n))
+    pivots, *spare = (np.empty(size) for size in spec.beside(n))
+    M = np.empty((n, n))
     with np.errstate(all="ignore"):
         scratch = np.zeros(n + 1, spec.work)
-        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output) or (1,)), pivots)
+        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output) or (1,)), pivots, *spare)
         crba = SPECS["crba"]
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
     singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))

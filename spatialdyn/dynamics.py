@@ -188,7 +188,7 @@ def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], resu
     refuse_singular(model, M)
     if spec.name == "minverse":
         result[...] = np.linalg.inv(M)
-    elif spec.name == "aba":
+    elif spec.output.name == "a":
         bias = calls["rnea"](model, q, given["v"], zero, given.get("fext"))
         result[...] = np.linalg.solve(M, (given["tau"] - bias)[..., None])[..., 0]
     else:

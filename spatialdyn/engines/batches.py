@@ -160,7 +160,7 @@ def record(
     places, pivots = [], []
     for k, spec in enumerate(specs):
         out = np.zeros(shape(spec.output.shape) or (1,), dtype=object)
-        inner = [np.zeros(n, dtype=object)] if spec.pivots else []
+        inner = [np.zeros(size, dtype=object) for size in spec.beside(n)]
         work = [] if spec.work is None else [scratch(spec.work, n + 1)]
         inputs = [None if x is None else given[x.name] for x in spec.inputs]
         spec.recursion(rows, *work, *inputs, out, *inner)
@@ -302,7 +302,8 @@ class Kernel:
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
-    """Whether calls on a table can be a program: it would not be too long, and no output is checked for its norm.
+    """Whether calls on a table can be a program: none branches on values, it would not be too long, and no output is
+    checked for its norm.
 
     results  numbers wanted of one sample, if not all
     """
@@ -310,7 +311,7 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         sizes = _sizes(bodies)
         results = sum(math.prod(_shape(spec.output.shape, sizes)) for spec in specs)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
-    return short and not any(spec.output.unit_norm for spec in specs)
+    return short and all(spec.traces and not spec.output.unit_norm for spec in specs)
 
 
 def kernel(

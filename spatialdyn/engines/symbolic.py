@@ -430,8 +430,7 @@ def run(
     passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
     passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
     passed.append(out)
-    if spec.pivots:
-        passed.append(np.empty(sizes["nv"], dtype=object))
+    passed += [np.empty(size, dtype=object) for size in spec.beside(sizes["nv"])]
     spec.recursion(rows, *passed)
     flat = out.ravel()
     for k, x in enumerate(flat):

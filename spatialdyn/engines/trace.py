@@ -189,6 +189,8 @@ class Row:
             value = None if values is None else values[name]
             if part.names:
                 self.__dict__[name] = Row(part, value)
+            elif part.subdtype:
+                self.__dict__[name] = np.zeros(part.shape, object) if value is None else value.astype(object)
             else:
                 self.__dict__[name] = (0 if part.kind == "i" else 0.0) if value is None else value.item()
 

@@ -1,0 +1,359 @@
+"""Forward dynamics by the articulated body algorithm on square roots of inertias.
+
+By Gauss's principle the accelerations of a subtree make ½ |R a + z|² - l·a smallest, with a row of R and an entry of z
+for each direction in which it has inertia: RᵀR is its articulated inertia, which is never formed, so nothing of a
+light link is lost beside a heavy one. A joint is eliminated by a reflection of the rows; what does not feel it goes on
+to the parent. Rows of a body come from its mass and the second moments of its mass, so a link may have none.
+
+The stack of a body is an array (ROWS, 8), a row of it [s | r | z]: s along the joint's axis, r a Force (angular part
+first) that pairs with the acceleration, z the rate.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..scalars import inlined, sqrt
+from ..spatial import (
+    Force,
+    Inertia,
+    Motion,
+    Pose,
+    Scalar,
+    Sym,
+    Vec,
+    add_force,
+    add_motion,
+    apply_sym,
+    cross,
+    cross_motion,
+    dot,
+    force_from,
+    force_of,
+    force_to_parent,
+    inertia_of,
+    minus,
+    motion_of,
+    motion_to_child,
+    negative,
+    plus,
+    pose_of,
+    power,
+    put_force,
+    put_motion,
+    scale_force,
+    scale_motion,
+    second_moment,
+    sub_force,
+    sub_motion,
+    table_dtype,
+    times,
+    vec_of,
+    zero,
+    zero_force,
+    zero_motion,
+)
+from .joints import joint_motion, place_joint
+from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
+
+FOLDED = 12  # rows that children leave before they are made six
+ROWS = 20  # 6 of children, 12 of the body, 1 of the armature, and none to spare is no reason to count again
+EPS = 2.220446049250313e-16
+
+WORK = table_dtype(
+    X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
+    rows=int, relative=int, stack=(float, (ROWS, 8)),
+)  # fmt: skip
+
+
+@inlined
+def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
+    """RBDA table 7.1 with rows [R z] and l in place of IA and pA; fext may be None, for zero.
+
+    pivots  (nv), written: the root of D times that of a bound on the composite inertia, for a joint is singular here
+            when the first is next to nothing of the second
+    """
+    n = len(bodies) - 1
+    put_motion(work[0].v, zero_motion())
+    put_force(work[0].l, zero_force())
+    for i in range(1, n + 1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        place_joint(bodies, i, q, here.X)
+        vJ = joint_motion(bodies, i, v)
+        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+        put_motion(here.v, vi)
+        put_motion(here.c, cross_motion(vi, vJ))
+        put_force(here.l, zero_force())
+        if fext is not None and b.joint > 0:
+            put_force(here.l, force_from(fext[b.joint]))
+        here.rows = 0
+
+    for i in range(n, 0, -1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        rows = _gather(b, here)
+        _reflect(here.stack, 0, rows, 0)
+        S, l = motion_of(b.S), force_of(here.l)
+        s, r = here.stack[0, 0], row_of(here.stack, 0)
+        t = (tau[i - 1] + power(S, l)) / s
+        if not here.relative:
+            l = sub_force(l, scale_force(power(S, l) + tau[i - 1], as_force(S)))
+        here.s, here.z, here.t = s, here.stack[0, 7], t
+        put_force(here.r, r)
+        pivots[i - 1] = abs(s) * sqrt(b.armature + b.bound.x)
+        if b.parent > 0:
+            X = pose_of(here.X)
+            _hand_over(here, parent, rows)
+            put_force(parent.l, add_force(force_of(parent.l), force_to_parent(X, sub_force(l, scale_force(t, r)))))
+
+    put_motion(work[0].a, Motion(zero(), negative(vec_of(bodies[0].gravity))))
+    for i in range(1, n + 1):
+        here, S = work[i], motion_of(bodies[i].S)
+        ai = motion_to_child(pose_of(here.X), motion_of(work[bodies[i].parent].a))
+        ai = add_motion(ai, motion_of(here.c))
+        x = (here.t - power(ai, force_of(here.r)) - here.z) / here.s
+        a[i - 1] = x
+        if not here.relative:
+            along = power(ai, as_force(S))
+            a[i - 1] = x - along
+            ai = sub_motion(ai, scale_motion(along, S))
+        put_motion(here.a, add_motion(ai, scale_motion(x, S)))
+
+
+# --- the rows of a body -----------------------------------------------------------------------------------
+
+
+@inlined
+def as_force(S: Motion) -> Force:
+    """The row that takes of a motion its part along the unit S."""
+    return Force(S.w, S.v)
+
+
+@inlined
+def row_of(stack: Any, k: int) -> Force:
+    """The part of a row that pairs with accelerations."""
+    return Force(Vec(stack[k, 1], stack[k, 2], stack[k, 3]), Vec(stack[k, 4], stack[k, 5], stack[k, 6]))
+
+
+@inlined
+def put_row(stack: Any, k: int, r: Force, z: Scalar) -> None:
+    """Write a row, all but its first entry."""
+    stack[k, 1], stack[k, 2], stack[k, 3] = r.n.x, r.n.y, r.n.z
+    stack[k, 4], stack[k, 5], stack[k, 6], stack[k, 7] = r.f.x, r.f.y, r.f.z, z
+
+
+@inlined
+def _gather(b: Any, here: Any) -> int:
+    """Make the stack whole and split it along the joint's axis; returns how many rows it has.
+
+    The unknown of a joint is the acceleration of its body along the axis, so that what goes on to the parent feels
+    exactly nothing along it. An armature feels the difference to the parent's. Where it is the greater part, the
+    difference is the unknown: a small one would be lost in the sum.
+    """
+    stack, S, rows = here.stack, motion_of(b.S), here.rows
+    if rows > 6:
+        rows = _triangular(stack, 0, rows)
+    if b.joint > 0:
+        rows = _own_rows(stack, rows, inertia_of(b.inertia), motion_of(here.v))
+    total = 0.0
+    for k in range(rows):
+        s = power(S, row_of(stack, k))
+        stack[k, 0] = s
+        total += s * s
+    here.relative = 1 if b.armature > total else 0
+    if not here.relative:
+        for k in range(rows):
+            r = row_of(stack, k)
+            put_row(stack, k, sub_force(r, scale_force(stack[k, 0], as_force(S))), stack[k, 7])
+    if b.armature > 0.0:
+        s = sqrt(b.armature)
+        stack[rows, 0] = s
+        put_row(stack, rows, zero_force() if here.relative else scale_force(-s, as_force(S)), 0.0)
+        rows += 1
+    return rows
+
+
+@inlined
+def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion) -> int:
+    """Append the rows of a body: with Σ x xᵀ its second moments of mass, rows [-x̃, 0] and z = ω × (ω × x) for each x.
+
+    Mass and first moment are one more such point, s = √m and x = h/s, which moves: [-x̃, s 1] and
+    z = ω × (s v + ω × x). Returns the new number of rows.
+    """
+    s, x = sqrt(I.m), zero()
+    if s != 0.0:
+        x = Vec(I.h.x / s, I.h.y / s, I.h.z / s)
+        z = cross(v.w, plus(times(s, v.v), cross(v.w, x)))
+        put_row(stack, rows, Force(Vec(0.0, x.z, -x.y), Vec(s, 0.0, 0.0)), z.x)
+        put_row(stack, rows + 1, Force(Vec(-x.z, 0.0, x.x), Vec(0.0, s, 0.0)), z.y)
+        put_row(stack, rows + 2, Force(Vec(x.y, -x.x, 0.0), Vec(0.0, 0.0, s)), z.z)
+        rows += 3
+    M = second_moment(I.I)
+    least = 16.0 * EPS * (abs(M.xx) + abs(M.yy) + abs(M.zz))  # what rounding may leave
+    rest = Sym(
+        M.xx - x.x * x.x, M.xy - x.x * x.y, M.xz - x.x * x.z, M.yy - x.y * x.y, M.yz - x.y * x.z, M.zz - x.z * x.z
+    )
+    first = rows
+    for _ in range(3):
+        d, axis = _largest(rest)
+        if d > 0.0:
+            x, rest = _without_axis(rest, axis, d)
+            z = cross(v.w, cross(v.w, x))
+            put_row(stack, rows, Force(Vec(0.0, x.z, -x.y), zero()), z.x)
+            put_row(stack, rows + 1, Force(Vec(-x.z, 0.0, x.x), zero()), z.y)
+            put_row(stack, rows + 2, Force(Vec(x.y, -x.x, 0.0), zero()), z.z)
+            rows += 3
+    if not _size(rest) <= least:
+        return _turning_rows(stack, first, I, v.w)
+    if rows - first > 3:
+        rows = _triangular(stack, first, rows)
+    return rows
+
+
+@inlined
+def _turning_rows(stack: Any, rows: int, I: Inertia, w: Vec) -> int:
+    """Append rows of the rotational inertia about the com, for one that no distribution of mass has; NaN if it is
+    not positive semidefinite, when it has none. Returns the new number of rows.
+    """
+    least = 16.0 * EPS * (abs(I.I.xx) + abs(I.I.yy) + abs(I.I.zz))
+    rest = I.I
+    if I.m > 0.0:
+        c, h = Vec(I.h.x / I.m, I.h.y / I.m, I.h.z / I.m), I.h
+        hc = dot(h, c)
+        rest = Sym(
+            rest.xx - (hc - h.x * c.x), rest.xy + h.x * c.y, rest.xz + h.x * c.z,
+            rest.yy - (hc - h.y * c.y), rest.yz + h.y * c.z, rest.zz - (hc - h.z * c.z),
+        )  # fmt: skip
+    moment = cross(w, apply_sym(rest, w))
+    for _ in range(3):
+        d, axis = _largest(rest)
+        if d > 0.0:
+            x, rest = _without_axis(rest, axis, d)
+            along = moment.x if axis == 0 else (moment.y if axis == 1 else moment.z)
+            z = along / sqrt(d)
+            moment = minus(moment, times(z, x))
+            put_row(stack, rows, Force(x, zero()), z)
+            rows += 1
+    if not _size(rest) <= least:
+        put_row(stack, rows, scale_force(sqrt(-1.0), Force(Vec(1.0, 1.0, 1.0), Vec(1.0, 1.0, 1.0))), 0.0)
+        rows += 1
+    return rows
+
+
+@inlined
+def _largest(M: Sym) -> tuple[Scalar, int]:
+    """The largest entry on the diagonal, and where it is."""
+    if M.yy > M.xx:
+        return (M.zz, 2) if M.zz > M.yy else (M.yy, 1)
+    return (M.zz, 2) if M.zz > M.xx else (M.xx, 0)
+
+
+@inlined
+def _size(M: Sym) -> Scalar:
+    """The largest magnitude of an entry."""
+    diagonal = max(abs(M.xx), max(abs(M.yy), abs(M.zz)))
+    return max(diagonal, max(abs(M.xy), max(abs(M.xz), abs(M.yz))))
+
+
+@inlined
+def _without_axis(M: Sym, axis: int, d: Scalar) -> tuple[Vec, Sym]:
+    """x and M - x xᵀ, a step of Cholesky's: x is M's column of the axis over √d, d the entry on the diagonal."""
+    s = sqrt(d)
+    if axis == 0:
+        x = Vec(s, M.xy / s, M.xz / s)
+        return x, Sym(0.0, 0.0, 0.0, M.yy - x.y * x.y, M.yz - x.y * x.z, M.zz - x.z * x.z)
+    if axis == 1:
+        x = Vec(M.xy / s, s, M.yz / s)
+        return x, Sym(M.xx - x.x * x.x, 0.0, M.xz - x.x * x.z, 0.0, 0.0, M.zz - x.z * x.z)
+    x = Vec(M.xz / s, M.yz / s, s)
+    return x, Sym(M.xx - x.x * x.x, M.xy - x.x * x.y, 0.0, M.yy - x.y * x.y, 0.0, 0.0)
+
+
+# --- reflections ------------------------------------------------------------------------------------------
+
+
+@inlined
+def _hand_over(here: Any, parent: Any, rows: int) -> None:
+    """Append the rows of a body that its joint does not feel, row 0 left out, to its parent's stack."""
+    X, c, stack, last = pose_of(here.X), motion_of(here.c), here.stack, rows
+    if rows > 7:
+        last = _triangular(stack, 1, rows)
+    at = parent.rows
+    if at + last - 1 > FOLDED:
+        at = _triangular(parent.stack, 0, at)
+    for k in range(1, last):
+        r = row_of(stack, k)
+        put_row(parent.stack, at, force_to_parent(X, r), stack[k, 7] + power(c, r))
+        at += 1
+    parent.rows = at
+
+
+@inlined
+def _triangular(stack: Any, first: int, end: int) -> int:
+    """Make rows first .. end as few as their rank, at most six, with the same RᵀR and Rᵀz; returns their new end.
+
+    Rows of very different size keep their own accuracy if pivots are chosen by columns and rows (Cox and Higham
+    1998). Angular and linear columns have different units, so each is judged by the largest entry among its three.
+    """
+    angular, linear = 0.0, 0.0
+    for k in range(first, end):
+        for j in range(1, 4):
+            angular = max(angular, abs(stack[k, j]))
+            linear = max(linear, abs(stack[k, j + 3]))
+    for top in range(first, min(end, first + 6)):
+        best, column = 0.0, 0
+        for j in range(1, 7):
+            largest = 0.0
+            for k in range(top, end):
+                largest = max(largest, abs(stack[k, j]))
+            scale = angular if j < 4 else linear
+            if scale > 0.0 and largest / scale > best:
+                best, column = largest / scale, j
+        if column == 0:
+            return top
+        _reflect(stack, top, end, column)
+    return min(end, first + 6)
+
+
+@inlined
+def _reflect(stack: Any, top: int, end: int, column: int) -> None:
+    """Householder's reflection of rows top .. end that leaves of a column its first entry, the row of its largest
+    entry put on top; columns before it are left out if it is 0 or they are.
+    """
+    pivot = top
+    for k in range(top + 1, end):
+        if abs(stack[k, column]) > abs(stack[pivot, column]):
+            pivot = k
+    if pivot != top:
+        for j in range(8):
+            stack[top, j], stack[pivot, j] = stack[pivot, j], stack[top, j]
+    p = stack[top, column]
+    if p == 0.0:
+        return
+    square = 1.0
+    for k in range(top + 1, end):
+        stack[k, column] = stack[k, column] / p
+        square += stack[k, column] * stack[k, column]
+    norm = sqrt(square)
+    for j in range(1, 8):
+        if j != column:
+            y = (1.0 + norm) * stack[top, j]
+            for k in range(top + 1, end):
+                y += stack[k, column] * stack[k, j]
+            y = y / (norm * (1.0 + norm))
+            stack[top, j] = stack[top, j] - (1.0 + norm) * y
+            for k in range(top + 1, end):
+                stack[k, j] = stack[k, j] - stack[k, column] * y
+    stack[top, column] = -norm * p
+    for k in range(top + 1, end):
+        stack[k, column] = 0.0
+
+
+SPECS = (
+    Spec(
+        "aba_square_root", aba_square_root, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm on square "
+        "roots of inertias.",
+        "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "
+        "constraint.", pivots=True, traces=False,
+    ),
+)  # fmt: skip
