@@ -19,6 +19,7 @@ from ..spatial import (
     Inertia,
     Motion,
     Pose,
+    Rot,
     Scalar,
     Sym,
     Vec,
@@ -48,6 +49,7 @@ from ..spatial import (
     sub_motion,
     table_dtype,
     times,
+    unrotate,
     vec_of,
     zero,
     zero_force,
@@ -62,7 +64,7 @@ EPS = 2.220446049250313e-16
 
 WORK = table_dtype(
     X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
-    rows=int, relative=int, stack=(float, (ROWS, 8)),
+    rows=int, relative=int, stack=(float, (ROWS, 8)), reach=(float, (6,)), felt=(float, (6,)),
 )  # fmt: skip
 
 
@@ -76,6 +78,8 @@ def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any,
     n = len(bodies) - 1
     put_motion(work[0].v, zero_motion())
     put_force(work[0].l, zero_force())
+    for k in range(6):
+        work[0].felt[k] = 0.0
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         place_joint(bodies, i, q, here.X)
@@ -87,6 +91,7 @@ def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any,
         if fext is not None and b.joint > 0:
             put_force(here.l, force_from(fext[b.joint]))
         here.rows = 0
+        _reach(here, parent, motion_of(b.S))
 
     for i in range(n, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -117,6 +122,31 @@ def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any,
             a[i - 1] = x - along
             ai = sub_motion(ai, scale_motion(along, S))
         put_motion(here.a, add_motion(ai, scale_motion(x, S)))
+
+
+@inlined
+def _reach(here: Any, parent: Any, S: Motion) -> None:
+    """Mark the entries of a body's acceleration that joints above it (reach), or they and its own (felt) can change.
+
+    The others are known beforehand, so rows need not be kept for them; and where the axes of a planar arm are those
+    of its frames, nothing of the forces across the plane gets into the plane by rounding.
+    """
+    X = pose_of(here.X)
+    R, p = X.R, X.p
+    felt = parent.felt
+    w = Vec(felt[0], felt[1], felt[2])
+    v = Vec(
+        felt[3] + abs(p.z) * w.y + abs(p.y) * w.z,
+        felt[4] + abs(p.x) * w.z + abs(p.z) * w.x,
+        felt[5] + abs(p.y) * w.x + abs(p.x) * w.y,
+    )
+    turned = Rot(abs(R.xx), abs(R.xy), abs(R.xz), abs(R.yx), abs(R.yy), abs(R.yz), abs(R.zx), abs(R.zy), abs(R.zz))
+    w, v = unrotate(turned, w), unrotate(turned, v)
+    reached = (w.x, w.y, w.z, v.x, v.y, v.z)
+    along = (S.w.x, S.w.y, S.w.z, S.v.x, S.v.y, S.v.z)
+    for k in range(6):
+        here.reach[k] = 1.0 if reached[k] > 0.0 else 0.0
+        here.felt[k] = 1.0 if reached[k] > 0.0 or along[k] != 0.0 else 0.0
 
 
 # --- the rows of a body -----------------------------------------------------------------------------------
@@ -151,9 +181,9 @@ def _gather(b: Any, here: Any) -> int:
     """
     stack, S, rows = here.stack, motion_of(b.S), here.rows
     if rows > 6:
-        rows = _triangular(stack, 0, rows)
+        rows = _triangular(stack, 0, rows, here.felt)
     if b.joint > 0:
-        rows = _own_rows(stack, rows, inertia_of(b.inertia), motion_of(here.v))
+        rows = _own_rows(stack, rows, inertia_of(b.inertia), motion_of(here.v), here.felt)
     total = 0.0
     for k in range(rows):
         s = power(S, row_of(stack, k))
@@ -173,7 +203,7 @@ def _gather(b: Any, here: Any) -> int:
 
 
 @inlined
-def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion) -> int:
+def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
     """Append the rows of a body: with Σ x xᵀ its second moments of mass, rows [-x̃, 0] and z = ω × (ω × x) for each x.
 
     Mass and first moment are one more such point, s = √m and x = h/s, which moves: [-x̃, s 1] and
@@ -205,7 +235,7 @@ def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion) -> int:
     if not _size(rest) <= least:
         return _turning_rows(stack, first, I, v.w)
     if rows - first > 3:
-        rows = _triangular(stack, first, rows)
+        rows = _triangular(stack, first, rows, felt)
     return rows
 
 
@@ -276,10 +306,10 @@ def _hand_over(here: Any, parent: Any, rows: int) -> None:
     """Append the rows of a body that its joint does not feel, row 0 left out, to its parent's stack."""
     X, c, stack, last = pose_of(here.X), motion_of(here.c), here.stack, rows
     if rows > 7:
-        last = _triangular(stack, 1, rows)
+        last = _triangular(stack, 1, rows, here.reach)
     at = parent.rows
     if at + last - 1 > FOLDED:
-        at = _triangular(parent.stack, 0, at)
+        at = _triangular(parent.stack, 0, at, parent.felt)
     for k in range(1, last):
         r = row_of(stack, k)
         put_row(parent.stack, at, force_to_parent(X, r), stack[k, 7] + power(c, r))
@@ -288,8 +318,10 @@ def _hand_over(here: Any, parent: Any, rows: int) -> None:
 
 
 @inlined
-def _triangular(stack: Any, first: int, end: int) -> int:
+def _triangular(stack: Any, first: int, end: int, felt: Any) -> int:
     """Make rows first .. end as few as their rank, at most six, with the same RᵀR and Rᵀz; returns their new end.
+
+    felt  (6,) of 0 and 1: columns that count; what is left of rows when these are done is given up
 
     Rows of very different size keep their own accuracy if pivots are chosen by columns and rows (Cox and Higham
     1998). Angular and linear columns have different units, so each is judged by the largest entry among its three.
@@ -303,8 +335,9 @@ def _triangular(stack: Any, first: int, end: int) -> int:
         best, column = 0.0, 0
         for j in range(1, 7):
             largest = 0.0
-            for k in range(top, end):
-                largest = max(largest, abs(stack[k, j]))
+            if felt[j - 1] > 0.0:
+                for k in range(top, end):
+                    largest = max(largest, abs(stack[k, j]))
             scale = angular if j < 4 else linear
             if scale > 0.0 and largest / scale > best:
                 best, column = largest / scale, j
