@@ -38,15 +38,16 @@ from .robot import Robot
 from .simulation import Trajectory, hamilton_simulation, integrators, simulate
 from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
+from .truth import Exact, exact
 from .urdf import load_urdf
 
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError",
-    "NonFiniteError", "Robot", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
+    "ChristoffelC", "ConfigurationError", "Exact", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder",
+    "ModelError", "NonFiniteError", "Robot", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
     "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation", "conserved_quantities",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators",
-    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "simulate", "specialize", "step", "to_drake",
-    "to_mujoco", "verify_skew_symmetry", "wrench_at",
+    "exact", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "simulate", "specialize",
+    "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip
