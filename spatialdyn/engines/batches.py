@@ -34,7 +34,7 @@ from .jit import STAMP
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .regroup import regroup
-from .trace import Number, Program, Tape, scratch, table
+from .trace import Number, Program, Tape, evaluate, table
 
 FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
@@ -118,6 +118,9 @@ def record(
     choice  what is constant, what else an input, and what is wanted
     dtype   in which the program will run, and pivots be judged
     """
+    for spec in specs:
+        if not spec.traces:
+            raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(choice.fixed)
     tape, rows = Tape(), table(bodies)
     taken = withdraw(rows, choice.parameters)
@@ -159,16 +162,13 @@ def record(
     results: list[Any] = []
     places, pivots = [], []
     for k, spec in enumerate(specs):
-        out = np.zeros(shape(spec.output.shape) or (1,), dtype=object)
-        inner = [np.zeros(size, dtype=object) for size in spec.beside(n)]
-        work = [] if spec.work is None else [scratch(spec.work, n + 1)]
-        inputs = [None if x is None else given[x.name] for x in spec.inputs]
-        spec.recursion(rows, *work, *inputs, out, *inner)
+        inner = np.zeros(n, dtype=object)
+        out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
         wanted = out.ravel()[list(choice.outputs[k])] if choice.outputs else out.ravel()
         places.append(tuple(range(len(results), len(results) + len(wanted))))
         results += wanted.tolist()
         if spec.pivots:
-            margins = pivot_margins(rows, given["q"], inner[0], EPS if dtype == np.float64 else np.finfo(dtype).eps)
+            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else np.finfo(dtype).eps)
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
     layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots))
