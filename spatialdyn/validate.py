@@ -508,7 +508,8 @@ def _compared(call: _Call, model: Model, peer: _Peer, states: States, timing: bo
 
 
 def _missed(call: _Call, peer: _Peer, states: States, k: int, x: Array) -> tuple[float, float]:
-    """How far an answer x of forward dynamics is from giving tau in Pinocchio's RNEA, or one of minverse from M x = 1, in sample k.
+    """How far an answer x of forward dynamics is from giving tau in Pinocchio's RNEA, in sample k; of minverse, from
+    M x = 1.
 
     And what rounding the entries of x makes of that: eps |M| |x|, scaled alike.
     """
@@ -610,6 +611,11 @@ def _coriolis_forces(m: Model, s: States) -> Array:
     return _call("nonlinear_effects", m, s.q, s.v) - _call("generalized_gravity", m, s.q)
 
 
+def _given_back(name: str) -> Callable[[Model, States], tuple[Array, Array]]:
+    """Both sides of rnea(name) = tau."""
+    return lambda m, s: (_call("rnea", m, s.q, s.v, _call(name, m, s.q, s.v, s.tau)), s.tau)
+
+
 # label -> the identity in words, and its two sides
 _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]]] = {
     "rnea": (
@@ -641,6 +647,7 @@ _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]
         "rnea(aba) = tau",
         lambda m, s: (_call("rnea", m, s.q, s.v, _call("aba", m, s.q, s.v, s.tau, s.fext), s.fext), s.tau),
     ),
+    **{name: (f"rnea({name}) = tau", _given_back(name)) for name in FORWARD[1:]},
     "minverse": (
         "M Minv = 1",
         lambda m, s: (

@@ -66,6 +66,15 @@ class _Team:
                 self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
             return self._pools[threads]
 
+    def share(self, n: int, least: int, part: Callable[[int, int], int]) -> int:
+        """The sum of ``part(first, end)`` over n samples cut among the threads, with at least so many for each."""
+        threads = max(1, min(self.size, n // least))
+        if threads == 1:
+            return part(0, n)
+        cuts = [n * k // threads for k in range(threads + 1)]
+        jobs = [self.pool(threads).submit(part, *cut) for cut in pairwise(cuts[1:])]
+        return part(*cuts[:2]) + sum(job.result() for job in jobs)
+
 
 team = _Team()
 if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child

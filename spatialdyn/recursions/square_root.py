@@ -59,7 +59,7 @@ from .joints import joint_motion, place_joint
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
 FOLDED = 12  # rows that children leave before they are made six
-ROWS = 20  # 6 of children, 12 of the body, 1 of the armature, and none to spare is no reason to count again
+ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are made 6, and 1 of the armature
 EPS = 2.220446049250313e-16
 
 WORK = table_dtype(
@@ -179,7 +179,8 @@ def _gather(b: Any, here: Any) -> int:
     exactly nothing along it. An armature feels the difference to the parent's. Where it is the greater part, the
     difference is the unknown: a small one would be lost in the sum.
     """
-    stack, S, rows = here.stack, motion_of(b.S), here.rows
+    stack, S = here.stack, motion_of(b.S)
+    rows: int = here.rows
     if rows > 6:
         rows = _triangular(stack, 0, rows, here.felt)
     if b.joint > 0:
@@ -233,8 +234,8 @@ def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
             put_row(stack, rows + 2, Force(Vec(x.y, -x.x, 0.0), zero()), z.z)
             rows += 3
     if not _size(rest) <= least:
-        return _turning_rows(stack, first, I, v.w)
-    if rows - first > 3:
+        rows = _turning_rows(stack, first, I, v.w)
+    elif rows - first > 3:
         rows = _triangular(stack, first, rows, felt)
     return rows
 
