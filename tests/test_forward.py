@@ -239,6 +239,17 @@ def test_inertia_that_no_body_has_keeps_its_square_root() -> None:
     assert error(sd.aba_square_root(model, q, v, tau), truth(model, q, v, tau)) <= EXACT
 
 
+def test_inertia_that_has_no_square_root_is_refused() -> None:
+    """A negative principal moment, which the others carry: ABA has an answer to it."""
+    builder = sd.ModelBuilder("odd")
+    builder.add_body("a", None, "revolute", (0, 0, 1), None, (1.0, (1, 0, 0), np.diag([-0.1, 1, 1])), joint_name="bad")
+    with pytest.warns(UserWarning, match="principal moments"):
+        model = builder.build()
+    assert np.isfinite(sd.aba(model, [0.1], [0.2], [0.3])).all()
+    with pytest.raises(sd.InertiaError, match="bad"):
+        sd.aba_square_root(model, [0.1], [0.2], [0.3])
+
+
 @pytest.mark.parametrize("method", ["aba", "refined", "square_root"])
 def test_long_chains_keep_their_digits(method: str) -> None:
     model = chain([1.0] * 60, 1)

@@ -5,15 +5,15 @@ for each direction in which it has inertia: RᵀR is its articulated inertia, wh
 light link is lost beside a heavy one. A joint is eliminated by a reflection of the rows; what does not feel it goes on
 to the parent. Rows of a body come from its mass and the second moments of its mass, so a link may have none.
 
-The stack of a body is an array (ROWS, 8), a row of it [s | r | z]: s along the joint's axis, r a Force (angular part
-first) that pairs with the acceleration, z the rate.
+The stack of a body is an array, a row of it [s | r | z]: s along the joint's axis, r a Force (angular part first) that
+pairs with the acceleration, z the rate.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from ..scalars import inlined, sqrt
+from ..scalars import called, inlined, sqrt
 from ..spatial import (
     Force,
     Inertia,
@@ -68,6 +68,14 @@ WORK = table_dtype(
 )  # fmt: skip
 
 
+class Row(NamedTuple):
+    """A row of a stack."""
+
+    s: Scalar
+    r: Force
+    z: Scalar
+
+
 @inlined
 def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
     """RBDA table 7.1 with rows [R z] and l in place of IA and pA; fext may be None, for zero.
@@ -98,11 +106,12 @@ def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any,
         rows = _gather(b, here)
         _reflect(here.stack, 0, rows, 0)
         S, l = motion_of(b.S), force_of(here.l)
-        s, r = here.stack[0, 0], row_of(here.stack, 0)
+        first = _row(here.stack, 0)
+        s, r = first.s, first.r
         t = (tau[i - 1] + power(S, l)) / s
         if not here.relative:
             l = sub_force(l, scale_force(power(S, l) + tau[i - 1], as_force(S)))
-        here.s, here.z, here.t = s, here.stack[0, 7], t
+        here.s, here.z, here.t = s, first.z, t
         put_force(here.r, r)
         pivots[i - 1] = abs(s) * sqrt(b.armature + b.bound.x)
         if b.parent > 0:
@@ -159,16 +168,38 @@ def as_force(S: Motion) -> Force:
 
 
 @inlined
-def row_of(stack: Any, k: int) -> Force:
-    """The part of a row that pairs with accelerations."""
-    return Force(Vec(stack[k, 1], stack[k, 2], stack[k, 3]), Vec(stack[k, 4], stack[k, 5], stack[k, 6]))
+def _row(stack: Any, k: int) -> Row:
+    """Read a row."""
+    n, f = Vec(stack[k, 1], stack[k, 2], stack[k, 3]), Vec(stack[k, 4], stack[k, 5], stack[k, 6])
+    return Row(stack[k, 0], Force(n, f), stack[k, 7])
 
 
 @inlined
-def put_row(stack: Any, k: int, r: Force, z: Scalar) -> None:
-    """Write a row, all but its first entry."""
-    stack[k, 1], stack[k, 2], stack[k, 3] = r.n.x, r.n.y, r.n.z
-    stack[k, 4], stack[k, 5], stack[k, 6], stack[k, 7] = r.f.x, r.f.y, r.f.z, z
+def _put(stack: Any, k: int, row: Row) -> None:
+    """Write a row."""
+    n, f = row.r.n, row.r.f
+    stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = row.s, n.x, n.y, n.z
+    stack[k, 4], stack[k, 5], stack[k, 6], stack[k, 7] = f.x, f.y, f.z, row.z
+
+
+@inlined
+def _plus(a: Row, w: Scalar, b: Row) -> Row:
+    """a + w b."""
+    return Row(a.s + w * b.s, add_force(a.r, scale_force(w, b.r)), a.z + w * b.z)
+
+
+@inlined
+def _larger(a: Row, b: Row) -> Row:
+    """The larger of each entry of a and each magnitude of b, but those of s and z."""
+    n, f, m, g = a.r.n, a.r.f, b.r.n, b.r.f
+    return Row(
+        a.s,
+        Force(
+            Vec(max(n.x, abs(m.x)), max(n.y, abs(m.y)), max(n.z, abs(m.z))),
+            Vec(max(f.x, abs(g.x)), max(f.y, abs(g.y)), max(f.z, abs(g.z))),
+        ),
+        a.z,
+    )
 
 
 @inlined
@@ -187,18 +218,17 @@ def _gather(b: Any, here: Any) -> int:
         rows = _own_rows(stack, rows, inertia_of(b.inertia), motion_of(here.v), here.felt)
     total = 0.0
     for k in range(rows):
-        s = power(S, row_of(stack, k))
+        s = power(S, _row(stack, k).r)
         stack[k, 0] = s
         total += s * s
     here.relative = 1 if b.armature > total else 0
     if not here.relative:
         for k in range(rows):
-            r = row_of(stack, k)
-            put_row(stack, k, sub_force(r, scale_force(stack[k, 0], as_force(S))), stack[k, 7])
+            row = _row(stack, k)
+            _put(stack, k, Row(row.s, sub_force(row.r, scale_force(row.s, as_force(S))), row.z))
     if b.armature > 0.0:
         s = sqrt(b.armature)
-        stack[rows, 0] = s
-        put_row(stack, rows, zero_force() if here.relative else scale_force(-s, as_force(S)), 0.0)
+        _put(stack, rows, Row(s, zero_force() if here.relative else scale_force(-s, as_force(S)), 0.0))
         rows += 1
     return rows
 
@@ -214,9 +244,9 @@ def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
     if s != 0.0:
         x = Vec(I.h.x / s, I.h.y / s, I.h.z / s)
         z = cross(v.w, plus(times(s, v.v), cross(v.w, x)))
-        put_row(stack, rows, Force(Vec(0.0, x.z, -x.y), Vec(s, 0.0, 0.0)), z.x)
-        put_row(stack, rows + 1, Force(Vec(-x.z, 0.0, x.x), Vec(0.0, s, 0.0)), z.y)
-        put_row(stack, rows + 2, Force(Vec(x.y, -x.x, 0.0), Vec(0.0, 0.0, s)), z.z)
+        _put(stack, rows, Row(0.0, Force(Vec(0.0, x.z, -x.y), Vec(s, 0.0, 0.0)), z.x))
+        _put(stack, rows + 1, Row(0.0, Force(Vec(-x.z, 0.0, x.x), Vec(0.0, s, 0.0)), z.y))
+        _put(stack, rows + 2, Row(0.0, Force(Vec(x.y, -x.x, 0.0), Vec(0.0, 0.0, s)), z.z))
         rows += 3
     M = second_moment(I.I)
     least = 16.0 * EPS * (abs(M.xx) + abs(M.yy) + abs(M.zz))  # what rounding may leave
@@ -229,9 +259,9 @@ def _own_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
         if d > 0.0:
             x, rest = _without_axis(rest, axis, d)
             z = cross(v.w, cross(v.w, x))
-            put_row(stack, rows, Force(Vec(0.0, x.z, -x.y), zero()), z.x)
-            put_row(stack, rows + 1, Force(Vec(-x.z, 0.0, x.x), zero()), z.y)
-            put_row(stack, rows + 2, Force(Vec(x.y, -x.x, 0.0), zero()), z.z)
+            _put(stack, rows, Row(0.0, Force(Vec(0.0, x.z, -x.y), zero()), z.x))
+            _put(stack, rows + 1, Row(0.0, Force(Vec(-x.z, 0.0, x.x), zero()), z.y))
+            _put(stack, rows + 2, Row(0.0, Force(Vec(x.y, -x.x, 0.0), zero()), z.z))
             rows += 3
     if not _size(rest) <= least:
         rows = _turning_rows(stack, first, I, v.w)
@@ -262,10 +292,11 @@ def _turning_rows(stack: Any, rows: int, I: Inertia, w: Vec) -> int:
             along = moment.x if axis == 0 else (moment.y if axis == 1 else moment.z)
             z = along / sqrt(d)
             moment = minus(moment, times(z, x))
-            put_row(stack, rows, Force(x, zero()), z)
+            _put(stack, rows, Row(0.0, Force(x, zero()), z))
             rows += 1
     if not _size(rest) <= least:
-        put_row(stack, rows, scale_force(sqrt(-1.0), Force(Vec(1.0, 1.0, 1.0), Vec(1.0, 1.0, 1.0))), 0.0)
+        lost = Vec(sqrt(-1.0), 0.0, 0.0)
+        _put(stack, rows, Row(0.0, Force(lost, lost), lost.x))
         rows += 1
     return rows
 
@@ -312,13 +343,13 @@ def _hand_over(here: Any, parent: Any, rows: int) -> None:
     if at + last - 1 > FOLDED:
         at = _triangular(parent.stack, 0, at, parent.felt)
     for k in range(1, last):
-        r = row_of(stack, k)
-        put_row(parent.stack, at, force_to_parent(X, r), stack[k, 7] + power(c, r))
+        r = _row(stack, k).r
+        _put(parent.stack, at, Row(0.0, force_to_parent(X, r), stack[k, 7] + power(c, r)))
         at += 1
     parent.rows = at
 
 
-@inlined
+@called
 def _triangular(stack: Any, first: int, end: int, felt: Any) -> int:
     """Make rows first .. end as few as their rank, at most six, with the same RᵀR and Rᵀz; returns their new end.
 
@@ -328,58 +359,54 @@ def _triangular(stack: Any, first: int, end: int, felt: Any) -> int:
     1998). Angular and linear columns have different units, so each is judged by the largest entry among its three.
     """
     angular, linear = 0.0, 0.0
-    for k in range(first, end):
-        for j in range(1, 4):
-            angular = max(angular, abs(stack[k, j]))
-            linear = max(linear, abs(stack[k, j + 3]))
     for top in range(first, min(end, first + 6)):
+        largest = Row(0.0, zero_force(), 0.0)
+        for k in range(top, end):
+            largest = _larger(largest, _row(stack, k))
+        n, f = largest.r.n, largest.r.f
+        if top == first:
+            angular, linear = max(n.x, max(n.y, n.z)), max(f.x, max(f.y, f.z))
+        sizes = (n.x, n.y, n.z, f.x, f.y, f.z)
         best, column = 0.0, 0
-        for j in range(1, 7):
-            largest = 0.0
-            if felt[j - 1] > 0.0:
-                for k in range(top, end):
-                    largest = max(largest, abs(stack[k, j]))
-            scale = angular if j < 4 else linear
-            if scale > 0.0 and largest / scale > best:
-                best, column = largest / scale, j
+        for j in range(6):
+            scale = angular if j < 3 else linear
+            if felt[j] > 0.0 and scale > 0.0 and sizes[j] / scale > best:
+                best, column = sizes[j] / scale, j + 1
         if column == 0:
             return top
         _reflect(stack, top, end, column)
     return min(end, first + 6)
 
 
-@inlined
+@called
 def _reflect(stack: Any, top: int, end: int, column: int) -> None:
     """Householder's reflection of rows top .. end that leaves of a column its first entry, the row of its largest
-    entry put on top; columns before it are left out if it is 0 or they are.
+    entry put on top; nothing is done to a column of 0.
     """
     pivot = top
     for k in range(top + 1, end):
         if abs(stack[k, column]) > abs(stack[pivot, column]):
             pivot = k
-    if pivot != top:
-        for j in range(8):
-            stack[top, j], stack[pivot, j] = stack[pivot, j], stack[top, j]
-    p = stack[top, column]
+    p = stack[pivot, column]
     if p == 0.0:
         return
+    first = _row(stack, pivot)
+    _put(stack, pivot, _row(stack, top))
     square = 1.0
     for k in range(top + 1, end):
-        stack[k, column] = stack[k, column] / p
-        square += stack[k, column] * stack[k, column]
+        w = stack[k, column] / p
+        square += w * w
+        stack[k, column] = w
     norm = sqrt(square)
-    for j in range(1, 8):
-        if j != column:
-            y = (1.0 + norm) * stack[top, j]
-            for k in range(top + 1, end):
-                y += stack[k, column] * stack[k, j]
-            y = y / (norm * (1.0 + norm))
-            stack[top, j] = stack[top, j] - (1.0 + norm) * y
-            for k in range(top + 1, end):
-                stack[k, j] = stack[k, j] - stack[k, column] * y
-    stack[top, column] = -norm * p
+    y = _plus(first, norm, first)
     for k in range(top + 1, end):
+        y = _plus(y, stack[k, column], _row(stack, k))
+    _put(stack, top, _plus(first, -1.0 / norm, y))
+    for k in range(top + 1, end):
+        row = _row(stack, k)
+        _put(stack, k, _plus(row, -stack[k, column] / (norm * (1.0 + norm)), y))
         stack[k, column] = 0.0
+    stack[top, column] = -norm * p
 
 
 SPECS = (
