@@ -26,23 +26,24 @@ def forward_dynamics(
 
     Source: Featherstone, RBDA (2008), table 7.1 and chapter 6; the other methods start from there.
 
-    method  what computes it; each is a call of its own as well. With the cost in units of ABA's own work, and the
-            forward error max|a - a*| / max|a*| of a chain of 7 links whose last is so many times heavier:
+    method  what computes it; each is a call of its own as well. With the cost of one call, and of a sample of a batch,
+            in units of ABA's own, and the forward error max|a - a*| / max|a*| of a chain of 7 links whose last is so
+            many times heavier:
 
-            =============  =================  =====  =======  =======  =======  =======  ===========
-            method         call               cost   1        1e3      1e6      1e9      1e12
-            =============  =================  =====  =======  =======  =======  =======  ===========
-            "aba"          aba                1      1e-15    1e-13    1e-10    1e-7     1e-4
-            "crba"         crba_solve         1.2    1e-14    1e-12    1e-9     1e-6     1e-3
-            "refined"      aba_refined        1.8    1e-15    1e-15    1e-15    2e-14    1e-7
-            "square_root"  aba_square_root    10     1e-15    1e-14    2e-14    2e-14    2e-14
-            =============  =================  =====  =======  =======  =======  =======  ===========
+            =============  ===============  ====  =====  =======  =======  =======  =======  =======
+            method         call             cost  batch  1        1e3      1e6      1e9      1e12
+            =============  ===============  ====  =====  =======  =======  =======  =======  =======
+            "aba"          aba              1     1      1e-15    1e-13    1e-10    1e-7     3e-4
+            "crba"         crba_solve       1     1      1e-15    3e-12    1e-9     1e-6     3e-3
+            "refined"      aba_refined      1.6   1.3    1e-15    1e-15    1e-15    2e-14    1e-7
+            "square_root"  aba_square_root  7     110    1e-15    1e-14    2e-14    2e-14    2e-14
+            =============  ===============  ====  =====  =======  =======  =======  =======  =======
 
-            Light links cost no digits in any of them; long chains cost "crba" the most (n = 100: 1e-11, the others
-            1e-14). "crba" works in O(n d²) for trees of depth d, the others in O(n). "square_root" keeps its digits
-            where axes and frames stand along each other or in general position; axes that are parallel but oblique
-            to their frames are parallel to rounding only, and no method knows better. It never becomes a program for
-            SIMD lanes, so its batches are slower by more than this.
+            Light links cost no digits in any of them; long chains do in "crba" (n = 100: 1e-11, the others 1e-14),
+            which works in O(n d²) for trees of depth d, the others in O(n). "square_root" branches on values, so it
+            is no program for SIMD lanes, and it needs inertias that are positive semidefinite, body by body. It keeps
+            its digits where the axes of joints lie along those of frames or in general position; axes that are
+            parallel but oblique to their frames are parallel to rounding only, and then it falls back to ABA's.
 
     model   Model
     q       (..., nq)            joint positions [rad | m]
