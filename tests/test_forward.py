@@ -202,6 +202,19 @@ def test_a_heavy_tip_costs_no_digits(tip: float, axes: Array | None) -> None:
         assert error(sd.aba(model, q, v, tau), wanted) >= LOST
 
 
+@pytest.mark.parametrize("masses", [(1e-17, 1.0), (1.0, 1e17), (1.0, 1e25)])
+def test_the_square_root_form_tells_a_light_joint_from_an_idle_one(masses: tuple[float, float]) -> None:
+    """Two sliders along one another: M is singular to float64, its root is not until the ratio is near 1e30."""
+    builder = sd.ModelBuilder("sliders")
+    for k, mass in enumerate(masses):
+        builder.add_body(f"b{k}", f"b{k - 1}" if k else None, "prismatic", (1, 0, 0), None, (mass, np.zeros(3), AXES))
+    model = builder.build()
+    given = np.array([0.1, -0.2]), np.array([0.3, 0.4]), np.array([2.0, -1.0])
+    assert error(sd.aba_square_root(model, *given), truth(model, *given)) <= EXACT
+    with pytest.raises(sd.InertiaError, match="b0"):
+        sd.aba(model, *given)
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("light", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_light_links_cost_no_digits(light: float, method: str) -> None:
