@@ -31,7 +31,8 @@ from .errors import (
 from .forward import forward_dynamics
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
 from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
-from .lagrangian.conserved import check_conservation, conserved_quantities
+from .lagrangian.conservation import check_conservation
+from .lagrangian.conserved import conserved_quantities
 from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
 from .lagrangian.symbolic import SymbolicManipulator
 from .model import Frame, Joint, Model, assemble

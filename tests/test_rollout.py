@@ -10,7 +10,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import batches, jit
-from spatialdyn.simulation.rollout import METHODS
+from spatialdyn.simulation.rollouts import METHODS
 
 EPS = np.finfo(float).eps
 SAME = 1e3 * EPS  # a few dozen steps of rounding in another order, scaled

@@ -1,7 +1,7 @@
 """Integrators of the equation of motion, those that keep its structure among them."""
 
 from .methods import Method, integrators
-from .rollout import PD, Rollout, rollout
+from .rollouts import PD, Rollout, rollout
 from .runs import hamilton_simulation, simulate
 from .trajectory import Trajectory
 

@@ -242,7 +242,7 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
 
 
 @cache
-def _specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
+def step_specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
     """The positions and the velocities after a step, as calls of the states, dt and what drives them."""
 
     def after(rows: Any, inputs: dict[str, Any]) -> State:
@@ -280,7 +280,7 @@ def _specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
 
 @lru_cache(maxsize=32)
 def _program(model: Model, method: str, law: bool, driven: bool) -> Program:
-    return batches.record(_specs(method, law, driven), model.bodies).program
+    return batches.record(step_specs(method, law, driven), model.bodies).program
 
 
 def _run(
@@ -295,7 +295,7 @@ def _run(
     dt: float,
 ) -> None:
     law, driven = "kp" in inputs, "tau" in inputs
-    specs, given = _specs(method, law, driven), list(inputs.values())
+    specs, given = step_specs(method, law, driven), list(inputs.values())
     again = np.arange(len(states[0]))
     if not jit.PLAIN and batches.fits(specs, model.bodies):
         kernel = batches.kernel(specs, model.bodies, model.key, dtype=states[0].dtype)
