@@ -96,8 +96,9 @@ def redone(k: sd.Specialized, values: list[Array]) -> int:
     kernel = k._kernel
     assert kernel is not None
     n = len(values[0])
-    out = [np.empty((n, len(places))) for places in kernel.layout.outputs]
-    return len(kernel(n, [(x, 1) for x in values], out))
+    samples = kernel(values, [np.empty((n, columns)) for columns in kernel.outputs])
+    assert samples is not None
+    return len(samples)
 
 
 def main() -> int:

@@ -468,7 +468,7 @@ def test_object_code_without_a_kernel_is_refused() -> None:
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(jit=True)
     other = machine.emit_object(llvm.parse_assembly("define void @other() {\n  ret void\n}\n"))
     with pytest.raises(ValueError, match="no kernel"):
-        Loaded(other)
+        Loaded(other).address("kernel")
 
 
 def test_codes_have_names() -> None:

@@ -245,11 +245,11 @@ class Kernel:
         self._loaded = lanes.Loaded(code)
         self.dtype, self.lanes = np.dtype(dtype), 1 if one else lanes.lanes_of(dtype)
         self.address, self.workspace = self._loaded.address("kernel"), workspace
-        self._inputs, self._outputs = layout.inputs, tuple(map(len, layout.outputs))
-        self._room = room(self._inputs, self._outputs, workspace, self.lanes, self.dtype.itemsize)
+        self.inputs, self.outputs = layout.inputs, tuple(map(len, layout.outputs))
+        self._room = room(self.inputs, self.outputs, workspace, self.lanes, self.dtype.itemsize)
         self._share = max(1, SHARE // len(code))
-        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self._inputs)
-        kinds += [ctypes.py_object] * (len(self._outputs) + 1)
+        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self.inputs)
+        kinds += [ctypes.py_object] * (len(self.outputs) + 1)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64)
         self._run: Callable[..., int] = kind(self._loaded.address("entry"))
 
@@ -262,12 +262,12 @@ class Kernel:
         None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything.
         """
         n, arguments = len(outputs[0]), []
-        for x, columns in zip(inputs, self._inputs, strict=True):
+        for x, columns in zip(inputs, self.inputs, strict=True):
             rows = len(x)
             if x.shape != (rows, columns) or not (rows == n or rows == 1) or not self._fit(x):
                 return None
             arguments += [x, rows]
-        for y, columns in zip(outputs, self._outputs, strict=True):
+        for y, columns in zip(outputs, self.outputs, strict=True):
             if y.shape != (n, columns) or not self._fit(y) or not y.flags.writeable:
                 return None
         tiles = -(-n // self.lanes)
