@@ -196,8 +196,8 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
     """For each D what has to exceed which constant, for it to be above n eps of a bound on its composite inertia.
 
     With t the sum of m distances |q| that joints below the root have travelled, 2 b t <= a + c t², for b² <= a c of
-    the moments of any body, and t² <= m Σ q²: a polynomial, which a program can hold, and the same in all units. ``rows`` are plain; what of
-    them is a Number is part of it.
+    the moments of any body, and t² <= m Σ q²: a polynomial, which a program can hold, and the same in all units.
+    ``rows`` are plain; what of them is a Number is part of it.
     """
     n = len(rows) - 1
     moved: list[int] = []
