@@ -97,6 +97,33 @@ def lopsided() -> Iterator[tuple[str, sd.Model]]:
         yield f"alternating {m:g}", chain(7, True, [1.0, m] * 3 + [1.0])
 
 
+def peers(masses: Sequence[float], s: State, truth: Any) -> dict[str, float]:
+    """Errors of Pinocchio's aba and MuJoCo's forward dynamics on the same spatial chain."""
+    import mujoco
+    import pinocchio as pin
+
+    other, joint = pin.Model(), 0
+    for k, m in enumerate(masses):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 1.0 if k else 0.0]))
+        joint = other.addJoint(joint, pin.JointModelRX() if k % 2 else pin.JointModelRY(), place, f"b{k:04d}")
+        other.appendBodyToJoint(joint, pin.Inertia(m, np.array(ROD[1]), m * ROD[2]), pin.SE3.Identity())
+    found = {"pin.aba": error("aba", pin.aba(other, other.createData(), s.q, s.v, s.tau), truth)}
+    nested = "".join(
+        f'<body pos="0 0 {1 if k else 0}"><joint type="hinge" axis="{"1 0 0" if k % 2 else "0 1 0"}"/>'
+        f'<inertial pos="0 0 0.5" mass="{m!r}" diaginertia="{" ".join(map(repr, (m * np.diag(ROD[2])).tolist()))}"/>'
+        for k, m in enumerate(masses)
+    )
+    text = (
+        '<mujoco><compiler boundmass="0" boundinertia="0"/><option gravity="0 0 -9.81"/>'
+        f"<worldbody>{nested}{'</body>' * len(masses)}</worldbody></mujoco>"
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qfrc_applied[:] = s.q, s.v, s.tau
+    mujoco.mj_forward(model, data)
+    return {**found, "mujoco": error("aba", np.array(data.qacc), truth)}
+
+
 def corpus(names: Sequence[str] = ()) -> Iterator[tuple[str, sd.Model]]:
     """The robots of example-robot-data, fixed and floating."""
     known = set(example_robots())
@@ -142,6 +169,20 @@ def line(name: str, found: dict[str, float | str]) -> str:
     return f"{name:32s}" + "".join(f"{c:>12s}" for c in cells)
 
 
+def _print_peers() -> None:
+    """Forward dynamics of lopsided chains, ours and theirs."""
+    print(f"{'largest relative error of q̈':32s}{'ours':>12s}{'pin.aba':>12s}{'mujoco':>12s}")
+    for n, tip in ((10, 1.0), (100, 1.0), *((7, m) for m in TIPS)):
+        masses = [1.0] * (n - 1) + [tip]
+        model, total = chain(n, True, masses), dict.fromkeys(("ours", "pin.aba", "mujoco"), 0.0)
+        rng = np.random.default_rng(0)
+        for s in [state(model, rng) for _ in range(5)]:
+            truth = sd.exact(model, sd.aba, BITS)(s.q, s.v, s.tau)
+            here = {"ours": error("aba", sd.aba(model, s.q, s.v, s.tau), truth), **peers(masses, s, truth)}
+            total = {k: max(x, here[k]) for k, x in total.items()}
+        print(f"{n} links, tip {tip:g}".ljust(32) + "".join(f"{x:12.1e}" for x in total.values()), flush=True)
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -158,6 +199,7 @@ def main() -> None:
     if "lopsided" not in chosen.without:
         for name, model in lopsided():
             print(line(name, worst(model, chosen.states)), flush=True)
+        _print_peers()
     if "corpus" not in chosen.without:
         for name, model in corpus(chosen.robots):
             print(line(name, worst(model, chosen.states)), flush=True)

@@ -115,7 +115,7 @@ class Text:
             p = self.fused(z, p, k(c))
         for c in (*reversed(COSINE[s][:-1]), -0.5):
             q = self.fused(z, q, k(c))
-        # r lacks low, half an ulp of it at most, which for 1/2 < |r| is up to one of the sine; a part z of it keeps that
+        # r lacks low, half an ulp of it at most, which for 1/2 < |r| is up to one of the sine; a part z keeps that
         # within 1.5 ulp, and vanishes next to 0, where low itself is lost in what cancels
         sine = self.fused(z, self.fused(r, p, low), r)
         cosine = self.fused(z, q, k(1.0))  # one rounding: 1 - z/2 by itself would be a second, and 1.6 ulp in all
