@@ -8,21 +8,20 @@ import platform
 from functools import cache
 from typing import Any
 
-import llvmlite.binding as llvm
 import numba
 import numpy as np
 import pinocchio as pin
 from measure import per_call
 from peers import installed
 
-from spatialdyn.engines import lanes
+from spatialdyn.engines import lanes, vectors
 
 CHAINS = 16  # independent ones hide the latency of a multiply-add, 4 cycles or so
 DEEP = 8  # of each chain in one turn of the loop
 TURNS = 100_000
 BYTES = 256 << 20  # far above the caches
-SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, two polynomials (engines/lanes.py)
-    scalar: 3 + 2 * len(lanes.HALF_PI[scalar, True]) + 2 * (len(lanes.SINE[scalar]) + len(lanes.COSINE[scalar]) - 2) + 9
+SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, polynomials (engines/vectors.py)
+    scalar: 15 + 2 * (len(vectors.HALF_PI[scalar, True]) + len(vectors.SINE[scalar]) + len(vectors.COSINE[scalar]) - 2)
     for scalar in ("double", "float")
 }
 
@@ -129,11 +128,8 @@ class _Compiled:
     """LLVM text as a function of (turns, address), for this processor."""
 
     def __init__(self, text: str) -> None:
-        name, features, _, _ = lanes.host()
-        target = llvm.Target.from_triple(llvm.get_process_triple())
-        made = target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault")
-        self._loaded = lanes.Loaded(made.emit_object(llvm.parse_assembly(text)))
-        self._call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(self._loaded.address)
+        self._loaded = lanes.Loaded(lanes.assembled(text))
+        self._call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(self._loaded.address("kernel"))
 
     def __call__(self, turns: int, address: int) -> None:
         self._call(turns, address)

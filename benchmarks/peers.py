@@ -107,7 +107,7 @@ def expected(case: Case, call: str) -> Array:
 # --- MuJoCo ----------------------------------------------------------------------------------------------
 
 
-def _mujoco_model(theirs: Any) -> Any:
+def mujoco_model(theirs: Any) -> Any:
     """A MuJoCo model of a Pinocchio model: same joints in the same order, no contact, no damping."""
     import mujoco
 
@@ -158,7 +158,7 @@ def mujoco(case: Case, call: str) -> Contestant | None:
     """
     import mujoco as mj
 
-    model = _mujoco_model(case.theirs)
+    model = mujoco_model(case.theirs)
     data, n = mj.MjData(model), model.nv
     qpos, qvel = sd.to_mujoco(case.ours, case.state["q"], case.state["v"])
     base = _Base(case)

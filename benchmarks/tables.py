@@ -12,7 +12,7 @@ Rows = list[list[str]]
 def show(results: dict[str, Any]) -> None:
     """Print every table that the results have the figures of."""
     for title, headings, rows in tables(results):
-        _print(title, headings, rows)
+        draw(title, headings, rows)
 
 
 def tables(results: dict[str, Any]) -> Iterator[tuple[str, list[str], Rows]]:
@@ -118,7 +118,8 @@ def _padded(values: list[float], count: int) -> list[str]:
 # --- printing ----------------------------------------------------------------------------------------------
 
 
-def _print(title: str, headings: list[str], rows: Rows) -> None:
+def draw(title: str, headings: list[str], rows: Rows) -> None:
+    """One table on the screen."""
     try:
         from rich.console import Console
         from rich.table import Table

@@ -30,12 +30,13 @@ from .errors import (
 )
 from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
 from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
-from .lagrangian.conserved import check_conservation, conserved_quantities
+from .lagrangian.conservation import check_conservation
+from .lagrangian.conserved import conserved_quantities
 from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
 from .lagrangian.symbolic import SymbolicManipulator
 from .model import Frame, Joint, Model, assemble
 from .robot import Robot
-from .simulation import Trajectory, hamilton_simulation, integrators, simulate
+from .simulation import PD, Rollout, Trajectory, hamilton_simulation, integrators, rollout, simulate
 from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .truth import Exact, exact
@@ -45,9 +46,9 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Exact", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder",
-    "ModelError", "NonFiniteError", "Robot", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
-    "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation", "conserved_quantities",
-    "exact", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "simulate", "specialize",
-    "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
+    "ModelError", "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation",
+    "conserved_quantities", "exact", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations",
+    "hamilton_simulation", "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration",
+    "rollout", "simulate", "specialize", "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

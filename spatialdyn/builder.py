@@ -61,6 +61,7 @@ class ModelBuilder:
         placement   of the joint in the parent: xyz (3,) [m], a pair (xyz, rpy [rad]) or a pose (4, 4)
         inertia     (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²]), in the link's frame
         joint_name  by default ``name + "_joint"``
+        armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``Joint``
         mimic       Mimic, or a mapping with its fields
 
         Raises ModelError, InertiaError naming the link or joint and the value.

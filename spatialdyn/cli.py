@@ -18,15 +18,28 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+from . import dynamics
 from .errors import SpatialDynError
 from .lagrangian.symbolic import QUANTITIES, SymbolicManipulator
 from .model import Model
 from .robot import Joint
 from .simulate_command import add_simulate
+from .specialize import specialize
 from .urdf import example_robots, load_urdf, robot_names
 from .validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
 
 ROOTS = ("fixed", "floating")
+CALLS = {  # that a program is made of, by the names of QUANTITIES
+    "M": "crba",
+    "C": "coriolis_matrix",
+    "g": "generalized_gravity",
+    "christoffel": "christoffel_symbols",
+    "T": "kinetic_energy",
+    "V": "potential_energy",
+    "H": "hamiltonian",
+    "tau": "rnea",
+    "qdot": "velocity_from_momentum",
+}
 TIMED = ("rnea", "crba", "aba")
 WIDE = 400  # columns of a table that is not read in a terminal: nothing is folded
 
@@ -69,6 +82,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     derive.add_argument("--format", choices=("text", "latex", "c", "python"), default="text", help="default: text")
     derive.add_argument("--symbols", action="store_true", help="masses, lengths, ... as symbols, not numbers")
+    derive.add_argument(
+        "--program",
+        action="store_true",
+        help="of any size of robot: c or python straight from the recursion, unsimplified, in the robot's numbers",
+    )
     derive.set_defaults(run=_derive)
 
     compare = commands.add_parser("compare", help="errors and times of every call against Pinocchio")
@@ -288,21 +306,32 @@ def _derive(arguments: argparse.Namespace) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # ``info`` tells what is odd
         model = load_urdf(arguments.robot, root=arguments.root)
-    s = SymbolicManipulator(model, "symbols" if arguments.symbols else "numbers")
     asked = [name.strip() for name in arguments.quantity.split(",")]
+    known = CALLS if arguments.program else QUANTITIES
     for name in asked:  # before the first of them takes its time
-        if name not in QUANTITIES:
-            raise SpatialDynError(f'quantity is "{name}", expected one of {", ".join(QUANTITIES)}')
+        if name not in known:
+            raise SpatialDynError(f'quantity is "{name}", expected one of {", ".join(known)}')
+    if arguments.program:
+        return _derive_programs(model, asked, arguments)
+    s = SymbolicManipulator(model, "symbols" if arguments.symbols else "numbers")
     comment = {"text": "", "latex": "% ", "c": "// ", "python": "# "}[arguments.format]
-    for x, value in s.parameters.items():
-        print(f"{comment}{x} = {value}: {s.meaning[x]}")
-    for note in s.assumptions:
-        print(f"{comment}{note}")
+    for text in [*(f"{x} = {value}: {s.meaning[x]}" for x, value in s.parameters.items()), *s.assumptions]:
+        # a name from a file may hold what ends a comment
+        print(comment + "".join(c if c.isprintable() and c != "\\" else "?" for c in text))
     if s.parameters or s.assumptions:
         print()
     make = {"text": s.text, "latex": s.latex, "c": s.c_code, "python": s.python_code}[arguments.format]
     for name in asked:
         print(f"{name} = {make(name)}\n" if arguments.format == "latex" else make(name))
+    return 0
+
+
+def _derive_programs(model: Model, asked: Sequence[str], arguments: argparse.Namespace) -> int:
+    if arguments.format not in ("c", "python") or arguments.symbols:
+        raise SpatialDynError("--program prints c or python in numbers, expected --format c or python, no --symbols")
+    for name in asked:
+        k = specialize(model, dynamics.calls[CALLS[name]])
+        print(k.c_code(name) if arguments.format == "c" else k.python_code(name))
     return 0
 
 

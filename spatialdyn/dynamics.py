@@ -235,14 +235,17 @@ def _public(spec: Spec) -> Callable[..., Any]:
         name: ", ".join([f"model.{jit.TABLE}", *(x.name for x in spec.given if x.name not in left), "result"])
         for name, left in (("bare", optional), ("whole", []))
     }
-    bare = f"bare({passed['bare']})"
-    status = f"{bare} if {optional[0]} is None else whole({passed['whole']})" if optional else bare
+    status = f"bare({passed['bare']})"
+    if optional:  # some but not all of several: the general way, which has a kernel for every choice
+        none, some = (word.join(f"{name} is None" for name in optional) for word in (" and ", " or "))
+        rest = f"1 if {some} else whole({passed['whole']})" if len(optional) > 1 else f"whole({passed['whole']})"
+        status = f"{status} if {none} else {rest}"
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
     static = "".join(f"{x.name}, " for x in spec.given if x.static)
     # Numba does not look at the byte order of an array
     checked = [x.name for x in spec.given if x.shape and not x.static and not x.optional]
     native = " and ".join([*(f"{name}.dtype is F8" for name in checked), "result.dtype is F8"])
-    native += f" and ({optional[0]} is None or {optional[0]}.dtype is F8)" if optional else ""
+    native += "".join(f" and ({name} is None or {name}.dtype is F8)" for name in optional)
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),

@@ -60,7 +60,9 @@ class Joint:
     lower, upper      position limits [rad | m], infinite where there are none (joints of one freedom)
     velocity, effort  limits [rad/s | m/s], [N m | N]
     damping, friction read and kept, without effect on any result
-    armature          reflected rotor inertia [kg m² | kg], one per freedom
+    armature          reflected rotor inertia [kg m² | kg] of every freedom of the joint. It is added to the diagonal of
+                      M and nothing else, as in Pinocchio: no part of C, so on a floating or planar joint, whose frame
+                      turns, M v changes as the equation of motion says and not as a true rotor's momentum would
     """
 
     name: str

@@ -30,6 +30,7 @@ from .diagnosis import diagnose, unit_part
 from .dynamics import calls as public
 from .engines import batches, jit, parameters, quick
 from .engines.parameters import Parameter
+from .engines.source import PRINTERS
 from .engines.trace import Program
 from .errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
@@ -378,6 +379,8 @@ class Specialized:
     program          the Program, whose ``listing()`` prints it
     operations       counts of mul, add, div, sqrt and sincos of a sample, and depth
 
+    ``c_code`` and ``python_code`` give the program as text, for any robot and any calls.
+
     Raises
         TypeError for another number of inputs than ``signature`` has
         ShapeError for sizes that do not fit, or an out that overlaps an input
@@ -423,15 +426,61 @@ class Specialized:
         return f"({given}) -> " + (f"({', '.join(made)})" if task.several else made[0])
 
     @cached_property
-    def program(self) -> Program:
-        """The straight line of operations, recorded anew when asked for. Raises InertiaError where there is none."""
+    def _recorded(self) -> batches.Recorded:
+        """The program and its layout, recorded anew when asked for. Raises InertiaError where there is none."""
         task = self._task
         static = tuple(task.static.values())
         try:
-            return batches.record(task.specs, task.model.bodies, static, task.choice, task.dtype).program
+            return batches.record(task.specs, task.model.bodies, static, task.choice, task.dtype)
         except ZeroDivisionError:
             what = "a joint that moves no inertia in any state"
             raise InertiaError(f'model "{task.model.name}" has {what}, expected none for a program') from None
+
+    @property
+    def program(self) -> Program:
+        """The straight line of operations. Raises InertiaError where there is none."""
+        return self._recorded.program
+
+    def c_code(self, name: str | None = None) -> str:
+        """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
+
+        It computes one sample, in arrays in C order, and checks nothing: where a joint moves no inertia it divides
+        by zero. Masses and such that are inputs are named by kind and place, the third input ``mass_3``.
+
+        name  of the function, by default that of the call, several joined by "_"
+
+        Raises SpatialDynError if the name is none; InertiaError where there is no program
+        """
+        return self._code("c", name)
+
+    def python_code(self, name: str | None = None) -> str:
+        """The program as a Python function of arrays of any leading batch shape that needs NumPy only, as ``c_code``.
+
+        >>> import spatialdyn as sd
+        >>> k = sd.specialize(sd.load_urdf("two_link"), sd.generalized_gravity)
+        >>> scope = {}
+        >>> exec(k.python_code("gravity"), scope)
+        >>> scope["gravity"]([0.0, 0.0]).round(9).tolist()
+        [29.43, 9.81]
+        """
+        return self._code("python", name)
+
+    def _code(self, language: str, name: str | None) -> str:
+        specs, places = self._task.specs, self._recorded.layout.outputs
+        name = "_".join(spec.name for spec in specs) if name is None else name
+        if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
+            raise SpatialDynError(f"name is {name!r}, expected letters, digits and _")
+        label = [x.name.partition(":") for x in self._inputs]
+        known = {x.name for x in self._task.arguments}
+        inputs = {
+            kind if kind in known else f"{kind}_{k}": x.shape
+            for k, ((kind, _, _), x) in enumerate(zip(label, self._inputs, strict=True), start=1)
+        }
+        outputs = {spec.output.name: shape for spec, shape in zip(specs, self._shapes, strict=True)}
+        if len(outputs) < len(specs) or {name, *inputs} & set(outputs):
+            outputs = {f"out_{k}": shape for k, shape in enumerate(self._shapes, start=1)}
+        program = self.program.only(at for part in places for at in part)
+        return PRINTERS[language](name, program, inputs, outputs)
 
     @property
     def operations(self) -> dict[str, int]:

@@ -772,14 +772,12 @@ _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]
         ),
     ),
     "momentum_rate": (
-        "v · (rate - tau) = v · (bias - 2 gravity)",
+        "rate = Cᵀ v + tau - gravity",
         lambda m, s: (
-            np.einsum("si,si->s", s.v, _call("momentum_rate", m, s.q, s.v, s.tau) - s.tau),
-            np.einsum(
-                "si,si->s",
-                s.v,
-                _call("nonlinear_effects", m, s.q, s.v) - 2.0 * _call("generalized_gravity", m, s.q),
-            ),
+            _call("momentum_rate", m, s.q, s.v, s.tau),
+            _times_vector(np.swapaxes(_call("coriolis_matrix", m, s.q, s.v), -1, -2), s.v)
+            + s.tau
+            - _call("generalized_gravity", m, s.q),
         ),
     ),
     "momentum_rate (fext)": (

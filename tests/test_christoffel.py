@@ -131,6 +131,8 @@ def test_bad_input_is_refused_by_name() -> None:
         sd.ChristoffelC("arm")
     with pytest.raises(sd.SpatialDynError, match=r"h is 0\.0, expected a positive number"):
         sd.ChristoffelC(model).by_finite_differences(s.q, s.v, h=0.0)
+    with pytest.raises(sd.SpatialDynError, match="h is 'small', expected a positive number"):
+        sd.ChristoffelC(model).by_finite_differences(s.q, s.v, h="small")  # type: ignore[arg-type]
     with pytest.raises(sd.ShapeError, match=r"C has shape \(2,\), expected \(5, 5\)"):
         sd.verify_skew_symmetry(model, s.q, s.v, [1.0, 2.0])
     with pytest.raises(sd.ShapeError, match=r"v has shape \(4,\), expected \(5,\)"):

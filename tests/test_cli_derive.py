@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,3 +66,28 @@ def test_derive_names_a_bad_quantity_and_robot(capsys: pytest.CaptureFixture[str
     assert (status, out) == (2, "")
     assert 'quantity is "X", expected one of M, C, g' in err
     assert run(capsys, "derive", "no_such_robot")[0] == 2
+
+
+def test_derive_prints_programs_of_robots_beyond_closed_forms(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "derive", "tree", "--format", "python", "--program", "--quantity", "C,g")
+    assert (status, err) == (0, "")
+    scope: dict[str, Any] = {}
+    exec(out, scope)
+    model = sd.load_urdf("tree")
+    rng = np.random.default_rng(0)
+    q, v = sd.random_configuration(model, rng, 3), rng.normal(size=(3, model.nv))
+    np.testing.assert_allclose(scope["C"](q, v), sd.coriolis_matrix(model, q, v), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(scope["g"](q), sd.generalized_gravity(model, q), rtol=0, atol=1e-13)
+    status, out, err = run(capsys, "derive", "tree", "--program")
+    assert (status, out) == (2, "")
+    assert "expected --format c or python" in err
+    assert 'quantity is "L"' in run(capsys, "derive", "tree", "--format", "c", "--program", "--quantity", "L")[2]
+
+
+def test_derive_keeps_names_of_a_file_in_their_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (Path(sd.__file__).parent.parent / "urdf" / "two_link.urdf").read_text()
+    path = tmp_path / "robot.urdf"
+    path.write_text(text.replace('"joint1"', '"a&#10;import os &#8232; \\"'))
+    status, out, _ = run(capsys, "derive", str(path), "--symbols", "--format", "python", "--quantity", "M")
+    assert status == 2 or "import os" not in [line[:9] for line in out.splitlines()]
+    assert status == 2 or not any(line.endswith("\\") for line in out.split("\n"))

@@ -12,6 +12,7 @@ import pytest
 from trees import RandomTree, State, random_state, random_tree
 
 import spatialdyn as sd
+from spatialdyn import dynamics
 from spatialdyn.recursions import SPECS
 
 EPS = np.finfo(float).eps
@@ -265,6 +266,20 @@ def test_every_public_call_is_in_a_test_against_an_oracle() -> None:
     elsewhere = {
         "aba", "minverse", "frame_placement", "frame_jacobian", "frame_velocity", "frame_acceleration",
         "jacobian_dot_times_v", "joint_jacobians", "joint_jacobians_dot", "normalize", "interpolate", "dintegrate",
-        "ddifference",
+        "ddifference", "momentum", "momentum_rate", "velocity_from_momentum", "hamiltonian", "hamilton_field",
     }  # fmt: skip
     assert set(SPECS) == elsewhere | {name for name in ORACLE if name in SPECS}
+
+
+@pytest.mark.parametrize("batch", [(), (3,)])
+def test_any_of_several_optional_inputs_may_be_left_out(batch: tuple[int, ...]) -> None:
+    made = random_tree(3, 4)
+    model, rng = made.model, np.random.default_rng(0)
+    spec = SPECS["momentum_rate"]
+    both = tuple(replace(x, optional=True) if x is not None and x.name == "tau" else x for x in spec.inputs)
+    call = dynamics._public(replace(spec, inputs=both))
+    q, v = sd.random_configuration(model, rng, batch), rng.normal(size=(*batch, model.nv))
+    tau, fext = rng.normal(size=(*batch, model.nv)), rng.normal(size=(*batch, model.njoints, 6))
+    for given in ({}, {"tau": tau}, {"fext": fext}, {"tau": tau, "fext": fext}, {"tau": tau.tolist()}):
+        expected = sd.momentum_rate(model, q, v, given.get("tau", 0.0 * tau), given.get("fext"))
+        close(call(model, q, v, **given), expected)

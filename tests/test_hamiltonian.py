@@ -17,7 +17,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import jit
-from spatialdyn.lagrangian import brackets, conserved, hamiltonian
+from spatialdyn.lagrangian import brackets, conservation, conserved, hamiltonian
 from spatialdyn.lagrangian.brackets import structure_constants
 from spatialdyn.lagrangian.conserved import ConservedQuantity
 from spatialdyn.lagrangian.hamiltonian import STEP, WEIGHTS
@@ -387,6 +387,16 @@ def test_spherical_pendulum_conserves_its_momentum_about_the_vertical() -> None:
     assert names(pendulum("spherical", inertia=top)) == ["angular momentum of pivot about z", "momentum of pivot [2]"]
 
 
+def test_single_momenta_have_the_unit_of_their_freedom() -> None:
+    """Of a top about the x axis of its joint; of a puck that slides on the level and turns about its middle."""
+    top = pendulum("spherical", inertia=np.diag([0.15, 0.1, 0.1]), com=(0.5, 0, 0))
+    units = {x.name: x.unit for x in sd.conserved_quantities(top)}
+    assert units["momentum of pivot [0]"] == "kg m²/s"
+    puck = {x.name: x.unit for x in sd.conserved_quantities(pendulum("planar", (0, 0, 1), com=(0, 0, 0)))}
+    assert puck["momentum of pivot [2]"] == "kg m²/s"
+    assert puck["linear momentum of pivot along y"] == "kg m/s"
+
+
 def test_two_links_without_gravity_conserve_the_momentum_of_the_first_only() -> None:
     assert names(two_link()) == []
     assert names(two_link((0.0, 0.0, 0.0))) == ["momentum of j0"]
@@ -514,7 +524,7 @@ def test_explicit_euler_is_seen_to_gain_energy() -> None:
     assert "slope" in repr(report)
 
 
-@pytest.mark.parametrize("module", [brackets, conserved, hamiltonian])
+@pytest.mark.parametrize("module", [brackets, conservation, conserved, hamiltonian])
 def test_examples_in_docstrings_are_true(module: Any) -> None:
     found = doctest.testmod(module)
     assert found.attempted > 0
@@ -526,6 +536,10 @@ def test_what_is_no_motion_is_refused() -> None:
     good = SimpleNamespace(t=np.arange(4.0), q=np.zeros((4, 2)), v=np.zeros((4, 2)))
     with pytest.raises(sd.SpatialDynError, match="model is None, expected the model of a trajectory"):
         sd.check_conservation(good)
+    with pytest.raises(sd.SpatialDynError, match="trajectory is None, expected an object with t, q, and p or v"):
+        sd.check_conservation(None, model=model)
+    with pytest.raises(sd.SpatialDynError, match="trajectory has neither p nor v"):
+        sd.check_conservation(SimpleNamespace(t=good.t, q=good.q), model=model)
     for change, kind, words in (
         ({"t": np.arange(2.0)}, sd.ShapeError, "at least 3 times that increase"),
         ({"t": np.array([0.0, 2.0, 1.0, 3.0])}, sd.ShapeError, "at least 3 times that increase"),
@@ -546,6 +560,8 @@ def test_bracket_of_what_is_no_function_of_one_state_is_refused() -> None:
         sd.poisson_bracket(model, one, one, np.zeros((3, 2)), np.zeros(2))
     with pytest.raises(sd.SpatialDynError, match=r"G returned .*, expected a number"):
         sd.poisson_bracket(model, one, lambda q, p: q, np.zeros(2), np.zeros(2))
+    with pytest.raises(sd.SpatialDynError, match="F is 3, expected a function of"):
+        sd.poisson_bracket(model, 3, one, np.zeros(2), np.zeros(2))  # type: ignore[arg-type]
     with pytest.raises(sd.NonFiniteError, match="F returned nan, expected a finite number"):
         sd.poisson_bracket(model, lambda q, p: math.nan, one, np.zeros(2), np.zeros(2))
     for step in (0.0, -1.0, math.nan, "small"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -13,7 +14,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import jit
-from spatialdyn.simulation import integrators, runs
+from spatialdyn.simulation import integrators, runs, traced
 from spatialdyn.simulation.loop import compiled
 
 EPS = np.finfo(float).eps
@@ -390,3 +391,44 @@ def test_the_table_of_methods_names_all() -> None:
     assert [name for name in OURS if integrators[name].symplectic] == [
         "symplectic_euler", "stormer_verlet", "implicit_midpoint", "gauss4", "gauss6", "variational",
     ]  # fmt: skip
+
+
+# --- long simulations by a program ----------------------------------------------------------------------
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
+@pytest.mark.parametrize("method", ["explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4"])
+@pytest.mark.parametrize("record", [1, 7, 40, 1000])
+def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPatch, method: str, record: int) -> None:
+    model = random_tree(11, 5, floating=True).model
+    rng = np.random.default_rng(4)
+    q0, v0 = sd.random_configuration(model, rng), 0.1 * rng.standard_normal(model.nv)
+    torque = 0.1 * rng.standard_normal((101, model.nv))
+    given: dict[str, Any] = {"method": method, "torque": torque, "record": record}
+    wanted = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
+    monkeypatch.setattr(traced, "FROM", 1)
+    found = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
+    for name in ("t", "tau"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+    for name in ("q", "v", "p", "energy"):
+        x, y = getattr(found, name), getattr(wanted, name)
+        assert abs(x - y).max() <= 1e4 * EPS * max(1.0, abs(y).max())  # a hundred steps, rounded otherwise
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
+def test_what_a_program_has_no_answer_for_is_told_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(traced, "FROM", 1)
+    model = sd.load_urdf("two_link")
+    with pytest.raises(sd.SimulationError, match="not finite any more at t") as caught:
+        sd.simulate(model, [0.1, 0.2], [1e120, 0.0], 1.0, 0.01, "explicit_euler")
+    assert caught.value.trajectory is not None
+    far = sd.simulate(model, [2e5 * np.pi, 0.2], [0.0, 0.0], 0.1, 0.01)  # beyond the short sine
+    near = sd.simulate(model, [0.0, 0.2], [0.0, 0.0], 0.1, 0.01)
+    assert abs(far.v - near.v).max() <= 1e-8
+
+
+def test_a_trajectory_says_how_well_it_was_conserved() -> None:
+    model = sd.load_urdf("two_link")
+    report = sd.check_conservation(sd.simulate(model, [1.0, 0.5], [0.0, 0.0], 2.0, 1e-2, "gauss6"))
+    (energy,) = [line for line in report if "energy" in line.name]
+    assert 0.0 < energy.drift <= 1e-4

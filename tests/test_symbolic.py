@@ -271,12 +271,28 @@ def test_symbols_name_what_is_not_zero() -> None:
     assert all(s.meaning[x] for x in s.parameters)
 
 
+def test_closed_forms_beyond_the_limit_are_refused_by_name() -> None:
+    model = sd.load_urdf("three_link")
+    s = sd.SymbolicManipulator(model, limit=300)
+    assert s.g() == sd.SymbolicManipulator(model, limit=None).g()
+    for _ in range(2):  # a refusal does not count against what is asked next, nor do the quantities before it
+        with pytest.raises(sd.SpatialDynError, match=r'model "three_link" takes more than 300 products .*c_code\(\)'):
+            s.hamilton_equations()
+        assert s.M().shape == (3, 3)
+    for limit in (0, -1, "long"):
+        with pytest.raises(sd.SpatialDynError, match=r"limit is .*, expected a positive number"):
+            sd.SymbolicManipulator(model, limit=limit)
+
+
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
         ("letters", 'parameters has "letters", expected'),
         ({"m_9": "m"}, 'parameters has "m_9", expected'),
         ({"c_1x": "l", "g": "l"}, "parameter l stands for"),
+        (3, "parameters is 3, expected"),
+        ({"m_1": ""}, "parameters has '' for m_1, expected the name of a symbol"),
+        ({"m_1": "a b"}, "parameters has 'a b' for m_1"),
         ({"m_1": "q_1"}, "parameter q_1 has the name of a coordinate"),
     ],
 )

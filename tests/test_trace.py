@@ -383,7 +383,7 @@ def test_what_a_recursion_branches_on_is_no_recorded_value(model: sd.Model) -> N
         assert set(options(model, spec)) <= {"frame", "reference", "classical"}
 
 
-OPERATIONS = {("ur5", "crba"): 260}  # mul + add
+OPERATIONS = {("ur5", "crba"): 170, ("ur5", "rnea"): 280, ("ur5", "aba"): 700, ("panda", "rnea"): 720}  # mul + add
 
 
 @pytest.mark.skipif(not example_robots(), reason="example-robot-data is not installed")

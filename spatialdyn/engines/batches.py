@@ -31,6 +31,7 @@ from ..recursions.spec import Spec
 from . import lanes, store
 from .entry import DATA, room
 from .jit import STAMP
+from .origins import move_origins
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .regroup import regroup
@@ -122,6 +123,9 @@ def record(
     tape, rows = Tape(), table(bodies)
     taken = withdraw(rows, choice.parameters)
     if all(spec.regroup for spec in specs):
+        in_body = choice.parameters or any(x.name == "fext" for spec in specs for x in spec.given)
+        if not in_body and dtype == np.float64:  # float32 would feel the way
+            move_origins(rows)
         regroup(rows)
     n, sizes = len(bodies) - 1, _sizes(bodies)
 

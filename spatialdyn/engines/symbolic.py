@@ -6,8 +6,8 @@ unit quaternion. What is left is a canonical form: two polynomials of the ring a
 have the same terms, so nothing has to be "simplified" on the way, and zero is seen to be zero.
 
 At the end ``Ring.expression`` folds products of sines and cosines into sums of cos(n·α) and sin(n·α): the Fourier
-series of the function, which is canonical too, and the form in which textbooks print M, C and g. Its length grows
-exponentially with the angles that an entry depends on: closed forms are for arms of a few joints.
+series of the function (``series``), which is canonical too. Its length grows exponentially with the angles that an
+entry depends on: closed forms are for arms of a few joints, and a Budget says where they end.
 
 SymPy brings the polynomials; it is imported when a Ring is made.
 """
@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from .. import scalars
 from ..errors import SpatialDynError
 from ..recursions.spec import Spec
+from .series import fourier, length
 from .trace import evaluate
 
 Poly = Any  # sympy.polys.rings.PolyElement
 Expr = Any  # sympy.Expr
-Place = tuple[int, ...]
 
 
 def need_sympy() -> Any:
@@ -142,6 +142,30 @@ scalars.atan2.register(Number)(_unknown("atan2"))
 scalars.select.register(Number)(_unknown("select"))
 
 
+@dataclass
+class Budget:
+    """How long a closed form may get, in products of two terms and waves of a series of up to 80 generators,
+    some 50 µs each; of more generators they count as often as they take longer.
+
+    owner  in words, for the refusal
+    most   that may be spent between two settings of ``spent`` to 0
+    """
+
+    owner: str = "this closed form"
+    most: float = math.inf
+    spent: int = 0
+
+    def spend(self, n: int) -> None:
+        """Raises SpatialDynError, and starts anew, once more than ``most`` is spent."""
+        self.spent += n
+        if self.spent > self.most:
+            self.spent = 0
+            raise SpatialDynError(
+                f"{self.owner} takes more than {self.most:.0f} products of terms in closed form, expected fewer; "
+                "limit=None lets it, and specialize(model, call).c_code() or python_code() is code for any robot"
+            )
+
+
 class Ring:
     """The polynomials in which one robot's numbers live.
 
@@ -150,6 +174,7 @@ class Ring:
     plain   symbols that are generators themselves
     primes  primes whose square root is a generator
     units   symbols of ``plain`` whose squares add up to 1, one tuple for each quaternion or (cos, sin) pair
+    budget  what its arithmetic may take, without end by default
     """
 
     def __init__(
@@ -158,8 +183,10 @@ class Ring:
         plain: Iterable[Expr] = (),
         primes: Iterable[int] = (),
         units: Iterable[tuple[Expr, ...]] = (),
+        budget: Budget | None = None,
     ) -> None:
         """A ring of these generators."""
+        self.budget = Budget() if budget is None else budget
         self._sympy = sympy = need_sympy()
         from sympy.polys.rings import PolyRing
 
@@ -173,6 +200,7 @@ class Ring:
         self.polynomials = PolyRing(names or [sympy.Symbol("none")], sympy.QQ, sympy.lex)
         self.one: Poly = self.polynomials.one
         self._gens = self.polynomials.gens
+        self._weight = max(1, len(names) // 40)  # a product of 300 generators takes 10 times one of 40
         self._angle = {a: k for k, a in enumerate(self.angles)}
         self._place = {x: 2 * len(self.angles) + k for k, x in enumerate(self.plain)}
         self._root = {p: 2 * len(self.angles) + len(self.plain) + k for k, p in enumerate(self.primes)}
@@ -182,9 +210,12 @@ class Ring:
             *((self._place[u[-1]], 1 - sum(self._gens[self._place[x]] ** 2 for x in u[:-1])) for u in self.units),
         ]
 
-    def extended(self, angles: Iterable[Expr] = (), plain: Iterable[Expr] = (), units: Any = ()) -> Ring:
-        """This ring with more generators."""
-        return Ring((*self.angles, *angles), (*self.plain, *plain), self.primes, (*self.units, *units))
+    def extended(
+        self, angles: Iterable[Expr] = (), plain: Iterable[Expr] = (), units: Any = (), budget: Budget | None = None
+    ) -> Ring:
+        """This ring with more generators, and with its budget unless there is another."""
+        budget = self.budget if budget is None else budget
+        return Ring((*self.angles, *angles), (*self.plain, *plain), self.primes, (*self.units, *units), budget)
 
     def taken(self, x: Any) -> Any:
         """A Number of a ring that this one extends; anything else as it is."""
@@ -201,9 +232,11 @@ class Ring:
             return b.mul_ground(a.coeff(1))
         if len(b) == 1 and b.is_ground:
             return a.mul_ground(b.coeff(1))
+        self.budget.spend(len(a) * len(b) * self._weight)
         product = a * b
+        highest = tuple(map(max, zip(*product, strict=True)))
         for at, square in self._squares:
-            if any(m[at] > 1 for m in product):
+            if product and highest[at] > 1:
                 product = self._replaced(product, at, square)
         return product
 
@@ -329,6 +362,10 @@ class Ring:
             scale, below = -scale, -below
         return self._sympy.expand(self._series(num) / scale, deep=False) / below
 
+    def _series(self, poly: Poly) -> Expr:
+        self.budget.spend(length(poly, len(self.angles)) * self._weight)
+        return fourier(poly, self.angles, self.values)
+
     def _without_common(self, num: Poly, den: Poly) -> tuple[Poly, Poly]:
         """Numerator and denominator without the constant and the product of generators that divides both."""
         if not num:
@@ -341,75 +378,6 @@ class Ring:
         return self.polynomials.from_dict(
             {tuple(e - d for e, d in zip(m, drop, strict=True)): c / scale for m, c in poly.items()}
         )
-
-    def _series(self, poly: Poly) -> Expr:
-        """Σ A_n cos(n·α) + B_n sin(n·α), A and B polynomials in the generators that are no sine or cosine."""
-        cut = 2 * len(self.angles)
-        found: dict[tuple[Place, bool], dict[Place, Any]] = {}
-        for m, c in poly.items():
-            for key, part in _waves(m[:cut]):
-                terms = found.setdefault(key, {})
-                terms[m[cut:]] = terms.get(m[cut:], 0) + c * self._sympy.QQ(part.numerator, part.denominator)
-        parts = []
-        for (n, odd), terms in sorted(found.items()):
-            kept = {m: c for m, c in terms.items() if c}
-            if kept:
-                angle = self._sympy.Add(*(k * a for k, a in zip(n, self.angles, strict=True)))
-                wave = self._sympy.sin(angle) if odd else self._sympy.cos(angle)
-                parts.append(self._coefficient(kept, cut) * wave)
-        return self._sympy.Add(*parts)
-
-    def _coefficient(self, terms: Mapping[Place, Any], cut: int) -> Expr:
-        """A polynomial in the plain generators, its common factor in front."""
-        sympy = self._sympy
-        common = tuple(map(min, zip(*terms, strict=True)))
-        content = math.gcd(*(int(c.numerator) for c in terms.values()))
-        content_den = math.lcm(*(int(c.denominator) for c in terms.values()))
-        front = sympy.Rational(content, content_den)
-        if terms[max(terms)] < 0:
-            front = -front
-
-        def product(m: Iterable[int]) -> Expr:
-            return sympy.Mul(*(self.values[cut + k] ** e for k, e in enumerate(m) if e))
-
-        rest = sympy.Add(
-            *(
-                sympy.Rational(int(c.numerator), int(c.denominator))
-                / front
-                * product(e - d for e, d in zip(m, common, strict=True))
-                for m, c in terms.items()
-            )
-        )
-        return sympy.Mul(front, product(common), rest)
-
-
-@lru_cache(maxsize=4096)
-def _waves(powers: Place) -> tuple[tuple[tuple[Place, bool], Fraction], ...]:
-    """Π cos^a sin^b over the angles as a sum of cos(n·α) and sin(n·α): ((n, whether a sine), coefficient) of each.
-
-    powers  a and b (0 or 1) of each angle in turn. By Euler's formulas, with z = exp(iα): every factor is a Laurent
-    polynomial in z with real coefficients, times -i for a sine.
-    """
-    lines: dict[Place, Fraction] = {(): Fraction(1)}
-    sines = 0
-    for a, b in zip(powers[::2], powers[1::2], strict=True):
-        one: dict[int, Fraction] = {}
-        for j in range(a + 1):
-            half = Fraction(math.comb(a, j), 2**a)
-            for shift, sign in ((1, 1), (-1, -1)) if b else ((0, 2),):
-                one[a - 2 * j + shift] = one.get(a - 2 * j + shift, Fraction(0)) + sign * half / 2
-        lines = {(*n, k): x * y for n, x in lines.items() for k, y in one.items() if y}
-        sines += b
-    odd = bool(sines % 2)
-    sign = (1, 1, -1, -1)[sines % 4]
-    waves = []
-    for n, x in lines.items():
-        first = next((k for k in n if k), 0)
-        if first > 0:
-            waves.append(((n, odd), 2 * sign * x))
-        elif first == 0 and not odd:
-            waves.append(((n, odd), sign * x))
-    return tuple(waves)
 
 
 # --- running ------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ on a value would lose a branch here, so comparing a Number raises.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -241,6 +242,14 @@ class Program:
         self.lines: list[Operation] = lines
         self.outputs: list[tuple[int, bool]] = [(r, x.minus) for r, x in zip(roots, marked, strict=True)]
         self.inputs = inputs
+
+    def only(self, outputs: Iterable[int]) -> Program:
+        """The program of some of its outputs, by their places."""
+        chosen = [self.outputs[k] for k in outputs]
+        made = copy(self)
+        made.lines, roots = _alive(self.lines, [line for line, _ in chosen])
+        made.outputs = [(line, minus) for line, (_, minus) in zip(roots, chosen, strict=True)]
+        return made
 
     @property
     def operations(self) -> dict[str, int]:

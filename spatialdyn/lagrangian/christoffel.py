@@ -106,7 +106,7 @@ class ChristoffelC:
         Strong and torsion-free as far as the differences go; 6 n mass matrices.
         Raises  SpatialDynError if h is not a positive number.
         """
-        if not 0.0 < h < np.inf:
+        if not (isinstance(h, (int, float)) and 0.0 < h < np.inf):
             raise SpatialDynError(f"h is {h!r}, expected a positive number")
         q, E = self._given(q), np.eye(self.model.nv)
         dM = np.zeros((*q.shape[:-1], *(self.model.nv,) * 3))

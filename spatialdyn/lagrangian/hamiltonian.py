@@ -99,6 +99,9 @@ def poisson_bracket(
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): a bracket is of one state")
     if not (isinstance(step, (int, float)) and 0.0 < step < np.inf):
         raise SpatialDynError(f"step is {step!r}, expected a positive number")
+    for f, name in ((F, "F"), (G, "G")):
+        if not callable(f):
+            raise SpatialDynError(f"{name} is {f!r}, expected a function of (q, p)")
     dF, dG = (_gradients(model, f, name, q, p, float(step)) for f, name in ((F, "F"), (G, "G")))
     gyroscopic = np.einsum("m,mij,i,j->", p, structure_constants(model), dF[1], dG[1])
     return float(dF[0] @ dG[1] - dF[1] @ dG[0] - gyroscopic)

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -21,7 +22,8 @@ from ..errors import ModelError, SpatialDynError
 from ..model import Frame, Model
 from ..recursions import SPECS
 from . import printing
-from .exact import Exact, exact, exact_table
+from .exact import exact, exact_table
+from .parameters import chosen, meanings
 
 Expr = Any  # sympy.Expr
 Matrix = Any  # sympy.ImmutableMatrix
@@ -29,14 +31,7 @@ Numbers = NDArray[Any]
 
 ROUTES = ("recursion", "derivatives")
 LARGEST = 4  # freedoms up to which M is inverted in closed form
-KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
-MEANING = {
-    "m": "mass [kg] of what moves with joint",
-    "c": "centre of mass [m], in its own frame, of what moves with joint",
-    "I": "rotational inertia [kg m²] about its centre of mass of what moves with joint",
-    "l": "origin [m], in the frame of the joint that carries it, of joint",
-    "J": "rotor inertia [kg m² | kg] of joint",
-}
+LONGEST = 300_000  # products of terms of one quantity: up to half a minute of arithmetic
 # quantity -> method, the arrays it is a function of
 QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
     "M": ("M", ("q",)),
@@ -79,13 +74,27 @@ class SymbolicManipulator:
     >>> s.M()[0, 1]
     l_1*l_2*cos(q_2) + l_2**2
 
-    Closed forms grow exponentially with the joints: an arm of three takes tenths of a second, one of six minutes.
+    limit       products of terms that one quantity may take, beyond which it is refused; None for no limit
 
-    Raises  ModelError for mimic joints; SpatialDynError naming a parameter that is not known, or that sympy is missing
+    Closed forms grow exponentially with the joints that turn about different axes. Measured, one core, robots' own
+    numbers: all quantities of an arm of three but ṗ in 0.1 s, that in 5 s; of ur5 (six joints, three of them parallel)
+    M in 0.1 s, 1400 operations, and C in 2 s, 7200; of panda (seven) g in 0.5 s, 40 000. Its M takes 25 s without limit
+    and has 660 000; that and its C are refused. Code of any robot and call, unsimplified, is there at once:
+    ``specialize(model, sd.crba).c_code()``.
+
+    Raises  ModelError for mimic joints; SpatialDynError naming a parameter that is not known, or that sympy is missing;
+            of its methods, SpatialDynError for a quantity beyond the limit
     """
 
-    def __init__(self, model: Model, parameters: str | Iterable[str] | Mapping[str, Any] = "numbers") -> None:
+    def __init__(
+        self,
+        model: Model,
+        parameters: str | Iterable[str] | Mapping[str, Any] = "numbers",
+        limit: int | None = LONGEST,
+    ) -> None:
         """Read the robot and choose its symbols."""
+        if limit is not None and not (isinstance(limit, (int, float)) and limit > 0):
+            raise SpatialDynError(f"limit is {limit!r}, expected a positive number of products, or None")
         if check_model(model).mimic_matrix is not None:
             raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for symbols')
         self.model = model
@@ -98,8 +107,8 @@ class SymbolicManipulator:
         self.p, self.tau = named("p", model.nv), named("tau", model.nv)
         known = exact(model)
         self.assumptions = tuple(known.assumptions)
-        chosen = self._chosen(known, parameters)
-        self.parameters = self._own(known, chosen)
+        values = chosen(known, parameters)
+        self.parameters, self.meaning = meanings(known, values, model.names)
         places = {kinds.REVOLUTE: 0, kinds.PLANAR: 2}
         rows = [(int(row["kind"]), int(row["at"])) for row in model.bodies[1:]]
         turning = [self.q[at + places[kind]] for kind, at in rows if kind in places]
@@ -108,73 +117,11 @@ class SymbolicManipulator:
         if len(set(plain)) < len(plain):
             twice = next(x for x in self.parameters if x in plain[: -len(self.parameters)])
             raise SpatialDynError(f"parameter {twice} has the name of a coordinate, expected another")
-        self._ring = known.ring.extended(turning, plain, units)
-        self._rows = exact_table(model, known, self._ring, chosen)
+        self._budget = engine.Budget(f'model "{model.name}"', math.inf if limit is None else limit)
+        self._ring = known.ring.extended(turning, plain, units, self._budget)
+        self._rows = exact_table(model, known, self._ring, values)
         self._frames = known.frames
         self._results: dict[Any, Any] = {}
-
-    # --- parameters ---------------------------------------------------------------------------------------
-
-    def _chosen(self, known: Exact, parameters: Any) -> dict[str, Expr]:
-        """What stands in place of the robot's own values, by name; the components of gravity as g_x, g_y, g_z."""
-        sympy = self._sympy
-        gravity = {x: known.values[x] for x in ("g_x", "g_y", "g_z")}
-        along = [x for x, g in gravity.items() if g.num]
-        nonzero = [name for name, x in known.values.items() if x.num and name not in gravity]
-        nonzero += ["g"] if len(along) == 1 else along
-        names = {*known.values, "g"}
-        if isinstance(parameters, str) and parameters in ("numbers", "symbols"):
-            given: dict[str, Any] = {name: name for name in nonzero if parameters == "symbols"}
-        elif isinstance(parameters, Mapping):
-            given = dict(parameters)
-        else:
-            given = {}
-            for item in [parameters] if isinstance(parameters, str) else parameters:
-                found = [x for x in nonzero if item in KINDS and x.startswith(KINDS[item])]
-                given |= dict.fromkeys([item], item) if item not in KINDS else {x: x for x in found}
-        chosen = {}
-        for name, value in given.items():
-            if name not in names:
-                raise SpatialDynError(
-                    f'parameters has "{name}", expected "numbers", "symbols", one of {", ".join(KINDS)}, or names such '
-                    f"as {', '.join(nonzero[:4]) or 'g'}"
-                )
-            if isinstance(value, str):
-                value = sympy.Symbol(value, **({"positive": True} if value[0] in "mg" else {"real": True}))
-            chosen[name] = sympy.sympify(value)
-        if "g" in chosen:
-            strength = chosen.pop("g")
-            if len(along) > 1:
-                raise SpatialDynError('parameters has "g", expected g_x, g_y, g_z: gravity is not along an axis')
-            down = along[0] if along else "g_z"
-            up = bool(along) and float(gravity[down]) > 0.0
-            chosen[down] = strength if up else -strength
-        return chosen
-
-    def _own(self, known: Exact, chosen: Mapping[str, Expr]) -> dict[Expr, Expr | None]:
-        """The symbols among what is chosen, with the robot's values; also fills ``meaning``."""
-        own: dict[Expr, Expr | None] = {}
-        self.meaning: dict[Expr, str] = {}
-        for name, value in chosen.items():
-            sign = -1 if (-value).is_Symbol else 1
-            for symbol in sorted(value.free_symbols, key=str):
-                number = known.ring.expression(known.values[name]) * sign if symbol == sign * value else None
-                if own.get(symbol, number) != number:
-                    raise SpatialDynError(
-                        f"parameter {symbol} stands for {own[symbol]} and for {number} ({name}), expected one value"
-                    )
-                own[symbol] = number
-                words = f"{self.meaning[symbol]}; " if symbol in self.meaning else ""
-                self.meaning[symbol] = words + self._words(name)
-        return own
-
-    def _words(self, name: str) -> str:
-        letter, _, rest = name.partition("_")
-        if letter == "g":
-            return "gravity [m/s²]"
-        digits = rest.rstrip("xyz")
-        axes = f", {rest[len(digits) :]}" if rest != digits else ""
-        return f'{MEANING[letter]} "{self.model.names[int(digits)]}"{axes}'
 
     # --- running ------------------------------------------------------------------------------------------
 
@@ -226,6 +173,7 @@ class SymbolicManipulator:
     def _shown(self, x: Numbers) -> Any:
         """Numbers as expressions: a scalar, a column, a matrix or an array."""
         flat = [self._ring.expression(e) for e in x.ravel()]
+        self._budget.spent = 0  # a quantity is done
         if x.ndim == 0:
             return flat[0]
         if x.ndim <= 2:
@@ -238,7 +186,7 @@ class SymbolicManipulator:
         Symbols that are not the robot's are taken as parameters. Matrices are simplified entry by entry.
         Raises SpatialDynError naming a part that has no such form.
         """
-        sympy = self._sympy
+        sympy, self._budget.spent = self._sympy, 0
         if hasattr(expression, "applyfunc"):
             return expression.applyfunc(self.simplify)
         expression = sympy.sympify(expression)
@@ -380,6 +328,7 @@ class SymbolicManipulator:
                 total = total + dM[i, j, k] * w[i] * w[j]
             made.append(self._ring.expression(total / (det * det * 2)))
             made[-1] += self._ring.expression(self._ring.of(self.tau[k]) - gravity[k])
+        self._budget.spent = 0
         return self._sympy.ImmutableMatrix(n, 1, made)
 
     def hamilton_equations(self) -> tuple[Matrix, Matrix]:

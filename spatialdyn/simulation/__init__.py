@@ -1,7 +1,8 @@
 """Integrators of the equation of motion, those that keep its structure among them."""
 
 from .methods import Method, integrators
+from .rollouts import PD, Rollout, rollout
 from .runs import hamilton_simulation, simulate
 from .trajectory import Trajectory
 
-__all__ = ["Method", "Trajectory", "hamilton_simulation", "integrators", "simulate"]
+__all__ = ["PD", "Method", "Rollout", "Trajectory", "hamilton_simulation", "integrators", "rollout", "simulate"]

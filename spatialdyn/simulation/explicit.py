@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import register_jitable
-
 from ..bodies import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
 from ..engines import jit
 from ..recursions import SPECS
@@ -40,23 +38,35 @@ def kernels(loaded: bool) -> Kernels:
     return Kernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
 
 
-@register_jitable
+@inlined
 def _free(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, a)  # type: ignore[no-any-return]
 
 
-@register_jitable
+@inlined
 def _loaded(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, system.fext, a)  # type: ignore[no-any-return]
 
 
 @inlined
 def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
-    """u̇ of q(t) = q0 ∘ exp(u(t)) where the joints move with v: the inverse right Jacobian of exp at u, times v.
-
-    Returns TURNED where a joint has turned by π or more, too near the 2π at which the exponential folds.
+    """``rate_of_displacement``; returns TURNED where a joint has turned by π or more, too near the 2π at which the
+    exponential folds.
     """
+    rate_of_displacement(bodies, u, v, out)
     status = OK
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        if not (b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS or b.kind == FOLLOW):
+            w = twist(b, i - 1, u).w
+            if not dot(w, w) < HALF_TURN:
+                status = TURNED
+    return status
+
+
+@inlined
+def rate_of_displacement(bodies: Any, u: Any, v: Any, out: Any) -> None:
+    """u̇ of q(t) = q0 ∘ exp(u(t)) where the joints move with v: the inverse right Jacobian of exp at u, times v."""
     for i in range(1, len(bodies)):
         b = bodies[i]
         if b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS:
@@ -65,26 +75,23 @@ def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
             m, rate = twist(b, i - 1, u), twist(b, i - 1, v)
             T = log_jacobian(m, 1.0)
             put_twist(b, i - 1, Motion(rotate(T.J, rate.w), plus(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
-            if not dot(m.w, m.w) < HALF_TURN:
-                status = TURNED
-    return status
 
 
-@register_jitable
+@inlined
 def acceleration(system: System, t: float, q: Any, v: Any, a: Any) -> None:
     """a of the state (q, v) at time t."""
     system.torque(system, t, q, v)
     note(system, system.kernels.accelerate(system, q, v, a), t)
 
 
-@register_jitable
+@inlined
 def move(system: System, t: float, u: Any, state: State) -> None:
     """q ← q ∘ exp(u)."""
     copy(state.stage, state.q)
     note(system, system.kernels.integrate(system.table, state.stage, u, state.q), t)
 
 
-@register_jitable
+@inlined
 def explicit_euler(system: System, t: float, h: float, state: State) -> None:
     """q⁺ = q ∘ exp(h v), v⁺ = v + h a(q, v)."""
     a, u = state.work[0], state.work[1]
@@ -95,7 +102,7 @@ def explicit_euler(system: System, t: float, h: float, state: State) -> None:
     along(state.w, state.w, h, a)
 
 
-@register_jitable
+@inlined
 def semi_implicit_euler(system: System, t: float, h: float, state: State) -> None:
     """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺)."""
     a, u = state.work[0], state.work[1]
@@ -106,7 +113,7 @@ def semi_implicit_euler(system: System, t: float, h: float, state: State) -> Non
     move(system, t, u, state)
 
 
-@register_jitable
+@inlined
 def velocity_verlet(system: System, t: float, h: float, state: State) -> None:
     """q⁺ = q ∘ exp(h v + ½ h² a), v⁺ = v + ½ h (a + a⁺) with a⁺ = a(q⁺, v + h a).
 
@@ -123,7 +130,7 @@ def velocity_verlet(system: System, t: float, h: float, state: State) -> None:
     along(state.w, state.w, 0.5 * h, b)
 
 
-@register_jitable
+@inlined
 def _stage(system: System, t: float, c: float, u1: Any, a1: Any, u2: Any, a2: Any, state: State) -> None:
     """Slopes u2, a2 at time t of the state that the slopes u1, a1 lead to in a time c."""
     u, w = state.work[8], state.work[9]
@@ -135,7 +142,7 @@ def _stage(system: System, t: float, c: float, u1: Any, a1: Any, u2: Any, a2: An
     acceleration(system, t, state.stage, w, a2)
 
 
-@register_jitable
+@inlined
 def rk4(system: System, t: float, h: float, state: State) -> None:
     """The classical Runge-Kutta method on (u, v) with q(t) = q ∘ exp(u(t)) (after Munthe-Kaas, u̇ in closed form)."""
     k = state.work
@@ -151,7 +158,7 @@ def rk4(system: System, t: float, h: float, state: State) -> None:
     move(system, t, u, state)
 
 
-@register_jitable
+@inlined
 def observe(system: System, t: float, state: State) -> None:
     """The velocity of a state is its own."""
     copy(state.v, state.w)
@@ -159,6 +166,6 @@ def observe(system: System, t: float, state: State) -> None:
         note(system, NONFINITE, t)
 
 
-@register_jitable
+@inlined
 def start(system: System, state: State) -> None:
     """Nothing is kept in other coordinates."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 from . import canonical, explicit, variational
@@ -108,4 +107,32 @@ _ALL = (
     Method("radau", 5, 3, KEEPS_NOTHING, "SciPy's, step by tolerance; for stiff torques; takes energy away"),
 )  # fmt: skip
 
-integrators: Mapping[str, Method] = MappingProxyType({method.name: method for method in _ALL})
+
+class Integrators(Mapping[str, Method]):
+    """The methods of integration by name: ``integrators["gauss4"].order``; printed, a table of what they cost and keep.
+
+    >>> import spatialdyn as sd
+    >>> sd.integrators["gauss4"].order, sd.integrators["rk4"].symplectic
+    (4, False)
+    """
+
+    def __getitem__(self, name: str) -> Method:
+        return _TABLE[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_TABLE)
+
+    def __len__(self) -> int:
+        return len(_TABLE)
+
+    def __repr__(self) -> str:
+        rows = [("method", "order", "evaluations", "preserves")]
+        rows += [
+            (x.name, str(x.order), f"{x.evaluations}{' a sweep' if x.symplectic else ''}", x.preserves) for x in _ALL
+        ]
+        widths = [max(len(row[k]) for row in rows) for k in range(4)]
+        return "\n".join("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+
+
+_TABLE = {method.name: method for method in _ALL}
+integrators = Integrators()

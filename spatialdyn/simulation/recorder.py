@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics import calls
-from ..errors import SpatialDynError
+from ..errors import NonFiniteError, SpatialDynError
 from ..model import Model
 from .methods import Method
 from .trajectory import Trajectory
@@ -86,8 +86,20 @@ class Recorder:
         """What there is so far; of v and p the one that is not recorded is computed here, for all samples at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
-        v = calls["velocity_from_momentum"](model, q, w) if self.moves_p else w
-        p = w if self.moves_p else calls["momentum"](model, q, w)
-        energy = calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q)
+        v = _of_samples("velocity_from_momentum", model, q, w) if self.moves_p else w
+        p = w if self.moves_p else _of_samples("momentum", model, q, w)
+        energy = _of_samples("kinetic_energy", model, q, v) + _of_samples("potential_energy", model, q)
         t = np.array(self.t[:n])
-        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted)
+        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted, model)
+
+
+def _of_samples(name: str, model: Model, *arrays: Array) -> Array:
+    """A call on all samples; NaN where a state is so large that its answer is no number."""
+    try:
+        return np.asarray(calls[name](model, *arrays))
+    except NonFiniteError:
+        if len(arrays[0]) == 1:
+            return np.full((1, model.nv) if name in ("momentum", "velocity_from_momentum") else 1, np.nan)
+        half = len(arrays[0]) // 2
+        parts = [_of_samples(name, model, *(x[at] for x in arrays)) for at in (slice(half), slice(half, None))]
+        return np.concatenate(parts)

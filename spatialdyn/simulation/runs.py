@@ -28,6 +28,7 @@ from .progress import Progress, reporting
 from .recorder import Recorder, Steps
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, user_torque
 from .torques import Torque, torque_of
+from .traced import program, slice_of
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -211,8 +212,12 @@ def _run_fixed(
     asks = held_torque if torque.user is None else user_torque
     system = System(family.kernels(fext is not None), asks, torque.user, *data)
     family.start(system, state)
+    at_once = program(recorder, method, torque, fext, state)
 
     def run(first: int, count: int, h: float) -> None:
+        if at_once is not None and h == steps.dt and at_once(first, count):
+            report(int(recorder.at[0]), steps.total)
+            return
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
         if torque.compiled:
             compiled(method, fext is not None, torque.user)(*data, *state, *times)
@@ -223,10 +228,12 @@ def _run_fixed(
             raise SimulationError(_reason(trouble, model, method, h, state))
         report(int(recorder.at[0]), steps.total)
 
-    count = 1
+    count = 1 if at_once is None else recorder.every
     while (first := int(recorder.at[0])) < steps.whole:
         began = time.perf_counter()
         count = min(count, steps.whole - first)
+        if at_once is not None:
+            count = slice_of(first, count, recorder.every)
         run(first, count, steps.dt)
         spent = max(time.perf_counter() - began, 1e-6)
         count = max(1, int(min(10.0 * count, count * SLICE / spent)))

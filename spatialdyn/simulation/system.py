@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import njit
-from numba.extending import register_jitable
-
 from ..engines import jit
 from ..recursions.checks import all_finite
+from ..scalars import inlined
 
 OK, UNIT, PIVOT, NONFINITE = jit.OK, jit.UNIT, jit.PIVOT, jit.NONFINITE
 TORQUE, STALLED, TURNED = 5, 6, 7  # further codes of trouble
@@ -64,7 +62,7 @@ class State(NamedTuple):
     work: Any
 
 
-@register_jitable
+@inlined
 def note(system: System, code: int, t: float, size: float = 0.0) -> None:
     """Keep the first trouble."""
     if code != OK and system.trouble[0] == OK:
@@ -73,7 +71,7 @@ def note(system: System, code: int, t: float, size: float = 0.0) -> None:
         system.trouble[2] = size
 
 
-@register_jitable
+@inlined
 def hold(system: System, step: int) -> None:
     """Put the torque of a step where methods read it."""
     row = min(step, len(system.held) - 1)
@@ -81,12 +79,12 @@ def hold(system: System, step: int) -> None:
         system.tau[i] = system.held[row, i]
 
 
-@register_jitable
+@inlined
 def held_torque(system: System, t: float, q: Any, v: Any) -> None:
     """The torque that ``hold`` has put there."""
 
 
-@register_jitable
+@inlined
 def user_torque(system: System, t: float, q: Any, v: Any) -> None:
     """The torque of a function ``user(t, q, v, tau)``."""
     system.user(t, q, v, system.tau)
@@ -94,14 +92,14 @@ def user_torque(system: System, t: float, q: Any, v: Any) -> None:
         note(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@inlined
 def along(out: Any, x: Any, c: float, y: Any) -> None:
     """out = x + c y."""
     for i in range(len(out)):
         out[i] = x[i] + c * y[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@inlined
 def copy(out: Any, x: Any) -> None:
     """out = x."""
     for i in range(len(out)):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
+from ..model import Model
 
 Array = NDArray[np.float64]
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
@@ -29,6 +30,7 @@ class Trajectory:
     method, dt   what made it
     robot        name of the model
     interrupted  whether Ctrl-C ended it before its time
+    model        whose motion it is; None after ``load``, for a file holds numbers alone
     """
 
     t: Array
@@ -41,6 +43,7 @@ class Trajectory:
     dt: float
     robot: str
     interrupted: bool = False
+    model: Model | None = None
 
     def __len__(self) -> int:
         return len(self.t)
