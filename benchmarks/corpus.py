@@ -81,9 +81,10 @@ def redone(k: sd.Specialized, values: list[Array]) -> int:
     """How many samples the program does not answer for, whose results then say nothing of it."""
     kernel = k._kernel
     assert kernel is not None
-    n = len(values[0])
-    out = [np.empty((n, width)) for width in kernel._outputs]
-    return len(kernel(n, [(x, 1) for x in values], out))
+    out = [np.empty((len(values[0]), width)) for width in kernel._outputs]
+    left = kernel(values, out)
+    assert left is not None
+    return len(left)
 
 
 def main() -> int:
