@@ -211,8 +211,9 @@ def unit_parts(bodies: NDArray[Any]) -> list[tuple[int, ...]]:
 def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
     """For each D what has to exceed which constant, for it to be above n eps of a bound on its composite inertia.
 
-    With t the sum of m distances |q| that joints below the root have travelled, 2 b t <= b (1 + t²) and
-    t² <= m Σ q²: a polynomial, which a program can hold. ``rows`` are plain; what of them is a Number is part of it.
+    With t the sum of m distances |q| that joints below the root have travelled, 2 b t <= a + c t², for b² <= a c of
+    the moments of any body, and t² <= m Σ q²: a polynomial, which a program can hold, and the same in all units.
+    ``rows`` are plain; what of them is a Number is part of it.
     """
     n = len(rows) - 1
     moved: list[int] = []
@@ -227,8 +228,8 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
     margins = []
     for row, D in zip(rows[1:], pivots, strict=True):
         least, small = 0.0, n * eps
-        growth = (small * len(moved)) * (row.bound.y + row.bound.z) * squares
-        for part in (small * (row.armature + row.bound.x), small * row.bound.y if moved else 0.0, growth):
+        growth = (small * 2 * len(moved)) * row.bound.z * squares
+        for part in (small * (row.armature + row.bound.x), small * row.bound.x if moved else 0.0, growth):
             if isinstance(part, Number):
                 D = D - part
             else:
