@@ -34,9 +34,8 @@ from .spatial import (
     compose,
     identity_pose,
     inertia_to_parent,
-    put_inertia,
-    put_vec,
 )
+from .tables import put_inertia, put_vec
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]

@@ -27,7 +27,14 @@ Row i belongs to velocity v[i - 1].
 
 from __future__ import annotations
 
-from .spatial import Inertia, Motion, Pose, Rot, Vec, table_dtype
+from .spatial import (
+    Inertia,
+    Motion,
+    Pose,
+    Rot,
+    Vec,
+)
+from .tables import table_dtype
 
 BODIES = table_dtype(
     parent=int,

@@ -12,7 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import bodies as table
 from .recursions.joints import place_joint
-from .spatial import Motion, Pose, Rot, Vec, identity_pose, pose_of, put_motion, put_pose, put_rot
+from .spatial import (
+    Motion,
+    Pose,
+    Rot,
+    Vec,
+    identity_pose,
+)
+from .tables import (
+    pose_of,
+    put_motion,
+    put_pose,
+    put_rot,
+)
 
 Array = NDArray[np.float64]
 

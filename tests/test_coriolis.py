@@ -19,7 +19,7 @@ from spatialdyn.bodies import FLOATING, PLANAR_CS, REVOLUTE_CS, SPHERICAL
 from spatialdyn.engines import batches, jit
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.joints import rotation
-from spatialdyn.spatial import object_twin
+from spatialdyn.tables import object_twin
 
 EPS = np.finfo(float).eps
 CLOSE = 256 * EPS  # of the largest entry: sums over a dozen bodies, each of a few rounded products

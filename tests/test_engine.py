@@ -28,7 +28,7 @@ from spatialdyn.bodies import BODIES
 from spatialdyn.engines import jit
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument, Spec
-from spatialdyn.spatial import object_twin
+from spatialdyn.tables import object_twin
 
 Array = NDArray[np.float64]
 PACKAGE = Path(sd.__file__).parent

@@ -22,7 +22,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     # numbers
     "scalars": (),
     "spatial": ("scalars",),
-    "bodies": ("spatial",),
+    "tables": ("spatial",),
+    "bodies": ("tables",),
     "recursions": ("bodies",),
     "engines": ("recursions", "errors"),
     # robots

@@ -10,7 +10,8 @@ from spatialdyn.engines import batches, jit
 from spatialdyn.engines.origins import move_origins
 from spatialdyn.engines.trace import Row, table
 from spatialdyn.recursions import SPECS
-from spatialdyn.spatial import Vec, vec_of
+from spatialdyn.spatial import Vec
+from spatialdyn.tables import vec_of
 
 ROUNDING = 64 * np.finfo(float).eps  # of the largest entry: another order of operations
 BODY = (2.0, (0.1, 0.2, 0.3), np.diag([0.3, 0.4, 0.5]))

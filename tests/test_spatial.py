@@ -12,7 +12,17 @@ from dense import Array, crf, crm, flip, plucker, skew, spatial_inertia
 from trees import random_inertia, random_placement
 
 from spatialdyn import spatial as sp
-from spatialdyn.spatial import Articulated, Coupling, Force, Inertia, Motion, Pose, Rot, Sym, Vec
+from spatialdyn.spatial import (
+    Articulated,
+    Coupling,
+    Force,
+    Inertia,
+    Motion,
+    Pose,
+    Rot,
+    Sym,
+    Vec,
+)
 
 CLOSE = 64 * np.finfo(float).eps  # of the largest entry: products of three 6 x 6 matrices
 SEEDS = range(6)

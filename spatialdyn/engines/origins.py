@@ -17,17 +17,19 @@ from ..spatial import (
     Vec,
     dot,
     identity,
-    inertia_of,
     inertia_to_parent,
     minus,
-    motion_of,
     negative,
     plus,
+    rotate,
+    times,
+)
+from ..tables import (
+    inertia_of,
+    motion_of,
     put_inertia,
     put_vec,
     rot_of,
-    rotate,
-    times,
     vec_of,
 )
 

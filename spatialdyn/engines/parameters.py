@@ -22,12 +22,10 @@ from ..spatial import (
     Vec,
     add_inertia,
     add_sym,
-    inertia_of,
     inertia_to_parent,
-    put_inertia,
     times,
-    vec_of,
 )
+from ..tables import inertia_of, put_inertia, vec_of
 from .trace import table
 
 SHAPES: dict[str, tuple[str | int, ...]] = {

@@ -19,13 +19,15 @@ from ..spatial import (
     Vec,
     add_inertia,
     dot,
-    inertia_of,
     inertia_to_parent,
     minus,
+    times,
+)
+from ..tables import (
+    inertia_of,
     motion_of,
     pose_of,
     put_inertia,
-    times,
 )
 
 

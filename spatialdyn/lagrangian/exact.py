@@ -26,7 +26,15 @@ from ..model import Model
 from ..recursions.joints import turn
 from ..robot import WITH_AXIS, rpy_of
 from ..rows import put_joint, subspace
-from ..spatial import Inertia, Pose, Rot, Sym, Vec, matmul, put_inertia, put_vec
+from ..spatial import (
+    Inertia,
+    Pose,
+    Rot,
+    Sym,
+    Vec,
+    matmul,
+)
+from ..tables import put_inertia, put_vec
 
 Expr = Any  # sympy.Expr
 STEPS = 360  # of π: an angle that is a multiple of half a degree to ten digits is that multiple

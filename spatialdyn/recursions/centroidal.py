@@ -24,24 +24,26 @@ from ..spatial import (
     cross_force,
     cross_motion,
     identity_pose,
-    inertia_of,
     inertia_rate,
     inertia_to_parent,
     minus,
     momentum,
-    motion_of,
     motion_to_parent,
+    scale_motion,
+    times,
+    zero_force,
+    zero_motion,
+)
+from ..tables import (
+    inertia_of,
+    motion_of,
     pose_of,
     public_force,
     put_inertia,
     put_motion,
     put_pose,
-    scale_motion,
     table_dtype,
-    times,
     vec_of,
-    zero_force,
-    zero_motion,
 )
 from .energy import WORK_MOMENT, mass_moment
 from .joints import joint_motion, place_joint

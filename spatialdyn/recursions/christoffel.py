@@ -27,14 +27,16 @@ from ..spatial import (
     coupled_back,
     coupling,
     dot,
-    inertia_of,
-    motion_of,
     power,
-    put_inertia,
-    table_dtype,
     unshift_coupling,
     unshift_force,
     unshift_inertia,
+)
+from ..tables import (
+    inertia_of,
+    motion_of,
+    put_inertia,
+    table_dtype,
     vec_of,
 )
 from .coriolis import in_branch_axes

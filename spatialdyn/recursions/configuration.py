@@ -17,7 +17,18 @@ from typing import Any
 
 from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
 from ..scalars import atan2, cos, inlined, select, sin, sqrt
-from ..spatial import Motion, Rot, Scalar, Vec, minus, plus, rotate, scale_motion, unrotate, zero
+from ..spatial import (
+    Motion,
+    Rot,
+    Scalar,
+    Vec,
+    minus,
+    plus,
+    rotate,
+    scale_motion,
+    unrotate,
+    zero,
+)
 from .lie import (
     Quat,
     Tangent,

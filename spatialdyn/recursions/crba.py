@@ -10,12 +10,14 @@ from ..spatial import (
     Pose,
     add_inertia,
     force_to_parent,
-    inertia_of,
     inertia_to_parent,
     momentum,
+    power,
+)
+from ..tables import (
+    inertia_of,
     motion_of,
     pose_of,
-    power,
     put_inertia,
     table_dtype,
 )

@@ -11,20 +11,22 @@ from ..spatial import (
     Vec,
     add_motion,
     dot,
-    inertia_of,
     momentum,
-    motion_of,
     motion_to_child,
     plus,
-    pose_of,
     power,
+    rotate,
+    times,
+    zero_motion,
+)
+from ..tables import (
+    inertia_of,
+    motion_of,
+    pose_of,
     put_motion,
     put_vec,
-    rotate,
     table_dtype,
-    times,
     vec_of,
-    zero_motion,
 )
 from .joints import joint_motion, place_joint
 from .spec import Argument, Q, Spec, V

@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from ..scalars import inlined
-from ..spatial import Force, Inertia, Pose, Vec, table_dtype
+from ..spatial import (
+    Force,
+    Inertia,
+    Pose,
+    Vec,
+)
+from ..tables import table_dtype
 from .crba import crba
 from .rnea import rnea
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V

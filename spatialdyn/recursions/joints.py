@@ -16,19 +16,21 @@ from ..spatial import (
     add_rot,
     compose,
     identity_pose,
-    motion_of,
     plus,
+    rotate,
+    scale_motion,
+    times,
+    zero,
+    zero_motion,
+)
+from ..tables import (
+    motion_of,
     pose_of,
     put_pose,
     put_rot,
     put_vec,
     rot_of,
-    rotate,
-    scale_motion,
-    times,
     vec_of,
-    zero,
-    zero_motion,
 )
 
 

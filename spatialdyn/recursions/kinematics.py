@@ -17,21 +17,23 @@ from ..spatial import (
     cross,
     cross_motion,
     identity_pose,
-    motion_of,
     motion_to_child,
     motion_to_parent,
     plus,
+    rotate,
+    scale_motion,
+    sub_motion,
+    zero_motion,
+)
+from ..tables import (
+    motion_of,
     pose_from,
     pose_of,
     public_motion,
     public_pose,
     put_motion,
     put_pose,
-    rotate,
-    scale_motion,
-    sub_motion,
     table_dtype,
-    zero_motion,
 )
 from .joints import joint_motion, place_joint
 from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V

@@ -23,7 +23,18 @@ from math import factorial
 from typing import NamedTuple
 
 from ..scalars import atan2, cos, inlined, select, sin, sqrt, summed
-from ..spatial import Motion, Rot, Scalar, Vec, cross, dot, matmul, plus, times, transpose
+from ..spatial import (
+    Motion,
+    Rot,
+    Scalar,
+    Vec,
+    cross,
+    dot,
+    matmul,
+    plus,
+    times,
+    transpose,
+)
 from .joints import rotation
 
 TINY = 1e-36  # its root is far below the resolution of θ, and both are normal numbers in float32

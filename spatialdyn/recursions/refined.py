@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from ..scalars import inlined
-from ..spatial import Articulated, Force, Motion, Pose, Vec, table_dtype, vec_of, zero
+from ..spatial import (
+    Articulated,
+    Force,
+    Motion,
+    Pose,
+    Vec,
+    zero,
+)
+from ..tables import table_dtype, vec_of
 from .aba import articulated_again, articulated_inward, articulated_outward
 from .rnea import rnea
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V

@@ -38,7 +38,18 @@ from ..recursions.lie import (
     unit,
 )
 from ..scalars import atan2, cos, inlined, sin
-from ..spatial import Motion, Rot, Vec, cross, dot, plus, rotate, times, unrotate, zero
+from ..spatial import (
+    Motion,
+    Rot,
+    Vec,
+    cross,
+    dot,
+    plus,
+    rotate,
+    times,
+    unrotate,
+    zero,
+)
 
 FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a fresh chart, well before the 2π where the exponential folds
 OK, MOVED = 0, 1

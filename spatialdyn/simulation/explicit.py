@@ -15,7 +15,12 @@ from ..recursions.checks import all_finite
 from ..recursions.configuration import put_twist, twist
 from ..recursions.lie import log_jacobian
 from ..scalars import inlined
-from ..spatial import Motion, dot, plus, rotate
+from ..spatial import (
+    Motion,
+    dot,
+    plus,
+    rotate,
+)
 from .compiled import kernel
 from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 

@@ -39,22 +39,24 @@ from ..spatial import (
     Vec,
     add_force,
     cross,
-    force_of,
     force_to_parent,
-    inertia_of,
     momentum,
-    motion_of,
     plus,
-    pose_of,
     power,
+    times,
+    unrotate,
+    zero,
+    zero_force,
+)
+from ..tables import (
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
     put_force,
     put_vec,
     table_dtype,
-    times,
-    unrotate,
     vec_of,
-    zero,
-    zero_force,
 )
 from .canonical import LARGEST, SWEEPS, relative, settled
 from .compiled import kernel
