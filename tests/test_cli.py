@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from spatialdyn import Trajectory, cli, dynamics, validate
+from spatialdyn.commands import compare
+from spatialdyn.errors import InertiaError
 from spatialdyn.urdf import example_robots
 
 pytest.importorskip("pinocchio")
@@ -147,7 +149,7 @@ def test_a_call_that_refuses_without_cause_disagrees(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(model: Any, *inputs: Any) -> None:
-        raise validate.InertiaError('joint "x" moves no inertia')
+        raise InertiaError('joint "x" moves no inertia')
 
     monkeypatch.setattr(dynamics, "aba", refuse)
     status, out, _ = run(capsys, "compare", "two_link", "--samples", "2", "--no-timing")
@@ -214,7 +216,7 @@ def test_all_counts_what_both_refuse(capsys: pytest.CaptureFixture[str], monkeyp
     wanted = {path.stem: path for path in example_robots() if path.stem in ("ur3", "TwoDofs")}
     if len(wanted) < 2:
         pytest.skip("example-robot-data is not installed")
-    monkeypatch.setattr(cli, "example_robots", lambda: list(wanted.values()))
+    monkeypatch.setattr(compare, "example_robots", lambda: list(wanted.values()))
     status, out, _ = run(capsys, "compare", "--all", "--samples", "1", "--no-timing")
     assert status == 0
     assert "refused by both" in out
