@@ -127,9 +127,11 @@ def test_timing_is_in_json_too(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("wrong_crba")
 def test_disagreement_is_exit_1_and_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of crba against Pinocchio's, and of momentum against crba."""
     status, out, _ = run(capsys, "compare", "tree", "--samples", "2", "--no-timing")
     assert status == 1
-    assert out.splitlines()[-1] == "DISAGREES with Pinocchio: tree (fixed): crba; tree (floating): crba"
+    wrong = "; ".join(f"tree ({root}): {call}" for root in ("fixed", "floating") for call in ("crba", "momentum"))
+    assert out.splitlines()[-1] == f"DISAGREES with Pinocchio: {wrong}"
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
