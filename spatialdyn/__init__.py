@@ -40,14 +40,15 @@ from .simulation import PD, Rollout, Trajectory, hamilton_simulation, integrator
 from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .urdf import load_urdf
+from .validate import compare_with_pinocchio
 
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError",
     "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
-    "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation", "conserved_quantities",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators",
-    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "rollout", "simulate", "specialize", "step",
-    "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
+    "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation", "compare_with_pinocchio",
+    "conserved_quantities", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "rollout", "simulate",
+    "specialize", "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

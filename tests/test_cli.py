@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import spatialdyn as sd
 from spatialdyn import Trajectory, cli, dynamics, validate
 from spatialdyn.commands import compare
 from spatialdyn.errors import InertiaError
@@ -92,6 +93,12 @@ def test_compare_of_one_robot_has_a_row_per_call(capsys: pytest.CaptureFixture[s
 
 def test_compare_covers_every_public_call_about_dynamics() -> None:
     assert {call.name for call in validate.CALLS} >= set(dynamics.SPECS)
+
+
+def test_compare_is_a_library_call_too() -> None:
+    comparison = sd.compare_with_pinocchio("two_link", "floating", samples=2)
+    assert comparison.ok
+    assert {row.call.partition(" ")[0] for row in comparison.rows} >= set(dynamics.SPECS)
 
 
 def test_compare_of_many_robots_has_a_row_per_robot(capsys: pytest.CaptureFixture[str]) -> None:

@@ -50,7 +50,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian", "simulation"),
+    "__init__": ("validate", "builder", "simulation"),
     "commands": ("validate", "simulation"),
     "cli": ("commands",),
     "__main__": ("cli",),

@@ -61,6 +61,10 @@ def compare_with_pinocchio(
     timing      also time single calls of both from Python: median of interleaved rounds
     continuous  as ``load_urdf`` has it; "angle" fits Pinocchio on robots without continuous joints only
 
+    >>> import spatialdyn as sd
+    >>> sd.compare_with_pinocchio("two_link", samples=2).ok
+    True
+
     Raises SpatialDynError if Pinocchio is not installed, refuses the robot, or has other sizes; UrdfError as
     ``load_urdf`` does.
     """
