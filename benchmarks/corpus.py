@@ -13,21 +13,18 @@ import argparse
 import time
 from collections import Counter
 
-import mpmath
 import numpy as np
 from cases import Array, deepest, load, random_state
 from tables import Bar
 
 import spatialdyn as sd
-from spatialdyn import scalars
-from spatialdyn.engines import jit, trace
-from spatialdyn.recursions import SPECS
+from spatialdyn.dynamics import calls
 from spatialdyn.urdf import example_robots
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS  # both sides round the same equations in another order
 SOLVED = 4.0  # times the untraced error, and ROUNDING, for what is solved for
-DIGITS = 40
+BITS = 140
 FAR = 1e3  # rad
 EXACT = 2  # samples that are run in so many digits
 CALLS = {
@@ -40,21 +37,10 @@ CALLS = {
     "minverse": "q",
 }
 
-scalars.sin.register(mpmath.mpf)(mpmath.sin)
-scalars.cos.register(mpmath.mpf)(mpmath.cos)
-scalars.sqrt.register(mpmath.mpf)(mpmath.sqrt)
-
 
 def exact(model: sd.Model, name: str, values: list[Array]) -> Array:
-    """One sample of what is solved for, in DIGITS digits, rounded at the end."""
-    spec = jit.variant(SPECS[name], frozenset())
-    n = model.nv
-    with mpmath.workdps(DIGITS):
-        given = iter([np.array([mpmath.mpf(x) for x in v.tolist()], object) for v in values])
-        inputs = [None if x is None else next(given) for x in spec.inputs]
-        out, pivots = np.zeros((n, n) if name == "minverse" else n, object), np.zeros(n, object)
-        spec.recursion(trace.table(model.bodies), trace.scratch(spec.work, n + 1), *inputs, out, pivots)
-        return out.astype(np.float64)
+    """One sample of what is solved for, in BITS bits, rounded at the end."""
+    return np.asarray(sd.exact(model, calls[name], BITS)(*values).astype(np.float64))
 
 
 def scaled(x: Array, wanted: Array) -> float:
@@ -96,8 +82,9 @@ def redone(k: sd.Specialized, values: list[Array]) -> int:
     kernel = k._kernel
     assert kernel is not None
     n = len(values[0])
-    out = [np.empty((n, len(places))) for places in kernel.layout.outputs]
-    return len(kernel(n, [(x, 1) for x in values], out))
+    samples = kernel(values, [np.empty((n, columns)) for columns in kernel.outputs])
+    assert samples is not None
+    return len(samples)
 
 
 def main() -> int:

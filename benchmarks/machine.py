@@ -21,7 +21,7 @@ DEEP = 8  # of each chain in one turn of the loop
 TURNS = 100_000
 BYTES = 256 << 20  # far above the caches
 SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, polynomials (engines/vectors.py)
-    scalar: 10 + 2 * (len(vectors.HALF_PI[scalar, True]) + len(vectors.SINE[scalar]) + len(vectors.COSINE[scalar]) - 2)
+    scalar: 15 + 2 * (len(vectors.HALF_PI[scalar, True]) + len(vectors.SINE[scalar]) + len(vectors.COSINE[scalar]) - 2)
     for scalar in ("double", "float")
 }
 

@@ -262,7 +262,7 @@ def _put_bounds(bodies: NDArray[Any]) -> None:
         J = b.inertia.I
         mass[i] += b.inertia.m
         first[i] += math.hypot(*b.inertia.h.tolist())
-        second[i] += np.linalg.norm([[J.xx, J.xy, J.xz], [J.xy, J.yy, J.yz], [J.xz, J.yz, J.zz]])
+        second[i] += math.hypot(J.xx, J.xy, J.xz, J.xy, J.yy, J.yz, J.xz, J.yz, J.zz)  # no square over- or underflows
         turns = any(b.S.w.tolist())
         put_vec(b.bound, Vec(second[i], first[i], mass[i]) if turns else Vec(mass[i], 0.0, 0.0))
         p, parent = math.hypot(*b.X.p.tolist()), b.parent

@@ -98,7 +98,7 @@ def task_of(
     """The arguments of ``specialize``, read. Raises what is said there."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
-    specs = _calls(calls)
+    specs = specs_of(calls)
     optional, names, chosen = _inputs(model, inputs, specs)
     constants = _fixed(model, fixed, specs)
     present = optional | {name for name in constants if constants[name].any()}
@@ -110,7 +110,7 @@ def task_of(
         several=not callable(calls),
         dtype=_dtype(dtype),
         arguments=tuple(x for x in given.values() if not x.static),
-        static=_static(model, [x.name for x in given.values() if x.static], frame, reference, classical),
+        static=static_of(model, [x.name for x in given.values() if x.static], frame, reference, classical),
         constants={name: x for name, x in constants.items() if name in given},
         names=names,
         parameters=chosen,
@@ -128,7 +128,8 @@ def _dtype(dtype: DTypeLike) -> np.dtype:
     return np.dtype(found)
 
 
-def _calls(calls: Any) -> tuple[Spec, ...]:
+def specs_of(calls: Any) -> tuple[Spec, ...]:
+    """The specs of a public call or several. Raises SpatialDynError for anything else."""
     by_function = {function: SPECS[name] for name, function in public.items()}
     listed = [calls] if callable(calls) else calls
     if not isinstance(listed, (list, tuple)) or not listed:
@@ -286,7 +287,7 @@ def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArra
     return tuple(wanted)
 
 
-def _static(
+def static_of(
     model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
 ) -> dict[str, Any]:
     """Values of the inputs that are no arrays of samples."""

@@ -508,6 +508,9 @@ SINGULAR = {
 def test_a_joint_that_moves_no_inertia_is_named(name: str, case: str) -> None:
     model, joint = SINGULAR[case]
     spec = SPECS[name]
+    if name == "aba_square_root" and case.startswith("next to"):
+        assert np.isfinite(public(model, spec, random_inputs(model, spec))).all()
+        return  # it forms no sums of inertias, so it can tell: see test_forward
     for batch in ((), (3,)):
         values = random_inputs(model, spec, 0, batch)
         message = refusal(lambda values=values: public(model, spec, values), sd.InertiaError)

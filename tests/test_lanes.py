@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -157,6 +157,36 @@ def test_sine_and_cosine_are_within_one_and_a_half_ulp(sines: tuple[NDArray[np.f
     (found,), fine = Runner(*program_of(sin_and_cos, 1), shape)(x)
     assert fine.all()
     assert (abs((found - high) - low) / np.spacing(abs(high))).max() <= ULPS
+
+
+def many_angles(dtype: Any) -> Iterator[NDArray[Any]]:
+    """Ten million: next to every multiple of π/2 to FAR, where r is just above 1/2, small ones, and evenly."""
+    rng = np.random.default_rng(1)
+    near = np.arange(1, int(FAR / (math.pi / 2)) + 1) * (math.pi / 2)
+    half = near + rng.uniform(0.5, 0.5236, len(near))
+    sets = [np.nextafter(dtype(0.0), dtype(1.0), dtype=dtype) * np.arange(16), 10.0 ** rng.uniform(-30, 5, 500_000)]
+    sets += [near.astype(dtype) + m * np.spacing(near.astype(dtype)) for m in range(-3, 4)] + [half, -half]
+    sets += [rng.uniform(-FAR, FAR, 1_000_000) for _ in range(9)]
+    for x in sets:
+        x = x.astype(dtype)
+        x = x[abs(x) <= dtype(FAR)]
+        yield x[: len(x) // 16 * 16]
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no wider float to compare with")
+@pytest.mark.parametrize("shape", [Shape(8, True), Shape(2, False)], ids=name_of)
+@pytest.mark.parametrize(("dtype", "wider"), [(np.float64, np.longdouble), (np.float32, np.float64)])
+def test_sine_and_cosine_of_ten_million_angles_are_within_one_and_a_half_ulp(
+    dtype: Any, wider: Any, shape: Shape
+) -> None:
+    run = Runner(*program_of(sin_and_cos, 1), shape, dtype)
+    for x in many_angles(dtype):
+        (found,), fine = run(x)
+        assert fine.all()
+        for column, function in enumerate((np.sin, np.cos)):
+            wanted = function(x.astype(wider))
+            ulp = np.spacing(abs(wanted.astype(dtype))).astype(wider)
+            assert (abs(found[:, column] - wanted) / ulp).max() <= ULPS
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=name_of)
@@ -468,7 +498,7 @@ def test_object_code_without_a_kernel_is_refused() -> None:
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(jit=True)
     other = machine.emit_object(llvm.parse_assembly("define void @other() {\n  ret void\n}\n"))
     with pytest.raises(ValueError, match="no kernel"):
-        Loaded(other)
+        Loaded(other).address("kernel")
 
 
 def test_codes_have_names() -> None:

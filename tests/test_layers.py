@@ -41,16 +41,18 @@ BELOW: dict[str, tuple[str, ...]] = {
     "border": ("model", "engines"),
     "diagnosis": ("border",),
     "dynamics": ("diagnosis",),
+    "forward": ("dynamics",),
     "choices": ("dynamics",),
     "untraced": ("choices",),
     "specialize": ("untraced",),
+    "truth": ("choices",),
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
     "simulation": ("lagrangian",),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("validate", "builder", "simulation"),
+    "__init__": ("validate", "builder", "forward", "truth", "simulation"),
     "commands": ("validate", "simulation"),
     "cli": ("commands",),
     "__main__": ("cli",),
@@ -61,7 +63,8 @@ UPWARD: dict[tuple[str, str], str] = {}
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
 CHANGED = {"engines.batches": {"_kept", "team"}}
 
-SHARED = {"spec", "joints", "lie", "energy", "aba", "coriolis", "hamilton"}  # what recursions import of their own room
+# what recursions import of their own room
+SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton"}
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {"simulation.trajectory"}  # writes and reads itself
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is

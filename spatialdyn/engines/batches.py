@@ -35,7 +35,7 @@ from .origins import move_origins
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .regroup import regroup
-from .trace import Number, Program, Tape, scratch, table
+from .trace import Number, Program, Tape, evaluate, table
 
 FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
@@ -66,6 +66,15 @@ class _Team:
             if threads not in self._pools:
                 self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
             return self._pools[threads]
+
+    def share(self, n: int, least: int, part: Callable[[int, int], int]) -> int:
+        """The sum of ``part(first, end)`` over n samples cut among the threads, with at least so many for each."""
+        threads = max(1, min(self.size, n // least))
+        if threads == 1:
+            return part(0, n)
+        cuts = [n * k // threads for k in range(threads + 1)]
+        jobs = [self.pool(threads).submit(part, *cut) for cut in pairwise(cuts[1:])]
+        return part(*cuts[:2]) + sum(job.result() for job in jobs)
 
 
 team = _Team()
@@ -119,6 +128,9 @@ def record(
     choice  what is constant, what else an input, and what is wanted
     dtype   in which the program will run, and pivots be judged
     """
+    for spec in specs:
+        if not spec.traces:
+            raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(choice.fixed)
     tape, rows = Tape(), table(bodies)
     taken = withdraw(rows, choice.parameters)
@@ -163,16 +175,13 @@ def record(
     results: list[Any] = []
     places, pivots = [], []
     for k, spec in enumerate(specs):
-        out = np.zeros(shape(spec.output.shape) or (1,), dtype=object)
-        inner = [np.zeros(n, dtype=object)] if spec.pivots else []
-        work = [] if spec.work is None else [scratch(spec.work, n + 1)]
-        inputs = [None if x is None else given[x.name] for x in spec.inputs]
-        spec.recursion(rows, *work, *inputs, out, *inner)
+        inner = np.zeros(n, dtype=object)
+        out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
         wanted = out.ravel()[list(choice.outputs[k])] if choice.outputs else out.ravel()
         places.append(tuple(range(len(results), len(results) + len(wanted))))
         results += wanted.tolist()
         if spec.pivots:
-            margins = pivot_margins(rows, given["q"], inner[0], EPS if dtype == np.float64 else np.finfo(dtype).eps)
+            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else np.finfo(dtype).eps)
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
     layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots))
@@ -202,8 +211,9 @@ def unit_parts(bodies: NDArray[Any]) -> list[tuple[int, ...]]:
 def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
     """For each D what has to exceed which constant, for it to be above n eps of a bound on its composite inertia.
 
-    With t the sum of m distances |q| that joints below the root have travelled, 2 b t <= b (1 + t²) and
-    t² <= m Σ q²: a polynomial, which a program can hold. ``rows`` are plain; what of them is a Number is part of it.
+    With t the sum of m distances |q| that joints below the root have travelled, 2 b t <= a + c t², for b² <= a c of
+    the moments of any body, and t² <= m Σ q²: a polynomial, which a program can hold, and the same in all units.
+    ``rows`` are plain; what of them is a Number is part of it.
     """
     n = len(rows) - 1
     moved: list[int] = []
@@ -218,8 +228,8 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
     margins = []
     for row, D in zip(rows[1:], pivots, strict=True):
         least, small = 0.0, n * eps
-        growth = (small * len(moved)) * (row.bound.y + row.bound.z) * squares
-        for part in (small * (row.armature + row.bound.x), small * row.bound.y if moved else 0.0, growth):
+        growth = (small * 2 * len(moved)) * row.bound.z * squares
+        for part in (small * (row.armature + row.bound.x), small * row.bound.x if moved else 0.0, growth):
             if isinstance(part, Number):
                 D = D - part
             else:
@@ -236,11 +246,11 @@ class Kernel:
         self._loaded = lanes.Loaded(code)
         self.dtype, self.lanes = np.dtype(dtype), 1 if one else lanes.lanes_of(dtype)
         self.address, self.workspace = self._loaded.address("kernel"), workspace
-        self._inputs, self._outputs = layout.inputs, tuple(map(len, layout.outputs))
-        self._room = room(self._inputs, self._outputs, workspace, self.lanes, self.dtype.itemsize)
+        self.inputs, self.outputs = layout.inputs, tuple(map(len, layout.outputs))
+        self._room = room(self.inputs, self.outputs, workspace, self.lanes, self.dtype.itemsize)
         self._share = max(1, SHARE // len(code))
-        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self._inputs)
-        kinds += [ctypes.py_object] * (len(self._outputs) + 1)
+        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self.inputs)
+        kinds += [ctypes.py_object] * (len(self.outputs) + 1)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64)
         self._run: Callable[..., int] = kind(self._loaded.address("entry"))
 
@@ -253,12 +263,12 @@ class Kernel:
         None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything.
         """
         n, arguments = len(outputs[0]), []
-        for x, columns in zip(inputs, self._inputs, strict=True):
+        for x, columns in zip(inputs, self.inputs, strict=True):
             rows = len(x)
             if x.shape != (rows, columns) or not (rows == n or rows == 1) or not self._fit(x):
                 return None
             arguments += [x, rows]
-        for y, columns in zip(outputs, self._outputs, strict=True):
+        for y, columns in zip(outputs, self.outputs, strict=True):
             if y.shape != (n, columns) or not self._fit(y) or not y.flags.writeable:
                 return None
         tiles = -(-n // self.lanes)
@@ -306,7 +316,8 @@ class Kernel:
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
-    """Whether calls on a table can be a program: it would not be too long, and no output is checked for its norm.
+    """Whether calls on a table can be a program: none branches on values, it would not be too long, and no output is
+    checked for its norm.
 
     results  numbers wanted of one sample, if not all
     """
@@ -314,7 +325,7 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         sizes = _sizes(bodies)
         results = sum(math.prod(_shape(spec.output.shape, sizes)) for spec in specs)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
-    return short and not any(spec.output.unit_norm for spec in specs)
+    return short and all(spec.traces and not spec.output.unit_norm for spec in specs)
 
 
 def kernel(

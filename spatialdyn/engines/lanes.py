@@ -137,11 +137,12 @@ class _Writer:
         slots: dict[int, int] = {}
         free: list[int] = []
         ends: dict[int, list[int]] = {}
-        count = 0
+        count, here = 0, -1
         for k in sorted(last, key=lambda k: (self.chunk_of.get(k, -1), k)):
-            here = self.chunk_of.get(k, -1)
-            for done in [c for c in ends if c < here]:
-                free += ends.pop(done)
+            if self.chunk_of.get(k, -1) > here:
+                here = self.chunk_of.get(k, -1)
+                for done in [c for c in ends if c < here]:
+                    free += ends.pop(done)
             if free:
                 slots[k] = free.pop()
             else:
@@ -176,15 +177,14 @@ class _Writer:
         columns: list[str] = []
         for a, width in enumerate(self.layout.inputs):
             row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
-            starts = [t.put(f"mul i64 {r}, %step{a}") for r in row]
+            starts = [self._at(t, f"%in{a}", t.put(f"mul i64 {r}, %step{a}")) for r in row]
             found = [""] * width
             for first, size in _blocks(width, self.lanes):
                 loaded = []
                 for i in range(size):
                     parts = []
                     for g in range(self.lanes // size):
-                        at = t.put(f"add i64 {starts[g * size + i]}, {first}")
-                        address = t.put(f"getelementptr {self.scalar}, ptr %in{a}, i64 {at}")
+                        address = self._at(t, starts[g * size + i], first)
                         kind = f"<{size} x {self.scalar}>"
                         parts.append(t.put(f"load {kind}, ptr {address}, align {self.size}"))
                     loaded.append(self._joined(t, parts, size))
@@ -216,6 +216,10 @@ class _Writer:
             ]
             size *= 2
         return parts[0]
+
+    def _at(self, t: Text, base: str, offset: int | str) -> str:
+        """The address so many numbers on."""
+        return t.put(f"getelementptr {self.scalar}, ptr {base}, i64 {offset}")
 
     def _store(self, t: Text, value: str, slot: int) -> None:
         address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
@@ -308,11 +312,10 @@ class _Writer:
             staged = self.stream and columns % self.lanes > 0
             if staged:
                 to = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {self.stage}")
-                starts = [str(r * columns) for r in range(self.lanes)]
+                starts = [self._at(t, to, r * columns) for r in range(self.lanes)]
             else:
-                to = f"%out{a}"
                 row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
-                starts = [t.put(f"mul i64 {r}, {columns}") for r in row]
+                starts = [self._at(t, f"%out{a}", t.put(f"mul i64 {r}, {columns}")) for r in row]
             how = f"align {self.size}"
             if self.stream and not staged:
                 how = f"align {self.size * self.lanes}, !nontemporal !0"
@@ -328,11 +331,11 @@ class _Writer:
                     vectors.append(x)
                 for i, x in enumerate(t.transposed(vectors)):
                     for g in range(self.lanes // size):
-                        mask = ", ".join(f"i32 {g * size + m}" for m in range(size))
-                        kind = f"<{size} x {self.scalar}>"
-                        part = t.put(f"shufflevector {t.vector} {x}, {t.vector} {x}, <{size} x i32> <{mask}>")
-                        at = t.put(f"add i64 {starts[g * size + i]}, {first}")
-                        address = t.put(f"getelementptr {self.scalar}, ptr {to}, i64 {at}")
+                        kind, part = f"<{size} x {self.scalar}>", x
+                        if size < self.lanes:
+                            mask = ", ".join(f"i32 {g * size + m}" for m in range(size))
+                            part = t.put(f"shufflevector {t.vector} {x}, {t.vector} {x}, <{size} x i32> <{mask}>")
+                        address = self._at(t, starts[g * size + i], first)
                         t.out.append(f"  store {kind} {part}, ptr {address}, {how}")
             if staged:
                 t.out.append(f"  call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
@@ -435,10 +438,10 @@ def compiled(
 
 
 def assembled(text: str) -> bytes:
-    """Object code of a module for this host."""
+    """Object code of a module for this host; LLVM's next level takes half as long again for code that is no faster."""
     name, features, _, _ = host()
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
+        cpu=name, features=features, opt=1, reloc="pic", codemodel="jitdefault", jit=True
     )
     code: bytes = machine.emit_object(llvm.parse_assembly(text))
     return code

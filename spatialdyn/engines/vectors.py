@@ -22,7 +22,8 @@ HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
         0.0004825592041015625,
         1.2665987014770508e-06,
         9.89530235528946e-10,
-        2.563344151594519e-12,
+        2.5579538487363607e-12,
+        5.390302953474238e-15,
     ),
 }
 SINE = {
@@ -34,7 +35,7 @@ SINE = {
         -2.50507602534068634195e-08,
         1.58969099521155010221e-10,
     ),
-    "float": (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4),
+    "float": (-1 / 6, 1 / 120, -1 / 5040, 1 / 362880),  # a term more than float32 has digits, or 1.6 ulp
 }
 COSINE = {
     "double": (
@@ -72,11 +73,10 @@ class Text:
         if self.scalar == "float":
             value = float(np.float32(value))
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
-        return "<" + ", ".join([f"{self.scalar} 0x{bits:016X}"] * self.lanes) + ">"
+        return f"splat ({self.scalar} 0x{bits:016X})"
 
     def integer(self, value: int) -> str:
-        kind = self.bits.split()[-1][:-1]
-        return "<" + ", ".join([f"{kind} {value}"] * self.lanes) + ">"
+        return f"splat ({self.bits.split()[-1][:-1]} {value})"
 
     def binary(self, word: str, a: str, b: str) -> str:
         return self.put(f"{word} {self.vector} {a}, {b}")
@@ -107,15 +107,17 @@ class Text:
         s, v, k = self.scalar, self.vector, self.constant
         shifted = self.fused(x, k(2.0 / math.pi), k(MAGIC[s]))
         n = self.binary("fsub", shifted, k(MAGIC[s]))
-        r = self._reduced(x, n)
+        r, low = self._reduced(x, n)
         z = self.binary("fmul", r, r)
         p, q = k(SINE[s][-1]), k(COSINE[s][-1])
         for c in reversed(SINE[s][:-1]):
             p = self.fused(z, p, k(c))
-        for c in reversed(COSINE[s][:-1]):
+        for c in (*reversed(COSINE[s][:-1]), -0.5):
             q = self.fused(z, q, k(c))
-        sine = self.fused(self.binary("fmul", z, r), p, r)
-        cosine = self.fused(self.binary("fmul", z, z), q, self.fused(z, k(-0.5), k(1.0)))
+        # r lacks low, half an ulp of it at most, which for 1/2 < |r| is up to one of the sine; a part z keeps that
+        # within 1.5 ulp, and vanishes next to 0, where low itself is lost in what cancels
+        sine = self.fused(z, self.fused(r, p, low), r)
+        cosine = self.fused(z, q, k(1.0))  # one rounding: 1 - z/2 by itself would be a second, and 1.6 ulp in all
         quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
         one, top = self.integer(1), 62 if s == "double" else 30
         sign = self.integer(-(2 << top))
@@ -132,22 +134,24 @@ class Text:
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
         return results[0], results[1]
 
-    def _reduced(self, x: str, n: str) -> str:
-        """x - n π/2, within an ulp."""
+    def _reduced(self, x: str, n: str) -> tuple[str, str]:
+        """x - n π/2, rounded, and what it lacks: where |r| > 1/2 half an ulp of r is a whole one of its sine."""
         k = self.constant
         *parts, least = HALF_PI[self.scalar, self.fma]
+        if self.fma:
+            large, small = parts
+            whole = self.fused(n, k(-large), x)  # exact
+            r = self.fused(n, k(-least), self.fused(n, k(-small), whole))
+            return r, self.fused(n, k(-small), self.binary("fsub", whole, r))
         r, rest = x, ""
         for part in parts:
-            if self.fma:
-                r = self.fused(n, k(-part), r)
-                continue
             taken = self.binary("fmul", n, k(part))  # exact; what the difference loses is kept
             less = self.binary("fsub", r, taken)
             lost = self.binary("fsub", self.binary("fsub", r, less), taken)
             r, rest = less, self.binary("fadd", rest, lost) if rest else lost
-        if self.fma:
-            return self.fused(n, k(-least), r)
-        return self.binary("fadd", r, self.binary("fsub", rest, self.binary("fmul", n, k(least))))
+        rest = self.binary("fsub", rest, self.binary("fmul", n, k(least)))
+        whole = self.binary("fadd", r, rest)
+        return whole, self.binary("fadd", self.binary("fsub", r, whole), rest)
 
     def transposed(self, vectors: list[str]) -> list[str]:
         """The transpose of len(vectors) columns in groups of so many lanes, by log2 exchanges."""

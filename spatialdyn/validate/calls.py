@@ -62,6 +62,9 @@ CALLS = (
     Call("crba", "q", "crba"),
     Call("aba", "q v tau", "aba"),
     Call("aba (fext)", "q v tau fext", "aba"),
+    Call("aba_refined", "q v tau", "aba"),
+    Call("aba_square_root", "q v tau", "aba"),
+    Call("crba_solve", "q v tau", "aba"),
     Call("minverse", "q", "computeMinverse"),
     Call("nonlinear_effects", "q v", "nonLinearEffects"),
     Call("generalized_gravity", "q", "computeGeneralizedGravity"),
@@ -107,6 +110,7 @@ CALLS = (
     Call("momentum_rate (fext)", "q v tau fext", ""),
     Call("hamilton_field", "q tau a", ""),
 )
+FORWARD = ("aba", "aba_refined", "aba_square_root", "crba_solve")
 BY_LABEL = {call.label: call for call in CALLS}
 
 

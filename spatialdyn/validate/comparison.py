@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import InertiaError, NonFiniteError, SpatialDynError
 from ..model import Model
 from ..urdf import load_urdf
-from .calls import BY_LABEL, CALLS, Call, ours_of
+from .calls import BY_LABEL, CALLS, FORWARD, Call, ours_of
 from .identities import by_identity
 from .measures import (
     BOUND,
@@ -123,7 +123,7 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
     times = times_of(call, model, peer, states) if timing and isinstance(call.peer, str) else None
     same = np.array_equal(single, ours[0], equal_nan=True)
     note = "" if same else "a single call and a batch of it differ"
-    if call.name in ("aba", "minverse"):
+    if call.name in (*FORWARD, "minverse"):
         residual, bound = _residual(call, peer, states, ours)
         if bound > BOUND and not note:
             note = f"{RAISED}, for M is ill conditioned and rounding the exact answer costs a quarter of that"
@@ -137,12 +137,13 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
 
 
 def _missed(call: Call, peer: Peer, states: States, k: int, x: Array) -> tuple[float, float]:
-    """How far an answer x of aba is from giving tau in Pinocchio's RNEA, or one of minverse from M x = 1, in sample k.
+    """How far an answer x of forward dynamics is from giving tau in Pinocchio's RNEA, in sample k; of minverse, from
+    M x = 1.
 
     And what rounding the entries of x makes of that: eps |M| |x|, scaled alike.
     """
     M = np.array(peer.pin.crba(peer.model, peer.data, states.q[k]))
-    if call.name == "aba":
+    if call.name in FORWARD:
         force = Call(call.label, call.inputs.replace("tau", "a"), "rnea")
         accelerations = np.zeros_like(states.a)
         accelerations[k] = x

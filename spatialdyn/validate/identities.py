@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InertiaError, NonFiniteError
 from ..model import Model
-from .calls import BY_LABEL, Call, ours_of
+from .calls import BY_LABEL, FORWARD, Call, ours_of
 from .measures import BOUND, RAISED, raised, rounding, scaled_error, singular, times_vector
 from .rows import Row, judged
 from .states import States
@@ -34,9 +34,14 @@ def _coriolis_forces(m: Model, s: States) -> Array:
     return _call("nonlinear_effects", m, s.q, s.v) - _call("generalized_gravity", m, s.q)
 
 
-def _rnea_of_aba(m: Model, s: States, *fext: Array) -> Array:
-    """The torque that the acceleration of a torque takes."""
-    return _call("rnea", m, s.q, s.v, _call("aba", m, s.q, s.v, s.tau, *fext), *fext)
+def _given_back(label: str, *fext: str) -> Sides:
+    """Both sides of rnea(forward dynamics) = tau."""
+
+    def sides(m: Model, s: States) -> tuple[Array, Array]:
+        forces = [getattr(s, name) for name in fext]
+        return _call("rnea", m, s.q, s.v, _call(label, m, s.q, s.v, s.tau, *forces), *forces), s.tau
+
+    return sides
 
 
 def _product(label: str, matrix: str) -> Sides:
@@ -67,8 +72,8 @@ IDENTITIES: dict[str, tuple[str, Sides]] = {
             _call("kinetic_energy", m, s.q, s.v),
         ),
     ),
-    "aba": ("rnea(aba) = tau", lambda m, s: (_rnea_of_aba(m, s), s.tau)),
-    "aba (fext)": ("rnea(aba) = tau", lambda m, s: (_rnea_of_aba(m, s, s.fext), s.tau)),
+    **{name: (f"rnea({name}) = tau", _given_back(name)) for name in FORWARD},
+    "aba (fext)": ("rnea(aba) = tau", _given_back("aba", "fext")),
     "minverse": (
         "M Minv = 1",
         lambda m, s: (

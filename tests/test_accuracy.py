@@ -1,0 +1,76 @@
+"""How many digits each call has, against the exact engine: corpus, long chains, lopsided robots.
+
+The chains and lopsided robots have exact rotations (signed permutations). ``benchmarks/accuracy.py`` prints the whole
+table.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+from spatialdyn.urdf import example_robots, robot_names
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+if not (BENCHMARKS / "accuracy.py").exists():
+    pytest.skip("the benchmarks are not here", allow_module_level=True)
+sys.path.insert(0, str(BENCHMARKS))
+
+import accuracy  # noqa: E402
+from accuracy import EPS, chain, measured, state  # noqa: E402
+
+ROBOT = {"rnea": 8 * EPS, "crba": 10 * EPS}  # of some fifty bodies; measured 6 and 7
+CHAIN = {"rnea": 20 * EPS, "crba": 50 * EPS}  # to 300 bodies, where roundings add up; measured 13 and 39
+FORWARD = {10: 1e-14, 100: 1e-12, 1000: 1e-11}  # condition numbers of 4e4, 3e8, 6e11
+TIP = {1e3: 2e-13, 1e6: 1e-10, 1e9: 2e-7, 1e12: 2e-4}  # the mass ratio is the condition number
+LIGHTER = 1e-13  # the scaled condition number stays small
+NAMES = [n for n, path in robot_names().items() if path in set(example_robots()) and n != accuracy.WRONG_NAME]
+
+
+def worst(model: sd.Model, name: str, states: int = 1, seed: int = 0) -> float:
+    rng = np.random.default_rng(seed)
+    return max(measured(model, name, s) for s in [state(model, rng) for _ in range(states)])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_inverse_dynamics_and_mass_matrix_of_every_robot_are_next_to_exact(name: str) -> None:
+    for _, model in accuracy.corpus([name]):
+        assert worst(model, "rnea") <= ROBOT["rnea"]
+        assert worst(model, "crba") <= ROBOT["crba"]
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("n", [30, 300])
+def test_inverse_dynamics_and_mass_matrix_of_chains_are_next_to_exact(n: int, spatial: bool) -> None:
+    model = chain(n, spatial)
+    assert worst(model, "rnea") <= CHAIN["rnea"]
+    if n < 300 or not spatial:  # M of 300 bodies takes 4 s
+        assert worst(model, "crba") <= CHAIN["crba"]
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("n", FORWARD)
+def test_forward_dynamics_of_chains(n: int, spatial: bool) -> None:
+    assert worst(chain(n, spatial), "aba", states=3 if n == 10 else 1) <= FORWARD[n]
+
+
+@pytest.mark.parametrize("m", TIP)
+def test_forward_dynamics_with_a_heavy_tip(m: float) -> None:
+    assert worst(chain(7, True, [1.0] * 6 + [m]), "aba", states=5) <= TIP[m]
+
+
+@pytest.mark.parametrize("name", [name for name, _ in accuracy.lopsided() if not name.startswith("tip")])
+def test_forward_dynamics_with_light_links(name: str) -> None:
+    assert worst(dict(accuracy.lopsided())[name], "aba", states=3) <= LIGHTER
+
+
+def test_a_wrong_digit_would_show() -> None:
+    """The measures see an error of one part in 2⁴⁶."""
+    model, s = chain(10, True), state(chain(10, True), np.random.default_rng(0))
+    for name, bound in (*ROBOT.items(), ("aba", FORWARD[10])):
+        wrong = measured(model, name, s, lambda m, *x, name=name: getattr(sd, name)(m, *x) * (1 + 2.0**-46))
+        assert wrong > bound
