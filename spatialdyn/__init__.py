@@ -42,6 +42,7 @@ from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .truth import Exact, exact
 from .urdf import load_urdf
+from .validate import compare_with_pinocchio
 
 __version__ = "0.1.0"
 __all__ = [
@@ -49,8 +50,8 @@ __all__ = [
     "ChristoffelC", "ConfigurationError", "Exact", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder",
     "ModelError", "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError",
     "Specialized", "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation",
-    "conserved_quantities", "exact", "forward_dynamics", "from_drake", "from_mujoco", "from_pinocchio",
-    "hamilton_equations", "hamilton_simulation", "integrators", "kernels", "load_urdf", "poisson_bracket",
-    "random_configuration", "rollout", "simulate", "specialize", "step", "to_drake", "to_mujoco",
+    "compare_with_pinocchio", "conserved_quantities", "exact", "forward_dynamics", "from_drake", "from_mujoco",
+    "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators", "kernels", "load_urdf",
+    "poisson_bracket", "random_configuration", "rollout", "simulate", "specialize", "step", "to_drake", "to_mujoco",
     "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

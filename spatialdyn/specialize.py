@@ -1,45 +1,27 @@
 """Programs made to measure: some calls of one model, with only the inputs that vary and the results that are wanted.
 
-``specialize`` reads what is asked for (``specs_of``, ``_inputs``, ``_fixed``, ``_wanted``) into a ``batches.Choice``,
-which knows rows and columns in place of names, and has it recorded and compiled; ``Specialized`` is what is called.
+``specialize`` has what is asked for read into a ``Task``, recorded and compiled; ``Specialized`` is what is called.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .border import (
-    REFERENCES,
-    as_array,
-    broadcast,
-    check_model,
-    core_shape,
-    frame_of,
-    full_shape,
-    reference_of,
-    rows_of,
-)
-from .diagnosis import diagnose, unit_part
-from .dynamics import calls as public
-from .engines import batches, jit, parameters, quick
-from .engines.parameters import Parameter
+from . import untraced
+from .border import as_array, broadcast, rows_of
+from .choices import Input, Names, Task, shown, task_of
+from .engines import batches, jit, quick
 from .engines.source import PRINTERS
 from .engines.trace import Program
-from .errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
+from .errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
-from .recursions import SPECS
-from .recursions.checks import UNIT_TOLERANCE
-from .recursions.spec import Argument, Spec
-
-Names = str | Sequence[str] | Mapping[str, str | Sequence[str] | None]
-KINDS = "fext, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
 
 
 def specialize(
@@ -85,285 +67,11 @@ def specialize(
         ModelError for a name that is not in the model, or a model with mimic joints
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
-    specs = specs_of(calls)
-    optional, names, chosen = _inputs(model, inputs, specs)
-    constants = _fixed(model, fixed or {}, specs)
-    present = optional | {name for name in constants if constants[name].any()}
-    specs = tuple(jit.variant(spec, frozenset(present & {x.name for x in spec.given})) for spec in specs)
-    given = {x.name: x for spec in specs for x in spec.given}
-    task = _Task(
-        model=model,
-        specs=specs,
-        several=not callable(calls),
-        dtype=_dtype(dtype),
-        arguments=tuple(x for x in given.values() if not x.static),
-        static=static_of(model, [x.name for x in given.values() if x.static], frame, reference, classical),
-        constants={name: x for name, x in constants.items() if name in given},
-        names=names,
-        parameters=chosen,
-        wanted=_wanted(model, outputs, specs),
-    )
+    task = task_of(model, calls, dtype, fixed or {}, inputs, outputs, frame, reference, classical)
     arguments = (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical)
     own_class = type(Specialized.__name__, (Specialized,), {"__module__": __name__})  # see Specialized._make_quick
     made: Specialized = own_class(task, arguments)
     return made
-
-
-# --- reading what is asked for ---------------------------------------------------------------------------
-
-
-class _Input(NamedTuple):
-    """An input of the callable: its name, shape of a sample, and that shape in words."""
-
-    name: str
-    shape: tuple[int, ...]
-    words: str
-
-
-class _Task(NamedTuple):
-    """What is to be computed. Constants are flat, NaN where the entry is an input; wanted (axes, places) per call."""
-
-    model: Model
-    specs: tuple[Spec, ...]
-    several: bool
-    dtype: np.dtype
-    arguments: tuple[Argument, ...]
-    static: dict[str, Any]
-    constants: dict[str, NDArray[np.float64]]
-    names: tuple[str, ...]
-    parameters: tuple[Parameter, ...]
-    wanted: tuple[NDArray[np.intp], ...] | None
-
-    @property
-    def choice(self) -> batches.Choice:
-        """The same for engines."""
-        fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
-        places = () if self.wanted is None else tuple(tuple(x.ravel().tolist()) for x in self.wanted)
-        return batches.Choice(fixed, self.parameters, places)
-
-    def inputs(self) -> list[_Input]:
-        """What is left to be given, in order."""
-        left = []
-        for x in self.arguments:
-            core = core_shape(self.model, x)
-            if x.name not in self.constants:
-                left.append(_Input(x.name, core, _shown(x.shape)))
-                continue
-            count = int(np.isnan(self.constants[x.name]).sum())
-            if count:
-                core = (count // math.prod(core[1:]), *core[1:])
-                left.append(_Input(x.name, core, _shown(core)))
-        for name, p in zip(self.names, self.parameters, strict=True):
-            left.append(_Input(name, parameters.shape(p, self.model.nv), _shown(parameters.SHAPES[p.kind])))
-        return left
-
-    def shapes(self) -> list[tuple[int, ...]]:
-        """Shape of one sample of each result."""
-        if self.wanted is None:
-            return [core_shape(self.model, spec.output) for spec in self.specs]
-        return [x.shape for x in self.wanted]
-
-
-def _shown(shape: Sequence[str | int]) -> str:
-    return f"({shape[0]},)" if len(shape) == 1 else f"({', '.join(map(str, shape))})"
-
-
-def _dtype(dtype: DTypeLike) -> np.dtype:
-    try:
-        found = np.dtype(dtype)
-    except TypeError:
-        found = None
-    if found not in (np.dtype(np.float64), np.dtype(np.float32)):
-        raise SpatialDynError(f"dtype is {dtype!r}, expected float64 or float32")
-    return np.dtype(found)
-
-
-def specs_of(calls: Any) -> tuple[Spec, ...]:
-    """The specs of a public call or several. Raises SpatialDynError for anything else."""
-    by_function = {function: SPECS[name] for name, function in public.items()}
-    listed = [calls] if callable(calls) else calls
-    if not isinstance(listed, (list, tuple)) or not listed:
-        raise SpatialDynError(f"calls is {calls!r}, expected a public call such as spatialdyn.rnea or a list of such")
-    specs = []
-    for function in listed:
-        if not callable(function) or function not in by_function:
-            name = getattr(function, "__name__", repr(function))
-            raise SpatialDynError(f"calls has {name}, expected public calls such as spatialdyn.rnea")
-        if by_function[function] in specs:
-            raise SpatialDynError(f"calls has {by_function[function].name} twice, expected it once")
-        specs.append(by_function[function])
-    return tuple(specs)
-
-
-def _inputs(
-    model: Model, inputs: Names, specs: tuple[Spec, ...]
-) -> tuple[set[str], tuple[str, ...], tuple[Parameter, ...]]:
-    """Optional inputs that are to be given, then names of the parameters that are inputs, and the parameters."""
-    optional: set[str] = set()
-    chosen: dict[str, Parameter] = {}
-    for name in _labels(inputs):
-        kind, _, where = name.partition(":")
-        if name in optional or name in chosen:
-            raise SpatialDynError(f'inputs has "{name}" twice, expected it once')
-        if any(x.name == name and x.optional for spec in specs for x in spec.given):
-            optional.add(name)
-        elif kind == "payload" and kind in parameters.SHAPES:
-            chosen[name] = _payload(model, where)
-        elif kind in parameters.OF_BODY and where:
-            joint = model.joint(where)
-            if not joint.row:
-                raise ModelError(f'joint "{where}" does not move, expected one that carries a body for "{name}"')
-            chosen[name] = Parameter(kind, joint.row)
-        elif name in ("gravity", "armature"):
-            chosen[name] = Parameter(name)
-        else:
-            raise SpatialDynError(f"inputs has {name!r}, expected {KINDS}")
-    return optional, tuple(chosen), tuple(chosen.values())
-
-
-def _labels(inputs: Any) -> list[str]:
-    """Whatever form they come in as "kind" and "kind:where"."""
-    if isinstance(inputs, str):
-        return [inputs]
-    if not isinstance(inputs, Mapping):
-        return [str(name) for name in inputs]
-    labels = []
-    for kind, where in inputs.items():
-        listed = [where] if where is None or isinstance(where, str) else where
-        labels += [str(kind) if w is None else f"{kind}:{w}" for w in listed]
-    return labels
-
-
-def _payload(model: Model, where: str) -> Parameter:
-    if where:
-        row, placement = frame_of(model, where)
-        if not row:
-            raise ModelError(f'frame "{where}" is fixed in the world, expected one that moves for a payload')
-        return Parameter("payload", row, parameters.place(placement))
-    carriers = {j.parent for j in model.joints[1:]}
-    tips = [j for k, j in enumerate(model.joints) if k and k not in carriers]
-    if len(tips) != 1:
-        raise ModelError(
-            f'inputs has "payload" without a frame, and model "{model.name}" ends in {len(tips)} joints; '
-            'expected "payload:FRAME"'
-        )
-    return Parameter("payload", tips[0].row, parameters.place(np.eye(4)))
-
-
-def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> dict[str, NDArray[np.float64]]:
-    """Flat constants of each fixed input, NaN where it stays an input."""
-    known = {x.name: x for spec in specs for x in spec.given if not x.static}
-    found = {}
-    for name, value in fixed.items():
-        if name not in known:
-            raise SpatialDynError(f'fixed has "{name}", expected one of {", ".join(known)}')
-        core = core_shape(model, known[name])
-        entries = np.full(core, math.nan)
-        if isinstance(value, Mapping):
-            for joint, part in value.items():
-                at = _places(model, known[name], joint)
-                entries[at] = _constant(f'{name} of joint "{joint}"', part, entries[at].shape)
-        else:
-            entries[...] = _constant(name, value, core)
-        if known[name].unit_norm:
-            _refuse_norms(model, name, entries)
-        if not (known[name].optional and not entries.any()):
-            found[name] = entries.ravel()
-    return found
-
-
-def _places(model: Model, argument: Argument, name: str) -> slice:
-    """Where in the first axis of an input or output a joint has its entries."""
-    joint = model.joint(name)
-    first = argument.shape[0] if argument.shape else None
-    if first == "nq" and joint.nq:
-        return slice(joint.idx_q, joint.idx_q + joint.nq)
-    if first == "nv" and joint.nv:
-        return slice(joint.idx_v, joint.idx_v + joint.nv)
-    if first == "njoints":
-        index = model.names.index(name)
-        return slice(index, index + 1)
-    raise SpatialDynError(
-        f'{argument.name} has no entries of joint "{name}", expected an input and joint that go together'
-    )
-
-
-def _constant(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    x = as_array(name, value)
-    if x.ndim and x.shape != shape and (1, *x.shape) != shape:
-        raise ShapeError(f"fixed {name} has shape {x.shape}, expected {shape} or a number")
-    if not np.isfinite(x).all():
-        raise NonFiniteError(f"fixed {name} is {x.tolist()}, expected finite numbers")
-    return x
-
-
-def _refuse_norms(model: Model, name: str, q: NDArray[np.float64]) -> None:
-    for joint in model.joints[1:]:
-        first = model.bodies[joint.row - joint.nv + 1]
-        part = unit_part(int(first["kind"]), int(first["at"]))
-        if part is not None and abs(float(q[part] @ q[part]) - 1.0) > UNIT_TOLERANCE:
-            raise ConfigurationError(
-                f'fixed {name} is {q[part].tolist()} for joint "{joint.name}", expected a norm within 1e-6 of 1'
-            )
-
-
-def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArray[np.intp], ...] | None:
-    """For each call the places of its output, flat, that are wanted, in the shape of the result."""
-    if outputs is None:
-        return None
-    listed = [outputs] if isinstance(outputs, (str, int)) else list(outputs)
-    if not listed:
-        raise SpatialDynError("outputs is empty, expected names of joints or indices, or None for all")
-    if not any(isinstance(s, str) for spec in specs for s in spec.output.shape):
-        raise SpatialDynError(f"outputs is {outputs!r}, expected None: no result has an entry per joint")
-    wanted = []
-    for spec in specs:
-        core = core_shape(model, spec.output)
-        axes = []
-        for symbol, size in zip(spec.output.shape, core, strict=True):
-            places: list[int] = []
-            for what in listed if isinstance(symbol, str) else ():
-                if isinstance(what, str):
-                    places += range(size)[_places(model, Argument(spec.output.name, (symbol,), "", ""), what)]
-                elif isinstance(what, (int, np.integer)) and not isinstance(what, bool) and 0 <= what < size:
-                    places.append(int(what))
-                else:
-                    raise SpatialDynError(f"outputs has {what!r}, expected joint names or indices below {size}")
-            if len(set(places)) < len(places):
-                raise SpatialDynError(f"outputs is {outputs!r}, expected each entry of {spec.output.name} once")
-            axes.append(places if isinstance(symbol, str) else list(range(size)))
-        flat = np.arange(math.prod(core), dtype=np.intp).reshape(core)
-        wanted.append(flat[np.ix_(*axes)])
-    return tuple(wanted)
-
-
-def static_of(
-    model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
-) -> dict[str, Any]:
-    """Values of the inputs that are no arrays of samples."""
-    values: dict[str, Any] = {}
-    names = set(names)
-    if "row" in names:
-        if frame is None:
-            raise ModelError("frame is None, expected the name of one: a call takes it")
-        values["row"], values["placement"] = frame_of(model, frame)
-    elif frame is not None:
-        raise SpatialDynError(f"frame is {frame!r}, expected None: no call takes one")
-    code = reference_of(reference)
-    if "reference" in names:
-        values["reference"] = code
-    elif code != REFERENCES["local"]:
-        raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
-    if "classical" in names:
-        values["classical"] = int(classical)
-    elif classical:
-        raise SpatialDynError("classical is True, expected the default: no call takes it")
-    return values
-
-
-# --- what is called --------------------------------------------------------------------------------------
 
 
 class Specialized:
@@ -387,7 +95,7 @@ class Specialized:
         and the errors of the public calls for values
     """
 
-    def __init__(self, task: _Task, arguments: tuple[Any, ...]) -> None:
+    def __init__(self, task: Task, arguments: tuple[Any, ...]) -> None:
         """Record and compile; ``specialize`` reads the arguments into a task."""
         self._task, self._arguments = task, arguments
         self._inputs, self._shapes = task.inputs(), task.shapes()
@@ -422,7 +130,7 @@ class Specialized:
         given = ", ".join(f"{x.name} {x.words}" for x in self._inputs)
         made = []
         for spec, shape in zip(task.specs, self._shapes, strict=True):
-            made.append(f"{spec.output.name} {_shown(spec.output.shape if task.wanted is None else shape)}")
+            made.append(f"{spec.output.name} {shown(spec.output.shape if task.wanted is None else shape)}")
         return f"({given}) -> " + (f"({', '.join(made)})" if task.several else made[0])
 
     @cached_property
@@ -560,7 +268,7 @@ class Specialized:
             if samples is None:
                 samples = np.arange(n)
             if len(samples):
-                self._untraced(stepped, flat, batch, samples)
+                untraced.compute(task, self._inputs, stepped, flat, batch, samples)
         if out is None and not batch:
             number = float if task.dtype == np.float64 else np.float32
             shown: tuple[Any, ...] = tuple(x if x.ndim else number(x) for x in results)
@@ -598,69 +306,6 @@ class Specialized:
                     raise ShapeError(f"out overlaps {name} in memory, expected an array of its own")
         return tuple(outs)
 
-    # -- what the program does not answer for
-
-    def _untraced(
-        self,
-        stepped: list[tuple[NDArray[Any], int]],
-        results: list[NDArray[Any]],
-        batch: tuple[int, ...],
-        samples: NDArray[np.intp],
-    ) -> None:
-        """These samples by the kernel for any model, in float64. Raises what went wrong."""
-        taken = [(np.asarray(x[samples] if step else x, np.float64), step) for x, step in stepped]
-        given = dict(zip((x.name for x in self._inputs), taken, strict=True))
-        task, full = self._task, {}
-        for x in task.arguments:
-            core = full_shape(task.model, x) or (1,)
-            if x.name not in task.constants:
-                full[x.name] = given[x.name]
-                continue
-            constant = task.constants[x.name]
-            rest, step = given.get(x.name, (np.empty((1, 0)), 0))
-            entries = np.tile(constant, (len(rest), 1))
-            entries[:, np.isnan(constant)] = rest.reshape(len(rest), -1)
-            full[x.name] = entries.reshape((len(rest), *core)), step
-        varied = [given[name] for name in task.names]
-        everyone = np.arange(len(samples))
-        groups = [everyone] if not any(step for _, step in varied) else list(everyone[:, None])
-        for group in groups:
-            model = task.model
-            if varied:
-                values = [x[group[0] * step].ravel().tolist() for x, step in varied]
-                model = _with_bodies(model, parameters.changed(model.bodies, task.parameters, values))
-            part = full if group is everyone else {k: (x[group] if s else x, s) for k, (x, s) in full.items()}
-            self._by_kernel(model, part, results, batch, samples[group])
-
-    def _by_kernel(
-        self,
-        model: Model,
-        full: dict[str, tuple[NDArray[np.float64], int]],
-        results: list[NDArray[Any]],
-        batch: tuple[int, ...],
-        samples: NDArray[np.intp],
-    ) -> None:
-        """Samples of one model, whole inputs, by the kernel of each call."""
-        task, n = self._task, len(samples)
-        for k, (spec, result) in enumerate(zip(task.specs, results, strict=True)):
-            inputs = [full[x.name] for x in spec.given if not x.static]
-            static = tuple(task.static[x.name] for x in spec.given if x.static)
-            out = np.empty((n, *(full_shape(model, spec.output) or (1,))))
-            status = np.empty(n, np.int8)
-            passed = [part for pair in inputs for part in pair]
-            bad = jit.batch(spec)(getattr(model, jit.TABLE), n, *passed, *static, out, status)
-            flat = out.reshape((n, -1))
-            if task.wanted is not None:
-                flat = flat[:, task.wanted[k].ravel()]
-            with np.errstate(over="ignore"):
-                result[samples] = flat
-            if bad:
-                diagnose(spec, model, inputs, batch, static, out, status, samples)
-            if task.dtype == np.float32 and not np.isfinite(result[samples][np.isfinite(flat)]).all():
-                raise NonFiniteError(
-                    f"{spec.name} leaves the range of float32, expected dtype=np.float64 for such input"
-                )
-
 
 def _quick_call(inputs: tuple[tuple[str, bool], ...], outputs: tuple[bool, ...], several: bool) -> Callable[..., Any]:
     """``__call__`` for float64 arrays of one sample, as a function of the caller, its plan and shapes of the results.
@@ -695,20 +340,9 @@ def _quick_call(inputs: tuple[tuple[str, bool], ...], outputs: tuple[bool, ...],
     return function
 
 
-def _lead(wanted: _Input, x: NDArray[Any]) -> tuple[int, ...]:
+def _lead(wanted: Input, x: NDArray[Any]) -> tuple[int, ...]:
     """What stands before one sample's shape. Raises ShapeError if the last axes are not that shape."""
     rank = len(wanted.shape)
     if x.ndim < rank or x.shape[x.ndim - rank :] != wanted.shape:
         raise ShapeError(f"{wanted.name} has shape {x.shape}, expected ({', '.join(['...', *map(str, wanted.shape)])})")
     return x.shape[: x.ndim - rank]
-
-
-def _with_bodies(model: Model, bodies: NDArray[Any]) -> Model:
-    """The model with another table, to compute and to name joints with."""
-    made: Model = object.__new__(Model)
-    for slot in Model.__slots__:
-        if slot != "__weakref__":
-            object.__setattr__(made, slot, getattr(model, slot))
-    object.__setattr__(made, "bodies", bodies)
-    object.__setattr__(made, "address", bodies.ctypes.data)
-    return made

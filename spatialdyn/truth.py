@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .border import batch_shape, broadcast, check_model, contracted, core_shape, expanded, full_shape
+from .choices import specs_of, static_of
 from .diagnosis import no_inertia
 from .engines import exact as engine
 from .engines import jit
@@ -17,7 +18,6 @@ from .errors import ConfigurationError, InertiaError, ModelError, NonFiniteError
 from .model import Frame, Model
 from .recursions.checks import singular_row, unit_norm
 from .recursions.spec import Argument, Spec
-from .specialize import specs_of, static_of
 
 Numbers = NDArray[Any]
 

@@ -12,7 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import spatialdyn as sd
 from spatialdyn import Trajectory, cli, dynamics, validate
+from spatialdyn.commands import compare
+from spatialdyn.errors import InertiaError
 from spatialdyn.urdf import example_robots
 
 pytest.importorskip("pinocchio")
@@ -92,6 +95,12 @@ def test_compare_covers_every_public_call_about_dynamics() -> None:
     assert {call.name for call in validate.CALLS} >= set(dynamics.SPECS)
 
 
+def test_compare_is_a_library_call_too() -> None:
+    comparison = sd.compare_with_pinocchio("two_link", "floating", samples=2)
+    assert comparison.ok
+    assert {row.call.partition(" ")[0] for row in comparison.rows} >= set(dynamics.SPECS)
+
+
 def test_compare_of_many_robots_has_a_row_per_robot(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing")
     assert status == 0
@@ -151,7 +160,7 @@ def test_a_call_that_refuses_without_cause_disagrees(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(model: Any, *inputs: Any) -> None:
-        raise validate.InertiaError('joint "x" moves no inertia')
+        raise InertiaError('joint "x" moves no inertia')
 
     monkeypatch.setattr(dynamics, "aba", refuse)
     status, out, _ = run(capsys, "compare", "two_link", "--samples", "2", "--no-timing")
@@ -218,7 +227,7 @@ def test_all_counts_what_both_refuse(capsys: pytest.CaptureFixture[str], monkeyp
     wanted = {path.stem: path for path in example_robots() if path.stem in ("ur3", "TwoDofs")}
     if len(wanted) < 2:
         pytest.skip("example-robot-data is not installed")
-    monkeypatch.setattr(cli, "example_robots", lambda: list(wanted.values()))
+    monkeypatch.setattr(compare, "example_robots", lambda: list(wanted.values()))
     status, out, _ = run(capsys, "compare", "--all", "--samples", "1", "--no-timing")
     assert status == 0
     assert "refused by both" in out

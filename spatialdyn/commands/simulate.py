@@ -4,33 +4,26 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import calls
-from .errors import SpatialDynError
-from .model import Model
-from .simulation import Trajectory, integrators, simulate
-from .states import random_configuration
-from .urdf import load_urdf
+from ..dynamics import calls
+from ..errors import SpatialDynError
+from ..model import Model
+from ..simulation import Trajectory, integrators, simulate
+from ..states import random_configuration
+from .printing import watched
+from .robots import add_robot, load
 
 Array = NDArray[np.float64]
 
 
-def add_simulate(commands: Any, robot: str, say: Callable[[str], None], bar: Callable[[], bool]) -> None:
-    """Register the command.
-
-    commands  what argparse's add_subparsers has given
-    robot     help of the argument ROBOT
-    say       writes a line where people read it
-    bar       whether there is somebody to look at a progress bar
-    """
+def add(commands: Any) -> None:
+    """Register the command with what argparse's ``add_subparsers`` has given."""
     parser = commands.add_parser("simulate", help="free motion of a robot, its energy, a plot and a file of it")
-    parser.add_argument("robot", metavar="ROBOT", help=robot)
-    parser.add_argument("--root", choices=("fixed", "floating"), default="fixed", help="the root link (default: fixed)")
+    add_robot(parser)
     parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="seconds (default: 10)")
     parser.add_argument("--dt", type=float, default=1e-3, metavar="S", help="step in seconds (default: 0.001)")
     parser.add_argument("--method", choices=list(integrators), default="rk4", metavar="METHOD", help=_methods())
@@ -43,17 +36,15 @@ def add_simulate(commands: Any, robot: str, say: Callable[[str], None], bar: Cal
     )
     parser.add_argument("--plot", metavar="FILE", help="draw q, v and energy to a PNG, SVG or PDF file")
     parser.add_argument("--save", metavar="FILE", help="write the trajectory to an npz file")
-    parser.set_defaults(run=lambda arguments: _run(arguments, say, bar()))
+    parser.set_defaults(run=_run)
 
 
 def _methods() -> str:
     return f"one of {', '.join(integrators)} (default: rk4)"
 
 
-def _run(arguments: argparse.Namespace, say: Callable[[str], None], bar: bool) -> int:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # ``info`` has what is odd about the file
-        model = load_urdf(arguments.robot, root=arguments.root)
+def _run(arguments: argparse.Namespace) -> int:
+    model = load(arguments)
     q0 = _numbers("--q0", arguments.q0, model.nq)
     if q0 is None:
         q0 = random_configuration(model, np.random.default_rng(0))
@@ -62,18 +53,18 @@ def _run(arguments: argparse.Namespace, say: Callable[[str], None], bar: bool) -
         warnings.simplefilter("always")
         run = simulate(
             model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt, arguments.method,
-            record=arguments.record, progress=bar,
+            record=arguments.record, progress=watched(),
         )  # fmt: skip
     for line in _report(model, run):
-        say(line)
+        print(line)
     for warning in caught:
-        say(f"note    {warning.message}")
+        print(f"note    {warning.message}")
     if arguments.save:
         run.save(arguments.save)
-        say(f"saved   {arguments.save}")
+        print(f"saved   {arguments.save}")
     if arguments.plot:
         run.plot().savefig(arguments.plot)
-        say(f"drawn   {arguments.plot}")
+        print(f"drawn   {arguments.plot}")
     return 0
 
 

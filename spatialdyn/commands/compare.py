@@ -1,0 +1,227 @@
+"""``spatialdyn compare [ROBOT ...|--all]``: errors and times of every call against Pinocchio."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from ..errors import SpatialDynError
+from ..urdf import example_robots, robot_names
+from ..validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
+from .printing import Column, finite, fold, print_table, progress
+from .robots import ROBOT, ROOTS
+
+TIMED = ("rnea", "crba", "aba")
+
+
+def add(commands: Any) -> None:
+    """Register the command with what argparse's ``add_subparsers`` has given."""
+    parser = commands.add_parser("compare", help="errors and times of every call against Pinocchio")
+    parser.add_argument("robots", metavar="ROBOT", nargs="*", help=ROBOT)
+    parser.add_argument("--all", action="store_true", help="every robot of example-robot-data")
+    parser.add_argument("--samples", type=int, default=20, metavar="N", help="random states each (default: 20)")
+    parser.add_argument("--no-timing", dest="timing", action="store_false", help="errors only")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_run)
+
+
+class _Compared(NamedTuple):
+    """A robot under the name it was asked for: its comparisons by root, or why neither library loads it."""
+
+    label: str
+    by_root: dict[str, Comparison]
+    refused: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return all(comparison.ok for comparison in self.by_root.values())
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    pinocchio()
+    if arguments.all == bool(arguments.robots):
+        raise SpatialDynError("compare takes robots or --all, one of the two")
+    if arguments.all and not example_robots():
+        raise SpatialDynError('example-robot-data is not installed; pip install "spatialdyn[validate]"')
+    examples = set(example_robots())
+    sources = {name: name for name in arguments.robots}
+    if arguments.all:
+        sources = {name: str(path) for name, path in robot_names().items() if path in examples}
+    found: list[_Compared] = []
+    with progress(len(sources)) as begin:
+        for label, source in sources.items():
+            begin(label)
+            found.append(_compared(label, source, arguments))
+    ok = all(robot.ok for robot in found)
+    if arguments.json:
+        print(json.dumps([_record(robot) for robot in found], indent=2, ensure_ascii=False))
+    elif len(found) == 1:
+        _show_one(found[0])
+    else:
+        _show_many(found, arguments.timing)
+    return 0 if ok else 1
+
+
+def _compared(label: str, source: str, arguments: argparse.Namespace) -> _Compared:
+    """Both roots of a robot. Under ``--all`` a robot that Pinocchio refuses too is no failure."""
+    try:
+        return _Compared(
+            label,
+            {
+                root: compare_with_pinocchio(source, root, samples=arguments.samples, timing=arguments.timing)
+                for root in ROOTS
+            },
+        )
+    except SpatialDynError as error:
+        if arguments.all and not _loads_in_pinocchio(source):
+            return _Compared(label, {}, str(error))
+        raise
+
+
+def _loads_in_pinocchio(source: str) -> bool:
+    try:
+        pinocchio_model(source)
+    except SpatialDynError:
+        return False
+    return True
+
+
+def _error(row: Row | None) -> str:
+    """An error as 1.2e-15, a star where a note explains it."""
+    if row is None:
+        return ""
+    text = "-" if row.error is None else "0" if row.error == 0.0 else f"{row.error:.1e}"
+    return text + ("*" if row.note else " ")
+
+
+def _time(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _rows(comparison: Comparison | None) -> dict[str, Row]:
+    return {} if comparison is None else {row.call: row for row in comparison.rows}
+
+
+def _show_one(robot: _Compared) -> None:
+    """A row per call."""
+    timed_root = "fixed" if robot.by_root["fixed"].nv else "floating"
+    rows = {root: _rows(comparison) for root, comparison in robot.by_root.items()}
+    calls = list(dict.fromkeys(call for by_call in rows.values() for call in by_call))
+    timing = any(row.ours_us for row in rows[timed_root].values())
+    columns = [Column("call"), *(Column(f"{root} ", True) for root in ROOTS)]
+    columns += [Column(title, True) for title in ("ours µs", "pin µs", "ratio")] * timing
+    lines, bad = [], []
+    for k, call in enumerate(calls):
+        both = [rows[root].get(call) for root in ROOTS]
+        line = [call, *map(_error, both)]
+        timed = rows[timed_root].get(call)
+        if timing:
+            line += ["", "", ""] if timed is None else map(_time, (timed.ours_us, timed.pin_us, timed.ratio))
+        lines.append(line)
+        if any(row is not None and not row.ok for row in both):
+            bad.append(k)
+    sizes = ", ".join(f"{root} root nv {comparison.nv}" for root, comparison in robot.by_root.items())
+    samples = robot.by_root["fixed"].samples
+    fold(f"{robot.label}: {sizes}; {samples} random states; error = max |x - x_pin| / max(1, max |x_pin|)", "")
+    print()
+    print_table(columns, lines, bad)
+    print()
+    if timing:
+        print(f"times: single calls from Python, {timed_root} root")
+    _show_notes([robot])
+    print(_verdict([robot]))
+
+
+def _show_many(robots: Sequence[_Compared], timing: bool) -> None:
+    """A row per robot: its largest error for each root, the worst call of all, and how the times compare."""
+    columns = [Column("robot"), Column("nv", True), *(Column(f"{root} ", True) for root in ROOTS)]
+    columns += [Column("worst call")] + [Column(call, True) for call in TIMED] * timing
+    lines, bad = [], []
+    for k, robot in enumerate(robots):
+        if robot.refused:
+            lines.append([robot.label, "", "", "", "refused by both", *[""] * len(TIMED) * timing])
+            continue
+        line = [robot.label, str(robot.by_root["fixed"].nv)]
+        worst = [robot.by_root[root].worst for root in ROOTS]
+        line += [*map(_error, worst), max(worst, key=lambda row: row.badness).call]
+        if timing:
+            timed = robot.by_root["fixed" if robot.by_root["fixed"].nv else "floating"]
+            line += [_time(_rows(timed)[call].ratio) for call in TIMED]
+        lines.append(line)
+        if not robot.ok:
+            bad.append(k)
+    print_table(columns, lines, bad)
+    print()
+    if timing:
+        fold("rnea, crba, aba: our time over Pinocchio's, single calls from Python, fixed root unless nv is 0", "")
+    _show_notes(robots)
+    print(_verdict(robots))
+
+
+def _show_notes(robots: Sequence[_Compared]) -> None:
+    """Every note once, with the calls, roots and robots it is about."""
+    notes: dict[str, dict[str, list[str]]] = {}
+    for robot in robots:
+        if robot.refused:
+            notes.setdefault(f"neither library loads it: {robot.refused}", {}).setdefault(robot.label, [])
+        for root, comparison in robot.by_root.items():
+            for row in comparison.rows:
+                if row.note:
+                    who = f"{root} root" if len(robots) == 1 else f"{robot.label} ({root})"
+                    notes.setdefault(row.note, {}).setdefault(who, []).append(row.call)
+    for note, about in notes.items():
+        calls = ", ".join(dict.fromkeys(call for some in about.values() for call in some))
+        fold(f"{', '.join(about)}{': ' * bool(calls)}{calls}: {note}", "* ")
+
+
+def _verdict(robots: Sequence[_Compared]) -> str:
+    """One line: does everything agree, and if not, what does not."""
+    failed = [
+        f"{robot.label} ({root}): {row.call}"
+        for robot in robots
+        for root, comparison in robot.by_root.items()
+        for row in comparison.rows
+        if not row.ok
+    ]
+    compared = [robot for robot in robots if not robot.refused]
+    if failed:
+        more = f" and {len(failed) - 5} more" if len(failed) > 5 else ""
+        return f"DISAGREES with Pinocchio: {'; '.join(failed[:5])}{more}"
+    who = compared[0].label if len(compared) == 1 else f"{len(compared)} robots"
+    refused = len(robots) - len(compared)
+    rest = f"; {refused} refused by both" if refused else ""
+    return f"AGREES with Pinocchio: {who}, every call within its bound{rest}"
+
+
+def _record(robot: _Compared) -> dict[str, Any]:
+    """What ``compare`` says of a robot, for machines; a number that is not finite is null."""
+    return {
+        "robot": robot.label,
+        "ok": robot.ok,
+        "refused_by_both": robot.refused or None,
+        "comparisons": [
+            {
+                "root": root,
+                "nq": comparison.nq,
+                "nv": comparison.nv,
+                "samples": comparison.samples,
+                "ok": comparison.ok,
+                "rows": [
+                    {
+                        "call": row.call,
+                        "error": finite(row.error),
+                        "bound": row.bound,
+                        "ok": row.ok,
+                        "note": row.note,
+                        "ours_us": row.ours_us,
+                        "pin_us": row.pin_us,
+                        "ratio": row.ratio,
+                    }
+                    for row in comparison.rows
+                ],
+            }
+            for root, comparison in robot.by_root.items()
+        ],
+    }

@@ -1,0 +1,25 @@
+"""The robot that a command is about: its argument, and its Model."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+
+from ..model import Model
+from ..urdf import load_urdf
+
+ROBOT = "path of a URDF, or the name of a robot of urdf/ or example-robot-data"
+ROOTS = ("fixed", "floating")
+
+
+def add_robot(parser: argparse.ArgumentParser) -> None:
+    """The arguments ROBOT and --root, of a command about one robot."""
+    parser.add_argument("robot", metavar="ROBOT", help=ROBOT)
+    parser.add_argument("--root", choices=ROOTS, default="fixed", help="what the root link does (default: fixed)")
+
+
+def load(arguments: argparse.Namespace) -> Model:
+    """The model, without warnings: ``info`` tells what is odd about the file. Raises UrdfError as ``load_urdf``."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return load_urdf(arguments.robot, root=arguments.root)

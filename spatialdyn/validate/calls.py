@@ -1,0 +1,132 @@
+"""The table of calls: a line per public call says what ours takes and what Pinocchio's is called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import dynamics
+from ..model import Model
+from ..recursions import SPECS
+from . import derived
+
+Array = NDArray[np.float64]
+REFERENCES = ("local", "world", "local_world_aligned")
+
+
+@dataclass(frozen=True)
+class Call:
+    """A public call beside Pinocchio's.
+
+    label   of its row: the name of the call, and in brackets what is special
+    inputs  fields of States that both take, in order
+    peer    Pinocchio's function of (model, data, *inputs), or where it has none what makes one of those it has:
+             a function of (pin, model, data, *inputs), which is not timed; empty if there is neither
+    result  where Pinocchio leaves the answer in its data; None if it returns it
+    frame   Pinocchio's function of (model, data, frame, reference) that follows ``peer``, for calls about a frame
+    static  what ours takes after the frame and the reference
+    data    whether ``peer`` takes data
+    """
+
+    label: str
+    inputs: str
+    peer: str | Callable[..., Any]
+    result: Callable[[Any], Any] | None = None
+    frame: str = ""
+    static: tuple[Any, ...] = ()
+    data: bool = True
+
+    @property
+    def name(self) -> str:
+        """Of the public call."""
+        return self.label.partition(" ")[0]
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """The references it is asked in; none for a placement and for calls about no frame."""
+        return REFERENCES if any(x.name == "reference" for x in SPECS[self.name].given) else ()
+
+    @property
+    def rank(self) -> int:
+        """Axes of one result."""
+        return len(SPECS[self.name].output.shape) if self.name in SPECS else 0
+
+
+CALLS = (
+    Call("rnea", "q v a", "rnea"),
+    Call("rnea (fext)", "q v a fext", "rnea"),
+    Call("crba", "q", "crba"),
+    Call("aba", "q v tau", "aba"),
+    Call("aba (fext)", "q v tau fext", "aba"),
+    Call("aba_refined", "q v tau", "aba"),
+    Call("aba_square_root", "q v tau", "aba"),
+    Call("crba_solve", "q v tau", "aba"),
+    Call("minverse", "q", "computeMinverse"),
+    Call("nonlinear_effects", "q v", "nonLinearEffects"),
+    Call("generalized_gravity", "q", "computeGeneralizedGravity"),
+    Call("static_torque", "q fext", "computeStaticTorque"),
+    Call("kinetic_energy", "q v", "computeKineticEnergy"),
+    Call("potential_energy", "q", "computePotentialEnergy"),
+    Call("total_mass", "", "computeTotalMass"),
+    Call("center_of_mass", "q", "centerOfMass"),
+    Call("center_of_mass_velocity", "q v", "centerOfMass", lambda data: data.vcom[0]),
+    Call("center_of_mass_acceleration", "q v a", "centerOfMass", lambda data: data.acom[0]),
+    Call("com_jacobian", "q", "jacobianCenterOfMass"),
+    Call("forward_kinematics", "q", "forwardKinematics", lambda data: list(data.oMi)),
+    Call("frame_placement", "q", "forwardKinematics", frame="updateFramePlacement"),
+    Call("frame_jacobian", "q", "computeJointJacobians", frame="getFrameJacobian"),
+    Call("frame_velocity", "q v", "forwardKinematics", frame="getFrameVelocity"),
+    Call("frame_acceleration", "q v a", "forwardKinematics", frame="getFrameAcceleration"),
+    Call(
+        "frame_acceleration (classical)", "q v a", "forwardKinematics", None, "getFrameClassicalAcceleration", (True,)
+    ),
+    Call("jacobian_dot_times_v", "q v", "computeJointJacobiansTimeVariation", frame="getFrameJacobianTimeVariation"),
+    Call("joint_jacobians", "q", "computeJointJacobians"),
+    Call("joint_jacobians_dot", "q v", "computeJointJacobiansTimeVariation"),
+    Call("centroidal_momentum", "q v", "computeCentroidalMomentum"),
+    Call("centroidal_map", "q", "computeCentroidalMap"),
+    Call("centroidal_map_dot", "q v", "dccrba", lambda data: data.dAg),
+    Call("coriolis_matrix", "q v", "computeCoriolisMatrix"),
+    Call("mass_matrix_dot", "q v", derived.mass_matrix_dot_by_pin),
+    Call("coriolis_transpose_times_velocity", "q v", derived.coriolis_transpose_by_pin),
+    Call("modified_rnea", "q v d a", derived.modified_rnea_by_pin),
+    Call("christoffel_symbols", "q", derived.christoffel_symbols_by_pin),
+    Call("mass_matrix_derivatives", "q", derived.mass_matrix_derivatives_by_pin),
+    Call("neutral", "", "neutral", data=False),
+    Call("normalize", "raw", "normalize", data=False),
+    Call("integrate", "q d", "integrate", data=False),
+    Call("difference", "q q1", "difference", data=False),
+    Call("interpolate", "q q1 t", "interpolate", data=False),
+    Call("dintegrate", "q d", "dIntegrate", data=False),
+    Call("ddifference", "q q1", "dDifference", data=False),
+    Call("momentum", "q v", ""),
+    Call("velocity_from_momentum", "q tau", ""),
+    Call("hamiltonian", "q tau", ""),
+    Call("momentum_rate", "q v tau", ""),
+    Call("momentum_rate (fext)", "q v tau fext", ""),
+    Call("hamilton_field", "q tau a", ""),
+)
+FORWARD = ("aba", "aba_refined", "aba_square_root", "crba_solve")
+BY_LABEL = {call.label: call for call in CALLS}
+
+
+def ours_of(call: Call, model: Model, inputs: tuple[Any, ...]) -> Array:
+    """Our answer; for calls about a frame (..., frames, references, *result)."""
+    function = getattr(dynamics, call.name)
+    if not call.frame:
+        return np.asarray(function(model, *inputs))
+    answers = [
+        [function(model, *inputs, frame, *reference, *call.static) for reference in _words(call)]
+        for frame in model.frames
+    ]
+    lead = np.ndim(answers[0][0]) - call.rank
+    return np.moveaxis(np.array(answers), (0, 1), (lead, lead + 1))
+
+
+def _words(call: Call) -> list[tuple[str, ...]]:
+    """The references as arguments: none is one way of calling."""
+    return [(reference,) for reference in call.references] or [()]

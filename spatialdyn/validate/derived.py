@@ -1,0 +1,48 @@
+"""What Pinocchio has no call for, of calls that it has: functions of (pin, model, data, inputs...)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def coriolis_matrix_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """C (nv, nv), a matrix of one entry as well."""
+    return np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
+
+
+def mass_matrix_dot_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """C + Cᵀ."""
+    C = coriolis_matrix_by_pin(pin, model, data, q, v)
+    return C + C.T
+
+
+def coriolis_transpose_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """Cᵀ v."""
+    C = coriolis_matrix_by_pin(pin, model, data, q, v)
+    return C.T @ v
+
+
+def modified_rnea_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array, v_r: Array, a_r: Array) -> Array:
+    """M a_r + g, and C v_r."""
+    at_rest = np.array(pin.rnea(model, data, q, np.zeros(model.nv), a_r), float).reshape(model.nv)
+    C = coriolis_matrix_by_pin(pin, model, data, q, v)
+    return np.asarray(at_rest + C @ v_r)
+
+
+def christoffel_symbols_by_pin(pin: Any, model: Any, data: Any, q: Array) -> Array:
+    """C is linear in v, and its columns at unit velocities are the symbols."""
+    symbols = np.zeros((model.nv, model.nv, model.nv))
+    for k, e in enumerate(np.eye(model.nv)):
+        symbols[:, :, k] = coriolis_matrix_by_pin(pin, model, data, q, e)
+    return symbols
+
+
+def mass_matrix_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array) -> Array:
+    """Γ_ijk + Γ_jik."""
+    symbols = christoffel_symbols_by_pin(pin, model, data, q)
+    return symbols + symbols.transpose(1, 0, 2)

@@ -1,0 +1,122 @@
+"""Pinocchio: the module, its model of a robot, its answer to a call."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..border import core_shape
+from ..errors import SpatialDynError
+from ..model import Frame, Model
+from ..recursions import SPECS
+from ..urdf import find_robot
+from .calls import REFERENCES, Call
+from .states import States
+
+Array = NDArray[np.float64]
+
+
+def pinocchio() -> Any:
+    """The module. Raises SpatialDynError saying how to get it if it is not installed."""
+    try:
+        import pinocchio as pin
+    except ImportError:
+        raise SpatialDynError('pinocchio is not installed; pip install "spatialdyn[validate]"') from None
+    return pin
+
+
+def pinocchio_model(source: Any, root: str = "fixed") -> Any:
+    """Pinocchio's model of a path, URDF text or robot name. Raises SpatialDynError with its reason if it refuses."""
+    pin = pinocchio()
+    base = (pin.JointModelFreeFlyer(),) if root == "floating" else ()
+    try:
+        if isinstance(source, (str, bytes)) and source[:1] in ("<", b"<"):
+            return pin.buildModelFromXML(source if isinstance(source, str) else source.decode(), *base)
+        return pin.buildModelFromUrdf(str(_file_of(source)), *base)
+    except (ValueError, RuntimeError) as error:
+        if isinstance(error, SpatialDynError):
+            raise
+        raise SpatialDynError(f"Pinocchio refuses {str(source)[:80]!r}: {str(error).splitlines()[0]}") from None
+
+
+def _file_of(source: Any) -> Path:
+    if isinstance(source, os.PathLike) or os.path.isfile(source):
+        return Path(source)
+    return find_robot(source)
+
+
+class Peer:
+    """Pinocchio's model and data, and our frames' indices in it."""
+
+    def __init__(self, pin: Any, pin_model: Any, model: Model) -> None:
+        self.pin, self.ours, self.model, self.data = pin, model, pin_model, pin_model.createData()
+        kinds = {pin.FrameType.BODY: "link", pin.FrameType.JOINT: "joint", pin.FrameType.FIXED_JOINT: "joint"}
+        places = {(kinds.get(frame.type), frame.name): k for k, frame in enumerate(pin_model.frames)}
+        self.frames = [self._place(frame, places) for frame in model.frames]
+        self.references = [getattr(pin.ReferenceFrame, reference.upper()) for reference in REFERENCES]
+
+    def _place(self, frame: Frame, places: Mapping[tuple[str | None, str], int]) -> int:
+        try:
+            return places[frame.kind, frame.name]
+        except KeyError:
+            raise SpatialDynError(f'{frame.kind} frame "{frame.name}" is not in Pinocchio\'s model') from None
+
+    def inputs(self, call: Call, states: States, k: int) -> list[Any]:
+        """One sample as Pinocchio takes it: external forces are a vector of its own type."""
+        values: list[Any] = []
+        for name in call.inputs.split():
+            value = getattr(states, name)[k]
+            if name == "fext":
+                forces = self.pin.StdVec_Force()
+                forces.extend([self.pin.Force(force) for force in value])
+                value = forces
+            values.append(float(value) if name == "t" else value)
+        return values
+
+    def mass_matrices(self, states: States) -> Array:
+        """M (samples, nv, nv)."""
+        return np.array([self.pin.crba(self.model, self.data, q) for q in states.q])
+
+    def function(self, call: Call) -> Callable[..., Any]:
+        """What answers for Pinocchio."""
+        return getattr(self.pin, call.peer) if isinstance(call.peer, str) else partial(call.peer, self.pin)
+
+    def arguments(self, call: Call) -> tuple[Any, ...]:
+        """What stands before the inputs."""
+        return (self.model, self.data) if call.data else (self.model,)
+
+    def __call__(self, call: Call, states: States, k: int) -> Array:
+        """Its answer for one sample, in the shape of ours."""
+        answer = self.function(call)(*self.arguments(call), *self.inputs(call, states, k))
+        if not call.frame:
+            found = _array(answer if call.result is None else call.result(self.data))
+            return found.reshape(self._core(call)) if call.name in SPECS else found
+        look = getattr(self.pin, call.frame)
+        references = [(code,) for code in self.references] if call.references else [()]
+        all_found = np.array(
+            [[_array(look(self.model, self.data, frame, *code)) for code in references] for frame in self.frames]
+        )
+        if call.name == "jacobian_dot_times_v":
+            moved: Array = all_found.reshape((*all_found.shape[:2], 6, self.model.nv)) @ states.v[k]
+            return moved
+        return all_found.reshape((*all_found.shape[:2], *self._core(call)))
+
+    def _core(self, call: Call) -> tuple[int, ...]:
+        """Shape of one result: a matrix of one column comes as a vector."""
+        return core_shape(self.ours, SPECS[call.name].output)
+
+
+def _array(value: Any) -> Array:
+    """A Pinocchio result as an array: poses (4, 4), motions and forces (6,), several of them stacked."""
+    if isinstance(value, (tuple, list)):
+        return np.array([_array(part) for part in value])
+    for name in ("vector", "homogeneous"):
+        if hasattr(value, name):
+            return np.array(getattr(value, name))
+    return np.array(value, dtype=float)

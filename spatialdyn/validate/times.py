@@ -1,0 +1,46 @@
+"""Time of one call from Python, ours and Pinocchio's."""
+
+from __future__ import annotations
+
+import timeit
+from statistics import median
+from typing import Any
+
+from .. import dynamics
+from ..model import Model
+from .calls import REFERENCES, Call
+from .peer import Peer
+from .states import States
+
+ROUNDS, ROUND_SECONDS = 9, 1e-3
+
+
+def times_of(call: Call, model: Model, peer: Peer, states: States) -> tuple[float, float]:
+    """Time of one call, ours and Pinocchio's [µs]: medians of interleaved rounds, single samples, from Python.
+
+    A call about a frame is asked about the last one, in the first reference; Pinocchio's counts the pass over the
+    joints that has to precede it.
+    """
+    names = call.inputs.split()
+    scope: dict[str, Any] = {"f": getattr(dynamics, call.name), "model": model}
+    scope |= {name: getattr(states, name)[0] for name in names}
+    given = ["model", *names]
+    if call.frame:
+        scope |= {"frame": model.frames[-1], "reference": REFERENCES[0], "extra": True}
+        given += ["frame", *["reference"] * bool(call.references), *["extra"] * bool(call.static)]
+    ours = timeit.Timer(f"f({', '.join(given)})", globals=scope)
+
+    there: dict[str, Any] = {"f": peer.function(call), "model": peer.model, "data": peer.data}
+    there |= dict(zip(names, peer.inputs(call, states, 0), strict=True))
+    text = f"f({', '.join(['model', *['data'] * call.data, *names])})"
+    if call.frame:
+        there |= {"g": getattr(peer.pin, call.frame), "frame": peer.frames[-1], "reference": peer.references[0]}
+        text += f"; g(model, data, frame{', reference' * bool(call.references)})"
+        if call.name == "jacobian_dot_times_v":
+            text += " @ v" if model.nv > 1 else " * v"  # a matrix of one column comes as a vector
+    theirs = timeit.Timer(text, globals=there)
+
+    counts = [max(1, round(ROUND_SECONDS / max(1e-7, timer.timeit(10) / 10))) for timer in (ours, theirs)]
+    rounds = [[timer.timeit(n) / n for timer, n in zip((ours, theirs), counts, strict=True)] for _ in range(ROUNDS)]
+    first, second = (median(column) * 1e6 for column in zip(*rounds, strict=True))
+    return first, second
