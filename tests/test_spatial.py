@@ -351,11 +351,16 @@ def test_operators_are_exact_on_exact_numbers() -> None:
 # --- tables ---------------------------------------------------------------------------------------------
 
 FIELDS = {
-    Vec: (tables.put_vec, tables.vec_of), Rot: (tables.put_rot, tables.rot_of), Sym: (tables.put_sym, tables.sym_of),
-    Motion: (tables.put_motion, tables.motion_of), Force: (tables.put_force, tables.force_of), Pose: (tables.put_pose, tables.pose_of),
-    Inertia: (tables.put_inertia, tables.inertia_of), Articulated: (tables.put_articulated, tables.articulated_of),
+    Vec: (tables.put_vec, tables.vec_of),
+    Rot: (tables.put_rot, tables.rot_of),
+    Sym: (tables.put_sym, tables.sym_of),
+    Motion: (tables.put_motion, tables.motion_of),
+    Force: (tables.put_force, tables.force_of),
+    Pose: (tables.put_pose, tables.pose_of),
+    Inertia: (tables.put_inertia, tables.inertia_of),
+    Articulated: (tables.put_articulated, tables.articulated_of),
     Coupling: (tables.put_coupling, tables.coupling_of),
-}  # fmt: skip
+}
 
 
 def numbered(kind: Any, count: list[int]) -> Any:
