@@ -220,3 +220,11 @@ def test_gains_where_no_position_is_a_number_are_refused() -> None:
     law = sd.PD(np.ones(9), np.ones(9), sd.neutral(model))
     with pytest.raises(sd.ModelError, match=r"pd\.kp is not 0 for joint .* expected 0"):
         sd.rollout(model, sd.neutral(model), np.zeros(9), dt=1e-3, steps=2, pd=law)
+
+
+def test_quaternions_of_every_sample_have_to_be_of_unit_norm() -> None:
+    model = sd.load_urdf("floating_body", root="floating")
+    q0 = np.tile(sd.neutral(model), (3, 1))
+    q0[2, 3:] *= 1.5
+    with pytest.raises(sd.ConfigurationError, match=r"norm 1\.5"):
+        sd.rollout(model, q0, np.zeros((3, 6)), dt=1e-3, steps=2)

@@ -104,6 +104,7 @@ def rollout(
         SimulationError for dt, steps, record, dtype or a method that is none, and for a state that is not finite any
             more, naming the sample and the time
         InertiaError naming a joint that moves no inertia
+        ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
         ModelError for a model with mimic joints, or gains where no position is a number
 
     >>> import numpy as np, spatialdyn as sd
@@ -134,6 +135,8 @@ def rollout(
     if B and T:
         rest = np.zeros(model.nv)
         calls["aba"](model, states[0][0], rest, rest)  # which names a joint that moves no inertia
+        if model.nq != model.nv:
+            calls["potential_energy"](model, states[0])  # which names a quaternion that is none
         _run(model, method, states, inputs, records, T, every, check, float(dt))
     q, v = records
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
