@@ -249,10 +249,10 @@ def test_a_sample_has_the_same_bits_in_any_batch_on_any_number_of_threads(model:
             np.testing.assert_array_equal(on_lanes(model, spec, [x[some] for x in values]), wanted[some])
 
 
-def test_a_number_of_threads_below_one_is_refused() -> None:
-    for n in (0, -3):
-        with pytest.raises(sd.SpatialDynError, match=f"n is {n}, expected at least 1 thread"):
-            sd.set_num_threads(n)
+@pytest.mark.parametrize("n", [0, -3, 1.5, True, "2", None])
+def test_what_is_no_number_of_threads_is_refused(n: Any) -> None:
+    with pytest.raises(sd.SpatialDynError, match=f"n is {n!r}, expected a whole number of threads, 1 at least"):
+        sd.set_num_threads(n)
 
 
 # --- samples that are not in order ----------------------------------------------------------------------

@@ -92,6 +92,21 @@ def test_records_are_the_states_after_so_many_steps(arm: sd.Model, record: Any) 
     np.testing.assert_array_equal(found.q, chosen)
 
 
+@pytest.mark.parametrize("steps", [4, np.int64(4), np.uint8(4), 4.0, np.array(4)])
+def test_a_number_of_steps_is_any_whole_number(arm: sd.Model, steps: Any) -> None:
+    assert sd.rollout(arm, np.zeros(3), np.zeros(3), dt=1e-3, steps=steps).q.shape == (4, 3)
+
+
+@pytest.mark.parametrize("B", [0, 2])
+def test_no_steps_leave_the_first_state_as_the_last(arm: sd.Model, B: int) -> None:
+    q0, v0 = states(arm, B)
+    assert sd.rollout(arm, q0, v0, dt=1e-3, steps=0).q.shape == (B, 0, 3)
+    last = sd.rollout(arm, q0, v0, dt=1e-3, steps=0, record="last")
+    np.testing.assert_array_equal(last.q, q0)
+    np.testing.assert_array_equal(last.v, v0)
+    assert not np.shares_memory(last.q, q0)
+
+
 @pytest.mark.parametrize("B", [0, 1, 2, 7, 8, 9, 16, 17])
 def test_every_number_of_samples_gives_each_its_own_bits(arm: sd.Model, B: int) -> None:
     q0, v0 = states(arm, 17)
@@ -177,6 +192,15 @@ def test_a_state_that_blows_up_is_named_or_nan(arm: sd.Model) -> None:
         ({"dtype": np.int32}, sd.SimulationError, "dtype is 'int32'"),
         ({"steps": None}, sd.SimulationError, "steps is None"),
         ({"steps": -1}, sd.SimulationError, "steps is -1"),
+        ({"steps": 2.5}, sd.SimulationError, "steps is 2.5"),
+        ({"steps": float("nan")}, sd.SimulationError, "steps is nan"),
+        ({"steps": float("inf")}, sd.SimulationError, "steps is inf"),
+        ({"steps": [5]}, sd.SimulationError, r"steps is \[5\]"),
+        ({"dt": "1e-3"}, sd.SimulationError, "dt is '1e-3'"),
+        ({"dt": True}, sd.SimulationError, "dt is True"),
+        ({"method": ["rk4"]}, sd.SimulationError, r"method is \['rk4'\]"),
+        ({"dtype": "double precision"}, sd.SimulationError, "dtype is 'double precision'"),
+        ({"pd": (1.0, 1.0, 0.0)}, sd.SimulationError, "pd is a tuple"),
         ({"record": 0}, sd.SimulationError, "record is 0"),
         ({"tau": np.zeros((7, 3))}, sd.ShapeError, r"say \[5, 7\] steps"),
         ({"tau": np.zeros((4, 5, 3))}, sd.ShapeError, r"q0 \(3,\), v0 \(3,\), tau \(4,\)"),
@@ -196,3 +220,11 @@ def test_gains_where_no_position_is_a_number_are_refused() -> None:
     law = sd.PD(np.ones(9), np.ones(9), sd.neutral(model))
     with pytest.raises(sd.ModelError, match=r"pd\.kp is not 0 for joint .* expected 0"):
         sd.rollout(model, sd.neutral(model), np.zeros(9), dt=1e-3, steps=2, pd=law)
+
+
+def test_quaternions_of_every_sample_have_to_be_of_unit_norm() -> None:
+    model = sd.load_urdf("floating_body", root="floating")
+    q0 = np.tile(sd.neutral(model), (3, 1))
+    q0[2, 3:] *= 1.5
+    with pytest.raises(sd.ConfigurationError, match=r"norm 1\.5"):
+        sd.rollout(model, q0, np.zeros((3, 6)), dt=1e-3, steps=2)

@@ -204,6 +204,27 @@ def test_npz_round_trip(arm: sd.Model, tmp_path: Path) -> None:
         sd.Trajectory.load(tmp_path / "other.npz")
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [("rtol", -1.0), ("atol", 0.0), ("rtol", "1e-9"), ("rtol", np.nan), ("progress", "x")]
+)
+def test_bad_tolerances_and_progress_are_named(arm: sd.Model, name: str, value: Any) -> None:
+    with pytest.raises(sd.SpatialDynError, match=f"{name} is {value!r}, expected"):
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, "dop853", **{name: value})
+
+
+@pytest.mark.parametrize("what", ["text", "half a file", "an array"])
+def test_a_file_that_holds_no_trajectory_is_refused(arm: sd.Model, tmp_path: Path, what: str) -> None:
+    path = tmp_path / "run.npz"
+    sd.simulate(arm, Q0, V0, 0.0, 0.01).save(path)
+    if what == "an array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+    else:
+        path.write_bytes(b"none" if what == "text" else path.read_bytes()[:900])
+    with pytest.raises(sd.SpatialDynError, match="holds no trajectory"):
+        sd.Trajectory.load(path)
+
+
 def test_dataframe_and_plot(arm: sd.Model) -> None:
     run = sd.simulate(arm, Q0, V0, 0.05, 0.01)
     pytest.importorskip("pandas")

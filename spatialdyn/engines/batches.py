@@ -85,10 +85,10 @@ if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child
 def set_num_threads(n: int) -> None:
     """Over how many threads batches run from now on; 1 unless set. Results do not depend on it.
 
-    Raises SpatialDynError for a number below 1.
+    Raises SpatialDynError for what is no whole number of 1 or more.
     """
-    if int(n) < 1:
-        raise SpatialDynError(f"n is {n}, expected at least 1 thread")
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+        raise SpatialDynError(f"n is {n!r}, expected a whole number of threads, 1 at least")
     team.size = int(n)
 
 

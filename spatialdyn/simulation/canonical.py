@@ -5,11 +5,12 @@ equations are solved: they are iterated until the iterates change no longer, whi
 tolerance. In Gauss's methods z is summed with compensation, which leaves energy errors that grow like √t.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1 and VI.3; for rounding, Hairer, McLachlan,
-Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008).
+Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008); for slow iterations, Walker, Ni,
+Anderson acceleration for fixed-point iterations (2011).
 
 Rows of ``work``: 0 z, 1 what compensation has left over, 2 a stage, 3 its slope, 4 and 5 momenta and rates of the
-joints, 6 scratch, 7 to 9 increments of the stages, 10 to 12 those of
-the step before.
+joints, 6 scratch, 7 to 9 increments of the stages, 10 to 12 those of the step before; without stages, 8 to 12 what
+``quicken`` remembers.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ from .system import NONFINITE, STALLED, TORQUE, State, System, copy, note
 ROWS = 13
 SWEEPS = 100  # at most; at steps that make sense it takes 5 to 20
 LARGEST = 1e300
+SLOW = 0.25  # an iteration that shrinks by less in a sweep is quickened
+NEW = 0.01  # of the square of a difference at least, beyond what the differences before it span
 SETTLED = 1e-10  # relative: changes this small are rounding once they no longer shrink
+QUICK_SETTLED = 1e-13  # those of a quickened iteration
 
 
 class Kernels(NamedTuple):
@@ -150,15 +154,18 @@ def _change_charts(system: System, state: State) -> None:
 
 
 @register_jitable
-def settled(system: System, t: float, change: float, before: float, sweep: int) -> bool:
-    """Whether an iteration is over: its relative change is rounding and shrinks no more, or it leads nowhere."""
+def settled(system: System, t: float, change: float, before: float, sweep: int, quick: bool = False) -> bool:
+    """Whether an iteration is over: its relative change is rounding and shrinks no more, or it leads nowhere.
+
+    quick  whether it is quickened: its changes may then grow again long before they are rounding
+    """
     if not change <= LARGEST:
         note(system, NONFINITE, t)
     if sweep > 0 and system.trouble[0] != 0 and system.trouble[0] != TORQUE:
         system.trouble[0], system.trouble[1], system.trouble[2] = STALLED, t, before  # it is the iterates that run away
     if sweep == SWEEPS - 1 and not change <= SETTLED:
         note(system, STALLED, t, change)
-    rounding = change <= SETTLED and change >= before
+    rounding = change <= (QUICK_SETTLED if quick else SETTLED) and change >= before
     return system.trouble[0] != 0 or change <= 2.0 * EPS or rounding
 
 
@@ -171,28 +178,82 @@ def relative(change: float, size: float) -> float:
 
 
 @register_jitable
+def quicken(count: int, f: Any, y: Any, F: Any, U: Any) -> None:
+    """Take y = x + f(x) of an iteration y = G(x) to where f would vanish, as far as its last sweeps tell (Anderson).
+
+    A fast body couples its turning with its travel by terms of the size h |v|, which the iteration goes round in
+    circles about, or outward.
+
+    count  sweeps that are remembered
+    y      written: next x
+    F, U   (1 + memory, n)  written: differences of f, orthonormal, and those of y that belong to them; f and y last
+    """
+    n, last = len(f), len(F) - 1
+    if count > 0:
+        slot = (count - 1) % last
+        for fresh in range(2):
+            whole = square = 0.0
+            for i in range(n):
+                F[slot, i], U[slot, i] = f[i] - F[last, i], y[i] - U[last, i]
+                whole += F[slot, i] * F[slot, i]
+            for j in range(min(count, last)):
+                if j != slot:
+                    part = 0.0
+                    for i in range(n):
+                        part += F[j, i] * F[slot, i]
+                    for i in range(n):
+                        F[slot, i] -= part * F[j, i]
+                        U[slot, i] -= part * U[j, i]
+            for i in range(n):
+                square += F[slot, i] * F[slot, i]
+            if fresh == 0 and square >= NEW * whole:
+                break
+            for j in range(last):  # nothing new: what is old is worth less, and what is left of this is rounding
+                if j != slot:
+                    for i in range(n):
+                        F[j, i] = U[j, i] = 0.0
+        scale = 1.0 / math.sqrt(square) if square > 0.0 else 0.0
+        for i in range(n):
+            F[slot, i] *= scale
+            U[slot, i] *= scale
+    for i in range(n):
+        F[last, i], U[last, i] = f[i], y[i]
+    for j in range(min(count, last)):
+        part = 0.0
+        for i in range(n):
+            part += F[j, i] * f[i]
+        for i in range(n):
+            y[i] -= part * U[j, i]
+
+
+@register_jitable
 def _half(system: System, t: float, c: float, first: int, base: Any, state: State, y: Any, dy: Any) -> None:
     """Solve y = base + c ẏ(t, y) for the half of y that starts at ``first``; the other half is as it is in y.
 
     dy is a guess of the slope, and then the slope at the solution.
     """
     n = len(system.tau)
+    off, F, U = state.work[6][:n], state.work[8:13, :n], state.work[8:13, n:]
     for i in range(first, first + n):
         y[i] = base[i] + c * dy[i]
-    before = math.inf
+    before, known = math.inf, 0
     for sweep in range(SWEEPS):
         slope(system, t, y, state, dy)
         change = size = 0.0
         for i in range(first, first + n):
             new = base[i] + c * dy[i]
+            off[i - first] = new - y[i]
             change = max(change, abs(new - y[i]))
             size = max(size, abs(base[i]) + abs(c * dy[i]))
             if not abs(new) <= LARGEST:
                 change = math.inf
             y[i] = new
         change = relative(change, size)
-        if settled(system, t, change, before, sweep):
+        if settled(system, t, change, before, sweep, known > 0):
             break
+        if known > 0 or change > SLOW * before:
+            quicken(known, off, y[first : first + n], F, U)
+            known += 1
         before = change
 
 

@@ -91,7 +91,7 @@ def rollout(
     steps   T, if neither tau nor pd has an axis that says it
     method  "semi_implicit_euler", "explicit_euler", "velocity_verlet" or "rk4", as in ``simulate``
     pd      a law of the joints that is added to tau
-    record  1 for the state after every step, k after every k-th, "last" for the last alone
+    record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
     dtype   float64, or float32: faster, and exact to some 1e-6 a step
     check   whether a state that leaves the numbers is an error; if not, it is NaN from there on
 
@@ -104,6 +104,7 @@ def rollout(
         SimulationError for dt, steps, record, dtype or a method that is none, and for a state that is not finite any
             more, naming the sample and the time
         InertiaError naming a joint that moves no inertia
+        ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
         ModelError for a model with mimic joints, or gains where no position is a number
 
     >>> import numpy as np, spatialdyn as sd
@@ -116,8 +117,8 @@ def rollout(
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     _choice("method", method, METHODS)
-    number = _choice("dtype", np.dtype(dtype).name, {"float64": np.dtype(np.float64), "float32": np.dtype(np.float32)})
-    if not (np.ndim(dt) == 0 and math.isfinite(dt) and dt > 0.0):
+    number = _dtype(dtype)
+    if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     driving = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
@@ -134,11 +135,13 @@ def rollout(
     if B and T:
         rest = np.zeros(model.nv)
         calls["aba"](model, states[0][0], rest, rest)  # which names a joint that moves no inertia
+        if model.nq != model.nv:
+            calls["potential_energy"](model, states[0])  # which names a quaternion that is none
         _run(model, method, states, inputs, records, T, every, check, float(dt))
     q, v = records
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
     if record == "last":
-        q, v = q[:, -1], v[:, -1]
+        q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states)
     return Rollout(q[0], v[0]) if single else Rollout(q, v)
 
 
@@ -146,9 +149,22 @@ def rollout(
 
 
 def _choice(name: str, value: Any, known: dict[str, Any]) -> Any:
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise SimulationError(f"{name} is {value!r}, expected one of {', '.join(known)}")
     return known[value]
+
+
+def _dtype(value: DTypeLike) -> np.dtype[Any]:
+    try:
+        name = np.dtype(value).name
+    except TypeError:
+        name = str(value)
+    return _choice("dtype", name, {x: np.dtype(x) for x in ("float64", "float32")})  # type: ignore[no-any-return]
+
+
+def _is_number(x: Any) -> bool:
+    """Whether it is one real number; arrays without axes pass."""
+    return np.ndim(x) == 0 and np.asarray(x).dtype.kind in "iuf"
 
 
 def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
@@ -162,6 +178,8 @@ def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
 
 
 def _law(model: Model, pd: PD) -> dict[str, tuple[Array, int]]:
+    if not isinstance(pd, PD):
+        raise SimulationError(f"pd is a {type(pd).__name__}, expected a PD(kp, kd, q_ref)")
     kp = as_array("pd.kp", pd.kp)
     if kp.shape[-1:] == (model.nv,):
         for joint in model.joints[1:]:
@@ -182,9 +200,9 @@ def _law(model: Model, pd: PD) -> dict[str, tuple[Array, int]]:
 
 def _steps(steps: int | None, found: list[int]) -> int:
     """How many there are, from what is said and from the axes of inputs."""
+    if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
+        raise SimulationError(f"steps is {steps!r}, expected a whole number of 0 or more")
     several = {k for k in found if k != 1} | ({int(steps)} if steps is not None else set())
-    if steps is not None and (isinstance(steps, bool) or steps != int(steps) or steps < 0):
-        raise SimulationError(f"steps is {steps!r}, expected a whole number")
     if len(several) > 1:
         raise ShapeError(f"inputs and steps say {sorted(several)} steps, expected one number of them")
     if not several and not found:

@@ -173,6 +173,11 @@ def _run(
     fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
+    for name, x in (("rtol", rtol), ("atol", atol)):
+        if isinstance(x, bool) or not (isinstance(x, (int, float, np.number)) and 0.0 < x < math.inf):
+            raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
+    if not (isinstance(progress, bool) or callable(progress)):
+        raise SpatialDynError(f"progress is {progress!r}, expected True, False or a function of two numbers")
     recorder = Recorder(model, method, steps, _every(record, steps.total))
     try:
         asked = torque_of(torque, model.nv, steps)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,10 +69,10 @@ class Trajectory:
     def load(cls, path: str | PathLike[str]) -> Trajectory:
         """The Trajectory of a file that ``save`` has written. Raises SpatialDynError if it holds something else."""
         try:
-            with np.load(path, allow_pickle=False) as parts:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as parts:
                 arrays = [parts[name] for name in ARRAYS]
                 words = [parts[name].item() for name in WORDS]
-        except (KeyError, ValueError, EOFError) as error:
+        except (KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
             raise SpatialDynError(f"{path} holds no trajectory: {error}") from error
         return cls(*arrays, *words)
 
