@@ -46,17 +46,21 @@ def diagnose(
     for at in pivots.tolist():
         row = _singular_row(spec, model, [x[at * step] for x, step in stepped], static)
         if row is not None:
-            raise InertiaError(
-                f'joint "{_joint_of_row(model, row).name}" moves no inertia'
-                f"{_where(samples[at], len(pivots), batch)}: articulated inertia next to 0, "
-                "expected a body with mass or armature behind it"
-            )
+            raise InertiaError(no_inertia(model, row, _where(samples[at], len(pivots), batch)))
     lost = np.flatnonzero((status != jit.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))
     if len(lost):
         raise NonFiniteError(
             f"{spec.name} of finite input is not finite{_where(samples[lost[0]], len(lost), batch)}, expected numbers "
             "whose products stay in the range of float64"
         )
+
+
+def no_inertia(model: Model, row: int, where: str) -> str:
+    """What there is to say of a row that moves none."""
+    return (
+        f'joint "{joint_of_row(model, row).name}" moves no inertia{where}: articulated inertia next to 0, expected a '
+        "body with mass or armature behind it"
+    )
 
 
 def _where(at: Any, count: int, batch: tuple[int, ...]) -> str:
@@ -67,7 +71,8 @@ def _where(at: Any, count: int, batch: tuple[int, ...]) -> str:
     return f" in sample {place}, the first of {count}" if count > 1 else f" in sample {place}"
 
 
-def _joint_of_row(model: Model, row: int) -> Joint:
+def joint_of_row(model: Model, row: int) -> Joint:
+    """The joint that a row of the table is of."""
     return next(j for j in model.joints[1:] if j.row - j.nv < row <= j.row)
 
 
@@ -104,10 +109,11 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
     n = len(model.bodies) - 1
     values = dict(zip((x.name for x in spec.given if not x.static), sample, strict=True))
     inputs = [None if x is None else values[x.name] for x in spec.inputs]
-    pivots, M = np.empty(n), np.empty((n, n))
+    pivots, *spare = (np.empty(size) for size in spec.beside(n))
+    M = np.empty((n, n))
     with np.errstate(all="ignore"):
         scratch = np.zeros(n + 1, spec.work)
-        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output) or (1,)), pivots)
+        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output) or (1,)), pivots, *spare)
         crba = SPECS["crba"]
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
     singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))

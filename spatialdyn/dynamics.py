@@ -38,6 +38,7 @@ from .recursions import SPECS
 from .recursions.spec import Spec
 
 F8 = np.dtype(np.float64)
+SHARE = 10**9 if jit.PLAIN else 128  # samples before another thread is worth waking: some 100 µs
 
 # --- the general way ------------------------------------------------------------------------------------
 
@@ -164,8 +165,13 @@ def _untraced(
         stepped = [(np.ascontiguousarray(x[samples]) if step else x, step) for x, step in stepped]
     rest = flat.reshape((n, *core)) if everything else np.empty((n, *core))
     status = np.empty(n, np.int8)
-    passed = [part for pair in stepped for part in pair]
-    bad = jit.batch(spec)(getattr(model, jit.TABLE), n, *passed, *static, rest, status)
+    kernel, table = jit.batch(spec), getattr(model, jit.TABLE)
+
+    def part(first: int, end: int) -> int:
+        passed = [y for x, step in stepped for y in (x[first:end] if step else x, step)]
+        return kernel(table, end - first, *passed, *static, rest[first:end], status[first:end])
+
+    bad = batches.team.share(n, SHARE, part)
     if not everything:
         flat[samples] = rest.reshape((n, -1))
     if bad:
@@ -188,7 +194,7 @@ def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], resu
     refuse_singular(model, M)
     if spec.name == "minverse":
         result[...] = np.linalg.inv(M)
-    elif spec.name == "aba":
+    elif spec.output.name == "a":
         bias = calls["rnea"](model, q, given["v"], zero, given.get("fext"))
         result[...] = np.linalg.solve(M, (given["tau"] - bias)[..., None])[..., 0]
     else:

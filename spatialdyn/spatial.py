@@ -124,15 +124,21 @@ DTYPES[float] = np.dtype(np.float64)
 DTYPES[int] = np.dtype(np.int64)
 
 
-def table_dtype(**fields: type) -> np.dtype:
-    """Dtype of a table whose columns are the given types (int, float or a type above); rows read as attributes."""
-    return np.dtype((np.record, np.dtype([(name, DTYPES[kind]) for name, kind in fields.items()], align=True)))
+def table_dtype(**fields: type | tuple[type, tuple[int, ...]]) -> np.dtype:
+    """Dtype of a table whose columns are the given types (int, float or a type above, or an array of one: (float,
+    shape)); rows read as attributes.
+    """
+    kinds = [(name, kind if isinstance(kind, tuple) else (kind, ())) for name, kind in fields.items()]
+    columns = [(name, np.dtype((DTYPES[kind], shape))) for name, (kind, shape) in kinds]
+    return np.dtype((np.record, np.dtype(columns, align=True)))
 
 
 def object_twin(dtype: np.dtype) -> np.dtype:
     """The same table with every float replaced by an object, for engines whose numbers are not floats."""
     if dtype.names:
         return np.dtype((np.record, [(name, object_twin(dtype[name])) for name in dtype.names]))
+    if dtype.subdtype:
+        return np.dtype((object_twin(dtype.subdtype[0]), dtype.subdtype[1]))
     return np.dtype(object) if dtype.kind == "f" else dtype
 
 

@@ -1,6 +1,6 @@
 """Programs made to measure: some calls of one model, with only the inputs that vary and the results that are wanted.
 
-``specialize`` reads what is asked for (``_calls``, ``_inputs``, ``_fixed``, ``_wanted``) into a ``batches.Choice``,
+``specialize`` reads what is asked for (``specs_of``, ``_inputs``, ``_fixed``, ``_wanted``) into a ``batches.Choice``,
 which knows rows and columns in place of names, and has it recorded and compiled; ``Specialized`` is what is called.
 """
 
@@ -87,7 +87,7 @@ def specialize(
     """
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
-    specs = _calls(calls)
+    specs = specs_of(calls)
     optional, names, chosen = _inputs(model, inputs, specs)
     constants = _fixed(model, fixed or {}, specs)
     present = optional | {name for name in constants if constants[name].any()}
@@ -99,7 +99,7 @@ def specialize(
         several=not callable(calls),
         dtype=_dtype(dtype),
         arguments=tuple(x for x in given.values() if not x.static),
-        static=_static(model, [x.name for x in given.values() if x.static], frame, reference, classical),
+        static=static_of(model, [x.name for x in given.values() if x.static], frame, reference, classical),
         constants={name: x for name, x in constants.items() if name in given},
         names=names,
         parameters=chosen,
@@ -180,7 +180,8 @@ def _dtype(dtype: DTypeLike) -> np.dtype:
     return np.dtype(found)
 
 
-def _calls(calls: Any) -> tuple[Spec, ...]:
+def specs_of(calls: Any) -> tuple[Spec, ...]:
+    """The specs of a public call or several. Raises SpatialDynError for anything else."""
     by_function = {function: SPECS[name] for name, function in public.items()}
     listed = [calls] if callable(calls) else calls
     if not isinstance(listed, (list, tuple)) or not listed:
@@ -338,7 +339,7 @@ def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArra
     return tuple(wanted)
 
 
-def _static(
+def static_of(
     model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
 ) -> dict[str, Any]:
     """Values of the inputs that are no arrays of samples."""

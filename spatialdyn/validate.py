@@ -41,6 +41,7 @@ BOUND = 1e-11  # on the scaled error of an entry, and on the residuals of aba an
 VALUE_BOUND = 1e-9  # on values of aba and minverse: Pinocchio's own are off by 4e-8 on a floating icub
 WELL_CONDITIONED = 1e5  # condition number of M, scaled to a diagonal of 1, up to which those values are compared
 ANGLES = (0.5, 2.5)  # rad: below, Pinocchio's derivatives of difference lose digits; at pi the shorter way is open
+FORWARD = ("aba", "aba_refined", "aba_square_root", "crba_solve")
 RAISED = "bound raised to 4 eps |M| |x|"  # how the note begins where the bound on a residual is not BOUND
 OMITTED = "left out where M is ill conditioned or Pinocchio's own residual above half the bound"  # note on values
 REFERENCES = ("local", "world", "local_world_aligned")
@@ -306,6 +307,9 @@ CALLS = (
     _Call("crba", "q", "crba"),
     _Call("aba", "q v tau", "aba"),
     _Call("aba (fext)", "q v tau fext", "aba"),
+    _Call("aba_refined", "q v tau", "aba"),
+    _Call("aba_square_root", "q v tau", "aba"),
+    _Call("crba_solve", "q v tau", "aba"),
     _Call("minverse", "q", "computeMinverse"),
     _Call("nonlinear_effects", "q v", "nonLinearEffects"),
     _Call("generalized_gravity", "q", "computeGeneralizedGravity"),
@@ -490,7 +494,7 @@ def _compared(call: _Call, model: Model, peer: _Peer, states: States, timing: bo
     times = _times(call, model, peer, states) if timing and isinstance(call.peer, str) else None
     same = np.array_equal(single, ours[0], equal_nan=True)
     note = "" if same else "a single call and a batch of it differ"
-    if call.name in ("aba", "minverse"):
+    if call.name in (*FORWARD, "minverse"):
         residual, bound = _residual(call, peer, states, ours)
         if bound > BOUND and not note:
             note = f"{RAISED}, for M is ill conditioned and rounding the exact answer costs a quarter of that"
@@ -504,12 +508,13 @@ def _compared(call: _Call, model: Model, peer: _Peer, states: States, timing: bo
 
 
 def _missed(call: _Call, peer: _Peer, states: States, k: int, x: Array) -> tuple[float, float]:
-    """How far an answer x of aba is from giving tau in Pinocchio's RNEA, or one of minverse from M x = 1, in sample k.
+    """How far an answer x of forward dynamics is from giving tau in Pinocchio's RNEA, in sample k; of minverse, from
+    M x = 1.
 
     And what rounding the entries of x makes of that: eps |M| |x|, scaled alike.
     """
     M = np.array(peer.pin.crba(peer.model, peer.data, states.q[k]))
-    if call.name == "aba":
+    if call.name in FORWARD:
         force = _Call(call.label, call.inputs.replace("tau", "a"), "rnea")
         accelerations = np.zeros_like(states.a)
         accelerations[k] = x
@@ -606,6 +611,11 @@ def _coriolis_forces(m: Model, s: States) -> Array:
     return _call("nonlinear_effects", m, s.q, s.v) - _call("generalized_gravity", m, s.q)
 
 
+def _given_back(name: str) -> Callable[[Model, States], tuple[Array, Array]]:
+    """Both sides of rnea(name) = tau."""
+    return lambda m, s: (_call("rnea", m, s.q, s.v, _call(name, m, s.q, s.v, s.tau)), s.tau)
+
+
 # label -> the identity in words, and its two sides
 _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]]] = {
     "rnea": (
@@ -637,6 +647,7 @@ _IDENTITIES: dict[str, tuple[str, Callable[[Model, States], tuple[Array, Array]]
         "rnea(aba) = tau",
         lambda m, s: (_call("rnea", m, s.q, s.v, _call("aba", m, s.q, s.v, s.tau, s.fext), s.fext), s.tau),
     ),
+    **{name: (f"rnea({name}) = tau", _given_back(name)) for name in FORWARD[1:]},
     "minverse": (
         "M Minv = 1",
         lambda m, s: (

@@ -131,7 +131,7 @@ def test_lanes_equal_the_untraced_call(model: sd.Model, name: str) -> None:
     values = random_inputs(model, spec, batch=(B + 3,))
     wanted = untraced(model, spec, values)
     if not batches.fits((spec,), model.bodies) or batches.kernel((spec,), model.bodies, model.key, static) is None:
-        assert name in ("normalize", "integrate", "difference", "interpolate", "ddifference")
+        assert not spec.traces or name in ("normalize", "integrate", "difference", "interpolate", "ddifference")
         np.testing.assert_array_equal(public(model, spec, values), wanted)
         return
     found = on_lanes(model, spec, values)

@@ -41,14 +41,16 @@ BELOW: dict[str, tuple[str, ...]] = {
     "border": ("model", "engines"),
     "diagnosis": ("border",),
     "dynamics": ("diagnosis",),
+    "forward": ("dynamics",),
     "specialize": ("dynamics",),
+    "truth": ("specialize",),
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
     "simulation": ("lagrangian",),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "specialize", "lagrangian", "simulation"),
+    "__init__": ("interop", "urdf", "builder", "specialize", "forward", "truth", "lagrangian", "simulation"),
     "simulate_command": ("simulation", "urdf"),
     "cli": ("validate", "__init__", "simulate_command"),
     "__main__": ("cli",),
@@ -59,7 +61,8 @@ UPWARD: dict[tuple[str, str], str] = {}
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
 CHANGED = {"engines.batches": {"_kept", "team"}}
 
-SHARED = {"spec", "joints", "lie", "energy", "aba", "coriolis", "hamilton"}  # what recursions import of their own room
+# what recursions import of their own room
+SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton"}
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines", "cli"}
 SAVE = {"simulation.trajectory"}  # writes and reads itself
 NAME_FILES = {"validate"}  # tells Pinocchio which file to read

@@ -35,7 +35,7 @@ from .origins import move_origins
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .regroup import regroup
-from .trace import Number, Program, Tape, scratch, table
+from .trace import Number, Program, Tape, evaluate, table
 
 FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
@@ -66,6 +66,15 @@ class _Team:
             if threads not in self._pools:
                 self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
             return self._pools[threads]
+
+    def share(self, n: int, least: int, part: Callable[[int, int], int]) -> int:
+        """The sum of ``part(first, end)`` over n samples cut among the threads, with at least so many for each."""
+        threads = max(1, min(self.size, n // least))
+        if threads == 1:
+            return part(0, n)
+        cuts = [n * k // threads for k in range(threads + 1)]
+        jobs = [self.pool(threads).submit(part, *cut) for cut in pairwise(cuts[1:])]
+        return part(*cuts[:2]) + sum(job.result() for job in jobs)
 
 
 team = _Team()
@@ -119,6 +128,9 @@ def record(
     choice  what is constant, what else an input, and what is wanted
     dtype   in which the program will run, and pivots be judged
     """
+    for spec in specs:
+        if not spec.traces:
+            raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(choice.fixed)
     tape, rows = Tape(), table(bodies)
     taken = withdraw(rows, choice.parameters)
@@ -163,16 +175,13 @@ def record(
     results: list[Any] = []
     places, pivots = [], []
     for k, spec in enumerate(specs):
-        out = np.zeros(shape(spec.output.shape) or (1,), dtype=object)
-        inner = [np.zeros(n, dtype=object)] if spec.pivots else []
-        work = [] if spec.work is None else [scratch(spec.work, n + 1)]
-        inputs = [None if x is None else given[x.name] for x in spec.inputs]
-        spec.recursion(rows, *work, *inputs, out, *inner)
+        inner = np.zeros(n, dtype=object)
+        out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
         wanted = out.ravel()[list(choice.outputs[k])] if choice.outputs else out.ravel()
         places.append(tuple(range(len(results), len(results) + len(wanted))))
         results += wanted.tolist()
         if spec.pivots:
-            margins = pivot_margins(rows, given["q"], inner[0], EPS if dtype == np.float64 else np.finfo(dtype).eps)
+            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else np.finfo(dtype).eps)
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
     layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots))
@@ -306,7 +315,8 @@ class Kernel:
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
-    """Whether calls on a table can be a program: it would not be too long, and no output is checked for its norm.
+    """Whether calls on a table can be a program: none branches on values, it would not be too long, and no output is
+    checked for its norm.
 
     results  numbers wanted of one sample, if not all
     """
@@ -314,7 +324,7 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         sizes = _sizes(bodies)
         results = sum(math.prod(_shape(spec.output.shape, sizes)) for spec in specs)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
-    return short and not any(spec.output.unit_norm for spec in specs)
+    return short and all(spec.traces and not spec.output.unit_norm for spec in specs)
 
 
 def kernel(

@@ -99,6 +99,9 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     if spec.pivots:
         lines.append("pivots = empty(len(bodies) - 1)")
         passed.append("pivots")
+    for k, shape in enumerate(spec.spare):
+        lines.append(f"spare{k} = empty(({', '.join(_SIZES[size] for size in shape)},))")
+        passed.append(f"spare{k}")
     lines.append(f"recursion({', '.join(passed)})")
     if spec.pivots:
         lines += ["if not sound_pivots(bodies, q, pivots):", f"    {fail(PIVOT)}"]

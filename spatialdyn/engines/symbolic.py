@@ -27,7 +27,7 @@ from .. import scalars
 from ..errors import SpatialDynError
 from ..recursions.spec import Spec
 from .series import fourier, length
-from .trace import scratch
+from .trace import evaluate
 
 Poly = Any  # sympy.polys.rings.PolyElement
 Expr = Any  # sympy.Expr
@@ -393,14 +393,7 @@ def run(
     inputs  arrays of Numbers by name; an optional one may be missing
     """
     shape = tuple(sizes[s] if isinstance(s, str) else s for s in spec.output.shape)
-    out = np.empty(shape or (1,), dtype=object)
-    out.fill(0.0)
-    passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
-    passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
-    passed.append(out)
-    if spec.pivots:
-        passed.append(np.empty(sizes["nv"], dtype=object))
-    spec.recursion(rows, *passed)
+    out = evaluate(spec, rows, shape, inputs, np.empty(sizes["nv"], dtype=object))
     flat = out.ravel()
     for k, x in enumerate(flat):
         flat[k] = ring.number_or_none(x)

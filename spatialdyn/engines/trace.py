@@ -8,7 +8,7 @@ on a value would lose a branch here, so comparing a Number raises.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import scalars
+from ..recursions.spec import Spec
 
 INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, ATAN2, SELECT = range(14)
 NAMES = ("input", "const", "+", "-", "*", "/", "fma", "fms", "fnma", "sqrt", "sin", "cos", "atan2", "select")
@@ -183,25 +184,47 @@ scalars.select.register(Number)(_select)
 class Row:
     """A row of a table, or a field of it that has fields: plain attributes, which a recursion reads and writes."""
 
-    def __init__(self, dtype: np.dtype, values: Any = None) -> None:
-        """A row of that layout, from a record or all zero."""
+    def __init__(self, dtype: np.dtype, values: Any = None, number: Callable[[float], Any] = float) -> None:
+        """A row of that layout, from a record or all zero; ``number`` makes of a float what stands for it."""
         for name in dtype.names or ():
             part = dtype[name]
             value = None if values is None else values[name]
             if part.names:
-                self.__dict__[name] = Row(part, value)
+                self.__dict__[name] = Row(part, value, number)
+            elif part.subdtype:
+                self.__dict__[name] = np.zeros(part.shape, object)
+            elif part.kind == "i":
+                self.__dict__[name] = 0 if value is None else value.item()
             else:
-                self.__dict__[name] = (0 if part.kind == "i" else 0.0) if value is None else value.item()
+                self.__dict__[name] = 0.0 if value is None else number(value.item())
 
 
-def table(records: NDArray[Any]) -> list[Row]:
-    """A structured array as rows of Python's own numbers."""
-    return [Row(records.dtype, record) for record in records]
+def table(records: NDArray[Any], number: Callable[[float], Any] = float) -> list[Row]:
+    """A structured array as rows of Python's own numbers, or of what ``number`` makes of its floats."""
+    return [Row(records.dtype, record, number) for record in records]
 
 
 def scratch(dtype: np.dtype | None, rows: int) -> list[Row] | None:
     """An empty table."""
     return None if dtype is None else [Row(dtype) for _ in range(rows)]
+
+
+def evaluate(
+    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], pivots: NDArray[Any] | None
+) -> NDArray[Any]:
+    """The output of a recursion on a table of objects and arrays of numbers by name; an optional input may be missing.
+
+    shape   of the output; a number comes as an array of one
+    pivots  (rows,) of objects, written if the recursion has them
+    """
+    out = np.full(shape or (1,), 0.0, dtype=object)
+    passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
+    passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
+    beside: list[Any] = [np.empty(size, dtype=object) for size in spec.beside(len(rows) - 1)]
+    if spec.pivots:
+        beside[0] = pivots
+    spec.recursion(rows, *passed, out, *beside)
+    return out
 
 
 # --- programs -----------------------------------------------------------------------------------------------

@@ -104,6 +104,19 @@ def articulated_inward(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: A
 
 
 @inlined
+def articulated_again(bodies: Any, work: Any, tau: Any) -> None:
+    """The second pass for other torques on a robot at rest: u of each row, by the X, U, D of articulated_inward."""
+    for i in range(len(bodies)):
+        put_force(work[i].pA, zero_force())
+    for i in range(len(bodies) - 1, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        pA = force_of(here.pA)
+        here.u = tau[i - 1] - power(motion_of(bodies[i].S), pA)
+        pa = add_force(pA, scale_force(here.d * here.u, force_of(here.U)))
+        put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(pose_of(here.X), pa)))
+
+
+@inlined
 def articulated_outward(bodies: Any, work: Any, v: Any, gravity: Vec, a: Any) -> None:
     """The third pass, under a gravity. Without v, and with none, it solves M(q) a = τ + Σ Jᵀ fext."""
     put_motion(work[0].a, Motion(zero(), negative(gravity)))

@@ -56,7 +56,13 @@ def apart(x: Any, out: Any) -> bool:
 
 @inlined
 def sound_pivots(bodies: Any, q: Any, pivots: Any) -> bool:
-    """Whether every D is above n eps of a bound on its composite inertia; a few that are not are no cause for alarm.
+    """Whether no row is singular to float64; a few that are are no cause for alarm, for a bound stands for the rest."""
+    return singular_row(bodies, q, pivots, EPS) == 0
+
+
+@inlined
+def singular_row(bodies: Any, q: Any, pivots: Any, eps: Any) -> int:
+    """The last row whose D is not above n eps of a bound on its composite inertia, 0 if there is none.
 
     The bound grows with how far prismatic, planar and floating joints below the first have moved.
     """
@@ -70,12 +76,12 @@ def sound_pivots(bodies: Any, q: Any, pivots: Any) -> bool:
             travel += abs(q[k]) + abs(q[k + 1])
             if kind == FLOATING:
                 travel += abs(q[k + 2])
-    for i in range(1, n + 1):
+    for i in range(n, 0, -1):
         b = bodies[i]
         bound = b.armature + b.bound.x + travel * (2.0 * b.bound.y + travel * b.bound.z)
-        if not pivots[i - 1] > n * EPS * bound:
-            return False
-    return True
+        if not pivots[i - 1] > n * eps * bound:
+            return i
+    return 0
 
 
 @inlined

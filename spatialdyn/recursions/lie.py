@@ -22,7 +22,7 @@ from fractions import Fraction
 from math import factorial
 from typing import NamedTuple
 
-from ..scalars import atan2, cos, inlined, select, sin, sqrt
+from ..scalars import atan2, cos, inlined, select, sin, sqrt, summed
 from ..spatial import Motion, Rot, Scalar, Vec, cross, dot, matmul, plus, times, transpose
 from .joints import rotation
 
@@ -166,13 +166,13 @@ def near(t: Scalar, series: tuple[float, ...], closed: Scalar) -> Scalar:
     total = 0.0 * x
     for i in range(len(series) - 1, -1, -1):
         total = total * x + series[i]
-    return select(1.0 - t, total, closed)
+    return summed(1.0 - t, total, closed)
 
 
 @inlined
 def away(t: Scalar) -> Scalar:
     """t where the closed form counts, 1 where it does not: a divisor that is never small."""
-    return select(1.0 - t, 1.0, t)
+    return summed(1.0 - t, 1.0, t + TINY)
 
 
 # --- derivatives ----------------------------------------------------------------------------------------

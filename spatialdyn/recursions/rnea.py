@@ -36,7 +36,7 @@ from ..spatial import (
 from .joints import joint_motion, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
-WORK = table_dtype(X=Pose, w=Vec, dw=Vec, a=Vec, f=Force)
+WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force)
 
 
 @inlined
@@ -49,7 +49,7 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
     """
     put_vec(work[0].w, zero())
     put_vec(work[0].dw, zero())
-    put_vec(work[0].a, negative(vec_of(bodies[0].gravity)))
+    put_vec(work[0].dv, negative(vec_of(bodies[0].gravity)))
     put_force(work[0].f, zero_force())
 
     for i in range(1, len(bodies)):
@@ -59,18 +59,18 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
         X = pose_of(here.X)
         if v is None:
             if a is None:
-                ai = unrotate(X.R, vec_of(parent.a))
+                ai = unrotate(X.R, vec_of(parent.dv))
                 f = Force(cross(I.h, ai), times(I.m, ai))
             else:
                 dw = vec_of(parent.dw)
-                ai = unrotate(X.R, plus(vec_of(parent.a), cross(dw, X.p)))
+                ai = unrotate(X.R, plus(vec_of(parent.dv), cross(dw, X.p)))
                 dw = plus(unrotate(X.R, dw), times(a[i - 1], S.w))
                 ai = plus(ai, times(a[i - 1], S.v))
                 f = _force(I, zero(), dw, ai)
                 put_vec(here.dw, dw)
         else:
             w, dw = vec_of(parent.w), vec_of(parent.dw)
-            ai = unrotate(X.R, plus(vec_of(parent.a), rotate(spin_matrix(w, dw), X.p)))
+            ai = unrotate(X.R, plus(vec_of(parent.dv), rotate(spin_matrix(w, dw), X.p)))
             vJ = joint_motion(bodies, i, v)
             w = plus(unrotate(X.R, w), vJ.w)
             dw = plus(unrotate(X.R, dw), cross(w, vJ.w))
@@ -83,7 +83,7 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
             put_vec(here.dw, dw)
         if fext is not None and b.joint > 0:
             f = sub_force(f, force_from(fext[b.joint]))
-        put_vec(here.a, ai)
+        put_vec(here.dv, ai)
         put_force(here.f, f)
 
     for i in range(len(bodies) - 1, 0, -1):

@@ -45,8 +45,10 @@ class Argument:
 class Spec:
     """A public call: its name, the recursion behind it, the dtype of its scratch, its inputs (None: not there), output.
 
-    pivots  the recursion's last output is the articulated inertia D (nv) of each row, which is not returned: the
-            caller makes of it the answer to whether any row is singular
+    pivots  after its output the recursion writes the articulated inertia D (nv) of each row, which is not returned:
+            the caller makes of it the answer to whether any row is singular
+    spare   shapes, in "nv", of further arrays that the recursion takes last of all, to work in
+    traces  the recursion branches on no value, so that it can become a program
     regroup  the output is unchanged when inertias are regrouped towards the root: it says nothing of a single body
     source  where the recursion comes from
     """
@@ -60,11 +62,17 @@ class Spec:
     source: str
     pivots: bool = False
     regroup: bool = False
+    spare: tuple[tuple[str, ...], ...] = ()
+    traces: bool = True
 
     @property
     def given(self) -> tuple[Argument, ...]:
         """The inputs that the call has."""
         return tuple(x for x in self.inputs if x is not None)
+
+    def beside(self, nv: int) -> list[tuple[int, ...]]:
+        """Shapes of the arrays that the recursion takes after its output and nobody sees."""
+        return [(nv,)] * self.pivots + [(nv,) * len(shape) for shape in self.spare]
 
 
 Q = Argument("q", ("nq",), "rad | m", "joint positions", unit_norm=True)
