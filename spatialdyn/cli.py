@@ -1,4 +1,5 @@
-"""The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``.
+"""The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
+``check ROBOT``.
 
 Tables are drawn by rich if it is installed, as aligned text otherwise. Exit status: 0 all is well, 1 disagreement
 with Pinocchio, 2 bad input, which is said on stderr in one line.
@@ -19,6 +20,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from . import dynamics
+from .check_command import add_check
 from .errors import SpatialDynError
 from .lagrangian.symbolic import QUANTITIES, SymbolicManipulator
 from .model import Model
@@ -98,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     compare.set_defaults(run=_compare)
 
     add_simulate(commands, robot, print, _watched)
+    add_check(commands, robot, print)
     return parser
 
 

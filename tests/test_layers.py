@@ -47,12 +47,14 @@ BELOW: dict[str, tuple[str, ...]] = {
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
     "simulation": ("lagrangian",),
+    "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("interop", "urdf", "builder", "specialize", "forward", "truth", "lagrangian", "simulation"),
+    "__init__": ("interop", "urdf", "builder", "specialize", "forward", "truth", "lagrangian", "trade"),
     "simulate_command": ("simulation", "urdf"),
-    "cli": ("validate", "__init__", "simulate_command"),
+    "check_command": ("trade", "urdf"),
+    "cli": ("validate", "__init__", "simulate_command", "check_command"),
     "__main__": ("cli",),
 }
 # Imports that go up nonetheless, made by a function when it is called.
