@@ -276,7 +276,7 @@ def test_text_and_json_say_the_same() -> None:
     assert [f["message"] for f in record["findings"]] == [f.message for f in found.findings]
     assert all(f.message in str(found) and f.remedy in str(found) for f in found.findings)
     assert record["stiffest"]["dt"] is None
-    assert repr(found).startswith("<Diagnosis chain: error")
+    assert repr(found).startswith("<Diagnosis chain: warning, ")
 
 
 def test_the_worst_comes_first() -> None:

@@ -42,7 +42,7 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     q       (nq,)   the only state to look at [rad | m]; by default neutral and, always the same, random ones
 
     Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``stiffest``; ``print`` shows it, ``to_json()`` too.
-    Digits take a tenth of a second per joint or so. They are left out with mimic joints, and where a joint moves nothing.
+    Digits take a tenth of a second per joint or so; there are none with mimic joints or where a joint moves no inertia.
     Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms.
 
     >>> import spatialdyn as sd

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..border import check_model
 from ..dynamics import calls
+from ..engines import jit
 from ..errors import ModelError, SpatialDynError
 from ..model import Joint, Model
 from ..specialize import specialize
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 DROPPED = ("armature", "damping", "friction", "gravity")
 TIMED = {"rnea": "qva", "aba": "qvt", "crba": "q"}  # and what each takes
 SAMPLES = 64  # states in which the two models are compared
-BATCH = 1024  # samples of a timed call
+BATCH = 8 if jit.PLAIN else 1024  # samples of a timed call
 REPEATS = 5  # of which the fastest counts
 
 
@@ -113,6 +114,8 @@ def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
     """Joints to freeze, and where."""
     if not (isinstance(lightest, (int, float)) and math.isfinite(lightest) and lightest >= 0.0):
         raise SpatialDynError(f"merge_lighter_than is {lightest!r}, expected a finite mass >= 0")
+    if not isinstance(lock, Iterable):
+        raise SpatialDynError(f"lock is {lock!r}, expected names of joints, or a mapping of them to coordinates")
     locked = dict(lock) if isinstance(lock, Mapping) else {}
     if not isinstance(lock, Mapping):
         for name in (lock,) if isinstance(lock, str) else lock:
