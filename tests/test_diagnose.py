@@ -130,17 +130,18 @@ def test_nothing_is_odd_about_a_plain_arm() -> None:
     assert found.condition["neutral"] >= 1.0
 
 
-def test_an_impossible_inertia_is_an_error_that_names_the_link() -> None:
-    builder = sd.ModelBuilder("m").add_body(
-        "slab", None, "revolute", (0, 1, 0), inertia=(1.0, (1, 0, 0), np.diag([1, 1, 9]))
-    )
+@pytest.mark.parametrize(("moments", "severity"), [((1, 1, 9), "warning"), ((1, 1, -9), "error")])
+def test_an_impossible_inertia_is_named(moments: tuple[float, ...], severity: str) -> None:
+    """An error where motions can have negative energy, so that M need not be positive definite."""
+    builder = sd.ModelBuilder("m")
+    builder.add_body("slab", None, "revolute", (0, 1, 0), inertia=(1.0, (1, 0, 0), np.diag(moments)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = sd.diagnose(builder.build())
     (finding,) = found.of("inertia")
-    assert (finding.severity, finding.link) == ("error", "slab")
+    assert (finding.severity, finding.link) == (severity, "slab")
     assert "repair" in finding.remedy
-    assert found.severity == "error"
+    assert found.severity == severity
 
 
 def test_an_inertia_without_mass_is_named() -> None:

@@ -108,13 +108,21 @@ def _links(model: Model) -> Iterator[Finding]:
         I = np.reshape(link.inertia, (3, 3))
         defect = inertia_defect(I)
         if defect:
-            yield Finding("error", "inertia", link.name, defect, 'load with inertia="repair", or measure it again')
+            severity = "error" if _gives_energy(model, link.name) else "warning"
+            yield Finding(severity, "inertia", link.name, defect, 'load with inertia="repair", or measure it again')
         elif link.mass == 0.0 and I.any():
             what = "has a rotational inertia but no mass, which no distribution of mass has"
             yield Finding("warning", "inertia", link.name, what, "give it a mass, or make it the joint's armature")
         if link.mass > 0.0 and model.frame(f"link:{link.name}").joint == 0:
             what = f"of {link.mass:.6g} kg is fixed in the world, so no motion can feel it"
             yield Finding("note", "unfelt", link.name, what, 'nothing to do, or root="floating"')
+
+
+def _gives_energy(model: Model, link: str) -> bool:
+    """Whether some motion of the body that a link is part of has negative kinetic energy."""
+    I = _spatial_inertia(model, model.joints[model.frame(f"link:{link}").joint].row)
+    values = np.linalg.eigvalsh(I)
+    return bool(values[0] < -64 * EPS * values[-1])
 
 
 def _ratios(model: Model) -> Iterator[tuple[Joint, float, float, int]]:
