@@ -40,6 +40,9 @@ from .robot import Robot
 from .simulation import PD, Rollout, Trajectory, hamilton_simulation, integrators, rollout, simulate
 from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
+from .trade.diagnose import diagnose
+from .trade.findings import Diagnosis, Finding
+from .trade.simplify import simplify
 from .truth import Exact, exact
 from .urdf import load_urdf
 from .validate import compare_with_pinocchio
@@ -47,11 +50,11 @@ from .validate import compare_with_pinocchio
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Exact", "Frame", "InertiaError", "Joint", "Model", "ModelBuilder",
-    "ModelError", "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError",
-    "Specialized", "SymbolicManipulator", "Trajectory", "UrdfError", "assemble", "check_conservation",
-    "compare_with_pinocchio", "conserved_quantities", "exact", "forward_dynamics", "from_drake", "from_mujoco",
-    "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators", "kernels", "load_urdf",
-    "poisson_bracket", "random_configuration", "rollout", "simulate", "specialize", "step", "to_drake", "to_mujoco",
-    "verify_skew_symmetry", "wrench_at",
+    "ChristoffelC", "ConfigurationError", "Diagnosis", "Exact", "Finding", "Frame", "InertiaError", "Joint", "Model",
+    "ModelBuilder", "ModelError", "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError",
+    "SpatialDynError", "Specialized", "SymbolicManipulator", "Trajectory", "UrdfError", "assemble",
+    "check_conservation", "compare_with_pinocchio", "conserved_quantities", "diagnose", "exact", "forward_dynamics",
+    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators",
+    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "rollout", "simplify", "simulate",
+    "specialize", "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

@@ -50,11 +50,12 @@ BELOW: dict[str, tuple[str, ...]] = {
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
     "simulation": ("lagrangian",),
+    "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     # doors
-    "__init__": ("validate", "builder", "forward", "truth", "simulation"),
-    "commands": ("validate", "simulation"),
+    "__init__": ("validate", "builder", "truth", "trade"),
+    "commands": ("validate", "trade"),
     "cli": ("commands",),
     "__main__": ("cli",),
 }

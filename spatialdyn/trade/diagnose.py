@@ -1,0 +1,276 @@
+"""What is odd about a model before anybody computes with it: inertias, mass ratios, digits, time steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..border import as_array, check_model
+from ..dynamics import calls
+from ..errors import NonFiniteError, ShapeError
+from ..inertia import inertia_defect
+from ..model import Joint, Model
+from ..states import random_configuration
+from .digits import State, predicted_digits
+from .findings import SEVERITIES, Diagnosis, Finding, Stiffest
+
+Array = NDArray[np.float64]
+
+SAMPLES = 8  # states in which M is looked at
+EPS = float(np.finfo(float).eps)
+HEAVY = 1e3  # a body so many times heavier than all that carry it costs a digit or more
+POOR = 10.0  # digits of ABA in float64 below which a warning is due
+LOST = 6.0  # and below which it is an error
+FEW = 3.0  # digits of float32 below which it is worth a note
+ILL = 1e8  # scaled condition of M: half of the digits of float64
+
+
+def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
+    """What is odd about a model, what it costs and what helps, before anything is computed with it.
+
+    * links whose inertia no body can have, and links without mass that move
+    * bodies 1000 times heavier than all that carry them: what ABA subtracts there is lost
+    * the condition of M, its diagonal scaled to 1: what no choice of units removes
+    * joints that move no inertia, bodies that no motion can feel
+    * digits to expect of ``forward_dynamics``, by method, in float64 and float32
+    * the largest time step for explicit integrators, were the damping of the joints a torque
+
+    model   Model
+    q       (nq,)   the only state to look at [rad | m]; by default neutral and, always the same, random ones
+
+    Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``stiffest``; ``print`` shows it, ``to_json()`` too.
+    Digits take a tenth of a second per joint or so; there are none with mimic joints or where a joint moves no inertia.
+    Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms.
+
+    >>> import spatialdyn as sd
+    >>> found = sd.diagnose(sd.load_urdf("two_link"))
+    >>> found.severity
+    'ok'
+    >>> found.digits["aba"]["float64"] > 14
+    True
+    """
+    check_model(model)
+    states = _states(model, q)
+    findings = [*_links(model), *_mass_ratios(model)]
+    condition: dict[str, float] = {}
+    digits: dict[str, dict[str, float]] = {}
+    stiffest: Stiffest | None = None
+    if model.nv:
+        positions = np.array([state[0] for state in states])
+        M = np.asarray(calls["crba"](model, positions))
+        singular = list(_singular(model, M))
+        findings += [*singular, *_unfelt(model, positions)]
+        condition, found = _conditions(model, M, "neutral" if q is None else "given")
+        findings += found
+        if not singular:
+            stiffest = _stiffest(model, M)
+            findings += _time_step(model, stiffest)
+        if model.mimic_matrix is None and not singular:
+            chosen = states if q is not None else states[1:4] if model.nv <= 10 else states[1:2]
+            digits = predicted_digits(model, chosen)
+            findings += _digits(model, digits)
+    findings.sort(key=lambda f: -SEVERITIES.index(f.severity))
+    return Diagnosis(model.name, tuple(findings), condition, digits, stiffest)
+
+
+def _states(model: Model, q: ArrayLike | None) -> list[State]:
+    """The states to look at: q, or neutral and SAMPLES random ones; v and tau are normal.
+
+    Raises ShapeError, NonFiniteError for a q that is none.
+    """
+    rng = np.random.default_rng(0)
+    if q is None:
+        positions = [np.asarray(calls["neutral"](model)), *random_configuration(model, rng, SAMPLES)]
+    else:
+        given = as_array("q", q)
+        if given.shape != (model.nq,):
+            raise ShapeError(f"q has shape {given.shape}, expected ({model.nq},)")
+        if not np.isfinite(given).all():
+            raise NonFiniteError(f"q is {given.tolist()}, expected finite numbers")
+        positions = [given]
+    return [(x, rng.normal(size=model.nv), rng.normal(size=model.nv)) for x in positions]
+
+
+# --- bodies ----------------------------------------------------------------------------------------------
+
+
+def _link(model: Model, joint: Joint) -> str:
+    """The link that hangs on a joint."""
+    return next((j.child for j in model.robot.joints if j.name == joint.name), model.robot.root)
+
+
+def _links(model: Model) -> Iterator[Finding]:
+    """Inertias no body can have, and links that stand still."""
+    for link in model.robot.links:
+        I = np.reshape(link.inertia, (3, 3))
+        defect = inertia_defect(I)
+        if defect:
+            severity = "error" if _gives_energy(model, link.name) else "warning"
+            yield Finding(severity, "inertia", link.name, defect, 'load with inertia="repair", or measure it again')
+        elif link.mass == 0.0 and I.any():
+            what = "has a rotational inertia but no mass, which no distribution of mass has"
+            yield Finding("warning", "inertia", link.name, what, "give it a mass, or make it the joint's armature")
+        if link.mass > 0.0 and model.frame(f"link:{link.name}").joint == 0:
+            what = f"of {link.mass:.6g} kg is fixed in the world, so no motion can feel it"
+            yield Finding("note", "unfelt", link.name, what, 'nothing to do, or root="floating"')
+
+
+def _gives_energy(model: Model, link: str) -> bool:
+    """Whether some motion of the body that a link is part of has negative kinetic energy."""
+    I = _spatial_inertia(model, model.joints[model.frame(f"link:{link}").joint].row)
+    values = np.linalg.eigvalsh(I)
+    return bool(values[0] < -64 * EPS * values[-1])
+
+
+def _ratios(model: Model) -> Iterator[tuple[Joint, float, float, int]]:
+    """For each joint that others carry: it, the mass that hangs on it [kg], the heaviest body that carries it [kg],
+    and how many do.
+    """
+    mass = model.bodies["inertia"]["m"]
+    heaviest, carriers = [0.0], [0]
+    for joint in model.joints[1:]:
+        up = joint.parent
+        heaviest.append(max(heaviest[up], float(mass[model.joints[up].row])) if up else 0.0)
+        carriers.append(carriers[up] + 1 if up else 0)
+        if carriers[-1]:
+            yield joint, float(mass[joint.row]), heaviest[-1], carriers[-1]
+
+
+def _mass_ratios(model: Model) -> Iterator[Finding]:
+    """Bodies much heavier than every body that carries them; the other way round costs nothing."""
+    for joint, own, heaviest, carriers in _ratios(model):
+        if own > HEAVY * heaviest:
+            what = f"is {own / heaviest:.2g} times heavier than every body" if heaviest > 0.0 else "hangs on bodies"
+            rest = "that carries it" if heaviest > 0.0 else "without mass only"
+            severity = "warning" if carriers >= 3 else "note"  # fewer joints leave it next to nothing to cancel
+            yield Finding(
+                severity, "mass ratio", _link(model, joint), f"{what} {rest}, at {own:.4g} kg",
+                'add armature to the joints before it, merge the light links, or take method="refined"',
+            )  # fmt: skip
+
+
+def _singular(model: Model, M: Array) -> Iterator[Finding]:
+    """Joints whose entry on the diagonal of M is next to 0 in every state."""
+    diagonal = np.einsum("kii->ki", M).max(axis=0)
+    for joint in model.joints[1:]:
+        if joint.mimic is None and not (diagonal[joint.idx_v : joint.idx_v + joint.nv] > 0.0).all():
+            yield Finding(
+                "error", "singular", _link(model, joint), f'hangs on joint "{joint.name}", which moves no inertia',
+                "give the joint an armature, or lock it",
+            )  # fmt: skip
+
+
+def _unfelt(model: Model, positions: Array) -> Iterator[Finding]:
+    """Bodies with an inertia that adds nothing to M: Jᵀ I J is 0 to rounding in every state."""
+    for joint in model.joints[1:]:
+        I = _spatial_inertia(model, joint.row)
+        if not I.any():
+            continue
+        J = np.asarray(calls["frame_jacobian"](model, positions, f"joint:{joint.name}"))
+        added = np.einsum("kia,ij,kja->ka", J, I, J)
+        size = np.einsum("kia,ij,kja->ka", abs(J), abs(I), abs(J))
+        if (abs(added) <= 64 * EPS * size).all():
+            yield Finding(
+                "note", "unfelt", _link(model, joint), "has an inertia that no motion can feel",
+                "leave it out: no joint turns or moves it in a direction that has inertia",
+            )  # fmt: skip
+
+
+def _spatial_inertia(model: Model, row: int) -> Array:
+    """I (6, 6) of a body about its joint's frame, linear first."""
+    m, (x, y, z), (xx, xy, xz, yy, yz, zz) = model.bodies["inertia"][row].tolist()
+    h = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[m * np.eye(3), h.T], [h, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])]])
+
+
+# --- the mass matrix -------------------------------------------------------------------------------------
+
+
+def _conditions(model: Model, M: Array, first: str) -> tuple[dict[str, float], list[Finding]]:
+    """Condition of M scaled to a unit diagonal, in the first state and the worst of all, and what there is to say."""
+    scale = np.sqrt(np.einsum("kii->ki", M))
+    with np.errstate(all="ignore"):
+        unit = M / (scale[:, :, None] * scale[:, None, :])
+    if not np.isfinite(unit).all():
+        return {first: math.inf, **({"sampled": math.inf} if len(M) > 1 else {})}, []
+    values, vectors = np.linalg.eigh(unit)
+    found = [float(v[-1] / v[0]) if v[0] > 0.0 else math.inf for v in values]
+    conditions = {first: found[0]}
+    if len(found) > 1:
+        conditions["sampled"] = max(found[1:])
+    worst = int(np.argmax(found))
+    if found[worst] <= ILL:
+        return conditions, []
+    joint = _joint_at(model, int(np.argmax(abs(vectors[worst, :, 0]))))
+    message = f'hangs on joint "{joint.name}", along which M scaled to a unit diagonal has condition {found[worst]:.2g}'
+    remedy = 'add armature to the joint, lock it, or take method="refined"'
+    return conditions, [Finding("warning", "condition", _link(model, joint), message, remedy)]
+
+
+def _joint_at(model: Model, k: int) -> Joint:
+    """The joint whose velocity v[k] is."""
+    return next(j for j in model.joints[1:] if j.idx_v <= k < j.idx_v + j.nv and j.mimic is None)
+
+
+def _stiffest(model: Model, M: Array) -> Stiffest | None:
+    """The largest eigenvalue of M⁻¹ diag(damping) in any state; without damping the joint of the least inertia."""
+    root = np.sqrt(np.maximum(model.damping, 0.0))
+    try:
+        inverse = np.linalg.inv(M)
+    except np.linalg.LinAlgError:
+        return None
+    free = np.einsum("kii->ki", inverse)
+    if not (np.isfinite(inverse).all() and (free > 0.0).all()):
+        return None
+    rates, vectors = np.linalg.eigh(root[:, None] * inverse * root)
+    at = int(np.argmax(rates[:, -1]))
+    rate = float(rates[at, -1])
+    if rate > 0.0:
+        k = int(np.argmax(abs(vectors[at, :, -1])))
+    else:
+        at, k = (int(x) for x in np.unravel_index(np.argmax(free), free.shape))
+    dt = 2.0 / rate if rate > 0.0 else math.inf
+    return Stiffest(_joint_at(model, k).name, 1.0 / float(free[at, k]), max(rate, 0.0), dt)
+
+
+def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
+    """A step below a millisecond, at which most robots are simulated."""
+    if stiffest is None or stiffest.dt >= 1e-3:
+        return
+    yield Finding(
+        "warning", "time step", _link(model, model.joint(stiffest.joint)),
+        f'hangs on joint "{stiffest.joint}", whose damping decays at {stiffest.rate:.3g} 1/s: explicit Euler is stable '
+        f"to dt {stiffest.dt:.2g} s only",
+        f"add armature to the joint (it moves {stiffest.inertia:.2g}), damp it less, or lock it",
+    )  # fmt: skip
+
+
+# --- digits ----------------------------------------------------------------------------------------------
+
+
+def _digits(model: Model, digits: dict[str, dict[str, float]]) -> Iterator[Finding]:
+    """What ABA loses, at the link that is heaviest beside what carries it, and who keeps it."""
+    aba = digits["aba"]
+    better = {m: d["float64"] for m, d in digits.items()}
+    best = max(better, key=lambda m: (better[m] > better["refined"] + 1.0, m == "refined"))
+    link = _heaviest(model)
+    if aba["float64"] < POOR:
+        yield Finding(
+            "error" if aba["float64"] < LOST else "warning", "digits", link,
+            f"leaves ABA about {aba['float64']:.0f} digits in float64",
+            f'take method="{best}", which keeps {better[best]:.0f}',
+        )  # fmt: skip
+    if aba["float32"] < FEW:
+        yield Finding(
+            "note", "digits", link, f"leaves ABA about {aba['float32']:.0f} digits in float32", "stay with float64"
+        )
+
+
+def _heaviest(model: Model) -> str:
+    """The link that is heaviest beside what carries it."""
+    ratios = {joint.name: own / heavy if heavy > 0.0 else math.inf for joint, own, heavy, _ in _ratios(model)}
+    name = max(ratios, key=lambda name: ratios[name]) if ratios else model.joints[-1].name
+    return _link(model, model.joint(name))

@@ -1,0 +1,213 @@
+"""Only what a scene requires: a smaller model, what it saves and what it costs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..border import check_model
+from ..dynamics import calls
+from ..engines import jit
+from ..errors import ModelError, SpatialDynError
+from ..model import Joint, Model
+from ..specialize import specialize
+from ..states import random_configuration
+
+Array = NDArray[np.float64]
+
+DROPPED = ("armature", "damping", "friction", "gravity")
+TIMED = {"rnea": "qva", "aba": "qvt", "crba": "q"}  # and what each takes
+SAMPLES = 64  # states in which the two models are compared
+BATCH = 8 if jit.PLAIN else 1024  # samples of a timed call
+REPEATS = 5  # of which the fastest counts
+
+
+class Change(NamedTuple):
+    """The largest change of a quantity over the sampled states, and that over its largest entry there."""
+
+    absolute: float
+    relative: float
+
+
+class Savings(NamedTuple):
+    """What a smaller model saves and what it costs.
+
+    locked      {joint: coordinates at which it is frozen}, those of light links included
+    dropped     what was set to zero
+    nv          freedoms (before, after)
+    operations  {"rnea", "aba", "crba"}: operations of the program of a sample (before, after)
+    ns          the same: nanoseconds of a sample of a large batch, measured here and now (before, after)
+    cost        {"M", "tau", "a"}: Change of what is left, see ``simplify``
+    """
+
+    locked: dict[str, Any]
+    dropped: tuple[str, ...]
+    nv: tuple[int, int]
+    operations: dict[str, tuple[int, int]]
+    ns: dict[str, tuple[float, float]]
+    cost: dict[str, Change]
+
+    def __str__(self) -> str:
+        lines = [f"freedoms  {self.nv[0]} -> {self.nv[1]}"]
+        if self.locked:
+            lines.append("locked    " + ", ".join(self.locked))
+        if self.dropped:
+            lines.append("dropped   " + ", ".join(self.dropped))
+        for name, (before, after) in self.operations.items():
+            was, now = self.ns[name]
+            lines.append(f"{name:<9} {before} -> {after} operations, {was:.3g} -> {now:.3g} ns")
+        for name, change in self.cost.items():
+            lines.append(f"{name:<9} changes by up to {change.absolute:.3g}, {change.relative:.2g} of the largest")
+        return "\n".join(lines)
+
+
+def simplify(
+    model: Model,
+    lock: Mapping[str, ArrayLike] | Iterable[str] = (),
+    merge_lighter_than: float = 0.0,
+    drop: str | Iterable[str] = (),
+) -> tuple[Model, Savings]:
+    """A model with less in it, what that saves and what it costs.
+
+    lock                joint name -> coordinates at which it is frozen, or names: frozen where they are neutral
+    merge_lighter_than  mass [kg]: a joint that carries less in all is frozen where it is neutral, or at the nearest
+                        limit if that is beyond it
+    drop                some of "armature", "damping", "friction", "gravity": set to zero
+
+    Returns the Model and its Savings. The cost is the largest difference between the two models over random states, in
+    the freedoms that are left: of M and, for the same v and a, of tau = rnea, with the frozen joints anywhere within
+    their limits and at rest; and of a = aba, with a torque on the frozen joints that holds them as long as nothing
+    accelerates. Lengths and angles are not weighed against each other: "relative" is of the largest entry.
+    Raises  ModelError naming a joint, SpatialDynError for a mass or a name that makes no sense.
+
+    >>> import spatialdyn as sd
+    >>> small, savings = sd.simplify(sd.load_urdf("two_link"), lock={"joint2": 0.3})
+    >>> small.nv, savings.nv
+    (1, (2, 1))
+    """
+    if check_model(model).mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) to simplify')
+    dropped = (drop,) if isinstance(drop, str) else tuple(drop)
+    for name in dropped:
+        if name not in DROPPED:
+            raise SpatialDynError(f"drop has {name!r}, expected some of {', '.join(DROPPED)}")
+    locked = _locked(model, lock, merge_lighter_than)
+    small = _without(model.reduced(locked), dropped)
+    operations: dict[str, tuple[int, int]] = {}
+    ns: dict[str, tuple[float, float]] = {}
+    for name in TIMED:
+        operations[name] = (_operations(model, name), _operations(small, name))
+        ns[name] = (_nanoseconds(model, name), _nanoseconds(small, name))
+    return small, Savings(locked, dropped, (model.nv, small.nv), operations, ns, _cost(model, small))
+
+
+# --- the smaller model -----------------------------------------------------------------------------------
+
+
+def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
+    """Joints to freeze, and where."""
+    if not (isinstance(lightest, (int, float)) and math.isfinite(lightest) and lightest >= 0.0):
+        raise SpatialDynError(f"merge_lighter_than is {lightest!r}, expected a finite mass >= 0")
+    if not isinstance(lock, Iterable):
+        raise SpatialDynError(f"lock is {lock!r}, expected names of joints, or a mapping of them to coordinates")
+    locked = dict(lock) if isinstance(lock, Mapping) else {}
+    if not isinstance(lock, Mapping):
+        for name in (lock,) if isinstance(lock, str) else lock:
+            locked[name] = _resting(model, model.joint(name))
+    if lightest > 0.0:
+        carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
+        for k in range(model.njoints - 1, 0, -1):
+            carried[model.joints[k].parent] += carried[k]
+        for joint, mass in zip(model.joints[1:], carried[1:], strict=True):
+            if mass < lightest and joint.name not in locked:
+                locked[joint.name] = _resting(model, joint)
+    return locked
+
+
+def _resting(model: Model, joint: Joint) -> Any:
+    """A joint's neutral coordinates, moved to a limit where they are beyond it; a float where there is one."""
+    place = slice(joint.idx_q, joint.idx_q + joint.nq)
+    q = np.asarray(calls["neutral"](model))[place]
+    if joint.nq == 1:
+        return float(np.clip(q[0], model.lower[place][0], model.upper[place][0]))
+    return q.tolist()
+
+
+def _without(model: Model, dropped: tuple[str, ...]) -> Model:
+    """A Model with some of its properties zero."""
+    if not dropped:
+        return model
+    zeros: dict[str, Any] = {name: 0.0 for name in dropped if name != "gravity"}
+    joints = tuple(replace(j, **zeros) for j in model.robot.joints)
+    made = Model(replace(model.robot, joints=joints), model.options)
+    return made.with_(gravity=(0.0, 0.0, 0.0)) if "gravity" in dropped else made
+
+
+# --- what it saves ---------------------------------------------------------------------------------------
+
+
+def _operations(model: Model, name: str) -> int:
+    """Operations of a call's program, 0 where nothing moves."""
+    return sum(specialize(model, calls[name]).operations.values()) if model.nv else 0
+
+
+def _nanoseconds(model: Model, name: str) -> float:
+    """Time of a sample of a batch, the fastest of a few runs."""
+    if not model.nv:
+        return 0.0
+    rng = np.random.default_rng(0)
+    given = {"q": random_configuration(model, rng, BATCH)}
+    given.update((x, rng.normal(size=(BATCH, model.nv))) for x in "vat")
+    call, arrays = calls[name], [given[x] for x in TIMED[name]]
+    call(model, *arrays)  # compiled
+    best = math.inf
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        call(model, *arrays)
+        best = min(best, time.perf_counter() - start)
+    return best / BATCH * 1e9
+
+
+# --- what it costs ---------------------------------------------------------------------------------------
+
+
+def _cost(model: Model, small: Model) -> dict[str, Change]:
+    """Changes of M, tau and a in the freedoms that both have."""
+    if not small.nv:
+        return {name: Change(0.0, 0.0) for name in ("M", "tau", "a")}
+    rng = np.random.default_rng(0)
+    q = random_configuration(model, rng, SAMPLES)
+    in_q, in_v = _places(model, small)
+    frozen = np.setdiff1d(np.arange(model.nv), in_v)
+    v, a, tau = rng.normal(size=(3, SAMPLES, model.nv))
+    v[:, frozen] = a[:, frozen] = 0.0
+    tau *= abs(np.asarray(calls["rnea"](model, q, v, a))).max() / abs(tau).max()
+    tau[:, frozen] = np.asarray(calls["nonlinear_effects"](model, q, v))[:, frozen]
+    part = q[:, in_q], v[:, in_v]
+    return {
+        "M": _change(np.asarray(calls["crba"](model, q))[:, in_v][:, :, in_v], calls["crba"](small, part[0])),
+        "tau": _change(np.asarray(calls["rnea"](model, q, v, a))[:, in_v], calls["rnea"](small, *part, a[:, in_v])),
+        "a": _change(np.asarray(calls["aba"](model, q, v, tau))[:, in_v], calls["aba"](small, *part, tau[:, in_v])),
+    }
+
+
+def _places(model: Model, small: Model) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where in q and in v of a model the entries of a smaller one are."""
+    in_q: list[int] = []
+    in_v: list[int] = []
+    for joint in small.joints[1:]:
+        whole = model.joint(joint.name)
+        in_q += range(whole.idx_q, whole.idx_q + whole.nq)
+        in_v += range(whole.idx_v, whole.idx_v + whole.nv)
+    return np.array(in_q, np.intp), np.array(in_v, np.intp)
+
+
+def _change(before: Array, after: Array) -> Change:
+    largest, size = float(abs(after - before).max()), float(abs(before).max())
+    return Change(largest, largest / size if size > 0.0 else 0.0 if largest == 0.0 else math.inf)

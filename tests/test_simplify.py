@@ -1,0 +1,163 @@
+"""A smaller model: what is left of it, what it saves, and what its costs are by another way."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from trees import random_inertia, random_tree
+
+import spatialdyn as sd
+from spatialdyn.trade.simplify import SAMPLES
+
+MERGED = 1e-12  # of the largest entry: locked joints merge bodies, which rounds otherwise (seen: 3e-15)
+
+
+def arm(masses: tuple[float, ...] = (3.0, 2.0, 1.0), **properties: float) -> sd.Model:
+    """Bodies of these masses in a row, the last of them on a joint limited to [0.5, 1]."""
+    rng, builder = np.random.default_rng(0), sd.ModelBuilder("arm")
+    for k, mass in enumerate(masses):
+        whole, com, I = random_inertia(rng)
+        limits = (0.5, 1.0) if k == len(masses) - 1 else (-math.inf, math.inf)
+        builder.add_body(
+            f"b{k}", f"b{k - 1}" if k else None, "revolute", np.eye(3)[k % 3], rng.uniform(-0.5, 0.5, 3),
+            (mass, com, mass / whole * I), f"j{k}", limits, **properties,
+        )  # fmt: skip
+    return builder.build()
+
+
+# --- what is left ----------------------------------------------------------------------------------------
+
+
+def test_nothing_asked_for_changes_nothing() -> None:
+    model = arm()
+    small, savings = sd.simplify(model)
+    assert small == model
+    assert savings.nv == (3, 3)
+    assert all(change.absolute == 0.0 for change in savings.cost.values())
+    assert all(before == after for before, after in savings.operations.values())
+
+
+def test_locked_joints_are_those_of_reduced() -> None:
+    model = arm()
+    small, savings = sd.simplify(model, lock={"j1": 0.3})
+    assert small == model.reduced({"j1": 0.3})
+    assert savings.locked == {"j1": 0.3}
+
+
+def test_a_name_alone_is_locked_at_rest_or_at_the_nearest_limit() -> None:
+    assert sd.simplify(arm(), lock=["j1", "j2"])[1].locked == {"j1": 0.0, "j2": 0.5}
+    assert sd.simplify(arm(), lock="j1")[1].locked == {"j1": 0.0}
+
+
+def test_every_kind_of_joint_can_be_locked_by_its_name() -> None:
+    model = random_tree(3, 6, floating=True).model
+    small, savings = sd.simplify(model, lock=model.names[2:])
+    assert small.nv == 6
+    assert set(savings.locked) == set(model.names[2:])
+    assert sd.simplify(model, lock=model.names[1:])[0].nv == 0
+
+
+def test_light_links_merge_with_all_they_carry() -> None:
+    """A light body that carries a heavy one stays: its joint moves both."""
+    assert set(sd.simplify(arm((3.0, 0.01, 0.001)), merge_lighter_than=0.1)[1].locked) == {"j1", "j2"}
+    assert sd.simplify(arm((3.0, 0.01, 1.0)), merge_lighter_than=0.1)[1].locked == {}
+
+
+def test_a_value_given_goes_before_merging() -> None:
+    assert sd.simplify(arm((3.0, 2.0, 0.001)), lock={"j2": 0.9}, merge_lighter_than=0.1)[1].locked == {"j2": 0.9}
+
+
+def test_dropped_properties_are_zero_and_the_others_stay() -> None:
+    model = arm(armature=0.5, damping=2.0, friction=3.0)
+    small, savings = sd.simplify(model, drop="armature")
+    assert not small.armature.any()
+    assert (small.damping == 2.0).all()
+    assert savings.dropped == ("armature",)
+    bare = sd.simplify(model, drop=("damping", "friction", "gravity"))[0]
+    assert not np.concatenate([bare.damping, bare.friction, bare.gravity]).any()
+    assert (bare.armature == 0.5).all()
+
+
+# --- what it saves and costs -----------------------------------------------------------------------------
+
+
+def test_fewer_joints_take_fewer_operations() -> None:
+    savings = sd.simplify(arm(), lock=["j2"])[1]
+    assert savings.nv == (3, 2)
+    assert set(savings.operations) == set(savings.ns) == {"rnea", "aba", "crba"}
+    assert all(0 < after < before for before, after in savings.operations.values())
+    assert all(time > 0.0 for pair in savings.ns.values() for time in pair)
+
+
+def test_dropping_armature_costs_its_entry_of_m() -> None:
+    """By hand: M is off by the armature on its diagonal, τ by that times q̈."""
+    model = arm(armature=0.25)
+    cost = sd.simplify(model, drop="armature")[1].cost
+    assert cost["M"].absolute == pytest.approx(0.25, rel=1e-12)
+    q = sd.random_configuration(model, np.random.default_rng(0), SAMPLES)
+    assert cost["M"].relative == pytest.approx(0.25 / abs(sd.crba(model, q)).max(), rel=1e-12)
+    assert cost["tau"].absolute > 0.0
+    assert cost["a"].absolute > 0.0
+
+
+def test_dropping_gravity_costs_no_entry_of_m() -> None:
+    cost = sd.simplify(arm(), drop="gravity")[1].cost
+    assert cost["M"].absolute == 0.0
+    assert cost["tau"].absolute > 1.0
+
+
+def test_a_joint_that_cannot_be_elsewhere_costs_no_m_and_no_tau() -> None:
+    """A slider with no way to go: M and τ of the rest are the same, and q̈ is not, for the joint may yield."""
+    builder, rng = sd.ModelBuilder("m"), np.random.default_rng(1)
+    builder.add_body("arm", None, "revolute", (0, 1, 0), inertia=random_inertia(rng))
+    builder.add_body("tip", "arm", "prismatic", (1, 0, 0), (0.1, 0.2, 0.3), random_inertia(rng), "slide", (0.2, 0.2))
+    cost = sd.simplify(builder.build(), lock=["slide"])[1].cost
+    assert cost["M"].relative <= MERGED
+    assert cost["tau"].relative <= MERGED
+    assert cost["a"].relative > 1e-3
+
+
+def test_a_lighter_body_costs_less() -> None:
+    costs = [sd.simplify(arm((3.0, 2.0, mass)), lock=["j2"])[1].cost for mass in (1.0, 1e-3)]
+    for name in ("M", "tau", "a"):
+        assert 0.0 < costs[1][name].relative < 0.1 * costs[0][name].relative
+
+
+def test_the_report_reads() -> None:
+    text = str(sd.simplify(arm(armature=0.1), lock=["j2"], drop="armature")[1])
+    assert text.startswith("freedoms  3 -> 2")
+    assert "j2" in text
+    assert "operations" in text
+    assert "dropped   armature" in text
+
+
+# --- refusals --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ({"drop": "mass"}, "drop has 'mass', expected some of armature"),
+        ({"merge_lighter_than": -1.0}, "merge_lighter_than is -1.0, expected"),
+        ({"merge_lighter_than": math.nan}, "merge_lighter_than is nan, expected"),
+        ({"merge_lighter_than": "x"}, "merge_lighter_than is 'x', expected"),
+        ({"lock": ["j9"]}, 'joint "j9" is not in robot "arm"'),
+        ({"lock": {"j1": [0.0, 1.0]}}, 'joint "j1" is locked at'),
+        ({"lock": 3}, "lock is 3, expected"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(how: dict[str, Any], message: str) -> None:
+    with pytest.raises(sd.SpatialDynError) as caught:
+        sd.simplify(arm(), **how)
+    assert message in str(caught.value)
+
+
+def test_mimic_joints_are_refused() -> None:
+    builder, rng = sd.ModelBuilder("m"), np.random.default_rng(1)
+    builder.add_body("a", None, "revolute", (0, 0, 1), inertia=random_inertia(rng), joint_name="lead")
+    builder.add_body("b", "a", "revolute", inertia=random_inertia(rng), mimic={"leader": "lead"})
+    with pytest.raises(sd.ModelError, match="mimic joints"):
+        sd.simplify(builder.build(mimic=True))
