@@ -44,8 +44,8 @@ from .vectors import Text
 
 FAR = 1e5  # angles whose squares sum to more than its square are left to the exact sine
 VERSION = ".".join(map(str, llvm.llvm_version_info))
-CHUNK = 1500  # operations of one function, in programs of more than
-WHOLE = 2500
+CHUNK = 1500  # operations of one function, in programs of more than WHOLE
+WHOLE = 12000  # above, LLVM takes too long over one: aba of talos, 9600, takes 1 s and gains 10 %
 STORES = 128  # in one block of the kernel
 UNIT_TOLERANCE = 2e-6
 
@@ -353,6 +353,7 @@ class _Writer:
         outs = "".join(f"ptr noalias %out{a}, " for a in range(len(self.layout.outputs)))
         body, last = _in_blocks(main.out)
         wide = 8 * self.size * self.lanes
+        # alignstack: else vectors that wait on the stack may straddle cache lines, a fifth of panda's RNEA
         streaming = _STREAM.format(v=v, align=self.size * self.lanes) if self.stream else ""
         return f"""
 declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
@@ -374,7 +375,7 @@ loop:
 done:
   ret void
 }}
-attributes #0 = {{ "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}" }}
+attributes #0 = {{ alignstack=64 "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}" }}
 {entry(self.layout.inputs, tuple(map(len, self.layout.outputs)), self.workspace, self.lanes, self.size)}
 """
 
