@@ -149,7 +149,8 @@ def test_every_call_is_covariant_to_the_bit(name: str, kind: str) -> None:
     made = random_tree(11, 6, **ROBOTS[kind])
     model, spec = made.model, SPECS[name]
     given = state(model, made.tree, spec, np.random.default_rng(3))
-    hold(lambda s: results(model, spec, given, s), FAR)
+    whole = 2 if name == "aba_square_root" else 1  # its rows are square roots of masses: even powers of two alone
+    hold(lambda s: results(model, spec, given, s._replace(mass=whole * s.mass)), FAR)
 
 
 @compiled
