@@ -55,9 +55,7 @@ def throughput(results: dict[str, Any]) -> Any:
     for axis in panels[len(calls) :]:
         axis.axis("off")
     handles = [pyplot.Rectangle((0, 0), 1, 1, color=COLOURS[way]) for way in LABELS]
-    notes = (
-        "rnea and aba of Pinocchio by its pool,\nits other calls and MuJoCo by a loop\nin Python"
-    )
+    notes = "rnea and aba of Pinocchio by its pool,\nits other calls and MuJoCo by a loop\nin Python"
     panels[-1].legend(handles, LABELS.values(), loc="upper left", frameon=False, fontsize=12)
     panels[-1].text(0.03, 0.3, notes, transform=panels[-1].transAxes, fontsize=10, color="0.3")
     machine = results["machine"]
