@@ -79,7 +79,7 @@ def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any
 def _at_once(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple[Any, ...], out: Any) -> Any:
     """The result of a batch of float64 arrays (B, n) by its program; None where anything is not as simple as that.
 
-    Checks nothing that the program's kernel checks: ``general`` takes 40 µs more, a third of the RNEA of 8192 arms.
+    Checks nothing that the kernel checks: what ``general`` does besides took a third of the RNEA of 8192 arms.
     """
     first = values[0] if values else None
     if type(first) is not np.ndarray or first.ndim != 2 or len(first) < batches.FROM or type(model) is not Model:
