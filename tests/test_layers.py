@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import spatialdyn
+from spatialdyn.engines.jit import CALLERS
 from spatialdyn.recursions import SPECS
 
 PACKAGE = Path(spatialdyn.__file__).parent
@@ -53,9 +54,10 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
+    "compat": ("trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
-    "commands": ("validate", "trade"),
+    "commands": ("validate", "trade", "compat"),
     "cli": ("commands",),
     "__main__": ("cli",),
 }
@@ -254,6 +256,17 @@ print(*sorted({{name.split(".")[0] for name in set(sys.modules) - brought}} & {L
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
     assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) in CALLERS])
+def test_what_compiled_code_does_not_depend_on_compiles_nothing(name: str) -> None:
+    imported = {
+        alias.name for node in ast.walk(MODULES[name]) if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
+    assert not imported & {"inlined", "define", "compiled", "njit", "register_jitable", "overload"}
+    assert "numba" not in foreign_imports(name)
+    users = [m for m in NAMES if room_of(m) not in {*CALLERS, "cli", "__init__"} and name in own_imports(m)]
+    assert users == []
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -9,7 +9,7 @@ batch   many samples, through ``single``; an input that does not vary advances b
 open    one sample, for a user's own jitted code: raises instead of returning a status.
 
 They are compiled when first called and kept in Numba's cache on disk. That cache looks only at the file a
-function stands in, so a hash of all sources of the package (STAMP) is captured by each of them: an edited
+function stands in, so a hash of all sources that compile anything (STAMP) is captured by each of them: an edited
 helper is a new key. A user's own cached function that calls ``open`` kernels has to capture ``STAMP`` too.
 """
 
@@ -40,6 +40,7 @@ FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"co
 _SIZES = {"nq": "bodies[0].at", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
 PLAIN = bool(getattr(config, "DISABLE_JIT", False))  # NUMBA_DISABLE_JIT: the recursions run as the Python they are
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that single and batch take
+CALLERS = {"commands", "compat", "trade", "validate"}  # folders that only call: nothing compiled depends on them
 _LOCK = threading.RLock()
 
 
@@ -47,7 +48,8 @@ def _stamp() -> str:
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
-        digest.update(source.read_bytes())
+        if source.relative_to(package).parts[0] not in CALLERS:
+            digest.update(source.read_bytes())
     return digest.hexdigest()
 
 
