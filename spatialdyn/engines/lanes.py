@@ -99,6 +99,27 @@ def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
         yield columns - width, width
 
 
+def _depth_first(program: Program) -> list[int]:
+    """The program's lines in the order in which its outputs ask for them: each late, near those that need it.
+
+    With pivots there is a third sweep over the robot, and fewer values wait for it: 2 to 6 % of aba. Without, it
+    gains nothing.
+    """
+    order: list[int] = []
+    seen: set[int] = set()
+    for line, _ in program.outputs:
+        waiting = [(line, False)]
+        while waiting:
+            k, ready = waiting.pop()
+            if ready:
+                order.append(k)
+            elif k not in seen:
+                seen.add(k)
+                waiting.append((k, True))
+                waiting += [(operand, False) for operand in sorted(set(operands(program.lines[k])))]
+    return order
+
+
 class _Writer:
     """The LLVM module of one program."""
 
@@ -111,11 +132,12 @@ class _Writer:
         self.lanes, self.fma, self.stream = lanes, fma, stream
         lines = program.lines
         self.whole = len(lines) <= WHOLE
-        work = [k for k, op in enumerate(lines) if op.code not in (INPUT, CONST)]
+        order = _depth_first(program) if layout.pivots else range(len(lines))
+        work = [k for k in order if lines[k].code not in (INPUT, CONST)]
         step = max(len(work), 1) if self.whole else CHUNK
         self.chunks = [work[i : i + step] for i in range(0, len(work), step)] or [[]]
         self.chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
-        self.wanted = sorted({line for line, _ in program.outputs})
+        self.wanted = {line for line, _ in program.outputs}
         self.slots, self.slot_count = self._slots()
         self.stage = self.slot_count + 1  # where the rows of a tile wait to be streamed out
         staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
