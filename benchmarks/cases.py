@@ -123,6 +123,7 @@ class Contestant(NamedTuple):
     single  one evaluation of the first sample from Python, the result allocated; None if that is not offered
     batch   the first ``count`` samples; None if that is not offered
     how     of the batch: a pool of threads, a loop in Python, ...
+    bare    the batch as it is timed, where that keeps no results
     read    what either returned, with samples as first axis, and their numbers -> one flat row a sample
     """
 
@@ -131,6 +132,7 @@ class Contestant(NamedTuple):
     count: int = 1
     how: str = ""
     read: Callable[[Any, Sequence[int]], Array] = lambda raw, samples: np.reshape(raw, (len(samples), -1))
+    bare: Callable[[], Any] | None = None
 
 
 def check(case: Case, call: str, name: str, contestant: Contestant, wanted: Array, bound: float = SCALED) -> float:

@@ -117,7 +117,7 @@ def times_of_many(
     if pools[1] is not None:
         runs["pin_2_threads"] = pools[1]
     runs |= {f"peer {name}": x for name, x in others.items()}
-    calls = {name: x.batch for name, x in runs.items() if x.batch}
+    calls = {name: x.bare or x.batch for name, x in runs.items() if x.batch}
     times = interleaved(calls, effort.rounds, effort.seconds)
     sd.set_num_threads(1)
     ns = {name: 1e9 * t / runs[name].count for name, t in times.items()}
