@@ -81,11 +81,11 @@ class Specialized:
     kernel for any model, which says what is wrong with them; a float32 program's in float64.
 
     signature        inputs left to be given and results, with their shapes
-    engine           "lanes", or "untraced" where no program is: a long one (above ``batches.MOST_ROWS`` freedoms), one
-                     with an operation that has no vector form, a joint that never moves inertia, or NUMBA_DISABLE_JIT
+    engine           "lanes", or "untraced" where no program is: a long one (above ``batches.MOST_ROWS`` freedoms), a
+                     joint that never moves inertia, or NUMBA_DISABLE_JIT
     compile_seconds  spent so far on getting it compiled or from disk; what single samples need is made at the first
     program          the Program, whose ``listing()`` prints it
-    operations       counts of mul, add, div, sqrt and sincos of a sample, and depth
+    operations       counts of mul, add, div, sqrt, sincos and atan2 of a sample, and depth
 
     ``c_code`` and ``python_code`` give the program as text, for any robot and any calls.
 

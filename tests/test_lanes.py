@@ -26,6 +26,7 @@ from spatialdyn.recursions import SPECS
 ULPS = 1.5  # of sin and cos in float64 for |q| <= FAR
 ABSOLUTE = {np.float64: 2.0**-53, np.float32: 2.0**-24}  # half an ulp of 1
 FLOAT32_SINE = 2.0  # of these, in float32: two roundings of the reduced angle and one of the polynomial
+ATAN2_ULPS = 3.0  # two roundings of its quotient's parts, one of the quotient, and the sums with multiples of π/4
 WIDTHS = (1, 2, 4, 8, 16)
 ROUNDING = 64  # eps of the largest entry
 KEPT_ZERO = 7.25  # what stands behind the results, to see that nothing is written there
@@ -216,6 +217,37 @@ def test_an_angle_that_no_sine_is_taken_of_may_be_far() -> None:
     np.testing.assert_array_equal(found, 1e9)
 
 
+# --- atan2 ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("shape", SHAPES, ids=name_of)
+def test_atan2_is_within_three_ulp(shape: Shape, dtype: Any) -> None:
+    rng = np.random.default_rng(shape.lanes)
+    angle, radius = rng.uniform(-math.pi, math.pi, 1 << 14), 10.0 ** rng.uniform(-9.0, 9.0, 1 << 14)
+    points = np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=1)
+    points[:4096] *= 10.0 ** rng.uniform(-12.0, 12.0, (4096, 2))
+    corners = [[a, b] for a in (1.0, -1.0, 0.41421356, -3.0) for b in (1.0, -1.0, 2.4142135, -3.0)]
+    corners += [[0.0, 1.0], [1.0, 0.0], [-1.0, 0.0], [0.0, -2.0], [-0.0, -2.0], [-0.0, 2.0], [3.0, -0.0], [1e-20, 1.0]]
+    points = np.concatenate([points, corners, corners]).astype(dtype)
+    points = points[: len(points) // shape.lanes * shape.lanes]
+    run = Runner(*program_of(lambda y, x: [scalars.atan2(y, x), -scalars.atan2(-y, x)], 2), shape, dtype)
+    (found,), fine = run(points)
+    assert fine.all()
+    wanted = np.arctan2(*points.T.astype(np.longdouble if dtype is np.float64 else np.float64))
+    error = abs(found[:, 0] - wanted) / np.spacing(abs(wanted).astype(dtype))
+    assert error.max() <= ATAN2_ULPS
+    np.testing.assert_array_equal(np.signbit(found[:, 0]), np.signbit(wanted))
+    np.testing.assert_array_equal(found[:, 1], found[:, 0])
+
+
+def test_atan2_of_the_origin_is_left_to_the_caller() -> None:
+    points = np.array([[0.0, 0.0], [0.0, -0.0], [1.0, 1.0], [0.0, 1.0]])
+    (found,), fine = Runner(*program_of(lambda y, x: [scalars.atan2(y, x)], 2), Shape(4, False))(points)
+    np.testing.assert_array_equal(fine, [False, False, True, True])
+    np.testing.assert_array_equal(found[2:, 0], [math.pi / 4, 0.0])
+
+
 # --- every operation ------------------------------------------------------------------------------------
 
 
@@ -286,14 +318,6 @@ def test_a_program_of_constants_alone_is_written_to_every_sample(shape: Shape) -
     (found,), fine = Runner(program, layout, shape)(np.r_[np.zeros(31), np.nan])
     np.testing.assert_array_equal(found, [[0.0, -2.0, 3.5]] * 32)
     np.testing.assert_array_equal(fine, [True] * 31 + [False])
-
-
-def test_no_vector_form_of_atan2_is_claimed() -> None:
-    program, layout = program_of(lambda x, y: [scalars.atan2(x, y)], 2)
-    assert not lanes.supported(program)
-    with pytest.raises(ValueError, match="no vector form"):
-        lanes.compiled(program, layout)
-    assert lanes.supported(program_of(everything, 3)[0])
 
 
 # --- rows and columns -----------------------------------------------------------------------------------

@@ -173,18 +173,22 @@ def record(
         count += widths[-1]
     put(rows, choice.parameters, loads, taken)
     results: list[Any] = []
-    places, pivots = [], []
+    places, pivots, norms = [], [], []
     for k, spec in enumerate(specs):
         inner = np.zeros(n, dtype=object)
         out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
         wanted = out.ravel()[list(choice.outputs[k])] if choice.outputs else out.ravel()
         places.append(tuple(range(len(results), len(results) + len(wanted))))
+        if spec.output.unit_norm:
+            chosen = choice.outputs[k] if choice.outputs else range(out.size)
+            at_of = {entry: len(results) + at for at, entry in enumerate(chosen)}
+            norms += [tuple(at_of[e] for e in part) for part in unit_parts(bodies) if set(part) <= set(at_of)]
         results += wanted.tolist()
         if spec.pivots:
             margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else np.finfo(dtype).eps)
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
-    layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots))
+    layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms))
     return Recorded(Program(tape, results, count), layout)
 
 
@@ -316,8 +320,7 @@ class Kernel:
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
-    """Whether calls on a table can be a program: none branches on values, it would not be too long, and no output is
-    checked for its norm.
+    """Whether calls on a table can be a program: none branches on values, and it would not be too long.
 
     results  numbers wanted of one sample, if not all
     """
@@ -325,7 +328,7 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         sizes = _sizes(bodies)
         results = sum(math.prod(_shape(spec.output.shape, sizes)) for spec in specs)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
-    return short and all(spec.traces and not spec.output.unit_norm for spec in specs)
+    return short and all(spec.traces for spec in specs)
 
 
 def kernel(
@@ -338,7 +341,7 @@ def kernel(
     one: bool = False,
     stream: bool = False,
 ) -> Kernel | None:
-    """The kernel of some calls for the table whose content has that key; None if they have no vector form.
+    """The kernel of some calls for the table whose content has that key; None if a joint moves no inertia.
 
     one     for single samples: on one lane
     stream  for outputs larger than the caches, which start on a vector's boundary
@@ -374,8 +377,6 @@ def _made(
     try:
         program, layout = record(specs, bodies, static, choice, dtype)
     except ZeroDivisionError:  # a joint that moves no inertia in any state
-        return None
-    if not lanes.supported(program):
         return None
     code, workspace = lanes.compiled(program, layout, dtype, stream, one)
     made = Kernel(code, workspace, layout, dtype, one)

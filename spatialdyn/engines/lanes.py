@@ -58,12 +58,14 @@ class Layout:
     outputs  for each output array, the places in the program's outputs of its columns
     units    groups of inputs whose squares have to sum to 1
     pivots   (place in the program's outputs, least value) of what has to be larger
+    norms    groups of places in the program's outputs whose squares have to sum to 1
     """
 
     inputs: tuple[int, ...]
     outputs: tuple[tuple[int, ...], ...]
     units: tuple[tuple[int, ...], ...] = ()
     pivots: tuple[tuple[int, float], ...] = ()
+    norms: tuple[tuple[int, ...], ...] = ()
 
 
 @cache
@@ -81,11 +83,6 @@ def host() -> tuple[str, str, int, bool]:
         width = 16  # SSE2, NEON
     arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))
     return name, features.flatten(), width, bool(features.get("fma")) or arm
-
-
-def supported(program: Program) -> bool:
-    """Whether every operation has a vector form: there is none of atan2."""
-    return all(op.code != ATAN2 for op in program.lines)
 
 
 def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
@@ -220,12 +217,15 @@ class _Writer:
                     self._store(t, x, self.slots[index[i]])
         base = t.binary("fadd", t.binary("fadd", poison[0], poison[1]), t.binary("fadd", poison[2], poison[3]))
         for group in self.layout.units:
-            total = t.constant(-1.0)
-            for i in group:
-                total = t.fused(columns[i], columns[i], total)
-            near = t.put(f"fcmp ole {t.vector} {t.unary('fabs', total)}, {t.constant(UNIT_TOLERANCE)}")
-            base = t.poisoned_unless(near, base)
+            base = t.poisoned_unless(self._unit(t, [columns[i] for i in group]), base)
         return base
+
+    def _unit(self, t: Text, group: Sequence[str]) -> str:
+        """Whether the squares of a group sum to 1."""
+        total = t.constant(-1.0)
+        for x in group:
+            total = t.fused(x, x, total)
+        return t.put(f"fcmp ole {t.vector} {t.unary('fabs', total)}, {t.constant(UNIT_TOLERANCE)}")
 
     def _joined(self, t: Text, parts: list[str], size: int) -> str:
         """Vectors of ``size`` side by side as one."""
@@ -302,6 +302,8 @@ class _Writer:
             return t.fused(value(op.a), value(op.b), t.negative(value(op.c)))
         if op.code == FNMA:
             return t.fused(t.negative(value(op.a)), value(op.b), value(op.c))
+        if op.code == ATAN2:
+            return t.atan2(value(op.a), value(op.b))
         if op.code == SQRT:
             return t.unary("sqrt", value(op.a))
         if op.code == SELECT:
@@ -328,6 +330,8 @@ class _Writer:
         for place, least in self.layout.pivots:
             sound = t.put(f"fcmp ogt {t.vector} {result(place)}, {t.constant(least)}")
             sums[0] = t.poisoned_unless(sound, sums[0])
+        for group in self.layout.norms:
+            sums[0] = t.poisoned_unless(self._unit(t, [result(place) for place in group]), sums[0])
         seen: set[int] = set()
         for a, places in enumerate(self.layout.outputs):
             columns = len(places)
@@ -381,6 +385,7 @@ class _Writer:
 declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
 declare {v} @llvm.fabs.{suffix}({v})
 declare {v} @llvm.sqrt.{suffix}({v})
+declare {v} @llvm.copysign.{suffix}({v}, {v})
 {streaming}
 {"".join(functions)}
 define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws) #0 {{

@@ -1,4 +1,4 @@
-"""LLVM text of straight-line code on vectors: arithmetic, sin and cos, transposition.
+"""LLVM text of straight-line code on vectors: arithmetic, sin, cos and atan2, transposition.
 
 sin and cos: n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵², x - n π/2 in three parts (Cody, Waite), the
 minimax polynomials of fdlibm, quadrants by selection.
@@ -26,6 +26,7 @@ HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
         5.390302953474238e-15,
     ),
 }
+PI_LOW = 1.2246467991473532e-16  # π less math.pi
 SINE = {
     "double": (
         -1.66666666666666324348e-01,
@@ -48,6 +49,22 @@ COSINE = {
     ),
     "float": (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5),
 }
+
+# of (atan(t) / t - 1) / t² in t², on |t| <= tan(π/8): interpolated at Chebyshev's points in 60 digits
+ARCTANGENT = (
+    -0.3333333333333333,
+    0.19999999999995516,
+    -0.14285714284665682,
+    0.11111111015187018,
+    -0.0909090457530649,
+    0.07692183125376892,
+    -0.06664510525508936,
+    0.05858140904866328,
+    -0.050854078345894844,
+    0.03923044778479309,
+    -0.019175404711104935,
+)
+TAN_EIGHTH = 0.41421356237309503
 
 
 class Text:
@@ -133,6 +150,42 @@ class Text:
             bits = self.put(f"bitcast {v} {value} to {self.bits}")
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
         return results[0], results[1]
+
+    def atan2(self, y: str, x: str) -> str:
+        """The angle of the point (x, y) within 3 ulp; NaN at the origin, where the sign of zero would count.
+
+        Of the smaller over the larger of |x| and |y|, less π/4 where that is above tan(π/8), then the octant undone.
+        """
+        k, v, i1 = self.constant, self.vector, f"<{self.lanes} x i1>"
+
+        def choose(condition: str, a: str, b: str) -> str:
+            return self.put(f"select {i1} {condition}, {v} {a}, {v} {b}")
+
+        def parts(angle: float) -> tuple[str, str]:
+            """Of a multiple of π, which math.pi is rounded to, and what it lacks."""
+            kind = np.float64 if self.scalar == "double" else np.float32
+            large = float(kind(angle))
+            return k(large), k(angle - large + angle / math.pi * PI_LOW)
+
+        wide, tall = self.unary("fabs", x), self.unary("fabs", y)
+        steep = self.put(f"fcmp ogt {v} {tall}, {wide}")
+        small, large = choose(steep, wide, tall), choose(steep, tall, wide)
+        middle = self.put(f"fcmp ogt {v} {small}, {self.binary('fmul', large, k(TAN_EIGHTH))}")
+        above = choose(middle, self.binary("fsub", small, large), small)
+        below = choose(middle, self.binary("fadd", small, large), large)
+        t = self.binary("fdiv", above, below)
+        z = self.binary("fmul", t, t)
+        p = k(ARCTANGENT[-1])
+        for c in reversed(ARCTANGENT[:-1]):
+            p = self.fused(z, p, k(c))
+        zero, (turned, low) = k(0.0), parts(math.pi / 4)
+        angle = self.fused(self.binary("fmul", t, z), p, choose(middle, low, zero))
+        angle = self.binary("fadd", self.binary("fadd", t, angle), choose(middle, turned, zero))
+        behind = self.put(f"fcmp olt {v} {x}, zeroinitializer")
+        for where, whole in ((steep, math.pi / 2), (behind, math.pi)):
+            turned, low = parts(whole)
+            angle = choose(where, self.binary("fsub", turned, self.binary("fsub", angle, low)), angle)
+        return self.put(f"call {v} @llvm.copysign.{self.suffix()}({v} {angle}, {v} {y})")
 
     def _reduced(self, x: str, n: str) -> tuple[str, str]:
         """x - n π/2, rounded, and what it lacks: where |r| > 1/2 half an ulp of r is a whole one of its sine."""
