@@ -26,7 +26,7 @@ ROUNDING = 64 * EPS  # both sides round the same equations in another order
 SOLVED = 4.0  # times the untraced error, and ROUNDING, for what is solved for
 BITS = 140
 FAR = 1e3  # rad
-EXACT = 2  # samples that are run in so many digits
+EXACT = 6  # samples that are run in so many digits
 CALLS = {
     "rnea": "qva",
     "crba": "q",

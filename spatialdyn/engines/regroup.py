@@ -4,7 +4,8 @@ A revolute joint about u feels nothing of a part with mass m, first moment along
 J (1 - u uᵀ): its momentum under S is zero and turning about u leaves it as it is, so it may as well be fixed to
 the parent. A prismatic joint feels nothing of the rotational inertia. τ, M, q̈ and the articulated inertias D of
 the joints stay the same; nothing that is said of a single body does. The zeros that this leaves shorten a program
-by a fifth to a third. Source: Gautier and Khalil, Direct calculation of minimum set of inertial parameters of
+by a fifth to a third. A carrier without mass is left so: three axes through one point, as at a hip, would make of
+its own zero a difference, and lose four digits of q̈. Source: Gautier and Khalil, Direct calculation of minimum set of inertial parameters of
 serial robots (1990), in words of its own for any axis.
 """
 
@@ -42,8 +43,10 @@ def regroup(rows: Any) -> None:
             free = Inertia(0.0, Vec(0.0, 0.0, 0.0), body.I)
         else:
             continue
-        put_inertia(b.inertia, Inertia(body.m - free.m, minus(body.h, free.h), _less(body.I, free.I)))
         carrier = rows[b.parent]
+        if b.parent > 0 and carrier.inertia.m == 0.0:
+            continue
+        put_inertia(b.inertia, Inertia(body.m - free.m, minus(body.h, free.h), _less(body.I, free.I)))
         put_inertia(carrier.inertia, add_inertia(inertia_of(carrier.inertia), inertia_to_parent(pose_of(b.X), free)))
 
 
