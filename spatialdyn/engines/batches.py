@@ -138,7 +138,7 @@ def record(
         in_body = choice.parameters or any(x.name == "fext" for spec in specs for x in spec.given)
         if not in_body and dtype == np.float64:  # float32 would feel the way
             move_origins(rows)
-        regroup(rows)
+        regroup(rows, any(spec.pivots for spec in specs))
     n, sizes = len(bodies) - 1, _sizes(bodies)
 
     def shape(symbols: Sequence[str | int]) -> tuple[int, ...]:

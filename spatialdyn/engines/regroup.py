@@ -4,8 +4,7 @@ A revolute joint about u feels nothing of a part with mass m, first moment along
 J (1 - u uᵀ): its momentum under S is zero and turning about u leaves it as it is, so it may as well be fixed to
 the parent. A prismatic joint feels nothing of the rotational inertia. τ, M, q̈ and the articulated inertias D of
 the joints stay the same; nothing that is said of a single body does. The zeros that this leaves shorten a program
-by a fifth to a third. A carrier without mass is left so: three axes through one point, as at a hip, would make of
-its own zero a difference, and lose four digits of q̈. Source: Gautier and Khalil, Direct calculation of minimum set of inertial parameters of
+by a fifth to a third. Source: Gautier and Khalil, Direct calculation of minimum set of inertial parameters of
 serial robots (1990), in words of its own for any axis.
 """
 
@@ -31,9 +30,16 @@ from ..tables import (
     put_inertia,
 )
 
+LIGHT = 0.1  # of what it would be given
 
-def regroup(rows: Any) -> None:
-    """Move what can be moved in a table of bodies, in place, from the tips to the root."""
+
+def regroup(rows: Any, solved: bool = False) -> None:
+    """Move what can be moved in a table of bodies, in place, from the tips to the root.
+
+    solved  for recursions that divide by articulated inertias. Of a carrier much lighter than what it is given, these
+            become differences of what is much larger: with three axes through one point, as at the hips of a human,
+            up to four digits of q̈ are lost. Such a carrier is left as it is; one without mass always.
+    """
     for i in range(len(rows) - 1, 0, -1):
         b = rows[i]
         body = inertia_of(b.inertia)
@@ -44,7 +50,7 @@ def regroup(rows: Any) -> None:
         else:
             continue
         carrier = rows[b.parent]
-        if b.parent > 0 and carrier.inertia.m == 0.0:
+        if b.parent > 0 and carrier.inertia.m <= (LIGHT * body.m if solved else 0.0):
             continue
         put_inertia(b.inertia, Inertia(body.m - free.m, minus(body.h, free.h), _less(body.I, free.I)))
         put_inertia(carrier.inertia, add_inertia(inertia_of(carrier.inertia), inertia_to_parent(pose_of(b.X), free)))
