@@ -27,6 +27,7 @@ ROBOT = {"rnea": 8 * EPS, "crba": 10 * EPS}  # of some fifty bodies; measured 6 
 CHAIN = {"rnea": 20 * EPS, "crba": 50 * EPS}  # to 300 bodies, where roundings add up; measured 13 and 39
 FORWARD = {10: 1e-14, 100: 1e-12, 1000: 1e-11}  # condition numbers of 4e4, 3e8, 6e11
 TIP = {1e3: 2e-13, 1e6: 1e-10, 1e9: 2e-7, 1e12: 2e-4}  # the mass ratio is the condition number
+REFINED = 1e-14  # to a tip of 1e9, where ABA keeps 7 digits; measured 2e-15
 LIGHTER = 1e-13  # the scaled condition number stays small
 NAMES = [n for n, path in robot_names().items() if path in set(example_robots()) and n != accuracy.WRONG_NAME]
 
@@ -61,6 +62,14 @@ def test_forward_dynamics_of_chains(n: int, spatial: bool) -> None:
 @pytest.mark.parametrize("m", TIP)
 def test_forward_dynamics_with_a_heavy_tip(m: float) -> None:
     assert worst(chain(7, True, [1.0] * 6 + [m]), "aba", states=5) <= TIP[m]
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("m", [m for m in TIP if m <= 1e9])
+def test_refinement_keeps_every_digit_of_a_heavy_tip(m: float, spatial: bool) -> None:
+    model, rng = chain(7, spatial, [1.0] * 6 + [m]), np.random.default_rng(0)
+    refined = [measured(model, "aba", state(model, rng), sd.aba_refined) for _ in range(5)]
+    assert max(refined) <= REFINED
 
 
 @pytest.mark.parametrize("name", [name for name, _ in accuracy.lopsided() if not name.startswith("tip")])
