@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -82,7 +83,7 @@ def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
         part = unit_part(int(first["kind"]), int(first["at"]))
         if part is None:
             continue
-        norm = float(np.linalg.norm(q[part]))
+        norm = math.hypot(*q[part].tolist())  # which does not overflow on the way
         if abs(norm * norm - 1.0) > 2e-6:
             what = "quaternion" if len(q[part]) == 4 else "(cos, sin) pair"
             raise ConfigurationError(
