@@ -222,7 +222,7 @@ def answers(model: sd.Model, seed: int) -> None:
         assert np.isfinite(found).all(), name
 
 
-@cases(1500)
+@cases(1200)
 @given(robots(), mutations, options, place)
 def test_a_mutated_robot_loads_and_answers_or_is_refused(robot: Any, changes: Any, chosen: Any, seed: int) -> None:
     model = loaded(ET.tostring(mutated(robot, changes), encoding="unicode"), chosen)
@@ -248,7 +248,7 @@ def test_what_is_no_urdf_is_refused(source: Any) -> None:
         sd.load_urdf(source)
 
 
-@cases(200)
+@cases(100)
 @given(robots(), options, place)
 def test_a_sound_robot_loads(robot: Any, chosen: Any, seed: int) -> None:
     """Else the tests above would pass by refusing everything."""
@@ -258,7 +258,7 @@ def test_a_sound_robot_loads(robot: Any, chosen: Any, seed: int) -> None:
     answers(model, seed)
 
 
-@cases(15)
+@cases(30)
 @given(robots(), mutations)
 def test_check_finds_something_to_say_of_every_robot(tmp_path_factory: Any, robot: Any, changes: Any) -> None:
     path = Path(tmp_path_factory.getbasetemp()) / "fuzzed.urdf"
