@@ -38,13 +38,14 @@ SOLID = 0.1 * np.eye(3)
 # --- models ---------------------------------------------------------------------------------------------------
 
 
-def _hand() -> sd.Model:
-    """A floating hand, two of its fingers following the first."""
+def _hand(weighs: bool = True) -> sd.Model:
+    """A floating hand, two of its fingers following the first; they weigh nothing in a hand that is fixed."""
     builder = sd.ModelBuilder("hand").set_inertia("base", (1.0, (0.0, 0.0, 0.1), SOLID))
     for k, leader in enumerate((None, "f0_joint", "f1_joint")):
-        mimic = None if leader is None else {"leader": leader, "multiplier": 0.5 * k, "offset": 0.1}
-        builder.add_body(f"f{k}", None, "revolute", (k, 1, 2), (0.1, k, 0.2), (0.5, (0.1, 0.2, k), SOLID), mimic=mimic)
-    return builder.build(root="floating", mimic=True)
+        mimic = None if leader is None else {"leader": leader, "multiplier": 2.0 * k, "offset": 0.1}
+        body = (0.5, (0.1, 0.2, k), SOLID) if weighs else None
+        builder.add_body(f"f{k}", None, "revolute", (k, 1, 2), (0.1, k, 0.2), body, mimic=mimic)
+    return builder.build(root="floating" if weighs else "fixed", mimic=True)
 
 
 def _wrist(mass: float, tip: float) -> sd.Model:
@@ -62,6 +63,7 @@ MODELS: dict[str, Callable[[], sd.Model]] = {
     "floating": lambda: random_tree(5, 7, floating=True, continuous="cos_sin").model,
     "arm": lambda: random_tree(2, 5, ["revolute", "prismatic", "continuous"]).model,
     "hand": _hand,
+    "idle hand": lambda: _hand(False),
     "post": lambda: sd.ModelBuilder("post").build(),
     "light": lambda: _wrist(1.0, 1e-300),
     "heavy": lambda: _wrist(1.0, 1e150),
@@ -88,9 +90,8 @@ def program(model: str, name: str, dtype: Any) -> sd.Specialized:
 def strided(x: Any) -> Any:
     """Every other entry of a larger array, along each axis."""
     whole = np.full([2 * n for n in x.shape], 7.0)
-    part = whole[(slice(None, None, 2),) * x.ndim]
-    part[...] = x
-    return part
+    whole[(slice(None, None, 2),) * x.ndim] = x
+    return whole[(slice(None, None, 2),) * x.ndim]
 
 
 def unaligned(x: Any) -> Any:
@@ -205,14 +206,19 @@ def sound(found: Any, core: tuple[int, ...], ok: Any) -> None:
     assert (finite | ~ok).all()
 
 
-def call(model: Any, name: str, values: list[Any], **more: Any) -> Any:
-    """The public call by the names of its inputs; None if it is refused as it should be."""
-    names = [x.name for x in sorted_inputs(SPECS[name])]
+def refused(run: Callable[[], Any]) -> Any:
+    """What comes of it; None if it is refused as it should be."""
     try:
-        return getattr(sd, name)(model, **dict(zip(names, values, strict=True)), **options(model, SPECS[name]), **more)
+        return run()
     except sd.SpatialDynError as error:
         assert len(str(error)) > 20  # noqa: PT017 - a refusal says something
         return None
+
+
+def call(model: Any, name: str, values: list[Any], **more: Any) -> Any:
+    """The public call by the names of its inputs; None if it is refused."""
+    given_ = dict(zip([x.name for x in sorted_inputs(SPECS[name])], values, strict=True))
+    return refused(lambda: getattr(sd, name)(model, **given_, **options(model, SPECS[name]), **more))
 
 
 # --- tests ----------------------------------------------------------------------------------------------------
@@ -286,6 +292,42 @@ def test_a_batch_on_lanes_is_finite_where_its_input_is_or_refused(
         with np.errstate(over="ignore"):
             values = [x.astype(np.float32) for x in values]
     sound(found, core_shape(model, spec.output), finite_samples(model, name, [*values, *more], batch))
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
+@cases(1000)
+@given(
+    st.sampled_from([("floating", "aba"), ("arm", "rnea"), ("massless", "crba")]),
+    st.sampled_from(DTYPES),
+    st.lists(st.sampled_from(BATCHES), min_size=4, max_size=4),
+    spoils,
+    st.lists(forms, min_size=4, max_size=4),
+    st.sampled_from([None, None, *OUTS]),
+    st.integers(0, 999),
+)
+def test_a_program_takes_any_array_as_its_numbers_or_refuses(
+    what: tuple[str, str], dtype: Any, batches: Any, changes: Any, shapes: Any, out: Any, seed: int
+) -> None:
+    which, name = what
+    model, made = model_called(which), program(which, name, dtype)
+    given_ = values_of(model, name, batches, seed)[: 1 if name == "crba" else 3]
+    spoil(given_, changes)
+    given_ = [(FORMS | BAD)[form](x) for form, x in zip(shapes, given_, strict=False)]
+    found = refused(lambda: made(*given_))
+    if found is None:
+        return
+    arrays = [np.array(x, dtype=np.float64, order="C") for x in given_]
+    np.testing.assert_array_equal(found, made(*arrays))
+    batch = np.broadcast_shapes(*(x.shape[:-1] for x in arrays))
+    core = core_shape(model, SPECS[name].output)
+    optional = [None] * (len(sorted_inputs(SPECS[name])) - len(arrays))
+    sound(found, core, finite_samples(model, name, [*arrays, *optional], batch))
+    if out is not None:
+        target = OUTS[out](batch + core)
+        written = refused(lambda: made(*given_, out=target))
+        if written is not None:
+            assert written is target
+            np.testing.assert_array_equal(written, found)
 
 
 @cases(300)
