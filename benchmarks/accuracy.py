@@ -1,7 +1,9 @@
 """How many digits each call has: errors against the exact engine, over the corpus, long chains and lopsided robots.
 
 ``python benchmarks/accuracy.py [--states 4] [--robots panda icub ...]`` prints tables in units of float64's eps
-2.2e-16, and of float32 for the lanes. Errors are against truth that rounds to more than 100 digits:
+2.2e-16, and of float32 for the lanes; ``--json FILE`` writes them too. accuracy.json beside this file holds the whole
+table: errors as they are, "singular" where a joint moves no inertia. Errors are against truth that rounds to more than
+100 digits:
 
 rnea   largest error over largest torque
 crba   largest error of an entry over √(M_ii M_jj)
@@ -11,8 +13,10 @@ aba    largest error over largest acceleration
 from __future__ import annotations
 
 import argparse
+import json
 import warnings
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -183,26 +187,36 @@ def _print_peers() -> None:
         print(f"{n} links, tip {tip:g}".ljust(32) + "".join(f"{x:12.1e}" for x in total.values()), flush=True)
 
 
+def robots(without: Sequence[str], names: Sequence[str]) -> Iterator[tuple[str, str, sd.Model]]:
+    """(table, name, model) of everything that is measured."""
+    if "chains" not in without:
+        for n in (10, 30, 100, 300):
+            for spatial in (False, True):
+                model = chain(n, spatial)
+                yield "chains", model.name, model
+    if "lopsided" not in without:
+        yield from (("lopsided", *x) for x in lopsided())
+    if "corpus" not in without:
+        yield from (("corpus", *x) for x in corpus(names))
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--states", type=int, default=2)
     parser.add_argument("--robots", nargs="*", default=())
-    parser.add_argument("--without", nargs="*", default=(), choices=("corpus", "chains", "lopsided"))
+    parser.add_argument("--without", nargs="*", default=(), choices=("corpus", "chains", "lopsided", "peers"))
+    parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
+    tables: dict[str, dict[str, dict[str, float | str]]] = {}
     print(f"{'':32s}" + "".join(f"{name:>12s}" for name in (*CALLS, *(f"{c} f32" for c in CALLS))))
-    if "chains" not in chosen.without:
-        for n in (10, 30, 100, 300):
-            for spatial in (False, True):
-                model = chain(n, spatial)
-                print(line(model.name, worst(model, chosen.states)), flush=True)
-    if "lopsided" not in chosen.without:
-        for name, model in lopsided():
-            print(line(name, worst(model, chosen.states)), flush=True)
+    for table, name, model in robots(chosen.without, chosen.robots):
+        found = tables.setdefault(table, {})[name] = worst(model, chosen.states)
+        print(line(name, found), flush=True)
+    if "peers" not in chosen.without:
         _print_peers()
-    if "corpus" not in chosen.without:
-        for name, model in corpus(chosen.robots):
-            print(line(name, worst(model, chosen.states)), flush=True)
+    if chosen.json:
+        chosen.json.write_text(json.dumps({"states": chosen.states, **tables}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

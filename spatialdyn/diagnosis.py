@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from .engines import jit
 from .errors import ConfigurationError, InertiaError, NonFiniteError
 from .model import Joint, Model
 from .recursions import SPECS
-from .recursions.spec import Spec
+from .recursions.spec import Argument, Spec
 
 
 def diagnose(
@@ -49,10 +50,22 @@ def diagnose(
             raise InertiaError(no_inertia(model, row, _where(samples[at], len(pivots), batch)))
     lost = np.flatnonzero((status != jit.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))
     if len(lost):
-        raise NonFiniteError(
-            f"{spec.name} of finite input is not finite{_where(samples[lost[0]], len(lost), batch)}, expected numbers "
-            "whose products stay in the range of float64"
-        )
+        raise NonFiniteError(_not_finite(spec, _where(samples[lost[0]], len(lost), batch)))
+
+
+def refuse_lost(spec: Spec, given: list[tuple[Argument, Array]], batch: tuple[int, ...], out: Array) -> None:
+    """Raise NonFiniteError if a sample of finite inputs has a result that is not finite."""
+    lost = ~np.isfinite(out).all(axis=tuple(range(len(batch), out.ndim)))
+    for argument, x in given:
+        lost = lost & np.isfinite(x).all(axis=tuple(range(-len(argument.shape), 0)))
+    if lost.any():
+        samples = np.flatnonzero(lost)
+        raise NonFiniteError(_not_finite(spec, _where(samples[0], len(samples), batch)))
+
+
+def _not_finite(spec: Spec, where: str) -> str:
+    expected = "expected numbers whose products stay in the range of float64"
+    return f"{spec.name} of finite input is not finite{where}, {expected}"
 
 
 def no_inertia(model: Model, row: int, where: str) -> str:
@@ -82,7 +95,7 @@ def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
         part = unit_part(int(first["kind"]), int(first["at"]))
         if part is None:
             continue
-        norm = float(np.linalg.norm(q[part]))
+        norm = math.hypot(*q[part].tolist())  # which does not overflow on the way
         if abs(norm * norm - 1.0) > 2e-6:
             what = "quaternion" if len(q[part]) == 4 else "(cos, sin) pair"
             raise ConfigurationError(

@@ -30,7 +30,7 @@ from .border import (
     reference_of,
     rows_of,
 )
-from .diagnosis import diagnose, refuse_singular
+from .diagnosis import diagnose, refuse_lost, refuse_singular
 from .engines import batches, jit
 from .engines.batches import set_num_threads
 from .model import Model
@@ -63,16 +63,11 @@ def general(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any
         if out is None
         else check_out(out, shape, {x.name: a for x, a in zip(varying, arrays, strict=True)})
     )
-    if model.mimic_matrix is not None:
-        if spec.pivots:
-            _through_mass_matrix(spec, model, dict(zip((x.name for x in varying), arrays, strict=True)), result)
-            return result if out is not None or shape else float(result)
-        arrays = [expanded(model, x, a) for x, a in zip(varying, arrays, strict=True)]
-    whole = batch + full_shape(model, spec.output)
-    target = result if whole == shape and model.mimic_matrix is None else empty(whole)
-    run(spec, model, arrays, batch, static, target)
-    if target is not result:
-        result[...] = contracted(model, spec.output, target)
+    if model.mimic_matrix is None:
+        run(spec, model, arrays, batch, static, result)
+    else:
+        with np.errstate(all="ignore"):
+            _with_followers(spec, model, arrays, batch, static, result)
     return result if out is not None or shape else float(result)
 
 
@@ -185,6 +180,21 @@ def _program(spec: Spec, model: Model, static: tuple[bytes | int, ...], stream: 
         return None
     values = [np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static]
     return batches.kernel((spec,), model.bodies, model.key, values, stream=stream)
+
+
+def _with_followers(
+    spec: Spec, model: Model, arrays: list[Array], batch: tuple[int, ...], static: tuple[Any, ...], result: Array
+) -> None:
+    """A call on a model with mimic joints: on the whole tree, or through M. Raises what went wrong."""
+    varying = [x for x in spec.given if not x.static]
+    if spec.pivots:
+        _through_mass_matrix(spec, model, dict(zip((x.name for x in varying), arrays, strict=True)), result)
+    else:
+        whole = [expanded(model, x, a) for x, a in zip(varying, arrays, strict=True)]
+        target = empty(batch + full_shape(model, spec.output))
+        run(spec, model, whole, batch, static, target)
+        result[...] = contracted(model, spec.output, target)
+    refuse_lost(spec, list(zip(varying, arrays, strict=True)), batch, result)
 
 
 def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], result: Array) -> None:

@@ -161,7 +161,7 @@ def _bytes_of(source: Any) -> tuple[str, bytes]:
 
 
 def _read_path(path: Path) -> tuple[str, bytes]:
-    if path.is_dir():
+    if os.path.isdir(path):
         raise UrdfError(f"{path} is a directory, expected a URDF file")
     try:
         size = path.stat().st_size

@@ -6,13 +6,16 @@ table.
 
 from __future__ import annotations
 
+import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import spatialdyn as sd
+from spatialdyn.engines import jit
 from spatialdyn.urdf import example_robots, robot_names
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -27,8 +30,15 @@ ROBOT = {"rnea": 8 * EPS, "crba": 10 * EPS}  # of some fifty bodies; measured 6 
 CHAIN = {"rnea": 20 * EPS, "crba": 50 * EPS}  # to 300 bodies, where roundings add up; measured 13 and 39
 FORWARD = {10: 1e-14, 100: 1e-12, 1000: 1e-11}  # condition numbers of 4e4, 3e8, 6e11
 TIP = {1e3: 2e-13, 1e6: 1e-10, 1e9: 2e-7, 1e12: 2e-4}  # the mass ratio is the condition number
+REFINED = 1e-14  # to a tip of 1e9, where ABA keeps 7 digits; measured 2e-15
 LIGHTER = 1e-13  # the scaled condition number stays small
 NAMES = [n for n, path in robot_names().items() if path in set(example_robots()) and n != accuracy.WRONG_NAME]
+
+
+EPS32 = float(np.finfo(np.float32).eps)
+SINGLE = {"rnea": 8 * EPS32, "crba": 16 * EPS32}  # of some fifty bodies, inputs rounded besides; measured 5 and 11
+BATCH = 24  # not a multiple of the lanes
+compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 
 
 def worst(model: sd.Model, name: str, states: int = 1, seed: int = 0) -> float:
@@ -63,9 +73,52 @@ def test_forward_dynamics_with_a_heavy_tip(m: float) -> None:
     assert worst(chain(7, True, [1.0] * 6 + [m]), "aba", states=5) <= TIP[m]
 
 
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("m", [m for m in TIP if m <= 1e9])
+def test_refinement_keeps_every_digit_of_a_heavy_tip(m: float, spatial: bool) -> None:
+    model, rng = chain(7, spatial, [1.0] * 6 + [m]), np.random.default_rng(0)
+    refined = [measured(model, "aba", state(model, rng), sd.aba_refined) for _ in range(5)]
+    assert max(refined) <= REFINED
+
+
 @pytest.mark.parametrize("name", [name for name, _ in accuracy.lopsided() if not name.startswith("tip")])
 def test_forward_dynamics_with_light_links(name: str) -> None:
     assert worst(dict(accuracy.lopsided())[name], "aba", states=3) <= LIGHTER
+
+
+@compiled
+@pytest.mark.parametrize("name", NAMES)
+def test_float32_on_lanes_answers_every_state_of_a_robot_or_says_which_joint_it_cannot(name: str) -> None:
+    """A pivot that float32 loses is judged in float64: there is an acceleration, or an InertiaError, never NaN."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # inertias that no body has
+        model = sd.load_urdf(robot_names()[name])
+    rng = np.random.default_rng(0)
+    states = [state(model, rng) for _ in range(BATCH)]
+    q, v, tau = (np.array([getattr(s, x) for s in states], np.float32) for x in ("q", "v", "tau"))
+    try:
+        wanted = sd.aba(model, q, v, tau)
+    except sd.InertiaError:
+        with pytest.raises(sd.InertiaError, match="moves no inertia"):
+            sd.specialize(model, sd.aba, dtype=np.float32)(q, v, tau)
+        return
+    found = sd.specialize(model, sd.aba, dtype=np.float32)(q, v, tau)
+    assert found.dtype == np.float32
+    assert found.shape == wanted.shape
+    assert np.isfinite(found).all()
+
+
+def test_the_table_of_errors_holds_every_robot_and_its_bounds() -> None:
+    """What ``benchmarks/accuracy.py --json`` has measured."""
+    table = json.loads((BENCHMARKS / "accuracy.json").read_text(encoding="utf-8"))
+    assert set(table["corpus"]) >= {f"{name} {root}" for name in NAMES for root in ("fixed", "floating")}
+    for found in table["corpus"].values():
+        assert set(found) == {*accuracy.CALLS, *(f"{call} float32" for call in accuracy.CALLS)}
+        for call, bound in SINGLE.items():
+            assert found[f"{call} float32"] <= bound
+            assert found[call] <= ROBOT[call]
+        for call in ("aba", "aba float32"):
+            assert found[call] == "singular" or found[call] < 1e-3
 
 
 def test_a_wrong_digit_would_show() -> None:

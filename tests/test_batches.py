@@ -404,7 +404,7 @@ Path(found).write_bytes(pickle.dumps(results))
     for how in ("first", "second"):
         run_python(script, str(tmp_path / "task"), str(tmp_path / how), how, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
         found.append(pickle.loads((tmp_path / how).read_bytes()))
-    assert len(list((tmp_path / "cache").rglob("*" + store.SUFFIX))) == 2
+    assert len(list((tmp_path / "cache").rglob("*" + store.PROGRAM))) == 2
     for x, y in zip(*found, strict=True):
         np.testing.assert_array_equal(x, y)
     assert scaled(found[0][0], untraced(arm, bare("rnea"), [q, v, a]), 1) <= ROUNDING
@@ -434,7 +434,7 @@ def test_a_damaged_file_is_made_anew(arm: sd.Model, fresh: Path, monkeypatch: py
     seen = recordings(monkeypatch)
     values = random_inputs(arm, bare("rnea"), batch=(B,))
     wanted = on_lanes(arm, bare("rnea"), values)
-    (file,) = fresh.glob("*" + store.SUFFIX)
+    (file,) = fresh.glob("*" + store.PROGRAM)
     whole = file.read_bytes()
     middle = len(whole) // 2
     file.write_bytes(
@@ -495,7 +495,7 @@ def test_other_sources_models_calls_dtypes_and_hosts_are_other_programs(
     monkeypatch.setattr(batches, "_made", lambda *arguments: seen.append("other host"))
     batches.kernel((bare("rnea"),), arm.bodies, arm.key)
     assert seen[-2:] == ["rnea", "other host"]
-    assert len(list(fresh.glob("*" + store.SUFFIX))) == 6
+    assert len(list(fresh.glob("*" + store.PROGRAM))) == 6
 
 
 def test_an_equal_model_shares_the_program(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.bodies import BODIES
-from spatialdyn.engines import jit
+from spatialdyn.engines import jit, store
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument, Spec
 from spatialdyn.tables import object_twin
@@ -483,7 +483,7 @@ COPY = """
 import json
 import numpy as np
 import spatialdyn as sd
-from spatialdyn.engines import jit
+from spatialdyn.engines import jit, store
 from spatialdyn.recursions import SPECS
 builder = sd.ModelBuilder("arm")
 body = (1.0, (0.1, 0, 0.5), np.eye(3))
@@ -514,7 +514,7 @@ def test_a_stale_cache_is_impossible(tmp_path: Path) -> None:
         return found
 
     def compiled() -> list[Path]:
-        return sorted(cache.rglob("*.nbc"))
+        return sorted(cache.rglob("*" + store.KERNEL))
 
     first = answer()
     made = compiled()

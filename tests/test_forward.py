@@ -18,7 +18,7 @@ from spatialdyn.recursions import SPECS
 EPS = np.finfo(float).eps
 AGREE = 5e-12  # of the largest entry: random trees of a dozen joints are conditioned up to 1e4 (seen: 2e-13)
 EXACT = 1e-13  # of the largest entry, what the square-root form promises throughout
-REFINED = 2e-14  # of the largest entry, to a tip of 1e9: eps and what of ABA's 1e-7 a step leaves (seen: 1.9e-14)
+REFINED = 1e-14  # of the largest entry, to a tip of 1e9 (seen: 2e-15); one step would leave 3e-14
 LOST = 1e-10  # what ABA loses at least with a tip of 1e9: beside that, the figures above mean something
 AXES = np.eye(3)
 KINDS = ("revolute", "continuous", "prismatic", "spherical", "floating", "planar")

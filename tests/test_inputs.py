@@ -14,6 +14,7 @@ from test_engine import options, public, random_inputs, sorted_inputs
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.engines import jit
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument
 
@@ -361,7 +362,7 @@ def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, na
         for k, argument in enumerate(sorted_inputs(spec)):
             if not argument.unit_norm:
                 continue
-            for factor in (0.0, 0.5, 1.0 - 2e-6, 1.0 + 2e-6, 3.0):
+            for factor in (0.0, 0.5, 1.0 - 2e-6, 1.0 + 2e-6, 3.0, 1e160):
                 values = random_inputs(model, spec)
                 values[k][part] *= factor
                 message = refusal(lambda values=values: public(model, spec, values), sd.ConfigurationError)
@@ -369,7 +370,7 @@ def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, na
                 assert message.startswith(f"{argument.name} holds a ")
                 assert ("quaternion" if part.stop - part.start == 4 else "(cos, sin) pair") in message
                 norm = float(re.findall(r"norm ([\d.e+-]+)", message)[0])
-                assert abs(norm - factor) < 1e-8
+                assert abs(norm - factor) < 1e-8 * max(1.0, factor)
                 if factor > 0.0:  # the cure
                     values[k] = sd.normalize(model, values[k])
                     assert np.isfinite(public(model, spec, values)).all()
@@ -606,6 +607,18 @@ def test_a_nan_beside_it_hides_no_singular_sample_of_a_model_with_followers() ->
     model = builder.build(mimic=True)
     refusal(lambda: sd.aba(model, [[np.nan], [0.1]], [[0.0]] * 2, [[1.0]] * 2), sd.InertiaError)
     refusal(lambda: sd.minverse(model, [[np.nan], [0.1]]), sd.InertiaError)
+
+
+@pytest.mark.parametrize("name", ["rnea", "aba", "generalized_gravity", "minverse"])
+def test_a_follower_driven_out_of_range_is_an_error_and_no_warning(gripper: sd.Model, name: str) -> None:
+    """Its coordinate is finite input times a multiplier: an infinite one comes of no infinite input."""
+    spec = SPECS[name]
+    values = random_inputs(gripper, jit.variant(spec, frozenset()), 0, (2,))
+    values[0][1, -1] = 1.7e308
+    message = refusal(lambda: public(gripper, jit.variant(spec, frozenset()), values), sd.NonFiniteError)
+    assert "of finite input is not finite in sample 1, expected" in message
+    values[0][1, -1] = np.inf
+    assert np.isfinite(public(gripper, jit.variant(spec, frozenset()), values)[0]).all()
 
 
 # --- what a stranger found --------------------------------------------------------------------------------------------

@@ -349,6 +349,11 @@ def test_a_missing_file_and_a_directory_are_refused(tmp_path: Path) -> None:
         assert refusal(source) == f"{tmp_path} is a directory, expected a URDF file"
 
 
+@pytest.mark.parametrize("source", ["x" * 300, "x" * 300 + ".urdf", "/" + "x" * 300, Path("x" * 300)])
+def test_a_name_too_long_for_a_file_is_refused(source: str | Path) -> None:
+    assert "xxx" in refusal(source)
+
+
 def test_a_file_of_100_mb_is_refused_unread(tmp_path: Path) -> None:
     path = tmp_path / "big.urdf"
     with path.open("wb") as file:

@@ -185,7 +185,7 @@ def record(
             norms += [tuple(at_of[e] for e in part) for part in unit_parts(bodies) if set(part) <= set(at_of)]
         results += wanted.tolist()
         if spec.pivots:
-            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else np.finfo(dtype).eps)
+            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else float(np.finfo(dtype).eps))
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
     layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms))

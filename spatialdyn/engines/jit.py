@@ -8,9 +8,9 @@ single  one sample, for ``dynamics``: checks sizes and norms, allocates scratch,
 batch   many samples, through ``single``; an input that does not vary advances by a step of 0.
 open    one sample, for a user's own jitted code: raises instead of returning a status.
 
-They are compiled when first called and kept in Numba's cache on disk. That cache looks only at the file a
-function stands in, so a hash of all sources that compile anything (STAMP) is captured by each of them: an edited
-helper is a new key. A user's own cached function that calls ``open`` kernels has to capture ``STAMP`` too.
+They are compiled when first called and kept on disk (``kept``) under a name that holds their text and what they
+capture: a hash of all sources that compile anything (STAMP), so that an edited helper is a new name. A user's own
+function in Numba's cache, which looks at its own file alone, has to capture ``STAMP`` too.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ from ..recursions import SPECS
 from ..recursions.checks import all_finite, apart, sound_pivots, unit_norm
 from ..recursions.spec import Argument, Spec
 from ..scalars import inlined
+from .kept import Kept
 
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
-FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "cache": True}
+FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 _SIZES = {"nq": "bodies[0].at", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
 PLAIN = bool(getattr(config, "DISABLE_JIT", False))  # NUMBA_DISABLE_JIT: the recursions run as the Python they are
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that single and batch take
@@ -175,11 +176,20 @@ def _label(spec: Spec) -> str:
     return "_".join([spec.name, *(x.name for x in spec.given)])
 
 
+def jitted(function: Callable[..., Any], nogil: bool = True, keep: bool = True) -> Callable[..., Any]:
+    """A function made by ``define``, compiled for whatever it is called with, and kept on disk unless told not to."""
+    dispatcher: Any = njit(**{**FLAGS, "nogil": nogil})(function)
+    if keep and not PLAIN:
+        dispatcher._cache = Kept(function)
+    made: Callable[..., Any] = dispatcher
+    return made
+
+
 def compiled(function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True) -> Callable[..., Any]:
     """A function compiled for one signature and no other: what does not match raises TypeError at once."""
     if PLAIN:
         return _plain(function, signature)
-    dispatcher = njit(**{**FLAGS, "nogil": nogil})(function)
+    dispatcher: Any = jitted(function, nogil)
     dispatcher.compile(signature)
     dispatcher.disable_compile()
     for strided in (False, True):
@@ -291,8 +301,7 @@ def opened(name: str) -> Callable[..., None]:
     body = _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
     function = define(f"{name}_open", parameters, body, _scope(spec))
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
-    made: Callable[..., None] = njit(**FLAGS)(function)
-    return made
+    return jitted(function)
 
 
 class Kernels:

@@ -1,7 +1,8 @@
-"""Compiled programs on disk, so that a second process starts at once.
+"""Compiled code on disk, so that a second process starts at once.
 
-A file is named by a digest of all that its code depends on, holds a checksum, and is written in one move; one
-that does not read back whole is as good as none. The newest MOST files are kept.
+A file is named by a digest of all that its code depends on, holds a checksum of that name and its content, and is
+written in one move; one that does not read back whole, or is another's, is as good as none. Nothing that goes wrong
+here is worth an error: what cannot be kept is compiled again. The MOST files last used are kept.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import hashlib
 import os
 import sys
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from numba import config
 
-MOST = 512
-SUFFIX = ".lanes"
+MOST = 2048  # of each kind; some 0.1 MB each, and one version of the package makes up to 300 kernels
+PROGRAM, KERNEL = ".lanes", ".kernel"
+PART = ".part"  # what is being written
 
 
 def folder() -> Path:
@@ -32,27 +35,38 @@ def folder() -> Path:
     return base / "spatialdyn"
 
 
-def read(digest: str) -> bytes | None:
+def read(digest: str, kind: str = PROGRAM) -> bytes | None:
     """What was written under a digest; None if nothing was, or it is damaged."""
     try:
-        whole = (folder() / (digest + SUFFIX)).read_bytes()
-    except OSError:
+        path = folder() / (digest + kind)
+        whole = path.read_bytes()
+    except (OSError, RuntimeError):  # no home to be found
         return None
     checksum, payload = whole[:32], whole[32:]
-    return payload if hashlib.sha256(payload).digest() == checksum else None
+    if _checksum(digest, payload) != checksum:
+        return None
+    with suppress(OSError):
+        os.utime(path)
+    return payload
 
 
-def write(digest: str, payload: bytes) -> None:
+def write(digest: str, payload: bytes, kind: str = PROGRAM) -> None:
     """Keep it; a folder that cannot be written to keeps nothing."""
-    place = folder()
+    part = None
     try:
+        place = folder()
         place.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=place)
+        handle, part = tempfile.mkstemp(PART, dir=place)
         with os.fdopen(handle, "wb") as file:
-            file.write(hashlib.sha256(payload).digest() + payload)
-        os.replace(name, place / (digest + SUFFIX))
-        old = sorted(place.glob("*" + SUFFIX), key=lambda p: p.stat().st_mtime)[:-MOST]
-        for path in old:
+            file.write(_checksum(digest, payload) + payload)
+        os.replace(part, place / (digest + kind))
+        for path in sorted(place.glob("*" + kind), key=lambda p: p.stat().st_mtime)[:-MOST]:
             path.unlink(missing_ok=True)
-    except OSError:
-        return
+    except (OSError, RuntimeError):
+        if part is not None:
+            with suppress(OSError):
+                os.unlink(part)
+
+
+def _checksum(digest: str, payload: bytes) -> bytes:
+    return hashlib.sha256(digest.encode() + payload).digest()

@@ -88,7 +88,8 @@ class Text:
 
     def constant(self, value: float) -> str:
         if self.scalar == "float":
-            value = float(np.float32(value))
+            with np.errstate(over="ignore"):  # an infinite constant: its samples are left to float64
+                value = float(np.float32(value))
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
         return f"splat ({self.scalar} 0x{bits:016X})"
 

@@ -1,4 +1,4 @@
-"""Forward dynamics by the articulated body algorithm and one step of iterative refinement."""
+"""Forward dynamics by the articulated body algorithm and two steps of iterative refinement."""
 
 from __future__ import annotations
 
@@ -24,30 +24,34 @@ WORK = table_dtype(
 )  # fmt: skip
 
 
+STEPS = 2  # each takes of the error what ABA takes of a: with a tip of 1e9 it is 1e-7, then 2e-14, then rounding
+
+
 @inlined
 def aba_refined(
     bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any, residual: Any
 ) -> None:
-    """ABA, then a += M⁻¹ (τ - RNEA(q, v, a)) with the factors X, U, D that are there; fext may be None, for zero.
+    """ABA, then twice a += M⁻¹ (τ - RNEA(q, v, a)) with the factors X, U, D that are there; fext may be None, for zero.
 
-    residual  (nv), written: what the step has changed
+    residual  (nv), written: what the last step has changed
     """
     articulated_inward(bodies, work, q, v, tau, fext, pivots)
     articulated_outward(bodies, work, v, vec_of(bodies[0].gravity), a)
-    rnea(bodies, work, q, v, a, fext, residual)
-    for i in range(len(bodies) - 1):
-        residual[i] = tau[i] - residual[i]
-    articulated_again(bodies, work, residual)
-    articulated_outward(bodies, work, None, zero(), residual)
-    for i in range(len(bodies) - 1):
-        a[i] = a[i] + residual[i]
+    for _ in range(STEPS):
+        rnea(bodies, work, q, v, a, fext, residual)
+        for i in range(len(bodies) - 1):
+            residual[i] = tau[i] - residual[i]
+        articulated_again(bodies, work, residual)
+        articulated_outward(bodies, work, None, zero(), residual)
+        for i in range(len(bodies) - 1):
+            a[i] = a[i] + residual[i]
 
 
 SPECS = (
     Spec(
         "aba_refined", aba_refined, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
-        "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm and one "
-        "step of refinement by the RNEA.",
+        "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm and two "
+        "steps of refinement by the RNEA.",
         "Featherstone, RBDA (2008), tables 7.1 and 5.1.", pivots=True, regroup=True, spare=(("nv",),),
     ),
 )  # fmt: skip

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from numba import njit
 from numba.extending import is_jitted, register_jitable
 
 from ..engines import jit
@@ -85,5 +84,4 @@ def compiled(method: Method, loaded: bool, user: Any = None) -> Callable[..., No
     }  # fmt: skip
     label = f"simulate_{method.name}_{'loaded' if loaded else 'free'}"
     function = jit.define(label, [*_SYSTEM, *State._fields, *_LOOP], body, scope)
-    made: Callable[..., None] = njit(**{**jit.FLAGS, "cache": user is None})(function)
-    return made
+    return jit.jitted(function, keep=user is None)
