@@ -193,23 +193,23 @@ class Twofold(NamedTuple):
         """(results, samples) high and low parts, of inputs (inputs, samples) and, unless they are floats, their low
         parts.
         """
-        samples = inputs.shape[1]
+        samples, n = inputs.shape[1], self.inputs
         made = np.empty((2, len(self.outputs), samples))
+        at = np.where(self.outputs < 0, -self.outputs - 1, self.outputs)
+        sign = np.where(self.outputs < 0, -1.0, 1.0)[:, None]
+        x = np.zeros((self.rows, 2 * LANES))
         for first in range(0, samples, LANES):
             part = slice(first, min(first + LANES, samples))
-            width = part.stop - first
-            scratch = np.zeros((2, self.rows, width))
-            scratch[0, : self.inputs] = inputs[:, part]
-            if lows is not None:
-                scratch[1, : self.inputs] = lows[:, part]
-            runner()(self.code, self.value, scratch[0], scratch[1])
-            at = np.where(self.outputs < 0, -self.outputs - 1, self.outputs)
-            sign = np.where(self.outputs < 0, -1.0, 1.0)
-            made[:, :, part] = sign[:, None] * scratch[:, at]
+            count = part.stop - first
+            x[:n, :count] = inputs[:, part]
+            x[:n, LANES : LANES + count] = 0.0 if lows is None else lows[:, part]
+            runner()(self.code, self.value, x)
+            made[0, :, part] = sign * x[at, :count]
+            made[1, :, part] = sign * x[at, LANES : LANES + count]
         return made[0], made[1]
 
 
-LANES = 64  # samples side by side: their registers stay in the cache
+LANES = 64  # samples side by side: a number that compiled code knows, so that it can work on several at once
 
 
 def recorded(bodies: NDArray[Any], inputs: int, made: Callable[..., Sequence[Any]]) -> Twofold:
@@ -239,12 +239,13 @@ def assembled(program: Program) -> Twofold:
         if op.code not in (CONST, ADD, SUB, MUL, DIV, SQRT, SIN, COS, SELECT):
             raise SpatialDynError(f"operation {op.code} has no double-double form, expected + - * / sqrt sin cos select")
         read = [register[k] if k >= 0 else -register[-k - 1] - 1 for k in signed(op)]
-        done = {k for k in operands(op) if last[k] == at and k not in kept and lines[k].code != INPUT}
-        free += [register[k] for k in done]
+        over = {k for k in operands(op) if last[k] == at and k not in kept and lines[k].code != INPUT}
+        done = [register[k] for k in sorted(over)]
         if free:
             register[at] = free.pop()
         else:
             register[at], rows = rows, rows + 1
+        free += done  # not before: an operation that writes where it reads would not run on several samples at once
         code.append([op.code, register[at], *read, *([0] * (3 - len(read)))])
         value.append(op.value)
     outputs = [-register[line] - 1 if minus else register[line] for line, minus in program.outputs]
@@ -254,57 +255,52 @@ def assembled(program: Program) -> Twofold:
 
 
 @inlined
-def interpret(code: Any, value: Any, hi: Any, lo: Any) -> None:
-    """Run a program on registers hi, lo (rows, samples), whose first rows hold the inputs."""
+def interpret(code: Any, value: Any, x: Any) -> None:
+    """Run a program on registers x (rows, 2 LANES), high parts before low ones, whose first rows hold the inputs."""
     for k in range(len(code)):
-        what, out, a, b = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
-        samples = hi.shape[1]
-        if what == CONST:
-            for s in range(samples):
-                hi[out, s], lo[out, s] = value[k], 0.0
+        what, o, a, b = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
+        if what == MUL:
+            for s in range(LANES):
+                x[o, s], x[o, LANES + s] = multiply(x[a, s], x[a, LANES + s], x[b, s], x[b, LANES + s])
         elif what == ADD:
-            for s in range(samples):
-                hi[out, s], lo[out, s] = add(hi[a, s], lo[a, s], hi[b, s], lo[b, s])
+            for s in range(LANES):
+                x[o, s], x[o, LANES + s] = add(x[a, s], x[a, LANES + s], x[b, s], x[b, LANES + s])
         elif what == SUB:
-            for s in range(samples):
-                hi[out, s], lo[out, s] = add(hi[a, s], lo[a, s], -hi[b, s], -lo[b, s])
-        elif what == MUL:
-            for s in range(samples):
-                hi[out, s], lo[out, s] = multiply(hi[a, s], lo[a, s], hi[b, s], lo[b, s])
+            for s in range(LANES):
+                x[o, s], x[o, LANES + s] = add(x[a, s], x[a, LANES + s], -x[b, s], -x[b, LANES + s])
+        elif what == CONST:
+            for s in range(LANES):
+                x[o, s], x[o, LANES + s] = value[k], 0.0
         elif what == DIV:
-            for s in range(samples):
-                hi[out, s], lo[out, s] = divide(hi[a, s], lo[a, s], hi[b, s], lo[b, s])
+            for s in range(LANES):
+                x[o, s], x[o, LANES + s] = divide(x[a, s], x[a, LANES + s], x[b, s], x[b, LANES + s])
         elif what == SIN or what == COS:
             quarter = 1.0 if what == COS else 0.0
-            for s in range(samples):
-                hi[out, s], lo[out, s] = sine(hi[a, s], lo[a, s], quarter)
+            for s in range(LANES):
+                x[o, s], x[o, LANES + s] = sine(x[a, s], x[a, LANES + s], quarter)
         elif what == SQRT:
-            for s in range(samples):
-                h, l = signed_at(hi, lo, a, s)
-                hi[out, s], lo[out, s] = root(h, l)
+            for s in range(LANES):
+                h, l = signed_at(x, a, s)
+                x[o, s], x[o, LANES + s] = root(h, l)
         elif what == SELECT:
-            for s in range(samples):
-                h, l = signed_at(hi, lo, a, s)
-                if h > 0.0:
-                    hi[out, s], lo[out, s] = signed_at(hi, lo, b, s)
-                else:
-                    hi[out, s], lo[out, s] = signed_at(hi, lo, code[k, 4], s)
+            for s in range(LANES):
+                h, l = signed_at(x, a, s)
+                x[o, s], x[o, LANES + s] = signed_at(x, b if h > 0.0 else code[k, 4], s)
 
 
 @inlined
-def signed_at(hi: Any, lo: Any, a: int, s: int) -> tuple[float, float]:
+def signed_at(x: Any, a: int, s: int) -> tuple[float, float]:
     """A register, or its negative for -a - 1."""
     if a < 0:
-        return -hi[-a - 1, s], -lo[-a - 1, s]
-    return hi[a, s], lo[a, s]
+        return -x[-a - 1, s], -x[-a - 1, LANES + s]
+    return x[a, s], x[a, LANES + s]
 
 
 @cache
 def runner() -> Callable[..., None]:
     """``interpret``, compiled, without fused operations."""
     function = jit.define(
-        "twofold_interpret", ["code", "value", "hi", "lo"], ["stamp", "interpret(code, value, hi, lo)"],
-        {"interpret": interpret},
+        "twofold_interpret", ["code", "value", "x"], ["stamp", "interpret(code, value, x)"], {"interpret": interpret},
     )  # fmt: skip
     return unfused(function)
 
