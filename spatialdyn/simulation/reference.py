@@ -177,20 +177,20 @@ def _run(model: Model, q0: Array, v0: Array, t: Array, steps: int) -> tuple[Arra
     """High and low parts (N, K, nq + nv) of the states; None where the stages of a step do not settle."""
     f, A = field(model), tableau()
     n, motions = model.nq + model.nv, len(q0)
-    y = np.zeros((2, n, motions))
-    y[0, : model.nq], y[1, : model.nq] = _normal(model, q0)
-    y[0, model.nq :] = v0.T
-    y = y.reshape(2, n * motions)
+    whole = np.zeros((2, n, motions))
+    whole[0, : model.nq], whole[1, : model.nq] = _normal(model, q0)
+    whole[0, model.nq :] = v0.T
+    y = whole.reshape(2, n * motions)  # a view
     slopes, sums = np.zeros((2, STAGES, n * motions)), np.empty((2, n * motions))
     scratch = np.zeros((-(-STAGES * motions // LANES), f.rows, 2 * LANES))
     made = np.empty((2, len(t), motions, n))
-    made[:, 0] = y.reshape(2, n, motions).transpose(0, 2, 1)
+    made[:, 0] = whole.transpose(0, 2, 1)
     for k in range(1, len(t)):
         hh, hl = _pair((Fraction(float(t[k])) - Fraction(float(t[k - 1]))) / steps)
         for _ in range(steps):
             if not _stepper()(f.code, f.value, f.outputs, A, hh, hl, y, slopes, sums, scratch):
                 return None
-        made[:, k] = y.reshape(2, n, motions).transpose(0, 2, 1)
+        made[:, k] = whole.transpose(0, 2, 1)
     return made[0], made[1]
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,8 +19,8 @@ from ..model import Model
 from ..recursions import SPECS
 from ..specialize import specialize
 from ..states import random_configuration
-from .truths import bound, of_calls, truths
 from .options import Option
+from .truths import bound, of_calls, truths
 
 Array = NDArray[np.float64]
 
@@ -134,11 +135,11 @@ def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Opt
         except (InertiaError, NonFiniteError) as error:
             errors, note = np.full(1, math.inf), str(error)
         found.append((way, errors, note))
-    timed = {}
-    for way, errors, _ in found:
-        if np.isfinite(errors).all():
-            given = [x.astype(way.dtype) for x in repeated]
-            timed[way.name] = lambda way=way, given=given: way.run(*given)
+    timed = {
+        way.name: partial(way.run, *(x.astype(way.dtype) for x in repeated))
+        for way, errors, _ in found
+        if np.isfinite(errors).all()
+    }
     ns = costs(timed, batch)
     options = [
         Option(
@@ -150,7 +151,7 @@ def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Opt
     return options, len(arrays[0]), certainty
 
 
-def costs(runs: dict[str, Callable[[], Any]], batch: int) -> dict[str, float]:
+def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:
     """Nanoseconds of a sample, the fastest of rounds in which all take turns."""
     repeats, best = {}, dict.fromkeys(runs, math.inf)
     for name, run in runs.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import time
 import warnings
@@ -17,15 +18,15 @@ from ..model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference import Motion, exact_motion
 from ..states import random_configuration
-from .truths import bound
 from .options import Option
+from .truths import bound
 
 Array = NDArray[np.float64]
 
 STATES = 4
 SAMPLES = 10  # times at which motions are compared
 FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
-BUDGET = 0.4  # seconds that a run of a method may take
+BUDGET = 0.15  # seconds that a run of a method may take
 FLOOR = 0.3  # a finer step that does not lower the error below this much of it is the last
 TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
 
@@ -54,16 +55,24 @@ def random_states(model: Model, count: int, seed: int) -> tuple[Array, Array]:
     return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
 
 
-def measured(model: Model, states: Any, duration: float) -> tuple[list[Option], int, float]:
-    """Options of a simulation, how many states they were measured in, and the error of the truth."""
+def measured(model: Model, states: Any, duration: float, methods: Any) -> tuple[list[Option], int, float]:
+    """Options of a simulation, how many states they were measured in, and the error of the truth.
+
+    methods  names of integrators, None for all that can be run here
+    """
+    names = [methods] if isinstance(methods, str) else list(integrators if methods is None else methods)
+    unknown = [name for name in names if name not in integrators]
+    if unknown or not names:
+        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
+    if methods is None and importlib.util.find_spec("scipy") is None:
+        names = [name for name in names if integrators[name].family is not None]
     q0, v0 = states_of(model, states)
     calls["aba"](model, q0, v0, np.zeros(model.nv))  # names what is wrong with the states, or with the model
     t = np.linspace(0.0, duration, SAMPLES + 1)
     truth = exact_motion(model, q0, v0, t)
     options = []
-    for name, method in integrators.items():
-        if method.family is None and not _scipy():
-            continue
+    for name in names:
+        method = integrators[name]
         options += _fixed(model, name, truth, duration) if method.family else _adaptive(model, name, truth, duration)
     return options, len(q0), float(truth.error.max())
 
@@ -75,7 +84,8 @@ def off(model: Model, run: Any, truth: Motion, k: int) -> float:
     q, v = truth.q[:, k], truth.v[:, k]
     wrong = abs(np.asarray(calls["difference"](model, q, calls["normalize"](model, run.q)))).max(initial=0.0)
     way = abs(np.asarray(calls["difference"](model, np.broadcast_to(q[0], q.shape), q))).max(initial=0.0)
-    return max(_over(float(wrong), float(way)), _over(float(abs(run.v - v).max(initial=0.0)), float(abs(v).max(initial=0.0))))
+    slip, fast = abs(run.v - v).max(initial=0.0), abs(v).max(initial=0.0)
+    return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
 
 
 def _over(wrong: float, size: float) -> float:
@@ -88,7 +98,7 @@ def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Opti
     steps = FIRST
     while True:
         dt = duration / steps
-        option = _option(model, f"{name}, dt {dt:.3g}", f'"{name}", dt={dt:.6g}', truth, duration, method=name, dt=dt)
+        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt:.6g}, "{name}"', truth, duration, method=name, dt=dt)
         found.append(option)
         seconds = option.ns * 1e-9 * duration
         stale = len(found) > 1 and math.isfinite(option.error) and not option.error < FLOOR * found[-2].error
@@ -102,7 +112,7 @@ def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[O
     made = []
     for rtol in TOLERANCES:
         words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
-        code = f'"{name}", dt={words["dt"]:.6g}, rtol={rtol:g}, atol={words["atol"]:g}'
+        code = f'{words["dt"]:.6g}, "{name}", rtol={rtol:g}, atol={words["atol"]:g}'
         made.append(_option(model, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
         if jit.PLAIN or made[-1].ns * 1e-9 * duration > BUDGET:
             break
@@ -123,7 +133,7 @@ def _option(model: Model, label: str, code: str, truth: Motion, duration: float,
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 if not k:
-                    run(*start)  # compiled by now
+                    run(truth.q[0, 0], truth.v[0, 0], min(duration, 3 * words["dt"]))  # compiled by now
                 began = time.perf_counter()
                 found = run(*start)
             seconds.append(time.perf_counter() - began)
@@ -133,12 +143,6 @@ def _option(model: Model, label: str, code: str, truth: Motion, duration: float,
             note = str(error)
     of_all = np.array(errors)
     ns = 1e9 * min(seconds) / duration if seconds else math.inf
-    full = f"sd.simulate(model, q0, v0, duration, method={code})"
+    full = f"sd.simulate(model, q0, v0, duration, {code})"
     usual = float(np.median(of_all))
     return Option(label, full, float(of_all.max()), usual, bound(of_all), ns, note=note, run=run)
-
-
-def _scipy() -> bool:
-    import importlib.util
-
-    return importlib.util.find_spec("scipy") is not None

@@ -92,7 +92,7 @@ class Tradeoff:
         return [
             [
                 "*" if x.best else "", x.name, figure(x.error), figure(x.bound), f"{x.ns:.4g}",
-                f"{x.code}   {x.note}".rstrip(),
+                x.note or x.code,
             ]
             for x in self.options
         ]  # fmt: skip
@@ -108,7 +108,9 @@ class Tradeoff:
         widths = [max(len(row[k]) for row in rows) for k in range(6)]
         lines = [self.head]
         for row in rows:
-            cells = [c.rjust(w) if 2 <= k <= 4 else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))]
+            cells = [
+                c.rjust(w) if 2 <= k <= 4 else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
+            ]
             lines.append("  ".join(cells).rstrip())
         return "\n".join([*lines, "* nothing cheaper has a smaller error"])
 

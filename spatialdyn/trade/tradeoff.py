@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,12 @@ BATCH = 8 if jit.PLAIN else 4096
 
 
 def trade(
-    model: Model, task: str = "forward_dynamics", states: Any = None, batch: int = BATCH, duration: float = 1.0
+    model: Model,
+    task: str = "forward_dynamics",
+    states: Any = None,
+    batch: int = BATCH,
+    duration: float = 1.0,
+    methods: str | Sequence[str] | None = None,
 ) -> Tradeoff:
     """Error and cost of every way of doing a task, measured on this model, on this machine, now.
 
@@ -41,6 +47,7 @@ def trade(
               v, tau), (q, v, a), (q,). Of simulations (q0, v0), by default 4 random configurations at rest
     batch     samples of a call whose time is taken; 1 for calls of one sample
     duration  of a simulation [s], without torques
+    methods   integrators of simulations, by default all
 
     The truth of calls is computed in double-double, and that is held against the exact engine; of crba_solve and the
     others it is that of aba, for the numbers of the model as they are. The truth of a motion is Gauss's collocation of
@@ -48,7 +55,8 @@ def trade(
     small, the motion is too chaotic for any way to follow.
 
     Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
-    a few seconds, and what is not yet compiled the time for that; a simulated second of a humanoid half a minute.
+    a few seconds, and the first time of all what there is to compile: seconds for calls, minutes for all integrators.
+    The truth of a humanoid's second takes half a minute.
     Raises  SpatialDynError for a task, states, batch or duration that are none, or where mpmath is not installed;
             ModelError for mimic joints; what the call raises for its states.
 
@@ -70,7 +78,7 @@ def trade(
         number = isinstance(duration, (int, float, np.number)) and not isinstance(duration, bool)
         if not number or not 0.0 < duration < math.inf:
             raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
-        options, count, certainty = motions.measured(model, states, float(duration))
+        options, count, certainty = motions.measured(model, states, float(duration), methods)
         truth = f"double-double, {figure(certainty)} from itself with twice the step"
         return Tradeoff(model.name, task, marked(options), count, 0, float(duration), certainty, truth)
     options, count, certainty = evaluations.measured(model, task, states, int(batch))
@@ -85,11 +93,12 @@ def recommend(
     states: Any = None,
     batch: int = BATCH,
     duration: float = 1.0,
+    methods: str | Sequence[str] | None = None,
 ) -> Recommendation:
     """The cheapest way of doing a task whose error stays within a tolerance, and why.
 
     tolerance  largest error that will do, as ``trade`` defines it for the task
-    model, task, states, batch, duration   as in ``trade``
+    model, task, states, batch, duration, methods   as in ``trade``
 
     A way is taken for good enough if its largest error times a margin of 2 or more is within the tolerance; the margin
     is larger where errors scatter widely or states are few, for other states may be worse than those measured.
@@ -106,17 +115,26 @@ def recommend(
     >>> chosen([0.5, -0.3], [0.0, 0.0], [0.0, 0.0]).shape
     (2,)
     """
-    if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float, np.number)) and 0.0 < tolerance):
-        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
-    found = trade(model, task, states, batch, duration)
-    chosen = found.cheapest(float(tolerance))
+    _refuse(tolerance)
+    return advice(trade(model, task, states, batch, duration, methods), float(tolerance))
+
+
+def advice(found: Tradeoff, tolerance: float) -> Recommendation:
+    """The cheapest of what ``trade`` has found that stays within a tolerance. Raises what ``recommend`` does."""
+    _refuse(tolerance)
+    chosen = found.cheapest(tolerance)
     if chosen is None:
         best = min(found.options, key=lambda x: x.bound)
         raise SpatialDynError(
-            f'tolerance is {tolerance:g} for {task} of "{model.name}", expected at least {best.bound:.1e}, '
+            f'tolerance is {tolerance:g} for {found.task} of "{found.model}", expected at least {best.bound:.1e}, '
             f"the bound of {best.name}"
         )
-    return Recommendation(chosen, _why(found, chosen, float(tolerance)), float(tolerance), found)
+    return Recommendation(chosen, _why(found, chosen, tolerance), tolerance, found)
+
+
+def _refuse(tolerance: Any) -> None:
+    if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float, np.number)) and 0.0 < tolerance):
+        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
 
 
 def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
