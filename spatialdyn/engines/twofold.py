@@ -1,8 +1,9 @@
 """Double-double: a recorded program on numbers of two floats, of 106 bits, many samples side by side.
 
 A recursion is traced on a table whose numbers are lines of the program, so nothing is folded in float64, and one
-compiled loop runs any such program: 6 µs for a sample of an arm's ABA where mpmath takes 50 ms. It is what holds thousands
-of samples, or every stage of an integrator, against the truth; ``exact`` has any number of digits and is held against.
+compiled loop runs any such program: 6 µs for a sample of an arm's ABA where mpmath takes 50 ms. It is what holds
+thousands of samples, or every stage of an integrator, against the truth; ``exact`` has any number of digits, and is
+what this is held against.
 
 A number is (hi, lo) with hi the float nearest to hi + lo. Nothing here may be contracted to fused operations: the
 error of a product is found from the product as it was rounded.

@@ -220,7 +220,7 @@ def advance(
                     scratch[s // LANES, k, LANES + s % LANES] = sums[1, e]
         for block in range(len(scratch)):
             run(code, value, scratch[block])
-        change, largest = 0.0, 0.0
+        change, largest, finite = 0.0, 0.0, True
         for k in range(n):
             r, sign = (outputs[k], 1.0) if outputs[k] >= 0 else (-outputs[k] - 1, -1.0)
             for i in range(STAGES):
@@ -229,9 +229,9 @@ def advance(
                     fh = sign * scratch[s // LANES, r, s % LANES]
                     fl = sign * scratch[s // LANES, r, LANES + s % LANES]
                     change = max(change, abs((fh - slopes[0, i, e]) + (fl - slopes[1, i, e])))
-                    largest = max(largest, abs(fh))
+                    largest, finite = max(largest, abs(fh)), finite and fh - fh == 0.0
                     slopes[0, i, e], slopes[1, i, e] = fh, fl
-        if not largest < np.inf or (sweep > 3 and change > 1e3 * largest):
+        if not finite or (sweep > 3 and change > 1e3 * largest):
             return False
         if change <= SETTLED * largest:
             weigh(A, STAGES, hh, hl, y, slopes, sums)

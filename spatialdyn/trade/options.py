@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from os import PathLike
 from typing import Any
 
 from ..errors import SpatialDynError
@@ -117,8 +116,8 @@ class Tradeoff:
     def __repr__(self) -> str:
         return f"<Tradeoff {self.task} of {self.model}: {len(self.options)} ways, {len(self.front)} on the front>"
 
-    def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """A matplotlib Figure of error against cost, the front marked; written to a file if there is a path.
+    def plot(self, path: Any = None) -> Any:
+        """A matplotlib Figure of error against cost, the front marked; written to the file ``path`` if that is given.
 
         Raises  SpatialDynError where matplotlib is not installed.
         """
