@@ -31,8 +31,9 @@ TASKS = {
 }
 INPUTS = {"forward_dynamics": ("q", "v", "tau"), "inverse_dynamics": ("q", "v", "a"), "mass_matrix": ("q",)}
 STATES = 8 if jit.PLAIN else 1024
-ROUNDS = 7  # of which the fastest counts
-SECONDS = 4e-3  # a way in a round
+ROUNDS = 25  # of which the fastest counts
+SECONDS = 5e-4  # a way in a round: short, so that some round is spared what else the machine does
+SPENT = 0.3  # on a way that takes longer, and 3 rounds
 
 
 class Way(NamedTuple):
@@ -153,14 +154,16 @@ def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Opt
 
 def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:
     """Nanoseconds of a sample, the fastest of rounds in which all take turns."""
-    repeats, best = {}, dict.fromkeys(runs, math.inf)
+    repeats, spent, best = {}, dict.fromkeys(runs, 0.0), dict.fromkeys(runs, math.inf)
     for name, run in runs.items():
         run()  # compiled by now
-        once = _seconds(run, 1)
-        repeats[name] = max(1, int(SECONDS / max(once, 1e-9)))
-    for _ in range(2 if jit.PLAIN else ROUNDS):
+        repeats[name] = max(1, int(SECONDS / max(_seconds(run, 1), 1e-9)))
+    for k in range(2 if jit.PLAIN else ROUNDS):
         for name, run in runs.items():
-            best[name] = min(best[name], _seconds(run, repeats[name]))
+            if k < 3 or spent[name] < SPENT:
+                once = _seconds(run, repeats[name])
+                spent[name] += once * repeats[name]
+                best[name] = min(best[name], once)
     return {name: 1e9 * x / batch for name, x in best.items()}
 
 

@@ -127,7 +127,8 @@ def _option(model: Model, label: str, code: str, truth: Motion, duration: float,
 
     errors, seconds, note = [], [], ""
     every = max(1, round(duration / words["dt"] / SAMPLES))
-    for k in range(truth.q.shape[1]):
+    motions = range(truth.q.shape[1])
+    for k in motions if len(motions) > 1 else (0, 0):  # the first run may have a program compiled
         start = (truth.q[0, k], truth.v[0, k], duration, every)
         try:
             with warnings.catch_warnings():

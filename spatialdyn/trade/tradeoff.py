@@ -56,7 +56,7 @@ def trade(
 
     Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
     a few seconds, and the first time of all what there is to compile: seconds for calls, minutes for all integrators.
-    The truth of a humanoid's second takes half a minute.
+    The truth of a second takes seconds for an arm, a minute for a humanoid with light fingers.
     Raises  SpatialDynError for a task, states, batch or duration that are none, or where mpmath is not installed;
             ModelError for mimic joints; what the call raises for its states.
 
