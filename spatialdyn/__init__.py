@@ -42,7 +42,9 @@ from .specialize import Specialized, specialize
 from .states import random_configuration, step, wrench_at
 from .trade.diagnose import diagnose
 from .trade.findings import Diagnosis, Finding
+from .trade.options import Option, Recommendation, Tradeoff
 from .trade.simplify import simplify
+from .trade.tradeoff import recommend, trade
 from .truth import Exact, exact
 from .urdf import load_urdf
 from .validate import compare_with_pinocchio
@@ -51,10 +53,10 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Diagnosis", "Exact", "Finding", "Frame", "InertiaError", "Joint", "Model",
-    "ModelBuilder", "ModelError", "NonFiniteError", "PD", "Robot", "Rollout", "ShapeError", "SimulationError",
-    "SpatialDynError", "Specialized", "SymbolicManipulator", "Trajectory", "UrdfError", "assemble",
-    "check_conservation", "compare_with_pinocchio", "conserved_quantities", "diagnose", "exact", "forward_dynamics",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "integrators",
-    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "rollout", "simplify", "simulate",
-    "specialize", "step", "to_drake", "to_mujoco", "verify_skew_symmetry", "wrench_at",
+    "ModelBuilder", "ModelError", "NonFiniteError", "Option", "PD", "Recommendation", "Robot", "Rollout", "ShapeError",
+    "SimulationError", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError",
+    "assemble", "check_conservation", "compare_with_pinocchio", "conserved_quantities", "diagnose", "exact",
+    "forward_dynamics", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "recommend", "rollout",
+    "simplify", "simulate", "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

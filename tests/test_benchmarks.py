@@ -31,6 +31,7 @@ import plots  # noqa: E402
 import report  # noqa: E402
 import run  # noqa: E402
 import tables  # noqa: E402
+import tradeoff  # noqa: E402
 
 SAMPLES = 20
 EPS = float(np.finfo(float).eps)
@@ -187,6 +188,39 @@ def test_the_kept_figures_are_of_all_robots_and_calls(results: dict[str, Any]) -
     for robots in (results["single"], results["batch"], results["compile"]):
         assert all(list(calls) == list(cases.CALLS) for calls in robots.values())
     assert set(results["machine"]["peers"]) == set(peers.MAKE)
+
+
+@pytest.fixture(scope="module")
+def kept() -> dict[str, Any]:
+    """What a digit costs, as it is kept."""
+    found: dict[str, Any] = json.loads((BENCHMARKS / "tradeoff.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_every_robot_has_its_ways_and_its_motions(kept: dict[str, Any]) -> None:
+    models = {**tradeoff.ROBOTS, **tradeoff.EXTREMES}
+    assert list(kept["evaluations"]) == list(kept["motions"]) == list(models)
+    for name in models:
+        assert kept["evaluations"][name]["certainty"] < 1e-18
+        runs = kept["motions"][name]["runs"]
+        assert {row["method"] for row in runs} == set(tradeoff.METHODS)
+        assert kept["motions"][name]["certainty"] <= 1e-12
+
+
+def test_no_kept_recommendation_broke_its_promise(kept: dict[str, Any]) -> None:
+    rows = kept["promise"]["rows"]
+    assert len(rows) == len(tradeoff.PROMISED) * 3 * len(tradeoff.TOLERANCES)
+    for row in rows:
+        assert row["way"] is None or row["error"] <= row["tolerance"]
+
+
+def test_work_precision_figures_are_drawn(kept: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    written = tradeoff.draw(kept, tmp_path)
+    assert [path.name for path in written] == [
+        "tradeoff_evaluations.png", "tradeoff_robots.png", "tradeoff_extremes.png", "tradeoff.png"
+    ]  # fmt: skip
+    assert all(path.stat().st_size > 10_000 for path in written)
 
 
 def test_plots_are_written_in_both_forms(results: dict[str, Any], tmp_path: Path) -> None:

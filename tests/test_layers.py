@@ -51,7 +51,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
     "simulation": ("lagrangian",),
-    "trade": ("simulation", "forward"),
+    "trade": ("simulation", "forward", "truth"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
     "compat": ("trade", "interop", "urdf", "builder", "specialize"),

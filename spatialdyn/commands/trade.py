@@ -1,0 +1,76 @@
+"""``spatialdyn trade ROBOT``: what each digit costs on a robot and on this machine, and the cheapest way to enough."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import warnings
+from typing import Any
+
+from ..errors import SpatialDynError
+from ..simulation import integrators
+from ..trade.options import Option, Tradeoff, figure
+from ..trade.tradeoff import BATCH, TASKS, advice, trade
+from .printing import Column, fold, print_table
+from .robots import add_robot, load
+
+
+def add(commands: Any) -> None:
+    """Register the command with what argparse's ``add_subparsers`` has given."""
+    parser = commands.add_parser("trade", help="error and cost of every way to compute, and the cheapest good enough")
+    add_robot(parser)
+    parser.add_argument("--task", choices=TASKS, default=TASKS[0], metavar="TASK", help=f"one of {', '.join(TASKS)}")
+    parser.add_argument("--tolerance", type=float, metavar="E", help="say which way is the cheapest within this error")
+    parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
+    parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
+    parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
+    parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {','.join(integrators)}")
+    parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG or PDF file")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    tolerance = arguments.tolerance
+    if tolerance is not None and not tolerance > 0.0:
+        raise SpatialDynError(f"--tolerance is {tolerance!r}, expected a number above 0")
+    methods = None if arguments.methods is None else arguments.methods.split(",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = load(arguments)
+        found = trade(model, arguments.task, arguments.states, arguments.batch, arguments.duration, methods)
+    chosen = None if tolerance is None else advice(found, tolerance)
+    if arguments.json:
+        added = {} if chosen is None else {"recommended": {"name": chosen.option.name, "why": chosen.why}}
+        print(json.dumps({**found.to_dict(), **added}, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        _show(found, chosen.option if chosen else None)
+        if chosen is not None:
+            print()
+            fold(f"{chosen.code}", first="take    ")
+            fold(chosen.why, first="why     ")
+    if arguments.plot:
+        found.plot(arguments.plot)
+        if not arguments.json:
+            print(f"drawn   {arguments.plot}")
+    return 0
+
+
+def _show(found: Tradeoff, chosen: Option | None) -> None:
+    """The table; of ways that failed, why."""
+    fold(found.head, first="")
+    columns = [Column(""), Column("way"), Column("error", True), Column("bound", True), Column(found.unit, True)]
+    rows = [
+        [
+            ">" if chosen is not None and x.name == chosen.name else "*" if x.best else "",
+            x.name, figure(x.error), figure(x.bound), f"{x.ns:.4g}",
+        ]
+        for x in found.options
+    ]  # fmt: skip
+    bad = [k for k, x in enumerate(found.options) if not math.isfinite(x.error)]
+    print_table(columns, rows, bad)
+    print("*       nothing cheaper has a smaller error")
+    for x in found.options:
+        if x.note:
+            fold(f"{x.name}: {x.note}", first="note    ")

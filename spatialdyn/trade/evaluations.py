@@ -1,0 +1,174 @@
+"""Ways to answer a call: by the program on SIMD lanes in float64 or float32, or by the kernel for any model."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..border import as_array
+from ..dynamics import calls
+from ..engines import batches, jit
+from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
+from ..model import Model
+from ..recursions import SPECS
+from ..specialize import specialize
+from ..states import random_configuration
+from .options import Option
+from .truths import bound, of_calls, truths
+
+Array = NDArray[np.float64]
+
+TASKS = {
+    "forward_dynamics": ("aba", "crba_solve", "aba_refined", "aba_square_root"),
+    "inverse_dynamics": ("rnea",),
+    "mass_matrix": ("crba",),
+}
+INPUTS = {"forward_dynamics": ("q", "v", "tau"), "inverse_dynamics": ("q", "v", "a"), "mass_matrix": ("q",)}
+STATES = 8 if jit.PLAIN else 1024
+ROUNDS = 25  # of which the fastest counts
+SECONDS = 5e-4  # a way in a round: short, so that some round is spared what else the machine does
+SPENT = 0.3  # on a way that takes longer, and 3 rounds
+
+
+class Way(NamedTuple):
+    """A way before it is measured."""
+
+    name: str
+    code: str
+    dtype: type
+    run: Callable[..., Any]
+
+
+def states_of(model: Model, task: str, states: Any) -> list[Array]:
+    """The inputs of a task: those that are given, or so many random ones.
+
+    Torques are normal, of the size that the inverse dynamics of normal v and a has in each joint.
+    Raises ShapeError, SpatialDynError for states that are none.
+    """
+    names = INPUTS[task]
+    if states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool)):
+        count = STATES if states is None else int(states)
+        if count < 1:
+            raise SpatialDynError(f"states is {states!r}, expected 1 or more, or arrays {', '.join(names)}")
+        return random_states(model, task, count, 0)
+    given = list(states) if isinstance(states, (tuple, list)) else [states]
+    if len(given) != len(names):
+        raise ShapeError(f"states has {len(given)} arrays, expected {len(names)}: {', '.join(names)}")
+    arrays = []
+    for name, value in zip(names, given, strict=True):
+        x, size = as_array(name, value), model.nq if name == "q" else model.nv
+        if x.ndim not in (1, 2) or x.shape[-1] != size or not x.size:
+            raise ShapeError(f"{name} has shape {x.shape}, expected (n, {size})")
+        arrays.append(np.ascontiguousarray(x.reshape(-1, size)))
+    if len({len(x) for x in arrays}) > 1:
+        raise ShapeError(f"states has {', '.join(str(len(x)) for x in arrays)} samples, expected as many of each")
+    if not all(np.isfinite(x).all() for x in arrays):
+        raise NonFiniteError("states holds numbers that are not finite, expected finite ones")
+    return arrays
+
+
+def random_states(model: Model, task: str, count: int, seed: int) -> list[Array]:
+    """Random inputs of a task."""
+    rng = np.random.default_rng(seed)
+    q = random_configuration(model, rng, count)
+    v, a, tau = rng.normal(size=(3, count, model.nv))
+    if task == "forward_dynamics":
+        usual = np.asarray(calls["rnea"](model, q, v, a))
+        tau = tau * np.sqrt((usual**2).mean(axis=0))
+    return {"forward_dynamics": [q, v, tau], "inverse_dynamics": [q, v, a], "mass_matrix": [q]}[task]
+
+
+def ways(model: Model, task: str, batch: int) -> list[Way]:
+    """All there are for so many samples a call."""
+    found, given = [], ", ".join(INPUTS[task])
+    for name in TASKS[task]:
+        call = calls[name]
+
+        def public(*x: Any, call: Any = call) -> Any:
+            return call(model, *x)
+
+        def piecewise(*x: Any, call: Any = call) -> Any:
+            """The same for so few samples at a time that no program is made."""
+            if x[0].ndim == 1 or len(x[0]) < batches.FROM:
+                return call(model, *x)
+            step = batches.FROM - 1
+            parts = [call(model, *(y[k : k + step] for y in x)) for k in range(0, len(x[0]), step)]
+            return np.concatenate(parts)
+
+        code = f"sd.{name}(model, {given})"
+        if _traces(model, name):
+            for dtype in (np.float32, np.float64):
+                k = specialize(model, call, dtype=dtype)
+                if k.engine != "lanes":
+                    continue
+                words = ", dtype=np.float32" if dtype == np.float32 else ""
+                whole = dtype == np.float64 and batch >= batches.FROM
+                text = code if whole else f"sd.specialize(model, sd.{name}{words})({given})"
+                found.append(Way(f"lanes {np.dtype(dtype)} {name}", text, dtype, public if whole else k))
+        found.append(Way(f"untraced float64 {name}", code, np.float64, piecewise if batch >= batches.FROM else public))
+    return found
+
+
+def _traces(model: Model, name: str) -> bool:
+    return not jit.PLAIN and SPECS[name].traces
+
+
+def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Option], int, float]:
+    """Options of a task, how many states they were measured in, and the error of the truth."""
+    arrays = states_of(model, task, states)
+    first = TASKS[task][0]
+    calls[first](model, *arrays)  # names what is wrong with the states, or with the model
+    truth, certainty = truths(model, first, arrays)
+    repeated = [np.ascontiguousarray(np.resize(x, (batch, x.shape[1]))) for x in arrays]
+    if batch == 1:
+        repeated = [np.array(x[0]) for x in repeated]
+    found: list[tuple[Way, Array, str]] = []
+    for way in ways(model, task, batch):
+        try:
+            errors = of_calls(first, np.asarray(way.run(*arrays)), truth)
+            note = ""
+        except (InertiaError, NonFiniteError) as error:
+            errors, note = np.full(1, math.inf), str(error)
+        found.append((way, errors, note))
+    timed = {
+        way.name: partial(way.run, *(x.astype(way.dtype) for x in repeated))
+        for way, errors, _ in found
+        if np.isfinite(errors).all()
+    }
+    ns = costs(timed, batch)
+    options = [
+        Option(
+            way.name, way.code, float(errors.max()), float(np.median(errors)), bound(errors),
+            ns.get(way.name, math.inf), note=note, run=way.run,
+        )
+        for way, errors, note in found
+    ]  # fmt: skip
+    return options, len(arrays[0]), certainty
+
+
+def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:
+    """Nanoseconds of a sample, the fastest of rounds in which all take turns."""
+    repeats, spent, best = {}, dict.fromkeys(runs, 0.0), dict.fromkeys(runs, math.inf)
+    for name, run in runs.items():
+        run()  # compiled by now
+        repeats[name] = max(1, int(SECONDS / max(_seconds(run, 1), 1e-9)))
+    for k in range(2 if jit.PLAIN else ROUNDS):
+        for name, run in runs.items():
+            if k < 3 or spent[name] < SPENT:
+                once = _seconds(run, repeats[name])
+                spent[name] += once * repeats[name]
+                best[name] = min(best[name], once)
+    return {name: 1e9 * x / batch for name, x in best.items()}
+
+
+def _seconds(run: Callable[[], Any], repeats: int) -> float:
+    start = time.perf_counter()
+    for _ in range(repeats):
+        run()
+    return (time.perf_counter() - start) / repeats

@@ -1,0 +1,149 @@
+"""Ways to let a robot move: every integrator at steps from coarse to fine, against the same motion in double-double."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics import calls
+from ..engines import jit
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..model import Model
+from ..simulation import integrators, simulate
+from ..simulation.reference import Motion, exact_motion
+from ..states import random_configuration
+from .options import Option
+from .truths import bound
+
+Array = NDArray[np.float64]
+
+STATES = 4
+SAMPLES = 10  # times at which motions are compared
+FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
+BUDGET = 0.15  # seconds that a run of a method may take
+FLOOR = 0.3  # a finer step that does not lower the error below this much of it is the last
+TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
+
+
+def states_of(model: Model, states: Any) -> tuple[Array, Array]:
+    """(q0, v0) that are given, or so many random ones at rest."""
+    if states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool)):
+        count = STATES if states is None else int(states)
+        if count < 1:
+            raise SpatialDynError(f"states is {states!r}, expected 1 or more, or arrays q0, v0")
+        return random_states(model, count, 0)
+    try:
+        q0, v0 = (np.asarray(x, np.float64) for x in states)
+    except (TypeError, ValueError):
+        raise ShapeError("states is no pair of arrays, expected q0 and v0") from None
+    q0, v0 = np.atleast_2d(q0), np.atleast_2d(v0)
+    if q0.shape != (len(q0), model.nq) or v0.shape != (len(q0), model.nv) or not len(q0):
+        raise ShapeError(f"states has shapes {q0.shape} and {v0.shape}, expected (n, {model.nq}) and (n, {model.nv})")
+    if not (np.isfinite(q0).all() and np.isfinite(v0).all()):
+        raise NonFiniteError("states holds numbers that are not finite, expected finite ones")
+    return q0, v0
+
+
+def random_states(model: Model, count: int, seed: int) -> tuple[Array, Array]:
+    """Random configurations at rest."""
+    return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
+
+
+def measured(model: Model, states: Any, duration: float, methods: Any) -> tuple[list[Option], int, float]:
+    """Options of a simulation, how many states they were measured in, and the error of the truth.
+
+    methods  names of integrators, None for all that can be run here
+    """
+    names = [methods] if isinstance(methods, str) else list(integrators if methods is None else methods)
+    unknown = [name for name in names if name not in integrators]
+    if unknown or not names:
+        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
+    if methods is None and importlib.util.find_spec("scipy") is None:
+        names = [name for name in names if integrators[name].family is not None]
+    q0, v0 = states_of(model, states)
+    calls["aba"](model, q0, v0, np.zeros(model.nv))  # names what is wrong with the states, or with the model
+    t = np.linspace(0.0, duration, SAMPLES + 1)
+    truth = exact_motion(model, q0, v0, t)
+    options = []
+    for name in names:
+        method = integrators[name]
+        options += _fixed(model, name, truth, duration) if method.family else _adaptive(model, name, truth, duration)
+    return options, len(q0), float(truth.error.max())
+
+
+def off(model: Model, run: Any, truth: Motion, k: int) -> float:
+    """Error of a motion: the largest of q over how far any coordinate moves, and of v over the fastest."""
+    if len(run) != len(truth.t) or not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
+        return math.inf
+    q, v = truth.q[:, k], truth.v[:, k]
+    wrong = abs(np.asarray(calls["difference"](model, q, calls["normalize"](model, run.q)))).max(initial=0.0)
+    way = abs(np.asarray(calls["difference"](model, np.broadcast_to(q[0], q.shape), q))).max(initial=0.0)
+    slip, fast = abs(run.v - v).max(initial=0.0), abs(v).max(initial=0.0)
+    return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
+
+
+def _over(wrong: float, size: float) -> float:
+    return wrong / size if size > 0.0 else wrong
+
+
+def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Option]:
+    """A method at steps ever finer, until they cost too much or gain nothing."""
+    found: list[Option] = []
+    steps = FIRST
+    while True:
+        dt = duration / steps
+        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt:.6g}, "{name}"', truth, duration, method=name, dt=dt)
+        found.append(option)
+        seconds = option.ns * 1e-9 * duration
+        stale = len(found) > 1 and math.isfinite(option.error) and not option.error < FLOOR * found[-2].error
+        if jit.PLAIN or stale or seconds * FACTOR > BUDGET:
+            return found
+        steps *= FACTOR
+
+
+def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[Option]:
+    """A method at several tolerances."""
+    made = []
+    for rtol in TOLERANCES:
+        words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
+        code = f'{words["dt"]:.6g}, "{name}", rtol={rtol:g}, atol={words["atol"]:g}'
+        made.append(_option(model, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
+        if jit.PLAIN or made[-1].ns * 1e-9 * duration > BUDGET:
+            break
+    return made
+
+
+def _option(model: Model, label: str, code: str, truth: Motion, duration: float, **words: Any) -> Option:
+    """A method measured on all motions."""
+
+    def run(q0: Any, v0: Any, duration: float, record: int | None = None) -> Any:
+        return simulate(model, q0, v0, duration, record=record, **words)
+
+    errors, seconds, note = [], [], ""
+    every = max(1, round(duration / words["dt"] / SAMPLES))
+    motions = range(truth.q.shape[1])
+    for k in motions if len(motions) > 1 else (0, 0):  # the first run may have a program compiled
+        start = (truth.q[0, k], truth.v[0, k], duration, every)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if not k:
+                    run(truth.q[0, 0], truth.v[0, 0], min(duration, 3 * words["dt"]))  # compiled by now
+                began = time.perf_counter()
+                found = run(*start)
+            seconds.append(time.perf_counter() - began)
+            errors.append(off(model, found, truth, k))
+        except (SimulationError, NonFiniteError) as error:
+            errors.append(math.inf)
+            note = str(error)
+    of_all = np.array(errors)
+    ns = 1e9 * min(seconds) / duration if seconds else math.inf
+    full = f"sd.simulate(model, q0, v0, duration, {code})"
+    usual = float(np.median(of_all))
+    return Option(label, full, float(of_all.max()), usual, bound(of_all), ns, note=note, run=run)

@@ -1,0 +1,158 @@
+"""What each digit costs on a model and on this machine, and the cheapest way to as many as are needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..border import check_model
+from ..engines import jit
+from ..errors import ModelError, SpatialDynError
+from ..model import Model
+from . import evaluations, motions
+from .options import Option, Recommendation, Tradeoff, figure, marked
+
+TASKS = (*evaluations.TASKS, "simulate")
+BATCH = 8 if jit.PLAIN else 4096
+
+
+def trade(
+    model: Model,
+    task: str = "forward_dynamics",
+    states: Any = None,
+    batch: int = BATCH,
+    duration: float = 1.0,
+    methods: str | Sequence[str] | None = None,
+) -> Tradeoff:
+    """Error and cost of every way of doing a task, measured on this model, on this machine, now.
+
+    model     Model without mimic joints
+    task      what is done, by which ways, and how an error is measured:
+
+              ==================  ==================================================  ==============================
+              "forward_dynamics"  aba, crba_solve, aba_refined, aba_square_root       largest over largest of a
+              "inverse_dynamics"  rnea                                                largest over largest of tau
+              "mass_matrix"       crba                                                entries over √(M_ii M_jj)
+              "simulate"          every integrator, at steps from coarse to fine      of q over how far any
+                                                                                      coordinate goes, of v over the
+                                                                                      largest, at 10 times
+              ==================  ==================================================  ==============================
+
+              Calls run as programs on SIMD lanes in float64 and float32 (whose inputs are rounded to float32 too), and
+              by the kernel for any model, "untraced".
+    states    in which errors are measured: a number of random ones, 1024 by default, or a tuple of arrays (n, ...): (q,
+              v, tau), (q, v, a), (q,). Of simulations (q0, v0), by default 4 random configurations at rest
+    batch     samples of a call whose time is taken; 1 for calls of one sample
+    duration  of a simulation [s], without torques
+    methods   integrators of simulations, by default all
+
+    The truth of calls is computed in double-double, and that is held against the exact engine; of crba_solve and the
+    others it is that of aba, for the numbers of the model as they are. The truth of a motion is Gauss's collocation of
+    order 32 in double-double, and how far it is from itself with twice the step is its certainty; where that is not
+    small, the motion is too chaotic for any way to follow.
+
+    Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
+    a few seconds, and the first time of all what there is to compile: seconds for calls, minutes for all integrators.
+    The truth of a second takes seconds for an arm, a minute for a humanoid with light fingers.
+    Raises  SpatialDynError for a task, states, batch or duration that are none, or where mpmath is not installed;
+            ModelError for mimic joints; what the call raises for its states.
+
+    >>> import spatialdyn as sd
+    >>> table = sd.trade(sd.load_urdf("two_link"), "mass_matrix")
+    >>> table.cheapest(1e-12).code
+    'sd.crba(model, q)'
+    """
+    check_model(model)
+    if task not in TASKS:
+        raise SpatialDynError(f"task is {task!r}, expected one of {', '.join(TASKS)}")
+    if model.mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) to trade')
+    if not model.nv:
+        raise ModelError(f'model "{model.name}" has no joint that moves, expected one that does')
+    if isinstance(batch, bool) or not isinstance(batch, (int, np.integer)) or batch < 1:
+        raise SpatialDynError(f"batch is {batch!r}, expected a number of samples of 1 or more")
+    if task == "simulate":
+        number = isinstance(duration, (int, float, np.number)) and not isinstance(duration, bool)
+        if not number or not 0.0 < duration < math.inf:
+            raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
+        options, count, certainty = motions.measured(model, states, float(duration), methods)
+        truth = f"double-double, {figure(certainty)} from itself with twice the step"
+        return Tradeoff(model.name, task, marked(options), count, 0, float(duration), certainty, truth)
+    options, count, certainty = evaluations.measured(model, task, states, int(batch))
+    truth = f"double-double, {figure(certainty)} from the exact engine"
+    return Tradeoff(model.name, task, marked(options), count, int(batch), 0.0, certainty, truth)
+
+
+def recommend(
+    model: Model,
+    task: str = "forward_dynamics",
+    tolerance: float = 1e-6,
+    states: Any = None,
+    batch: int = BATCH,
+    duration: float = 1.0,
+    methods: str | Sequence[str] | None = None,
+) -> Recommendation:
+    """The cheapest way of doing a task whose error stays within a tolerance, and why.
+
+    tolerance  largest error that will do, as ``trade`` defines it for the task
+    model, task, states, batch, duration, methods   as in ``trade``
+
+    A way is taken for good enough if its largest error times a margin of 2 or more is within the tolerance; the margin
+    is larger where errors scatter widely or states are few, for other states may be worse than those measured.
+
+    Returns a Recommendation: ``code`` is what to write, ``why`` the reason, and it can be called like the task's own
+    call, a simulation's with (q0, v0, duration).
+    Raises  SpatialDynError if no way is good enough, naming the best; what ``trade`` raises.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> chosen = sd.recommend(model, "inverse_dynamics", tolerance=1e-12)
+    >>> chosen.code
+    'sd.rnea(model, q, v, a)'
+    >>> chosen([0.5, -0.3], [0.0, 0.0], [0.0, 0.0]).shape
+    (2,)
+    """
+    _refuse(tolerance)
+    return advice(trade(model, task, states, batch, duration, methods), float(tolerance))
+
+
+def advice(found: Tradeoff, tolerance: float) -> Recommendation:
+    """The cheapest of what ``trade`` has found that stays within a tolerance. Raises what ``recommend`` does."""
+    _refuse(tolerance)
+    chosen = found.cheapest(tolerance)
+    if chosen is None:
+        best = min(found.options, key=lambda x: x.bound)
+        raise SpatialDynError(
+            f'tolerance is {tolerance:g} for {found.task} of "{found.model}", expected at least {best.bound:.1e}, '
+            f"the bound of {best.name}"
+        )
+    return Recommendation(chosen, _why(found, chosen, tolerance), tolerance, found)
+
+
+def _refuse(tolerance: Any) -> None:
+    if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float, np.number)) and 0.0 < tolerance):
+        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
+
+
+def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
+    """The reason in words: its error and margin, and what was passed over."""
+    of = f"{found.states} states"
+    lines = [
+        f"{chosen.name}: {chosen.ns:.4g} {found.unit}, error at most {figure(chosen.error)} in {of}, expected below "
+        f"{figure(chosen.bound)} in others, within {tolerance:g}"
+    ]
+    cheaper = [x for x in found.options if x.ns < chosen.ns]
+    if cheaper:
+        best = min(cheaper, key=lambda x: x.bound)
+        lines.append(
+            f"cheaper is {best.name} ({best.ns:.4g} {found.unit}), with {figure(best.error)}, expected below "
+            f"{figure(best.bound)}"
+        )
+    better = [x for x in found.options if x.bound < chosen.bound and x.ns > chosen.ns]
+    if better:
+        best = min(better, key=lambda x: x.ns)
+        lines.append(f"the next better costs {best.ns / chosen.ns:.2g} times that: {best.name}")
+    return "; ".join(lines)

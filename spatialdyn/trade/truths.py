@@ -1,0 +1,81 @@
+"""Errors of a task against the truth, and how much worse than the worst of a sample others may be."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics import calls
+from ..engines import jit
+from ..engines.trace import evaluate
+from ..engines.twofold import recorded
+from ..model import Model
+from ..recursions import SPECS
+from ..truth import exact
+
+Array = NDArray[np.float64]
+
+CHECKED = 2  # samples of the truth that are held against more digits
+BITS = 160
+LEAST = 2.0  # margin
+FEW = 32  # errors that are too few to say how they scatter
+FEW_LEAST = 4.0
+TAIL = 0.95
+
+
+def truths(model: Model, name: str, arrays: list[Array]) -> tuple[Array, float]:
+    """The answers of a call to all samples, rounded to float64, and the largest error of what was rounded.
+
+    arrays  (n, ...) each, in the order of the call
+    The error is over the largest entry of a sample, of CHECKED samples in BITS bits.
+    """
+    spec = jit.variant(SPECS[name], frozenset())
+    inputs = [x for x in spec.given if not x.static]
+    places = np.cumsum([0] + [a.shape[1] for a in arrays])
+    symbols = {"nq": model.nq, "nv": model.nv}
+    shape = tuple(symbols[s] if isinstance(s, str) else s for s in spec.output.shape)
+
+    def made(rows: Any, x: Any) -> list[Any]:
+        parts = {arg.name: x[a:b] for arg, a, b in zip(inputs, places[:-1], places[1:], strict=True)}
+        return list(evaluate(spec, rows, shape, parts, np.empty(model.nv, object)).ravel())
+
+    program = recorded(model.bodies, int(places[-1]), made)
+    high, low = program(np.ascontiguousarray(np.concatenate(arrays, axis=1).T))
+    worst = 0.0
+    for k in range(min(CHECKED, len(arrays[0]))):
+        better = np.ravel(exact(model, calls[name], BITS)(*(a[k] for a in arrays)))
+        size = max((abs(x) for x in better), default=0)
+        for x, h, l in zip(better, high[:, k], low[:, k], strict=True):
+            worst = max(worst, float(abs(x - float(h) - float(l)) / size) if size else 0.0)
+    return high.T.reshape((len(arrays[0]), *shape)), worst
+
+
+def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
+    """(n,) errors of samples: of M each entry over √(M_ii M_jj), else over the sample's largest entry."""
+    off = abs(found.astype(np.float64) - truth)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if name == "crba":
+            scale = np.sqrt(np.einsum("nii->ni", truth))
+            off = off / (scale[:, :, None] * scale[:, None, :])
+        else:
+            off = off / abs(truth).max(axis=1, initial=0.0)[:, None]
+    off = np.where(found == truth, 0.0, off).reshape(len(truth), -1)
+    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=1, initial=0.0))
+
+
+def bound(errors: Array) -> float:
+    """What other states stay below: the largest error times a margin.
+
+    Errors of a nearly singular robot scatter like a power law, whose largest value grows with the number of samples
+    the faster the further it is from the rest: the root of that distance is what ten times the samples bring.
+    """
+    worst = float(errors.max(initial=0.0))
+    if worst == 0.0 or not math.isfinite(worst):
+        return worst
+    if len(errors) < FEW:
+        middle = float(np.median(errors))
+        return worst * max(FEW_LEAST, math.sqrt(worst / middle) if middle else FEW_LEAST)
+    return worst * max(LEAST, math.sqrt(worst / max(float(np.quantile(errors, TAIL)), 1e-300)))

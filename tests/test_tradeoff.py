@@ -1,0 +1,284 @@
+"""``trade`` measures errors that are errors and marks the front that is one; ``recommend`` keeps its promise."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from trees import random_inertia, random_tree
+
+import spatialdyn as sd
+from spatialdyn import cli
+from spatialdyn.dynamics import calls
+from spatialdyn.engines import jit
+from spatialdyn.robot import Mimic
+from spatialdyn.simulation.reference import exact_motion
+from spatialdyn.trade import evaluations, motions, truths
+from spatialdyn.trade.options import Option, marked
+from spatialdyn.trade.tradeoff import TASKS, advice
+
+pytest.importorskip("mpmath")
+compiled = pytest.mark.skipif(jit.PLAIN, reason="lanes are programs, and motions heavy")
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-12)
+FRESH = 512  # states that nothing was measured in
+CERTAIN = 1e-20  # of the truth of calls, on models whose M has a condition below 1e10
+METHODS, DURATION = ("rk4", "gauss6"), 0.5
+
+
+def chain(masses: tuple[float, ...], seed: int) -> sd.Model:
+    """Bodies of these masses on hinges about coordinate axes, frames shifted and not turned."""
+    rng, builder = np.random.default_rng(seed), sd.ModelBuilder("chain")
+    for k, mass in enumerate(masses):
+        whole, com, I = random_inertia(rng)
+        axis, placement = np.eye(3)[rng.integers(3)], rng.uniform(-0.5, 0.5, size=3)
+        builder.add_body(
+            f"b{k}", f"b{k - 1}" if k else None, "revolute", axis, placement, (mass, com, mass / whole * I)
+        )
+    return builder.build()
+
+
+MODELS: dict[str, Callable[[], sd.Model]] = {
+    "pendulum": lambda: sd.load_urdf("pendulum"),
+    "two_link": lambda: sd.load_urdf("two_link"),
+    "tree": lambda: random_tree(0, 4).model,
+    "other tree": lambda: random_tree(1, 3, continuous="cos_sin").model,
+    "floating": lambda: random_tree(2, 2, floating=True).model,
+    "even": lambda: chain((1.0,) * 4, 3),
+    "heavy tip 1e3": lambda: chain((1.0,) * 3 + (1e3,), 4),
+    "heavy tip 1e6": lambda: chain((1.0,) * 3 + (1e6,), 5),
+    "light tip": lambda: chain((1.0,) * 3 + (1e-9,), 6),
+    "alternating": lambda: chain((1.0, 1e-4, 1.0, 1e-4), 7),
+}
+
+
+# --- the promise ------------------------------------------------------------------------------------------
+
+
+@compiled
+@pytest.mark.parametrize("name", MODELS)
+def test_what_is_recommended_meets_its_tolerance_on_fresh_states(name: str) -> None:
+    model = MODELS[name]()
+    for task in evaluations.TASKS:
+        found = sd.trade(model, task)
+        assert found.certainty <= CERTAIN
+        first = evaluations.TASKS[task][0]
+        fresh = evaluations.random_states(model, task, FRESH, seed=1)
+        truth, _ = truths.truths(model, first, fresh)
+        for tolerance in TOLERANCES:
+            chosen = advice(found, tolerance)
+            errors = truths.of_calls(first, np.asarray(chosen(*fresh)), truth)
+            assert errors.max() <= tolerance, (task, tolerance, chosen.option.name)
+
+
+@compiled
+def test_a_motion_that_is_recommended_meets_its_tolerance_from_fresh_states() -> None:
+    model = sd.load_urdf("two_link")
+    found = sd.trade(model, "simulate", methods=METHODS, duration=DURATION)
+    q0, v0 = motions.random_states(model, 6, seed=1)
+    t = np.linspace(0.0, DURATION, motions.SAMPLES + 1)
+    truth = exact_motion(model, q0, v0, t)
+    for tolerance in (1e-2, 1e-5, 1e-9):
+        chosen = advice(found, tolerance)
+        for k in range(len(q0)):
+            run = chosen(q0[k], v0[k], DURATION)
+            every = (len(run) - 1) // motions.SAMPLES
+            last = [run.q[::every][1:], run.v[::every][1:]]
+            assert abs(last[0] - truth.q[1:, k]).max() <= tolerance * max(abs(truth.q[:, k] - q0[k]).max(), 1e-300)
+            assert abs(last[1] - truth.v[1:, k]).max() <= tolerance * abs(truth.v[:, k]).max()
+
+
+@compiled
+def test_a_tolerance_that_nothing_meets_is_refused_with_the_best_there_is() -> None:
+    with pytest.raises(sd.SpatialDynError, match=r"tolerance is 1e-30 .* expected at least .* the bound of "):
+        sd.recommend(sd.load_urdf("two_link"), "mass_matrix", 1e-30)
+
+
+@compiled
+def test_why_says_the_error_the_margin_and_what_was_passed_over() -> None:
+    chosen = sd.recommend(chain((1.0,) * 3 + (1e6,), 5), tolerance=1e-12)
+    assert figure_of(chosen.option.error) in chosen.why
+    assert "within 1e-12" in chosen.why
+    assert "cheaper is" in chosen.why
+    assert chosen.code in str(chosen)
+    assert chosen.option.error < chosen.option.bound <= 1e-12
+
+
+def figure_of(x: float) -> str:
+    return f"{x:.1e}"
+
+
+# --- what is measured -------------------------------------------------------------------------------------
+
+
+@compiled
+def test_every_way_to_forward_dynamics_is_listed_and_float32_is_worse() -> None:
+    found = sd.trade(chain((1.0,) * 4, 3))
+    by_name = {x.name: x for x in found.options}
+    calls_ = ("aba", "crba_solve", "aba_refined")
+    wanted = {f"lanes {dtype} {call}" for dtype in ("float32", "float64") for call in calls_}
+    assert set(by_name) == wanted | {f"untraced float64 {call}" for call in (*calls_, "aba_square_root")}
+    for call in calls_:
+        assert 1e3 * by_name[f"lanes float64 {call}"].error < by_name[f"lanes float32 {call}"].error
+    assert all(x.usual <= x.error <= x.bound for x in found.options)
+
+
+@compiled
+def test_a_heavy_tip_costs_aba_its_digits_and_refined_none() -> None:
+    found = {x.name: x.error for x in sd.trade(chain((1.0,) * 6 + (1e6,), 3)).options}
+    assert found["untraced float64 aba"] > 1e3 * found["untraced float64 aba_refined"]
+    assert found["untraced float64 crba_solve"] > 1e3 * found["untraced float64 aba_square_root"]
+
+
+@compiled
+def test_a_call_that_is_wrong_by_a_part_in_1e9_is_seen() -> None:
+    model = sd.load_urdf("two_link")
+    states = evaluations.random_states(model, "mass_matrix", 5, 0)
+    truth, certainty = truths.truths(model, "crba", states)
+    assert certainty <= CERTAIN
+    wrong = truth * (1.0 + 1e-9)
+    assert 0.5e-9 < truths.of_calls("crba", wrong, truth).max() < 2e-9
+
+
+def test_errors_of_m_are_scaled_by_its_diagonal_and_others_by_the_largest_entry() -> None:
+    M = np.array([[[4.0, 1.0], [1.0, 9.0]]])
+    assert truths.of_calls("crba", M + np.array([[0.0, 0.6], [0.0, 0.0]]), M).tolist() == pytest.approx([0.1])
+    a = np.array([[1.0, -10.0], [0.0, 0.0]])
+    assert truths.of_calls("aba", a + np.array([[1.0, 0.0], [0.0, 0.0]]), a).tolist() == pytest.approx([0.1, 0.0])
+    assert truths.of_calls("aba", np.full((2, 2), np.nan), a).tolist() == [math.inf, math.inf]
+
+
+def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
+    even = np.full(1000, 1e-15)
+    assert truths.bound(even) == 2e-15
+    tailed = np.append(even, 1e-11)
+    assert truths.bound(tailed) == pytest.approx(1e-9)
+    assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15)
+    assert truths.bound(np.array([math.inf, 1.0])) == math.inf
+    assert truths.bound(np.zeros(4)) == 0.0
+
+
+def test_the_front_is_what_nothing_cheaper_is_better_than() -> None:
+    costs = ((3.0, 1e-9), (1.0, 1e-3), (2.0, 1e-2), (4.0, 1e-9), (5.0, 1e-12))
+    made = marked([Option(f"{ns}", "", error, error, error, ns) for ns, error in costs])
+    assert [x.ns for x in made] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert [x.ns for x in made if x.best] == [1.0, 3.0, 5.0]
+
+
+@compiled
+def test_states_of_ones_own_are_those_that_are_measured() -> None:
+    model = chain((1.0,) * 3 + (1e6,), 5)
+    q, v, tau = (x[:3] for x in evaluations.random_states(model, "forward_dynamics", 9, 5))
+    found = {x.name: x.error for x in sd.trade(model, states=(q, v, tau)).options}
+    truth = sd.exact(model, sd.aba)(q, v, tau).astype(float)
+    wrong = abs(np.array([sd.aba(model, *s) for s in zip(q, v, tau, strict=True)]) - truth).max(axis=1)
+    assert found["untraced float64 aba"] == (wrong / abs(truth).max(axis=1)).max()
+
+
+@compiled
+def test_single_calls_are_measured_too() -> None:
+    found = sd.trade(sd.load_urdf("two_link"), "inverse_dynamics", states=4, batch=1)
+    assert found.unit == "ns a call"
+    assert {x.name for x in found.options} == {
+        "lanes float32 rnea", "lanes float64 rnea", "untraced float64 rnea"
+    }  # fmt: skip
+
+
+def test_without_programs_there_is_the_untraced_way() -> None:
+    found = sd.trade(sd.load_urdf("two_link"), "inverse_dynamics", states=2, batch=2)
+    assert "untraced float64 rnea" in {x.name for x in found.options}
+    assert all(x.error < 1e-6 for x in found.options)
+
+
+@compiled
+def test_halving_the_step_of_rk4_shows_its_order() -> None:
+    found = sd.trade(sd.load_urdf("two_link"), "simulate", methods="rk4", duration=0.5, states=2)
+    coarse, fine = sorted((x for x in found.options), key=lambda x: x.ns)[:2]
+    ratio = math.log2(coarse.error / fine.error) / math.log2(motions.FACTOR)
+    assert 3.0 < ratio < 5.0
+    assert found.certainty <= 1e-13
+
+
+# --- what comes out -----------------------------------------------------------------------------------------
+
+
+@compiled
+def test_it_is_text_json_and_a_plot(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    found = sd.trade(sd.load_urdf("two_link"), "mass_matrix", states=32)
+    read = json.loads(found.to_json())
+    assert read["options"][0]["name"] == found.options[0].name
+    assert read["unit"] == "ns a sample"
+    for x in found.options:
+        assert x.name in str(found)
+    found.plot(tmp_path / "trade.png")
+    assert (tmp_path / "trade.png").stat().st_size > 1000
+
+
+@compiled
+def test_the_command_line_recommends_plots_and_prints_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    path = str(tmp_path / "trade.png")
+    words = ["trade", "two_link", "--task", "mass_matrix", "--states", "32", "--tolerance", "1e-12"]
+    assert cli.main([*words, "--plot", path]) == 0
+    shown = capsys.readouterr().out
+    assert "take    sd.crba(model, q)" in shown
+    assert path in shown
+    assert Path(path).exists()
+    assert cli.main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["recommended"]["name"] == "lanes float64 crba"
+    assert cli.main([*words[:-1], "1e-40"]) == 2
+    assert "expected at least" in capsys.readouterr().err
+
+
+# --- what is refused ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"task": "dance"}, "task is 'dance', expected one of forward_dynamics"),
+        ({"batch": 0}, "batch is 0"),
+        ({"states": 0}, "states is 0"),
+        ({"states": ([0.0, 0.0],)}, "states has 1 arrays, expected 3: q, v, tau"),
+        ({"states": ([0.0, 0.0], [0.0, 0.0], [0.0])}, r"tau has shape \(1,\), expected \(n, 2\)"),
+        ({"states": ([[0.0, 0.0]] * 2, [0.0, 0.0], [0.0, 0.0])}, "states has 2, 1, 1 samples"),
+        ({"states": ([0.0, 0.0], [0.0, math.nan], [0.0, 0.0])}, "states holds numbers that are not finite"),
+        ({"task": "simulate", "duration": 0.0}, "duration is 0.0"),
+        ({"task": "simulate", "methods": "leap"}, "methods is 'leap', expected some of explicit_euler"),
+        ({"task": "simulate", "states": 0}, "states is 0"),
+        ({"task": "simulate", "states": 1.5}, "states is no pair of arrays"),
+        ({"task": "simulate", "states": ([0.0], [0.0])}, "states has shapes"),
+        ({"task": "simulate", "states": ([0.0, math.inf], [0.0, 0.0])}, "states holds numbers that are not finite"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(words: dict[str, Any], message: str) -> None:
+    with pytest.raises(sd.SpatialDynError, match=message):
+        sd.trade(sd.load_urdf("two_link"), **words)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, True, "1e-6"])
+def test_a_tolerance_that_is_none_is_refused(tolerance: Any) -> None:
+    with pytest.raises(sd.SpatialDynError, match="tolerance is "):
+        sd.recommend(sd.load_urdf("two_link"), tolerance=tolerance)
+
+
+def test_models_that_cannot_be_traded_are_refused() -> None:
+    builder = sd.ModelBuilder("pair")
+    builder.add_body("a", None, "revolute", (0, 0, 1), None, (1.0, (0.1, 0, 0), np.eye(3)))
+    builder.add_body(
+        "b", "a", "revolute", (0, 0, 1), (1, 0, 0), (1.0, (0.1, 0, 0), np.eye(3)), mimic=Mimic("a_joint", 2.0)
+    )
+    with pytest.raises(sd.ModelError, match="mimic"):
+        sd.trade(builder.build(mimic=True))
+    with pytest.raises(sd.ModelError, match="no joint that moves"):
+        sd.trade(sd.ModelBuilder("stone").build())
+
+
+def test_every_task_is_a_call_or_simulations() -> None:
+    assert set(TASKS) == {*evaluations.TASKS, "simulate"}
+    assert {name for group in evaluations.TASKS.values() for name in group} <= set(calls)
