@@ -230,16 +230,21 @@ def aba_derivatives(
     n = len(bodies) - 1
     aba(bodies, work, q, v, tau, fext, a, pivots)
     rnea_derivatives(bodies, work, q, v, a, fext, D)
-    minverse(bodies, work, q, D[2], pivots)
+    minverse(bodies, work, q, D[2], pivots)  # M is not needed
     for k in range(2):
         for i in range(n):
             for j in range(n):
                 R[i, j] = D[k, i, j]
                 D[k, i, j] = 0.0
-        for i in range(n):
-            for m in range(n):
-                for j in range(n):
-                    D[k, i, j] = D[k, i, j] - D[2, i, m] * R[m, j]
+        for m in range(1, n + 1):
+            root = m
+            while bodies[root].parent > 0:
+                root = bodies[root].parent
+            row = R[m - 1, root - 1 : bodies[m].last]  # of rows that carry m, and that it carries; a view from 0 on
+            for i in range(root, bodies[root].last + 1):  # becomes SIMD code
+                x, out = D[2, i - 1, m - 1], D[k, i - 1, root - 1 : bodies[m].last]
+                for j in range(len(row)):
+                    out[j] = out[j] - x * row[j]
 
 
 _SOURCE = "Singh, Russell, Wensing, Efficient analytical derivatives of rigid-body dynamics (2022)."
