@@ -2,10 +2,10 @@
 
 By the configuration means along ``integrate(q, e_k)``: a joint's own motion after it has moved to q.
 
-Where row i moves by δ, what hangs on it turns with it as one rigid whole, velocities, accelerations, forces and all;
-seen from there it is the world before i that has moved, so the bodies' velocities change by Ṡ° = v_λ × S and their
-accelerations by S̈° = a_λ × S + v_λ × Ṡ°, v_λ and a_λ those of the body that i's joint stands on. With I, 2B and f of
-the subtree of the deeper row j (``spatial.coupling``; 2B = ∂(v ×* I v)/∂v - I v×), and i above it,
+Where row i moves by δ, what hangs on it turns as one rigid whole, and forces in it turn along. Seen from there the
+world before i has moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with
+S̈° = a_λ × S + v_λ × Ṡ°; v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f of the subtree of
+the deeper row j (``spatial.coupling``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
 
     ∂τ_i/∂q_j = S_i·(I S̈°_j + 2B Ṡ°_j + S_j ×* f)    ∂τ_j/∂q_i = S_j·(I S̈°_i + 2B Ṡ°_i)
     ∂τ_i/∂v_j = S_i·(I D_j + 2B S_j)                 ∂τ_j/∂v_i = S_j·(I D_i + 2B S_i),    D = Ṡ° + v × S
@@ -41,7 +41,6 @@ from ..spatial import (
     cross_motion,
     dot,
     identity_pose,
-    minus,
     momentum,
     negative,
     power,
@@ -98,7 +97,7 @@ def _gravity(bodies: Any, i: int, q: Any, X: Any) -> Vec:
 
 
 @inlined
-def _outward(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any) -> None:
+def outward(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any) -> None:
     """v, a, 2B and f of every body, and Ṡ°, S̈°, D of every row."""
     in_branch_axes(bodies, work, q)
     for i in range(1, len(bodies)):
@@ -150,7 +149,7 @@ def rnea_derivatives(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, 
         for i in range(n):
             for j in range(n):
                 D[k, i, j] = 0.0
-    _outward(bodies, work, q, v, a, fext)
+    outward(bodies, work, q, v, a, fext)
 
     for j in range(n, 0, -1):
         here, parent = work[j], work[bodies[j].parent]
@@ -267,7 +266,7 @@ SPECS = (
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
         ),
         "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.",
-        _SOURCE, pivots=True, regroup=True, spare=(("nv",), ("nv", "nv")),
+        _SOURCE, pivots=True, regroup=True, terms=("nv",) * 3, spare=(("nv",), ("nv", "nv")),
     ),
     Spec(
         "generalized_gravity_derivatives", static_torque_derivatives, WORK_STATIC, (Q, None),
