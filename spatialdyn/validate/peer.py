@@ -98,7 +98,7 @@ class Peer:
             found = _array(answer if call.result is None else call.result(self.data))
             return found.reshape(self._core(call)) if call.name in SPECS else found
         look = getattr(self.pin, call.frame)
-        references = [(code,) for code in self.references[: len(call.references)]] or [()]
+        references: list[tuple[Any, ...]] = [(code,) for code in self.references[: len(call.references)]] or [()]
         all_found = np.array(
             [[_array(look(self.model, self.data, frame, *code)) for code in references] for frame in self.frames]
         )
