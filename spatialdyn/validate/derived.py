@@ -46,3 +46,9 @@ def mass_matrix_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array) ->
     """Γ_ijk + Γ_jik."""
     symbols = christoffel_symbols_by_pin(pin, model, data, q)
     return symbols + symbols.transpose(1, 0, 2)
+
+
+def of_masses(data: Any, found: Any) -> Array:
+    """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
+    masses = np.array(data.mass)[:, None]
+    return np.where(masses > 0.0, np.array([np.ravel(x) for x in found]), 0.0)
