@@ -27,6 +27,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "bodies": ("tables",),
     "recursions": ("bodies",),
     "engines": ("recursions", "errors"),
+    "layouts": ("recursions",),
+    "algebra": ("layouts", "engines"),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -54,7 +56,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("algebra", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
