@@ -97,6 +97,7 @@ from .frame import (
     ReferenceFrame,
 )
 from .inertia import Inertia
+from .joint_data import JointData
 from .joints import (
     JointModel,
     JointModelPrismaticUnaligned,
@@ -126,5 +127,8 @@ from .model import Model
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
+from .rebuilt import appendModel, buildReducedModel, transformJointIntoMimic
+from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
 from .se3 import SE3
+from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
