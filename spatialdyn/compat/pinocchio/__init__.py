@@ -9,7 +9,36 @@ from __future__ import annotations
 
 from . import explog, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
+from .centroidal import (
+    ccrba,
+    centerOfMass,
+    computeCentroidalMap,
+    computeCentroidalMapTimeVariation,
+    computeCentroidalMomentum,
+    computeCentroidalMomentumTimeVariation,
+    computeSubtreeMasses,
+    computeTotalMass,
+    dccrba,
+    getJacobianSubtreeCenterOfMass,
+    jacobianCenterOfMass,
+    jacobianSubtreeCenterOfMass,
+)
 from .chance import seed
+from .configuration import (
+    dDifference,
+    difference,
+    dIntegrate,
+    dIntegrateTransport,
+    distance,
+    integrate,
+    interpolate,
+    isNormalized,
+    isSameConfiguration,
+    neutral,
+    normalize,
+    randomConfiguration,
+    squaredDistance,
+)
 from .containers import (
     StdMap_String_VectorXd,
     StdVec_Bool,
@@ -35,6 +64,24 @@ from .containers import (
     StdVec_Vec3s,
     StdVec_Vector3,
 )
+from .data import Data
+from .differences import differences
+from .dynamics import (
+    aba,
+    computeAllTerms,
+    computeCoriolisMatrix,
+    computeGeneralizedGravity,
+    computeKineticEnergy,
+    computeMechanicalEnergy,
+    computeMinverse,
+    computePotentialEnergy,
+    computeStaticTorque,
+    crba,
+    getCoriolisMatrix,
+    nle,
+    nonLinearEffects,
+    rnea,
+)
 from .explog import (
     Hlog3,
     Jexp3,
@@ -54,23 +101,6 @@ from .explog import (
     log3,
     log6,
     log6_quat,
-)
-from .data import Data
-from .dynamics import (
-    aba,
-    computeAllTerms,
-    computeCoriolisMatrix,
-    computeGeneralizedGravity,
-    computeKineticEnergy,
-    computeMechanicalEnergy,
-    computeMinverse,
-    computePotentialEnergy,
-    computeStaticTorque,
-    crba,
-    getCoriolisMatrix,
-    nle,
-    nonLinearEffects,
-    rnea,
 )
 from .frame import (
     ACCELERATION,
@@ -123,11 +153,33 @@ from .joints_many import (
     JointModelTranslation,
     JointModelUniversal,
 )
+from .kinematics import (
+    computeFrameJacobian,
+    computeJointJacobian,
+    computeJointJacobians,
+    computeJointJacobiansTimeVariation,
+    forwardKinematics,
+    frameJacobianTimeVariation,
+    framesForwardKinematics,
+    getAcceleration,
+    getClassicalAcceleration,
+    getFrameAcceleration,
+    getFrameClassicalAcceleration,
+    getFrameJacobian,
+    getFrameJacobianTimeVariation,
+    getFrameVelocity,
+    getJointJacobian,
+    getJointJacobianTimeVariation,
+    getVelocity,
+    updateFramePlacement,
+    updateFramePlacements,
+    updateGlobalPlacements,
+)
 from .model import Model
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia
-from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .rebuilt import appendModel, buildReducedModel, transformJointIntoMimic
+from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...errors import ModelError, ShapeError
 from ...model import missing
 from .arguments import ArgumentError, described, expected
+from .containers import StdMap_String_VectorXd
 from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame
 from .joints import JointModel
 from .live import live
@@ -74,7 +75,7 @@ class Configuration(NamedTuple):
         return self.q
 
 
-class Configurations(dict[str, Array]):
+class Configurations(StdMap_String_VectorXd):
     """Configurations by name; iterating gives pairs, as Pinocchio's map does."""
 
     def __iter__(self) -> Iterator[Any]:
