@@ -319,8 +319,9 @@ def _angle_axis(coefficients: Any) -> list[float]:
 
 def skew(u: Any) -> Array:
     """The matrix (3, 3) of u × for a vector u (3,)."""
-    x, y, z = array(u, (3,), "u").tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    out = np.empty((3, 3))
+    algebra.cross_matrix(array(u, (3,), "u"), out)
+    return out
 
 
 def unSkew(U: Any) -> Array:
