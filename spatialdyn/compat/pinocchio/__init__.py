@@ -7,7 +7,7 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
-from . import explog, rpy, utils
+from . import explog, liegroups, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
     ccrba,
@@ -175,6 +175,7 @@ from .kinematics import (
     updateFramePlacements,
     updateGlobalPlacements,
 )
+from .liegroups import LieGroup, lieGroup, tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .model import Model
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia
