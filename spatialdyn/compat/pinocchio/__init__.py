@@ -17,6 +17,8 @@ from .centroidal import (
     computeCentroidalMomentum,
     computeCentroidalMomentumTimeVariation,
     computeSubtreeMasses,
+    computeSupportedForceByFrame,
+    computeSupportedInertiaByFrame,
     computeTotalMass,
     dccrba,
     getJacobianSubtreeCenterOfMass,

@@ -21,7 +21,7 @@ from ...recursions import SPECS
 from .arguments import ArgumentError, described
 from .compiled import Made, made
 from .inertia import Inertia
-from .kinds import FILLED_BY, KINDS
+from .kinds import KINDS
 from .model import Model
 from .motion import Force, Motion
 from .rows import Rows
@@ -49,10 +49,7 @@ FIELDS: dict[str, tuple[tuple[str | int, ...], Any]] = {
     **{name: ((6,), Force) for name in ("hg", "dhg")},
     "Ig": ((10,), Inertia),
     **{name: (("nv",), None) for name in ("tau", "nle", "g", "ddq", "dq_after")},
-    **{
-        name: (("nv", "nv"), None)
-        for name in ("M", "Minv", "C", "dtau_dq", "dtau_dv", "ddq_dq", "ddq_dv", "ddq_dtau")
-    },
+    **{name: (("nv", "nv"), None) for name in ("M", "Minv", "C", "dtau_dq", "dtau_dv", "ddq_dq", "ddq_dv", "ddq_dtau")},
     **{name: ((6, "nv"), None) for name in ("J", "dJ", "Ag", "dAg", "dHdq", "dFdq", "dFdv", "dFda")},
     "Jcom": ((3, "nv"), None),
     **{name: ((0,), None) for name in ("lambda_c", "impulse_c")},
@@ -195,7 +192,7 @@ class Data:
 
     def latest(self, name: str) -> Run | None:
         """The last call that filled a field, if any."""
-        runs = [run for kind in FILLED_BY.get(name, ()) if (run := self._runs.get(kind)) is not None and run.stamp]
+        runs = [run for run in self._runs.values() if name in run.kind.fills and run.stamp]
         return max(runs, key=lambda run: run.stamp, default=None)
 
     def array(self, name: str) -> Array:
@@ -270,17 +267,17 @@ def _restored(model: Any, fields: dict[str, Array]) -> Data:
     return data
 
 
-SCRATCH = frozenset(
-    "B D Fcrb Ivx U Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau "
-    "dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild "
-    "mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba "
-    "oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in "
-    "start_idx_v_fromRow supports_fromRow tau_in v_in vxI".split()
-)
+SCRATCH = """
+    B D Fcrb Ivx U Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau
+    dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
+    mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba
+    oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in
+    start_idx_v_fromRow supports_fromRow tau_in v_in vxI
+"""
 
 
 def _missing(name: str) -> str:
-    if name in SCRATCH:
+    if name in SCRATCH.split():
         return f"data has no {name}: it is scratch of Pinocchio's algorithms, expected one of their results"
     return f"data has no field {name!r}"
 
