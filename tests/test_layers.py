@@ -72,7 +72,7 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 # what recursions import of their own room
 SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "centroidal"}
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {"simulation.trajectory"}  # writes and reads itself
+SAVE = {"simulation.trajectory", "compat.pinocchio.stored"}  # write and read themselves
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
