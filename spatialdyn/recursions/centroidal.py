@@ -143,7 +143,7 @@ def center_of_mass_velocity_derivatives(bodies: Any, work: Any, q: Any, v: Any, 
 
     By v it is the Jacobian.
     """
-    _outward(bodies, work, q, v, None)
+    outward(bodies, work, q, v, None)
     _inward(bodies, work, v)
     m = 1.0 / work[0].I.m
     for i in range(1, len(bodies)):

@@ -67,6 +67,22 @@ from .containers import (
     StdVec_Vector3,
 )
 from .data import Data
+from .derivatives import (
+    computeABADerivatives,
+    computeCentroidalDynamicsDerivatives,
+    computeForwardKinematicsDerivatives,
+    computeGeneralizedGravityDerivatives,
+    computeRNEADerivatives,
+    computeStaticTorqueDerivatives,
+    getCenterOfMassVelocityDerivatives,
+    getCentroidalDynamicsDerivatives,
+    getFrameAccelerationDerivatives,
+    getFrameVelocityDerivatives,
+    getJointAccelerationDerivatives,
+    getJointVelocityDerivatives,
+    getPointClassicAccelerationDerivatives,
+    getPointVelocityDerivatives,
+)
 from .differences import differences
 from .dynamics import (
     aba,
