@@ -140,7 +140,7 @@ def test_what_has_to_come_before_is_asked_for() -> None:
         ours.computeABADerivatives(model, data)
     with pytest.raises(RuntimeError, match="computeRNEADerivatives"):
         ours.getCentroidalDynamicsDerivatives(model, model.createData())
-    with pytest.raises(RuntimeError, match="data.vcom was not computed"):
+    with pytest.raises(RuntimeError, match="vcom was not computed"):
         ours.getCenterOfMassVelocityDerivatives(model, data)
     for pin in (ours, theirs):
         model = pin.buildSampleModelManipulator()
@@ -148,7 +148,7 @@ def test_what_has_to_come_before_is_asked_for() -> None:
         pin.computeForwardKinematicsDerivatives(model, data, q, v, v)
         with pytest.raises(ValueError, match="reference frame"):
             pin.getPointVelocityDerivatives(model, data, 1, pin.SE3.Identity(), pin.WORLD)
-        with pytest.raises(ValueError):
+        with pytest.raises(ValueError, match=r"\(9,\)|size|dimension|expected"):
             pin.computeRNEADerivatives(model, data, q, v[:-1], v)
         with pytest.raises(TypeError):
             pin.computeABADerivatives(model, data, q, v)
