@@ -147,6 +147,38 @@ def test_strict_false_gives_the_numbers_pinocchio_gives() -> None:
     assert any(entry.switched for entry in ours.differences())
 
 
+def test_enumerations_have_the_members_and_numbers_of_the_wheel() -> None:
+    for name in ("FrameType", "ReferenceFrame", "KinematicLevel", "Convention", "ArgumentPosition", "GeometryType"):
+        mine, other = getattr(ours, name), getattr(theirs, name)
+        assert {x: int(y) for x, y in mine.names.items()} == {x: int(y) for x, y in other.names.items()}
+        assert {int(x): str(y) for x, y in mine.values.items()} == {x: str(y) for x, y in other.values.items()}
+    assert ours.JOINT | ours.BODY == theirs.JOINT | theirs.BODY == 10
+    assert str(ours.LOCAL) == str(theirs.LOCAL)
+
+
+def test_differences_name_their_subject_once() -> None:
+    subjects = [entry.what for entry in ours.differences()]
+    assert len({*subjects}) == len(subjects) > 10
+    assert all(entry.pinocchio != entry.here for entry in ours.differences())
+
+
+def test_frames_are_equal_when_all_of_them_is() -> None:
+    frame = ours.Frame("a", 1, 2, ours.SE3.Identity(), ours.BODY, ours.Inertia.Identity())
+    assert frame == frame.copy() == ours.Frame(frame) == pickle.loads(pickle.dumps(frame)) == copy.copy(frame)
+    assert (frame.parent, frame.previousFrame) == (1, 2)
+    assert ours.Frame("a", 1, ours.SE3.Identity(), ours.BODY).parentFrame == 0
+    other = frame.copy()
+    other.inertia = ours.Inertia.Zero()
+    assert other != frame
+    assert repr(frame).startswith("Frame name: a paired to (parent joint/ parent frame)(1/2)\n")
+    assert str(theirs.Frame("a", 1, 2, theirs.SE3.Identity(), theirs.BODY)).split("\n")[0] == repr(frame).split("\n")[0]
+    for arguments in (("a", 1), (1, 1, 1, ours.SE3.Identity(), ours.BODY), ("a", 1, 1, 3, ours.BODY)):
+        with pytest.raises(TypeError, match="Frame got"):
+            ours.Frame(*arguments)
+    with pytest.raises(TypeError, match="placement is a int, expected SE3"):
+        frame.placement = 3
+
+
 # --- edits take effect at the next call ----------------------------------------------------------------------
 
 EDITS: dict[str, Callable[[Any, Any], Any]] = {

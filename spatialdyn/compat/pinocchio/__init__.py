@@ -128,6 +128,7 @@ from .frame import (
     KinematicLevel,
     ReferenceFrame,
 )
+from .geometry import COLLISION, VISUAL, GeometryModel, GeometryType, buildModelsFromUrdf, createDatas
 from .inertia import Inertia
 from .joint_data import JointData
 from .joints import (
