@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from ... import dynamics
 from ...errors import ShapeError
 from .arguments import ArgumentError, described, expected, number
+from .arrays import NO_LIMIT
 from .calls import vector
 from .chance import GENERATOR
 from .compiled import made
 from .frame import ARG0, ARG1, ArgumentPosition
-from .model import NO_LIMIT, Model
+from .model import Model
 
 Array = NDArray[np.float64]
 
