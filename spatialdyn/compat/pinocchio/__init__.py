@@ -7,7 +7,7 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
-from . import explog, liegroups, rpy, utils
+from . import explog, liegroups, linalg, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
     ccrba,
@@ -178,7 +178,17 @@ from .kinematics import (
     updateFramePlacements,
     updateGlobalPlacements,
 )
-from .liegroups import LieGroup, lieGroup, tangentMap, tangentMapProduct, tangentMapTransposeProduct
+from .liegroups import (
+    LieGroup,
+    compactTangentMap,
+    findCommonAncestor,
+    getTangentToConfigurationSparsitySegment,
+    lieGroup,
+    tangentMap,
+    tangentMapProduct,
+    tangentMapTransposeProduct,
+)
+from .linalg import isOrthonormal, orthogonalization, orthonormalization
 from .model import Model
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia
@@ -188,3 +198,19 @@ from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, b
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
+from .versions import (
+    PINOCCHIO_MAJOR_VERSION,
+    PINOCCHIO_MINOR_VERSION,
+    PINOCCHIO_PATCH_VERSION,
+    WITH_COLLISION,
+    WITH_CPPAD,
+    WITH_HPP_FCL,
+    WITH_HPP_FCL_BINDINGS,
+    WITH_OPENMP,
+    WITH_SDFORMAT,
+    WITH_URDFDOM,
+    ScalarType,
+    __version__,
+    checkVersionAtLeast,
+    printVersion,
+)
