@@ -235,6 +235,43 @@ def test_an_unedited_model_is_made_once() -> None:
     assert placed(model) is placed(model)
 
 
+def test_what_cannot_be_assigned_says_so_and_the_rest_takes_effect() -> None:
+    mine, other = both(arm)
+    for name in (
+        "nq",
+        "nv",
+        "nbodies",
+        "njoints",
+        "nframes",
+        "names",
+        "parents",
+        "joints",
+        "inertias",
+        "idx_qs",
+        "nqs",
+    ):
+        for model in (mine, other):
+            with pytest.raises(AttributeError):
+                setattr(model, name, getattr(model, name))
+    before, where = made(mine), placed(mine)
+    mine.jointPlacements = [ours.SE3.Identity() for _ in range(5)]
+    mine.frames = mine.frames[:3]
+    assert made(mine) is not before
+    assert placed(mine) is not where
+    before = made(mine)
+    mine.jointPlacements[2].translation[0] = 3.0
+    assert made(mine) is not before
+    mine.loadFromString(arm(ours).saveToString())
+    assert mine == arm(ours)
+
+
+@pytest.mark.parametrize("build", [arm, lambda pin: pin.buildSampleModelManipulator(True)])
+def test_which_velocities_move_a_joint(build: Callable[[Any], Any]) -> None:
+    mine, other = both(build)
+    assert [list(x) for x in mine.span_indexes_vector] == [list(x) for x in other.span_indexes_vector]
+    assert [x.tolist() for x in mine.sparsity_pattern_vector] == [x.tolist() for x in other.sparsity_pattern_vector]
+
+
 def test_frames_are_placed_anew_after_an_edit() -> None:
     model = arm(ours)
     edits: dict[str, Callable[[], Any]] = {

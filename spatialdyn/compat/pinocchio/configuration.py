@@ -154,7 +154,7 @@ def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = 
     if model.strict:
         lower, upper = _finite(lower, upper)
     with np.errstate(over="ignore", invalid="ignore"):
-        q = lower + (upper - lower) * GENERATOR.random(model.nq)
+        q: Array = lower + (upper - lower) * GENERATOR.random(model.nq)
     for part in _unit_parts(model, q):
         x = GENERATOR.standard_normal(len(part))
         part[:] = x / np.sqrt(x @ x)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError, ShapeError
 from .arguments import ArgumentError, described, expected
+from .arrays import POSITIONS
 from .frame import FIXED_JOINT, JOINT, Frame
 from .joints import JointModel
 from .joints_many import JointModelMimic
-from .model import POSITIONS, Model
+from .model import Model
 from .se3 import SE3
 
 Array = NDArray[np.float64]
@@ -112,7 +113,7 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
             _take_frames(whole, B, 0)
             for j in range(1, modelB.njoints):
                 _take(whole, B, j)
-    whole.nbodies = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
+    vars(whole)["nbodies"] = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
     for name in dict.fromkeys([*modelA.referenceConfigurations.keys(), *modelB.referenceConfigurations.keys()]):
         q = np.array([x for joint in whole.joints[1:] for x in joint.neutral()])
         for part in (A, B):
@@ -213,7 +214,7 @@ def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, Joi
         if frame.parentJoint in locked and kind == JOINT:
             kind, inertia = FIXED_JOINT, model.inertias[frame.parentJoint]
         whole.frames.append(Frame(frame.name, carrier.joint, frame.parentFrame, X, kind, inertia))
-    whole.nbodies = 1 + len(kept)
+    vars(whole)["nbodies"] = 1 + len(kept)
     for name, q in model.referenceConfigurations.items():
         spans = [(whole.joints[part.carriers[k].joint].nq, model.idx_qs[k]) for k in kept]
         whole.referenceConfigurations[name] = np.concatenate([q[at : at + n] for n, at in spans] or [q[:0]])
