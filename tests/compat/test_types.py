@@ -408,9 +408,27 @@ def test_a_heavier_body_can_be_taken_away() -> None:
     assert ((K - I) + I).isApprox(K, 64 * EPS)
 
 
-def test_parameters_without_mass_have_no_centre() -> None:
-    with pytest.raises(InertiaError, match="mass is 0"):
-        ours.Inertia.FromDynamicParameters(np.zeros(10))
+def test_bodies_without_mass_have_no_centre_and_no_inverse() -> None:
+    for make in (
+        lambda: ours.Inertia.FromDynamicParameters(np.zeros(10)),
+        lambda: ours.Inertia(0.0, np.zeros(3), np.eye(3)).inverse(),
+        lambda: ours.Inertia(1.0, np.zeros(3), np.zeros((3, 3))).inverse(),
+    ):
+        with pytest.raises(InertiaError, match=r"mass is 0|singular"):
+            make()
+
+
+def test_null_vectors_have_no_direction() -> None:
+    with pytest.raises(SpatialDynError, match="b is"):
+        ours.Quaternion.FromTwoVectors(np.ones(3), np.zeros(3))
+
+
+@pytest.mark.parametrize("pitch", [0.5 * np.pi, -0.5 * np.pi])
+def test_angles_at_a_right_pitch_give_the_rotation_back(pitch: float) -> None:
+    R = ours.rpy.rpyToMatrix(0.4, pitch, -0.7)
+    found = ours.rpy.matrixToRpy(R)
+    assert found[0] == 0.0
+    assert np.allclose(ours.rpy.rpyToMatrix(found), R, rtol=0.0, atol=1e-9)  # the pitch is known to the root of eps
 
 
 def test_symmetric_matrix_writes_its_inverse_and_product() -> None:
