@@ -58,6 +58,7 @@ class JointModel(metaclass=_Variant):
     """
 
     __slots__ = ("_owner", "id", "idx_q", "idx_v", "idx_vExtended")
+    lieGroup: Any  # given by the module of Lie groups, which stands on this one
     _nq, _nv, _unlimited = 1, 1, (1, 1)  # behind so many coordinates, velocities none has a limit
 
     def __init__(self) -> None:

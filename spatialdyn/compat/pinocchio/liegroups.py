@@ -317,3 +317,11 @@ def findCommonAncestor(model: Model, joint1_id: int, joint2_id: int) -> tuple[in
     first, second = (list(expected(model, Model, "model").supports[k]) for k in (joint1_id, joint2_id))
     shared = sum(a == b for a, b in zip(first, second, strict=False)) - 1
     return int(first[shared]), shared, shared
+
+
+def _of_joint(self: JointModel) -> LieGroup:
+    """The group of the joint's configurations."""
+    return LieGroup(_groups(self))
+
+
+JointModel.lieGroup = _of_joint
