@@ -205,7 +205,9 @@ def test_parts_of_a_composite() -> None:
 def test_a_composite_may_hold_another() -> None:
     def build(pin: Any) -> Any:
         outer = pin.JointModelComposite(pin.JointModelRY(), pin.SE3(TURN, np.ones(3)))
-        outer.addJoint(composite(pin), pin.SE3(TURN.T, np.ones(3)))
+        inner = pin.JointModelComposite(pin.JointModelPZ(), pin.SE3(TURN, np.array([0.1, 0.2, 0.3])))
+        inner.addJoint(pin.JointModelRX(), pin.SE3(TURN.T, np.array([0.3, 0.2, 0.1])))
+        outer.addJoint(inner, pin.SE3(TURN.T, np.ones(3)))
         return chain(pin, outer, pin.JointModelRX())
 
     mine, other = build(ours), build(theirs)
