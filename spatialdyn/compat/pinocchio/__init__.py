@@ -193,6 +193,7 @@ from .model import Model
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia
 from .rebuilt import appendModel, buildReducedModel, transformJointIntoMimic
+from .robot_wrapper import RobotWrapper
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
 from .se3 import SE3
