@@ -215,9 +215,15 @@ EDITS: dict[str, Callable[[Any, Any], Any]] = {
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_takes_effect_at_the_next_call(edit: str) -> None:
     mine, other = both(arm)
-    before = made(mine)
+    before, data = made(mine), mine.createData()
+    q, v, a = states(other)
+    old = ours.rnea(mine, data, q, v, a)
     EDITS[edit](mine, ours)
     EDITS[edit](other, theirs)
+    if mine.nv == len(v):  # the same Data goes on
+        found = ours.rnea(mine, data, q, v, a)
+        assert_close(found, theirs.rnea(other, other.createData(), q, v, a), "rnea", ORACLE)
+        assert (found != old).any()
     assert made(mine) is not before
     if not edit.startswith("add a joint"):
         assert_same_model(mine, other)
