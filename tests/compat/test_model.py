@@ -179,6 +179,24 @@ def test_frames_are_equal_when_all_of_them_is() -> None:
         frame.placement = 3
 
 
+def test_strict_false_gives_nan_for_a_joint_that_moves_no_inertia() -> None:
+    mine, other = both(arm)
+    for pin, model in ((ours, mine), (theirs, other)):
+        model.addJoint(4, pin.JointModelRX(), pin.SE3.Identity(), "bare")
+    q, v, tau = states(other)
+    data = mine.createData()
+    with pytest.raises(sd.InertiaError, match='joint "bare" moves no inertia'):
+        ours.aba(mine, data, q, v, tau)
+    with pytest.raises(sd.InertiaError, match='joint "bare" moves no inertia'):
+        ours.computeMinverse(mine, data, q)
+    mine.strict = False
+    assert np.isnan(ours.aba(mine, data, q, v, tau)).all()
+    assert not np.isfinite(theirs.aba(other, other.createData(), q, v, tau)).all()
+    assert np.isnan(ours.computeMinverse(mine, data, q)).all()
+    mine.appendBodyToJoint(5, ours.Inertia.Identity(), ours.SE3.Identity())
+    assert np.isfinite(ours.aba(mine, data, q, v, tau)).all()
+
+
 # --- edits take effect at the next call ----------------------------------------------------------------------
 
 EDITS: dict[str, Callable[[Any, Any], Any]] = {
