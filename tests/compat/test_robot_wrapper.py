@@ -54,7 +54,7 @@ def test_every_method_gives_what_the_wheels_gives() -> None:
 
 def test_a_reduced_robot_is_that_of_the_wheel() -> None:
     left, right = robot(ours), robot(theirs)
-    lock = ["FL_KFE", 4]
+    lock = ["FL_KFE", 7]
     found, expected = left.buildReducedRobot(lock, left.q0), right.buildReducedRobot(lock, right.q0)
     assert list(found.model.names) == list(expected.model.names)
     assert scaled(found.mass(found.q0), expected.mass(expected.q0)) <= BOUND
