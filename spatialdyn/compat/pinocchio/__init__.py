@@ -130,9 +130,10 @@ from .frame import (
 )
 from .geometry import COLLISION, VISUAL, GeometryModel, GeometryType, buildModelsFromUrdf, createDatas
 from .inertia import Inertia
+from .joint import JointModel
 from .joint_data import JointData
+from .joint_mimic import JointModelMimic
 from .joints import (
-    JointModel,
     JointModelPrismaticUnaligned,
     JointModelPX,
     JointModelPY,
@@ -149,7 +150,6 @@ from .joints import (
 from .joints_many import (
     JointModelComposite,
     JointModelFreeFlyer,
-    JointModelMimic,
     JointModelPlanar,
     JointModelSpherical,
     JointModelSphericalZYX,

@@ -15,7 +15,8 @@ from . import configuration
 from .arguments import ArgumentError, array, described, expected
 from .containers import StdVec_Index
 from .frame import ARG0, ARG1, ArgumentPosition
-from .joints import JointModel, JointModelPX, JointModelRUBX
+from .joint import JointModel
+from .joints import JointModelPX, JointModelRUBX
 from .joints_many import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
 from .model import Model
 from .se3 import SE3 as Placement
