@@ -76,7 +76,7 @@ v.isApprox(v * (1 + 1e-13)); v.isApprox(a); v.isZero(); (0 * v).isZero(); v.isZe
 v.se3Action(M); v.se3ActionInverse(M); f.se3Action(M); f.se3ActionInverse(M); v + np.ones(6); np.ones(6) + v
 np.ones(6) * v; v * np.ones(6); np.float64(2) * v; v * np.int64(3); np.linalg.norm(v); np.linalg.norm(v.vector)
 v == v.vector; v.__getinitargs__(); np.allclose(v, v); np.concatenate([v, f]); v.vector @ f.vector; sum([v, a], a)
-np.vstack([v, a]).shape; pin.Force(f); f.vector; pin.Force(t, w).angular
+np.vstack([v, a]).shape; pin.Force(f); f.vector
 I; I.mass; I.lever; I.inertia; I.matrix(); I.np; np.array(I); I.copy(); copy.deepcopy(I); pickle.loads(pickle.dumps(I))
 repr(I); pin.Inertia(I); pin.Inertia(2, t, J6); pin.Inertia(mass=2.0, lever=t, inertia=J6); pin.Inertia(1.0, column, J6)
 pin.Inertia(1.0, np.array([1, 2, 3]), np.eye(3, dtype=int)); pin.Inertia(1.0, t, np.asfortranarray(J6))
@@ -88,12 +88,12 @@ pin.Inertia.FromDynamicParameters(I.toDynamicParameters()); pin.Inertia.FromSphe
 pin.Inertia.FromBox(1.5, 0.1, 0.2, 0.3); pin.Inertia.FromCylinder(1.5, 0.2, 0.7)
 pin.Inertia.FromEllipsoid(1.5, 0.1, 0.2, 0.3); pin.Inertia.FromCapsule(1.5, 0.2, 0.7); I.toPseudoInertia()
 pin.Inertia.FromPseudoInertia(I.toPseudoInertia()); I.toPseudoInertia().toMatrix(); I.toPseudoInertia().mass
-I.toPseudoInertia().h; I.toPseudoInertia().sigma; I.toPseudoInertia().toDynamicParameters()
+I.toPseudoInertia().toDynamicParameters()
 pin.PseudoInertia.FromMatrix(I.toPseudoInertia().toMatrix()).toInertia(); pin.PseudoInertia.FromInertia(I)
 pin.PseudoInertia(1.3, t, J6).toDynamicParameters(); repr(I.toPseudoInertia())
 pin.LogCholeskyParameters(np.arange(10) / 10).toDynamicParameters()
 pin.LogCholeskyParameters(np.arange(10) / 10).calculateJacobian()
-pin.LogCholeskyParameters(np.arange(10) / 10).toInertia(); pin.LogCholeskyParameters(np.arange(10) / 10).parameters
+pin.LogCholeskyParameters(np.arange(10) / 10).toInertia()
 pin.LogCholeskyParameters(np.arange(10) / 10).toPseudoInertia().toMatrix()
 pin.Inertia.FromLogCholeskyParameters(pin.LogCholeskyParameters(np.arange(10) / 10))
 repr(pin.LogCholeskyParameters(np.arange(10) / 10))
@@ -222,6 +222,10 @@ aa.axis = w; r = aa
 aa.axis[0] = 1; r = aa
 r = np.zeros(1); pin.log3(R, r)
 r = np.zeros(1); pin.log3(quat, r)
+x = I.toPseudoInertia(); r = x.h, x.sigma, x.mass
+x = I.toPseudoInertia(); x.mass = 2; x.h = t; x.sigma = J6; r = x
+x = pin.LogCholeskyParameters(np.arange(10) / 10); r = x.parameters
+x = pin.Force(t, w); r = x.angular
 x = pin.StdVec_Force([f, g]); r = x[1], x[-1], list(x), x.tolist()
 x = pin.StdVec_Force([f]); y = x.copy(); z = pickle.loads(pickle.dumps(x)); r = y[0], z[0]
 x = pin.StdVec_Force([f]); x[0].linear[0] = 9; r = x[0], f
