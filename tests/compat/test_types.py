@@ -533,6 +533,8 @@ x.sort()
 x.put([0], [3.0])
 x[1:][0] = 3.0
 x.reshape(3, 1)[0] = 3.0
+np.reshape(x, (3, 1))[0] = 3.0
+np.atleast_2d(x)[0, 1] = 3.0
 x.T[0] = 3.0
 x.flat[0] = 3.0
 x[::-1] -= 1.0
@@ -553,6 +555,7 @@ np.vstack((x, x))[0, 0] = 1.0
 pickle.loads(pickle.dumps(x))[0] = 1.0
 copy.deepcopy(x)[0] = 1.0
 x.astype(float)[0] = 1.0
+x.flatten()[0] = 1.0
 str(x)
 """
 
@@ -578,9 +581,20 @@ def test_reading_and_writing_what_was_computed_tells_nobody(read: str) -> None:
 
 def test_what_is_computed_from_a_live_array_is_plain() -> None:
     x = live(np.ones(3), Counter())
-    made = (x + 1.0, x.copy(), np.concatenate([x, x]), np.array(x), x @ np.eye(3), np.sin(x), np.cross(x, x), x.sum())
+    made = (
+        x + 1.0,
+        x.copy(),
+        np.concatenate([x, x]),
+        np.array(x),
+        x @ np.eye(3),
+        np.sin(x),
+        np.cross(x, x),
+        x.sum(),
+        x.astype(int),
+    )
     assert {type(y) for y in made} <= {np.ndarray, np.float64}
     assert isinstance(x[:2], Live)
+    assert repr(x) == "array([1., 1., 1.])"
 
 
 @pytest.mark.parametrize(
