@@ -7,7 +7,7 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
-from . import explog, liegroups, rpy, utils
+from . import explog, liegroups, linalg, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
     ccrba,
@@ -144,10 +144,12 @@ from .frame import (
     KinematicLevel,
     ReferenceFrame,
 )
+from .geometry import COLLISION, VISUAL, GeometryModel, GeometryType, buildModelsFromUrdf, createDatas
 from .inertia import Inertia
+from .joint import JointModel
 from .joint_data import JointData
+from .joint_mimic import JointModelMimic
 from .joints import (
-    JointModel,
     JointModelPrismaticUnaligned,
     JointModelPX,
     JointModelPY,
@@ -164,7 +166,6 @@ from .joints import (
 from .joints_many import (
     JointModelComposite,
     JointModelFreeFlyer,
-    JointModelMimic,
     JointModelPlanar,
     JointModelSpherical,
     JointModelSphericalZYX,
@@ -193,13 +194,40 @@ from .kinematics import (
     updateFramePlacements,
     updateGlobalPlacements,
 )
-from .liegroups import LieGroup, lieGroup, tangentMap, tangentMapProduct, tangentMapTransposeProduct
+from .liegroups import (
+    LieGroup,
+    compactTangentMap,
+    findCommonAncestor,
+    getTangentToConfigurationSparsitySegment,
+    lieGroup,
+    tangentMap,
+    tangentMapProduct,
+    tangentMapTransposeProduct,
+)
+from .linalg import isOrthonormal, orthogonalization, orthonormalization
 from .model import Model
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia
 from .rebuilt import appendModel, buildReducedModel, transformJointIntoMimic
+from .robot_wrapper import RobotWrapper
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
+from .versions import (
+    PINOCCHIO_MAJOR_VERSION,
+    PINOCCHIO_MINOR_VERSION,
+    PINOCCHIO_PATCH_VERSION,
+    WITH_COLLISION,
+    WITH_CPPAD,
+    WITH_HPP_FCL,
+    WITH_HPP_FCL_BINDINGS,
+    WITH_OPENMP,
+    WITH_SDFORMAT,
+    WITH_URDFDOM,
+    ScalarType,
+    __version__,
+    checkVersionAtLeast,
+    printVersion,
+)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import dynamics
-from ...errors import ShapeError
+from ...errors import InertiaError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
 from .data import Run, clock, prepared
@@ -53,7 +53,8 @@ def forces(fext: Any, made: Made, njoints: int) -> Array:
 def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) -> Run:
     """A call of a kind, whatever its arguments are; its Run holds the result. Raises what they are wrong by."""
     compiled = prepared(model, data)
-    entry, run = KINDS[kind], data.run_of(kind, model, compiled)
+    entry = KINDS[kind]
+    run: Run = data.run_of(kind, model, compiled)
     names = entry.inputs.split()
     arrays = [
         vector(name, value, model.nq if name == "q" else model.nv) for name, value in zip(names, values, strict=True)
@@ -62,7 +63,12 @@ def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) ->
     if fext is not None:
         fext = forces(fext, compiled, model.njoints)
         given.append(fext)
-    run.result[...] = dynamics.calls[entry.call](compiled.model, *given)
+    try:
+        run.result[...] = dynamics.calls[entry.call](compiled.model, *given)
+    except InertiaError:  # a joint that moves no inertia
+        if model.strict:
+            raise
+        run.result[...] = np.nan
     run.keep(*arrays)
     run.fext = fext
     data.ran(run)

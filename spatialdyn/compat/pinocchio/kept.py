@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import njit, types  # type: ignore[attr-defined]
+from numba import njit, types
 
 from ... import algebra, layouts, spatial
 from ...engines import jit
@@ -54,6 +54,26 @@ def kept(name: str, more: tuple[str, ...] = (), returned: bool = True) -> Callab
     result = made(types.float64, len(spec.output.shape), "C")
     signature = (types.intp, *[vector] * (len(inputs) + len(more)), result, made(types.float64, 1, "C"))
     return jit.compiled(function, signature)
+
+
+@cache
+def placing() -> Callable[..., int]:
+    """``(table, q, poses, memory, joints, placements, frames) -> status``: places of joints, kept, and of frames."""
+    body = [
+        "stamp",
+        "status = places(table, q, poses, memory)",
+        f"if status == {jit.OK}:",
+        "    for k in range(len(joints)):",
+        "        put_pose(compose(get_pose(poses[joints[k]]), get_pose(placements[k])), frames[k])",
+        "return status",
+    ]
+    scope = {**vars(layouts), "compose": spatial.compose, "places": kept("forward_kinematics", (), False)}
+    names = ["table", "q", "poses", "memory", "joints", "placements", "frames"]
+    made: Any = types.Array
+    vector = made(types.float64, 1, "A", readonly=True)
+    stack = made(types.float64, 3, "C")
+    signature = (types.intp, vector, stack, made(types.float64, 1, "C"), made(types.intp, 1, "C"), stack, stack)
+    return jit.compiled(jit.define("placing", names, body, scope), signature)
 
 
 def listed(name: str, operator: Callable[..., Any], kinds: str) -> Callable[..., None]:
