@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import dynamics
+from ...border import core_shape
+from ...engines import jit
 from ...errors import SpatialDynError
 from ...recursions import SPECS
 from ...recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
@@ -18,7 +20,7 @@ from ...recursions.spec import WORLD as IN_WORLD
 from .arguments import ArgumentError, ValueRuntimeError, expected
 from .calls import perform, quick, returned
 from .data import Run, prepared
-from .kinematics import IDENTITY, _first, code_of, joint_index
+from .kinematics import IDENTITY, _first, _single, code_of, joint_index
 from .kinematics import _frame as _place
 from .se3 import SE3
 
@@ -97,9 +99,17 @@ def _last(data: Any, *kinds: str) -> Run | None:
 def computeForwardKinematicsDerivatives(model: Any, data: Any, q: Any, v: Any, a: Any = None) -> None:
     """Prepare the derivatives of velocities, with a those of accelerations, that the functions below return."""
     if a is None:
-        perform(model, data, "kinematics_derivatives1", q, v)
+        _prepared1(model, data, q, v)
     else:
-        perform(model, data, "kinematics_derivatives2", q, v, a)
+        _prepared2(model, data, q, v, a)
+
+
+def _velocities(model: Any, data: Any, q: Any, v: Any) -> None:
+    perform(model, data, "kinematics_derivatives1", q, v)
+
+
+def _accelerations(model: Any, data: Any, q: Any, v: Any, a: Any) -> None:
+    perform(model, data, "kinematics_derivatives2", q, v, a)
 
 
 def _kinematics(model: Any, data: Any, accelerations: bool = False) -> Run:
@@ -116,20 +126,29 @@ def _kinematics(model: Any, data: Any, accelerations: bool = False) -> Run:
     return run
 
 
-def _of_frame(name: str, run: Run, joint: int, placement: Array, code: int, *static: int) -> Array:
-    """A call of the library about a frame on a joint; in local_world_aligned as Pinocchio has it.
-
-    There its derivatives are those of the world's, moved to where the frame is: of a point that does not move along.
-    """
-    spec, model, row = SPECS[name], run.made.model, int(run.made.rows[joint])
+def _asked(name: str, run: Run, row: int, placement: Array, *static: int) -> Array:
+    """A call of the library about a frame, at what a call of the face was given; straight to its kernel if it can."""
+    spec, model = SPECS[name], run.made.model
     values = [getattr(run, x.name) for x in spec.given if not x.static]
-    found: Array
+    if model.mimic_matrix is None:
+        out = np.empty(core_shape(model, spec.output))
+        if not _single(name)(getattr(model, jit.TABLE), *values, row, placement, *static, out):
+            return out
+    found: Array = _dynamics.general(spec, model, values, (row, placement, *static), None)
+    return found
+
+
+def _of_frame(name: str, run: Run, joint: int, placement: Array, code: int, *static: int) -> Array:
+    """Derivatives of the motion of a frame on a joint; in local_world_aligned as Pinocchio has them.
+
+    There they are those of the world's, moved to where the frame is: of a point that does not move along.
+    """
+    row = int(run.made.rows[joint])
     if code != ALIGNED:
-        found = _dynamics.general(spec, model, values, (row, placement, code, *static), None)
-        return found
-    found = _dynamics.general(spec, model, values, (row, placement, IN_WORLD, *static), None)
-    X = _dynamics.general(SPECS["frame_placement"], model, [run.q], (row, placement), None)
-    found[:, :3] += np.cross(found[:, 3:], X[:3, 3], axisa=1, axisc=1)
+        return _asked(name, run, row, placement, code, *static)
+    found = _asked(name, run, row, placement, IN_WORLD, *static)
+    x = _asked("frame_placement", run, row, placement)[:3, 3]
+    found[:, :3] += np.cross(found[:, 3:], x, axisa=1, axisc=1)
     return found
 
 
@@ -185,9 +204,9 @@ def getPointVelocityDerivatives(
     model: Any, data: Any, joint_id: int, placement: Any, reference_frame: Any
 ) -> tuple[Array, Array]:
     """∂v/∂q and ∂v/∂v, (3, nv) each, of the velocity of a point fixed to a joint; LOCAL or LOCAL_WORLD_ALIGNED."""
-    run, place = _kinematics(model, data), _point(model, joint_id, placement, reference_frame)
-    spec = SPECS["frame_velocity_derivatives"]
-    by_q, J = _dynamics.general(spec, run.made.model, (run.q, run.v), _at(run, *place), None)
+    run = _kinematics(model, data)
+    place = _point(model, run, joint_id, placement, reference_frame)
+    by_q, J = _asked("frame_velocity_derivatives", run, *place)
     return by_q[:3].copy(), J[:3].copy()
 
 
@@ -196,25 +215,19 @@ def getPointClassicAccelerationDerivatives(
 ) -> tuple[Array, Array, Array, Array]:
     """∂v/∂q, ∂a/∂q, ∂a/∂v and ∂a/∂a, (3, nv) each, of the acceleration a of a point fixed to a joint."""
     by_q, _ = getPointVelocityDerivatives(model, data, joint_id, placement, reference_frame)
-    run, place = _kinematics(model, data, True), _point(model, joint_id, placement, reference_frame)
-    spec, values = SPECS["frame_acceleration_derivatives"], (run.q, run.v, run.a)
-    parts = _dynamics.general(spec, run.made.model, values, (*_at(run, *place), 1), None)
-    return by_q, *(part[:3].copy() for part in parts)
+    run = _kinematics(model, data, True)
+    place = _point(model, run, joint_id, placement, reference_frame)
+    classical = _asked("frame_acceleration_derivatives", run, *place, 1)
+    return by_q, classical[0, :3].copy(), classical[1, :3].copy(), classical[2, :3].copy()
 
 
-def _point(model: Any, joint_id: Any, placement: Any, reference_frame: Any) -> tuple[int, Array, int]:
-    joint, place, code = (
-        joint_index(model, joint_id),
-        expected(placement, SE3, "placement")._x,
-        code_of(reference_frame),
-    )
+def _point(model: Any, run: Run, joint_id: Any, placement: Any, reference_frame: Any) -> tuple[int, Array, int]:
+    """Row, placement and reference of a point."""
+    joint, place = joint_index(model, joint_id), expected(placement, SE3, "placement")._x
+    code = code_of(reference_frame)
     if code == IN_WORLD:
         raise SpatialDynError("reference frame is WORLD, expected LOCAL or LOCAL_WORLD_ALIGNED")
-    return joint, place, code
-
-
-def _at(run: Run, joint: int, placement: Array, code: int) -> tuple[int, Array, int]:
-    return int(run.made.rows[joint]), placement, code
+    return int(run.made.rows[joint]), place, code
 
 
 # --- the robot as a whole ----------------------------------------------------------------------------------
@@ -251,6 +264,8 @@ def getCenterOfMassVelocityDerivatives(model: Any, data: Any) -> Array:
     return np.array(found[0])
 
 
+_prepared1 = quick(_velocities, "kinematics_derivatives1", result=False)
+_prepared2 = quick(_accelerations, "kinematics_derivatives2", result=False)
 _rnea_derivatives = quick(_computeRNEADerivatives, "rnea_derivatives", condition="fext is None", more=", fext=None")
 _aba_derivatives = quick(_computeABADerivatives, "aba_derivatives", condition="fext is None", more=", fext=None")
 _centroidal_derivatives = quick(_computeCentroidalDynamicsDerivatives, "centroidal_derivatives")
