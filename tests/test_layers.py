@@ -29,6 +29,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "engines": ("recursions", "errors"),
     "layouts": ("recursions",),
     "algebra": ("layouts", "engines"),
+    "kept": ("algebra",),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -56,7 +57,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("algebra", "trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("kept", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
@@ -72,7 +73,7 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 # what recursions import of their own room
 SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "centroidal"}
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {"simulation.trajectory", "compat.pinocchio.stored"}  # write and read themselves
+SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
