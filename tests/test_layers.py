@@ -29,6 +29,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "engines": ("recursions", "errors"),
     "layouts": ("recursions",),
     "algebra": ("layouts", "engines"),
+    "kept": ("algebra",),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -56,7 +57,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("algebra", "trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("kept", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
@@ -75,7 +76,7 @@ SHARED = {
     "kinematics",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {"simulation.trajectory", "compat.pinocchio.stored"}  # write and read themselves
+SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
