@@ -265,7 +265,9 @@ SPECS = (
             "da", (3, "nv", "nv"), "1/s² | 1/(m s²) | m/s²; 1/s | 1/(m s) | m/s; 1/(kg m²) | 1/(kg m) | 1/kg",
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
         ),
-        "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.",
+        "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
+        "    A program of them grows with the cube of nv: of more than 25, batches run sample by sample unless\n"
+        "    ``specialize`` is asked for one, which is several times faster and takes half a minute to compile.",
         _SOURCE, pivots=True, regroup=True, terms=("nv",) * 3, spare=(("nv",), ("nv", "nv")),
     ),
     Spec(
