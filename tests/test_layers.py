@@ -27,6 +27,9 @@ BELOW: dict[str, tuple[str, ...]] = {
     "bodies": ("tables",),
     "recursions": ("bodies",),
     "engines": ("recursions", "errors"),
+    "layouts": ("recursions",),
+    "algebra": ("layouts", "engines"),
+    "kept": ("algebra",),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -54,7 +57,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward", "truth"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("kept", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
@@ -68,9 +71,12 @@ UPWARD: dict[tuple[str, str], str] = {}
 CHANGED = {"engines.batches": {"_kept", "team"}}
 
 # what recursions import of their own room
-SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton"}
+SHARED = {
+    "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "centroidal", "derivatives",
+    "kinematics",
+}  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {"simulation.trajectory"}  # writes and reads itself
+SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
@@ -283,8 +289,13 @@ def test_nobody_asks_for_fastmath_altogether(name: str) -> None:
 
 
 def test_every_recursion_is_written_once() -> None:
+    """Under its own name; a face gives the calls other names, some of which are the same."""
     written = Counter(
-        node.name for tree in MODULES.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+        node.name
+        for name, tree in MODULES.items()
+        if room_of(name) != "compat"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
     )
     assert {name: written[name] for name in {"rnea", "crba", "aba"}} == {"rnea": 1, "crba": 1, "aba": 1}
     assert {spec.recursion.__name__ for spec in SPECS.values() if written[spec.recursion.__name__] != 1} == set()

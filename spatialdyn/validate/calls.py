@@ -47,8 +47,13 @@ class Call:
 
     @property
     def references(self) -> tuple[str, ...]:
-        """The references it is asked in; none for a placement and for calls about no frame."""
-        return REFERENCES if any(x.name == "reference" for x in SPECS[self.name].given) else ()
+        """The references it is asked in; none for a placement and for calls about no frame.
+
+        Not local_world_aligned for derivatives: Pinocchio's are there those of a point that does not move along, and
+        so none of what its getFrameVelocity returns.
+        """
+        asked = REFERENCES[:2] if self.name.endswith("_derivatives") else REFERENCES
+        return asked if any(x.name == "reference" for x in SPECS[self.name].given) else ()
 
     @property
     def rank(self) -> int:
@@ -75,10 +80,18 @@ CALLS = (
     Call("center_of_mass", "q", "centerOfMass"),
     Call("center_of_mass_velocity", "q v", "centerOfMass", lambda data: data.vcom[0]),
     Call("center_of_mass_acceleration", "q v a", "centerOfMass", lambda data: data.acom[0]),
+    Call("subtree_centers_of_mass", "q", "centerOfMass", lambda data: derived.of_masses(data, data.com)),
+    Call("subtree_com_velocities", "q v", "centerOfMass", lambda data: derived.of_masses(data, data.vcom)),
+    Call("subtree_com_accelerations", "q v a", "centerOfMass", lambda data: derived.of_masses(data, data.acom)),
     Call("com_jacobian", "q", "jacobianCenterOfMass"),
     Call("forward_kinematics", "q", "forwardKinematics", lambda data: list(data.oMi)),
+    Call("joint_velocities", "q v", "forwardKinematics", lambda data: list(data.v)),
+    Call("joint_accelerations", "q v a", "forwardKinematics", lambda data: list(data.a)),
+    Call("joint_forces", "q v a", "rnea", lambda data: list(data.f)),
+    Call("joint_forces (fext)", "q v a fext", "rnea", lambda data: list(data.f)),
     Call("frame_placement", "q", "forwardKinematics", frame="updateFramePlacement"),
     Call("frame_jacobian", "q", "computeJointJacobians", frame="getFrameJacobian"),
+    Call("frame_jacobian_dot", "q v", "computeJointJacobiansTimeVariation", frame="getFrameJacobianTimeVariation"),
     Call("frame_velocity", "q v", "forwardKinematics", frame="getFrameVelocity"),
     Call("frame_acceleration", "q v a", "forwardKinematics", frame="getFrameAcceleration"),
     Call(
@@ -88,6 +101,7 @@ CALLS = (
     Call("joint_jacobians", "q", "computeJointJacobians"),
     Call("joint_jacobians_dot", "q v", "computeJointJacobiansTimeVariation"),
     Call("centroidal_momentum", "q v", "computeCentroidalMomentum"),
+    Call("centroidal_momentum_rate", "q v a", "computeCentroidalMomentumTimeVariation"),
     Call("centroidal_map", "q", "computeCentroidalMap"),
     Call("centroidal_map_dot", "q v", "dccrba", lambda data: data.dAg),
     Call("coriolis_matrix", "q v", "computeCoriolisMatrix"),
@@ -96,6 +110,20 @@ CALLS = (
     Call("modified_rnea", "q v d a", derived.modified_rnea_by_pin),
     Call("christoffel_symbols", "q", derived.christoffel_symbols_by_pin),
     Call("mass_matrix_derivatives", "q", derived.mass_matrix_derivatives_by_pin),
+    Call("rnea_derivatives", "q v a", "computeRNEADerivatives"),
+    Call("rnea_derivatives (fext)", "q v a fext", "computeRNEADerivatives"),
+    Call("aba_derivatives", "q v tau", "computeABADerivatives"),
+    Call("generalized_gravity_derivatives", "q", "computeGeneralizedGravityDerivatives"),
+    Call("static_torque_derivatives", "q fext", "computeStaticTorqueDerivatives"),
+    Call("center_of_mass_velocity_derivatives", "q v", derived.center_of_mass_velocity_derivatives_by_pin),
+    Call("centroidal_dynamics_derivatives", "q v a", "computeCentroidalDynamicsDerivatives"),
+    Call(
+        "frame_velocity_derivatives", "q v", "computeForwardKinematicsDerivatives", frame="getFrameVelocityDerivatives"
+    ),
+    Call(
+        "frame_acceleration_derivatives", "q v a", "computeForwardKinematicsDerivatives",
+        frame="getFrameAccelerationDerivatives",
+    ),
     Call("neutral", "", "neutral", data=False),
     Call("normalize", "raw", "normalize", data=False),
     Call("integrate", "q d", "integrate", data=False),
@@ -109,7 +137,7 @@ CALLS = (
     Call("momentum_rate", "q v tau", ""),
     Call("momentum_rate (fext)", "q v tau fext", ""),
     Call("hamilton_field", "q tau a", ""),
-)
+)  # fmt: skip
 FORWARD = ("aba", "aba_refined", "aba_square_root", "crba_solve")
 BY_LABEL = {call.label: call for call in CALLS}
 

@@ -46,3 +46,16 @@ def mass_matrix_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array) ->
     """Γ_ijk + Γ_jik."""
     symbols = christoffel_symbols_by_pin(pin, model, data, q)
     return symbols + symbols.transpose(1, 0, 2)
+
+
+def center_of_mass_velocity_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """∂vc/∂q, which it has, and the Jacobian."""
+    pin.computeAllTerms(model, data, q, v)
+    by_q = np.array(pin.getCenterOfMassVelocityDerivatives(model, data), float).reshape(3, model.nv)
+    return np.stack([by_q, np.array(pin.jacobianCenterOfMass(model, data, q), float).reshape(3, model.nv)])
+
+
+def of_masses(data: Any, found: Any) -> Array:
+    """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
+    masses = np.array(data.mass)[:, None]
+    return np.where(masses > 0.0, np.array([np.ravel(x) for x in found]), 0.0)

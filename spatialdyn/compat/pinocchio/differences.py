@@ -1,0 +1,121 @@
+"""Where this face differs from Pinocchio on purpose.
+
+``model.strict = False`` turns those with ``switched`` to Pinocchio's way, for calls with that model and its copies.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Difference(NamedTuple):
+    """What is concerned, what Pinocchio does, what this face does, and whether ``model.strict = False`` switches it."""
+
+    what: str
+    pinocchio: str
+    here: str
+    switched: bool = False
+
+
+DIFFERENCES = (
+    Difference(
+        "getFrameId, getBodyId, getJointId of a name that is not there",
+        "the number of frames or joints",
+        "an error that names what is like it",
+        True,
+    ),
+    Difference(
+        "aba, computeMinverse with a joint that moves no inertia",
+        "NaN or infinite entries",
+        "InertiaError naming the joint; NaN if switched",
+        True,
+    ),
+    Difference(
+        "randomConfiguration where a limit is not finite",
+        "infinite or NaN coordinates",
+        "coordinates from a range of width 2",
+        True,
+    ),
+    Difference(
+        "lowerVelocityLimit, and lowerEffortLimit of the sample models", "the upper limit", "the upper limit's negative"
+    ),
+    Difference(
+        "models whose joints are not depth first",
+        "wrong mass matrices, without a word",
+        "ModelError naming the joint at the first call",
+    ),
+    Difference(
+        "crba where joints of several freedoms stand between a mimic joint and its leader",
+        "not the mass matrix that its rnea has",
+        "that of rnea",
+    ),
+    Difference(
+        "geometry returned by buildModelsFromUrdf",
+        "shapes and meshes",
+        "a GeometryModel that raises NotImplementedError when it is used",
+    ),
+    Difference(
+        "joint indices that are not there (appendBodyToJoint, addFrame)",
+        "memory is overwritten",
+        "ModelError naming the index",
+    ),
+    Difference("axes of unaligned joints that are not of unit length", "wrong joints", "normalised; an error if null"),
+    Difference("gravity with an angular part", "an angular acceleration of the world", "ModelError"),
+    Difference(
+        "assigning an array of the wrong size to a limit or an armature", "accepted", "ShapeError naming the attribute"
+    ),
+    Difference("inertias no body can have in a URDF", "kept", "kept, and named in a warning"),
+    Difference("a planar joint of a URDF whose axis is not z", "its axis is ignored", "ignored too, with a warning"),
+    Difference("a revolute joint of a URDF without limits", "an error", "an unlimited joint"),
+    Difference(
+        "broken or half-read URDF", "what urdfdom makes of it", "UrdfError naming file, line, element and attribute"
+    ),
+    Difference("negative effort or velocity limits of a URDF", "kept", "no limit"),
+    Difference("appendModel: gravity, name and armature", "defaults", "gravity and name of A, armature of both"),
+    Difference("buildReducedModel: parent frame of a locked joint's frame", "the frame itself", "the frame before it"),
+    Difference("loadRotorParameters called twice", "adds the rotors to the armature twice", "once"),
+    Difference(
+        "saveToText, saveToXML, saveToBinary", "Boost archives", "files of this face, which Pinocchio does not read"
+    ),
+    Difference(
+        "setIndexes, joint axes: what model.joints[i] gives", "a JointModel that holds any kind", "the joint itself"
+    ),
+    Difference(
+        "Jexp6, Jlog6, log6 near the identity, log3, log6 near half a turn",
+        "up to 1e-7 off at angles of 1e-3, and 4e-14 off near half a turn",
+        "exact to rounding at every angle",
+    ),
+    Difference("Hlog3 at the identity", "NaN", "half the cross product, its limit"),
+    Difference("SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis()", "what memory held", "identity or zero"),
+    Difference("an Inertia less a heavier one", "a centre of mass divided by 2e-16", "the body that adds up again"),
+    Difference("Inertia.FromDynamicParameters, Inertia.inverse without mass", "NaN or infinite", "InertiaError"),
+    Difference("Quaternion.FromTwoVectors of a null vector", "no rotation", "an error"),
+    Difference("Symmetric3.inverse, Symmetric3.rhsMult", "write to a copy", "write to the array given"),
+    Difference("Symmetric3.vxs, Symmetric3.svx, isOrthonormal, orthonormalization", "refuse every array", "work"),
+    Difference("pickling Quaternion, AngleAxis, Symmetric3", "refused", "works"),
+    Difference("rpy.matrixToRpy at a right angle of pitch", "some roll and yaw that fit", "roll 0"),
+    Difference("operations of a LieGroup on arrays of a wrong size", "memory is overwritten", "ShapeError"),
+    Difference(
+        "derivatives of models with composite or universal joints or ZYX angles",
+        "wrong by what their axes turn",
+        "right",
+    ),
+    Difference(
+        "getJointAccelerationDerivatives, getFrameAccelerationDerivatives by q in WORLD, of what spherical and planar "
+        "joints carry that hang on others",
+        "not the derivatives of its own accelerations",
+        "those",
+    ),
+    Difference(
+        "derivatives of frames, centroidal dynamics and centres of mass without the call that has to come before",
+        "zeros, or what was before",
+        "an error that names the call",
+    ),
+    Difference("utils.mprint", "prints", "NotImplementedError; nothing here writes to the terminal"),
+    Difference("Random, setRandom, sample models", "Eigen's random numbers", "NumPy's; pin.seed starts them"),
+)
+
+
+def differences() -> tuple[Difference, ...]:
+    """Where this face differs from Pinocchio on purpose."""
+    return DIFFERENCES
