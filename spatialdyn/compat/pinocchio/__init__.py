@@ -7,6 +7,8 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from . import explog, liegroups, linalg, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
@@ -66,6 +68,7 @@ from .containers import (
     StdVec_Vec3s,
     StdVec_Vector3,
 )
+from .coverage import absent, coverage
 from .data import Data
 from .differences import differences
 from .dynamics import (
@@ -215,3 +218,9 @@ from .versions import (
     checkVersionAtLeast,
     printVersion,
 )
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Say what to use instead of a name that Pinocchio has and this face has not."""
+        raise absent(name)
