@@ -202,6 +202,7 @@ from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, b
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
+from .tangent import compactTangentMap, tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .versions import (
     PINOCCHIO_MAJOR_VERSION,
     PINOCCHIO_MINOR_VERSION,
