@@ -1,5 +1,5 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
-``check ROBOT``, ``trade ROBOT``.
+``check ROBOT``, ``trade ROBOT``, ``port SCRIPT``.
 
 Exit status: 0 all is well, 1 disagreement with Pinocchio, 2 bad input, which is said on stderr in one line.
 """
@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from .commands import check, compare, derive, info, simulate, trade
+from .commands import check, compare, derive, info, port, simulate, trade
 from .errors import SpatialDynError
 
 
@@ -36,6 +36,6 @@ def _parser() -> argparse.ArgumentParser:
         prog="spatialdyn", description="Rigid-body dynamics of URDF robots: look at one, compare it with Pinocchio."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (info, check, derive, compare, simulate, trade):
+    for command in (info, check, derive, compare, simulate, trade, port):
         command.add(commands)
     return parser

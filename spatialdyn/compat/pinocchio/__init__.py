@@ -7,6 +7,8 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from . import explog, liegroups, linalg, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
@@ -66,6 +68,7 @@ from .containers import (
     StdVec_Vec3s,
     StdVec_Vector3,
 )
+from .coverage import absent, coverage
 from .data import Data
 from .derivatives import (
     computeABADerivatives,
@@ -215,6 +218,7 @@ from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, b
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
+from .tangent import compactTangentMap, tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .versions import (
     PINOCCHIO_MAJOR_VERSION,
     PINOCCHIO_MINOR_VERSION,
@@ -231,3 +235,9 @@ from .versions import (
     checkVersionAtLeast,
     printVersion,
 )
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Say what to use instead of a name that Pinocchio has and this face has not."""
+        raise absent(name)
