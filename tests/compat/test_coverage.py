@@ -68,9 +68,7 @@ def test_the_core_is_supported() -> None:
 
 
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
-    with pytest.raises(
-        NotImplementedError, match=r"computeCollisions is not in .*: geometry and collisions"
-    ):
+    with pytest.raises(NotImplementedError, match=r"computeCollisions is not in .*: geometry and collisions"):
         ours.computeCollisions
     with pytest.raises(NotImplementedError, match="convert the file to URDF"):
         ours.buildModelFromMJCF

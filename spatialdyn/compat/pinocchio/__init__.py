@@ -430,7 +430,7 @@ __all__ = [
     "updateFramePlacements",
     "updateGlobalPlacements",
     "utils",
-]  # fmt: skip
+]
 
 if not TYPE_CHECKING:
 
