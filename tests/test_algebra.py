@@ -66,7 +66,8 @@ def test_compiled_operators_give_what_their_source_gives(name: str) -> None:
         out, plain = np.full(SHAPES[made[0]], np.nan), np.full(SHAPES[made[0]], np.nan)
         getattr(algebra, name)(*inputs, out)
         arguments = [
-            getattr(layouts, f"get_{kind}")(x.tolist() if x.ndim == 1 else x) for kind, x in zip(takes, inputs, strict=True)
+            getattr(layouts, f"get_{kind}")(x.tolist() if x.ndim == 1 else x)
+            for kind, x in zip(takes, inputs, strict=True)
         ]
         getattr(layouts, f"put_{made[0]}")(operator(*arguments), plain)
         assert np.abs(out - plain).max() <= FUSED * max(1.0, np.abs(plain).max())
