@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,19 @@ def test_every_public_name_of_the_wheel_is_covered_once() -> None:
         assert x.note != "it is not in this face", x.name
 
 
+def test_all_that_is_imported_is_exported() -> None:
+    tree = ast.parse(Path(ours.__file__).read_text(encoding="utf-8"))
+    imported = {
+        alias.asname or alias.name
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom) and node.level
+        for alias in node.names
+    }
+    assert imported - {*ours.__all__} == {"absent", "__version__"}
+    assert len(ours.__all__) == len({*ours.__all__})
+    assert all(hasattr(ours, name) for name in ours.__all__)
+
+
 def test_the_core_is_supported() -> None:
     for name in (
         "buildModelFromUrdf", "rnea", "aba", "crba", "forwardKinematics", "framesForwardKinematics", "getFrameJacobian",
@@ -54,9 +68,7 @@ def test_the_core_is_supported() -> None:
 
 
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
-    with pytest.raises(
-        NotImplementedError, match=r"computeCollisions is not in .*: geometry and collisions"
-    ):
+    with pytest.raises(NotImplementedError, match=r"computeCollisions is not in .*: geometry and collisions"):
         ours.computeCollisions
     with pytest.raises(NotImplementedError, match="convert the file to URDF"):
         ours.buildModelFromMJCF
