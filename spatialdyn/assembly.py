@@ -35,7 +35,7 @@ from .spatial import (
     identity_pose,
     inertia_to_parent,
 )
-from .tables import put_inertia, put_vec
+from .tables import put_vec
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -228,11 +228,10 @@ def tabulate(
     for index, ((joint, parent, X), kind) in enumerate(zip(moving, kinds, strict=True), start=1):
         nq, nv = table.NQ[kind], table.NV[kind]
         put_joint(bodies, row, kind, X, subspace(joint.kind, joint.axis), at)
-        bodies[row].parent = joints[parent].row
+        bodies["parent"][row] = joints[parent].row
         bodies["armature"][row : row + nv] = joint.armature
         last = row + nv - 1
-        bodies[last].joint = index
-        put_inertia(bodies[last].inertia, inertias[index])
+        bodies["joint"][last], bodies["inertia"][last] = index, inertias[index]
         joints.append(Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, matrix(X), frozen(joint.axis)))
         at, row = at + nq, row + nv
     bodies[0].at, bodies[0].dofs = at, len(joints)
@@ -246,25 +245,23 @@ def tabulate(
 
 def _put_last(bodies: NDArray[Any]) -> None:
     """Fill the column last."""
-    last = bodies["last"]
-    last[:] = np.arange(len(bodies))
+    last, parents = list(range(len(bodies))), bodies["parent"].tolist()
     for i in range(len(bodies) - 1, 0, -1):
-        parent = bodies[i].parent
-        last[parent] = max(last[parent], last[i])
+        last[parents[i]] = max(last[parents[i]], last[i])
+    bodies["last"] = last
 
 
 def _put_bounds(bodies: NDArray[Any]) -> None:
     """Fill the column bound: how much inertia a row can see at most, with every joint below it stretched."""
-    mass, first, second = np.zeros((3, len(bodies)))
-    for i in range(len(bodies) - 1, 0, -1):
-        b = bodies[i]
-        J = b.inertia.I
-        mass[i] += b.inertia.m
-        first[i] += math.hypot(*b.inertia.h.tolist())
-        second[i] += math.hypot(J.xx, J.xy, J.xz, J.xy, J.yy, J.yz, J.xz, J.yz, J.zz)  # no square over- or underflows
-        turns = any(b.S.w.tolist())
-        put_vec(b.bound, Vec(second[i], first[i], mass[i]) if turns else Vec(mass[i], 0.0, 0.0))
-        p, parent = math.hypot(*b.X.p.tolist()), b.parent
+    mass, first, second = ([0.0] * len(bodies) for _ in range(3))
+    columns = (bodies[name].tolist() for name in ("parent", "X", "S", "inertia"))
+    for i, (parent, (_, at), (w, _), (m, h, I)) in reversed([*enumerate(zip(*columns, strict=True))][1:]):
+        xx, xy, xz, yy, yz, zz = I
+        mass[i] += m
+        first[i] += math.hypot(*h)
+        second[i] += math.hypot(xx, xy, xz, xy, yy, yz, xz, yz, zz)  # no square over- or underflows
+        bodies["bound"][i] = (second[i], first[i], mass[i]) if any(w) else (mass[i], 0.0, 0.0)
+        p = math.hypot(*at)
         mass[parent] += mass[i]
         first[parent] += first[i] + p * mass[i]
         second[parent] += second[i] + 2.0 * p * first[i] + p * p * mass[i]
