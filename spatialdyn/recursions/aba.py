@@ -168,7 +168,10 @@ def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
             put_force(work[j].F, force_to_parent(X, add_force(F, scale_force(Mij, U))))
 
     for j in range(1, n + 1):
-        for i in range(1, j + 1):
+        root = j
+        while bodies[root].parent > 0:
+            root = bodies[root].parent
+        for i in range(root, j + 1):  # of another branch from the world it is zero
             here, parent = work[i], work[bodies[i].parent]
             P = motion_to_child(pose_of(here.X), motion_of(parent.P))
             Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
