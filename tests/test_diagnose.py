@@ -162,6 +162,17 @@ def test_a_heavy_body_on_light_ones_is_named_and_a_light_one_is_not() -> None:
     assert light.of("mass ratio") == light.of("digits") == ()
 
 
+def test_a_negative_inertia_is_an_error_and_no_warning_of_numpy() -> None:
+    """Warnings are errors here: its root is taken of no negative number."""
+    builder = sd.ModelBuilder("odd")
+    builder.add_body("a", None, "revolute", (0, 0, 1), None, (1.0, (0.0, 0.0, 0.0), np.diag([1.0, 1.0, -0.1])))
+    with pytest.warns(UserWarning, match="principal moments"):
+        model = builder.build()
+    found = sd.diagnose(model)
+    assert found.severity == "error"
+    assert [f.link for f in found.of("singular")] == ["a"]
+
+
 def test_armature_is_a_remedy() -> None:
     """What the findings about a heavy tip recommend."""
     masses = (1.0,) * 6 + (1e6,)

@@ -191,8 +191,8 @@ def _spatial_inertia(model: Model, row: int) -> Array:
 
 def _conditions(model: Model, M: Array, first: str) -> tuple[dict[str, float], list[Finding]]:
     """Condition of M scaled to a unit diagonal, in the first state and the worst of all, and what there is to say."""
-    scale = np.sqrt(np.einsum("kii->ki", M))
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # inertias that no body has may make an entry of the diagonal negative
+        scale = np.sqrt(np.einsum("kii->ki", M))
         unit = M / (scale[:, :, None] * scale[:, None, :])
     if not np.isfinite(unit).all():
         return {first: math.inf, **({"sampled": math.inf} if len(M) > 1 else {})}, []
