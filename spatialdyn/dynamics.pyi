@@ -14,6 +14,7 @@ __all__ = [
     "aba",
     "aba_refined",
     "aba_square_root",
+    "body_regressor",
     "center_of_mass",
     "center_of_mass_acceleration",
     "center_of_mass_velocity",
@@ -37,12 +38,15 @@ __all__ = [
     "generalized_gravity",
     "hamilton_field",
     "hamiltonian",
+    "inertial_parameters",
     "integrate",
     "interpolate",
     "jacobian_dot_times_v",
     "joint_jacobians",
     "joint_jacobians_dot",
+    "joint_torque_regressor",
     "kinetic_energy",
+    "kinetic_energy_regressor",
     "mass_matrix_derivatives",
     "mass_matrix_dot",
     "minverse",
@@ -53,8 +57,10 @@ __all__ = [
     "nonlinear_effects",
     "normalize",
     "potential_energy",
+    "potential_energy_regressor",
     "rnea",
     "set_num_threads",
+    "static_regressor",
     "static_torque",
     "total_mass",
     "velocity_from_momentum",
@@ -132,6 +138,16 @@ def jacobian_dot_times_v(
 def aba_refined(
     model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, fext: ArrayLike | None = ..., out: Array | None = ...
 ) -> Array: ...
+def inertial_parameters(model: Model, out: Array | None = ...) -> Array: ...
+def joint_torque_regressor(
+    model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = ...
+) -> Array: ...
+def body_regressor(
+    model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, frame: str | Frame, out: Array | None = ...
+) -> Array: ...
+def kinetic_energy_regressor(model: Model, q: ArrayLike, v: ArrayLike, out: Array | None = ...) -> Array: ...
+def potential_energy_regressor(model: Model, q: ArrayLike, out: Array | None = ...) -> Array: ...
+def static_regressor(model: Model, q: ArrayLike, out: Array | None = ...) -> Array: ...
 def rnea(
     model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, fext: ArrayLike | None = ..., out: Array | None = ...
 ) -> Array: ...

@@ -68,7 +68,7 @@ UPWARD: dict[tuple[str, str], str] = {}
 CHANGED = {"engines.batches": {"_kept", "team"}}
 
 # what recursions import of their own room
-SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton"}
+SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics"}
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {"simulation.trajectory"}  # writes and reads itself
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
