@@ -1,7 +1,8 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
-``check ROBOT``.
+``check ROBOT``, ``port SCRIPT.py``.
 
-Exit status: 0 all is well, 1 disagreement with Pinocchio, 2 bad input, which is said on stderr in one line.
+Exit status: 0 all is well, 1 disagreement with Pinocchio, or a script uses what is not there, 2 bad input, which is
+said on stderr in one line.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from .commands import check, compare, derive, info, simulate
+from .commands import check, compare, derive, info, port, simulate
 from .errors import SpatialDynError
 
 
@@ -36,6 +37,6 @@ def _parser() -> argparse.ArgumentParser:
         prog="spatialdyn", description="Rigid-body dynamics of URDF robots: look at one, compare it with Pinocchio."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (info, check, derive, compare, simulate):
+    for command in (info, check, derive, compare, simulate, port):
         command.add(commands)
     return parser

@@ -1,0 +1,138 @@
+"""What of Pinocchio the face has: every public name is supported, supported with a difference, or out of scope.
+
+A name that is out of scope raises ``OutOfScopeError``, a NotImplementedError that says what to use instead; nothing is
+silently missing. ``coverage()`` lists them all.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import types
+from fnmatch import fnmatchcase
+from typing import Any, NamedTuple
+
+from ...errors import SpatialDynError
+from .names import NAMES
+
+SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a difference", "out of scope", "unknown"
+
+_GEOMETRY = "geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements"
+_CONSTRAINTS = (
+    "constraint solvers: forwardDynamics or impulseDynamics with the constraints' Jacobian, "
+    "computeKKTContactDynamicMatrixInverse for the matrix"
+)
+_MJCF = "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF"
+_HELICAL = "a joint that URDF does not have: JointModelComposite of those there are"
+_NOT_ITS = "a module that the wheel happens to show: import it by its own name"
+_CONTAINER = "a container of C++: a list or dict of Python"
+
+INSTEAD: tuple[tuple[str, str], ...] = (
+    ("ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDelassusMatrix computeDampedDelassusMatrixInverse", _CONSTRAINTS),
+    ("Constraint* Contact Contact?* *ConstraintModel *ConstraintData *ConstraintModels *ConstraintDatas", _CONSTRAINTS),
+    ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* RigidConstraint* Baumgarte*", _CONSTRAINTS),
+    ("*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone", _CONSTRAINTS),
+    ("NonNegativeOrthantCone ProximalSettings constraintDynamics initConstraintDynamics lcaba", _CONSTRAINTS),
+    ("computeConstraintDynamicsDerivatives computeImpulseDynamicsDerivatives contactInverseDynamics", _CONSTRAINTS),
+    ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel getConstraint*", _CONSTRAINTS),
+    ("computeJointMinimalOrdering StdVec_Contact", _CONSTRAINTS),
+    ("buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*", _MJCF),
+    ("JointModelH? JointDataH? JointModelHelical* JointDataHelical* JointModelEllipsoid JointDataEllipsoid", _HELICAL),
+    ("BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Collision* Distance*", _GEOMETRY),
+    ("StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* Compute*", _GEOMETRY),
+    ("Geometry* Mesh* CachedMeshLoader Physics* buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
+    ("computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision*", _GEOMETRY),
+    ("updateGeometryPlacements updateGlobalPlacements coal hppfcl", _GEOMETRY),
+    ("*KinematicHessian *KinematicHessians", "second derivatives of kinematics: differences of getJointJacobian"),
+    ("*KinematicRegressor", "regressors of placement errors: columns of getJointJacobian, moved by SE3.actInv"),
+    ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
+    ("visualize", "viewers: spatialdyn.simulate gives a Trajectory, MeshCat or viser draw it"),
+    ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
+    ("romeo_wrapper windows_dll_manager deprecation", "parts of the wheel that nobody imports"),
+    ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
+    ("boost_type_index std_type_index map_indexing_suite_* StdMap_* deprecated", _CONTAINER),
+    ("DeprecatedBool WITH_HPP_FCL WITH_HPP_FCL_BINDINGS LogLevel ScalarType Exception", "a detail of the binding"),
+)
+
+
+class OutOfScopeError(SpatialDynError, NotImplementedError):
+    """A name of Pinocchio that the face does not have on purpose."""
+
+
+class Entry(NamedTuple):
+    """What the face makes of a name: ``supported``, ``supported with a difference``, ``out of scope``, and why.
+
+    A name that Pinocchio 4.1 does not have either is ``unknown``.
+    """
+
+    name: str
+    status: str
+    note: str = ""
+
+
+def face() -> types.ModuleType:
+    """The package itself, imported when asked for: it imports this module."""
+    return importlib.import_module(__package__)
+
+
+def instead(name: str) -> str:
+    """What to use in place of a name that is out of scope; empty if none is."""
+    for patterns, what in INSTEAD:
+        if any(fnmatchcase(name, pattern) for pattern in patterns.split()):
+            return what
+    return ""
+
+
+def coverage() -> dict[str, Entry]:
+    """Every public name of Pinocchio 4.1, and what the face makes of it.
+
+    >>> import spatialdyn.compat.pinocchio as pin
+    >>> pin.coverage()["rnea"].status
+    'supported'
+    >>> print(pin.coverage()["computeCollisions"].note)
+    geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements
+    """
+    return {name: entry(name) for name in sorted(NAMES)}
+
+
+def entry(name: str) -> Entry:
+    """What the face makes of one name, dotted for a module's or a class's own."""
+    first, *rest = name.split(".")
+    package = face()
+    if first in vars(package):
+        at = getattr(package, first)
+        for k, member in enumerate(rest):
+            if not hasattr(at, member):
+                where = ".".join([first, *rest[:k]])
+                return Entry(name, OUT_OF_SCOPE, f"{where} has no {member}")
+            at = getattr(at, member)
+        note = differences().get(first, "")
+        return Entry(name, DIFFERENT if note else SUPPORTED, note)
+    note = instead(first)
+    if note:
+        return Entry(name, OUT_OF_SCOPE, note)
+    if first in NAMES:
+        return Entry(name, OUT_OF_SCOPE, "not written yet")
+    return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _meant(first))
+
+
+def missing(name: str) -> Any:
+    """What the package raises for a name it does not have.
+
+    Raises OutOfScopeError for one of Pinocchio's, AttributeError for any other
+    """
+    if name in NAMES or instead(name):
+        raise OutOfScopeError(f"pinocchio.{name} is not supported: {entry(name).note}")
+    raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_meant(name)}")
+
+
+def _meant(name: str) -> str:
+    near = difflib.get_close_matches(name, NAMES, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def differences() -> dict[str, str]:
+    """Names that do not do what Pinocchio's do, and how."""
+    from .differences import BY_NAME
+
+    return BY_NAME
