@@ -135,7 +135,7 @@ def tables(robot: Robot, options: Options) -> Tables:
         effort_limit=of_freedoms("effort"),
         damping=of_freedoms("damping"),
         friction=of_freedoms("friction"),
-        armature=of_freedoms("armature"),
+        armature=frozen(bodies["armature"][1:][free_v]),
         mimic_matrix=mimics.matrix,
         mimic_index=mimics.source,
         mimic_ratio=mimics.ratio,

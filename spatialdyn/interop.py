@@ -53,12 +53,12 @@ def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
     joints with several freedoms, and all else that a Model cannot hold, are listed in ``model.robot.notes``.
     Pinocchio's rotorInertia and rotorGearRatio, which enter no result there, are left out; armature is kept.
 
-    Raises ModelError naming the joint for a type that is not revolute, prismatic, spherical, planar or free flyer,
-    for joints not in depth-first order, and for armatures that differ between the freedoms of a joint; InertiaError.
+    Raises ModelError naming the joint for a type that is not revolute, prismatic, spherical, planar or free flyer
+    and for joints not in depth-first order; InertiaError.
     """
     if not all(hasattr(pin_model, x) for x in ("joints", "inertias", "jointPlacements", "frames", "parents")):
         raise ModelError(f"pin_model is a {type(pin_model).__name__}, expected a pinocchio Model")
-    _check_depth_first(pin_model)
+    check_depth_first(pin_model)
     notes: list[str] = []
     links, fixed = _links_and_frames(pin_model, notes)
     moving = [_joint(pin_model, i, links, notes) for i in range(1, pin_model.njoints)]
@@ -69,7 +69,8 @@ def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
     return assemble(robot, gravity=pin_model.gravity.linear, continuous="cos_sin")
 
 
-def _check_depth_first(pin_model: Any) -> None:
+def check_depth_first(pin_model: Any) -> None:
+    """Raise ModelError naming the first joint that stands behind one it does not hang on, or its descendants."""
     names, parents = pin_model.names, pin_model.parents
     for i in range(1, pin_model.njoints):
         at = i - 1
@@ -89,7 +90,7 @@ def _pose(placement: Any) -> tuple[float, ...]:
     return tuple(X.ravel().tolist())
 
 
-def _fresh(name: str, taken: set[str]) -> str:
+def fresh_name(name: str, taken: set[str]) -> str:
     """The name, or one made of it that is not taken yet; it is then."""
     while name in taken:
         name += "_"
@@ -109,12 +110,12 @@ def _links_and_frames(pin_model: Any, notes: list[str]) -> tuple[list[Link], lis
     named: dict[int, str] = {}
     for k, (f, kind, _) in enumerate(frames):
         if kind != "JOINT":
-            named[k] = _fresh(f.name, joint_names if kind == "FIXED_JOINT" else link_names)
+            named[k] = fresh_name(f.name, joint_names if kind == "FIXED_JOINT" else link_names)
             if named[k] != f.name:
                 notes.append(f'frame "{f.name}" of type {kind} is called "{named[k]}", for its name is taken')
     links = []
     for i, I in enumerate(pin_model.inertias):
-        name = "universe" if i == 0 else named[bodies[i]] if i in bodies else _fresh(names[i], link_names)
+        name = "universe" if i == 0 else named[bodies[i]] if i in bodies else fresh_name(names[i], link_names)
         links.append(make_link(name, (I.mass, np.array(I.lever), np.array(I.inertia))))
 
     fixed: list[RobotJoint] = []
@@ -131,11 +132,11 @@ def _links_and_frames(pin_model: Any, notes: list[str]) -> tuple[list[Link], lis
             )
             child = next(behind, None)
             left -= {k, child}
-            link = _fresh(f.name, link_names) if child is None else named[child]
+            link = fresh_name(f.name, link_names) if child is None else named[child]
             fixed.append(RobotJoint(named[k], "fixed", links[f.parentJoint].name, link, X))
     for k in sorted(left):
         f, _, X = frames[k]
-        name = _fresh(f"{named[k]}_fixed", joint_names)
+        name = fresh_name(f"{named[k]}_fixed", joint_names)
         fixed.append(RobotJoint(name, "fixed", links[f.parentJoint].name, named[k], X))
     return links, fixed
 
@@ -170,25 +171,29 @@ def _joint(pin_model: Any, i: int, links: Sequence[Link], notes: list[str]) -> R
             effort=_common(pin_model, joint, name, "effortLimit", notes),
             damping=_common(pin_model, joint, name, "damping", notes),
             friction=_common(pin_model, joint, name, "friction", notes),
-            armature=_common(pin_model, joint, name, "armature", notes),
+            armature=_armature(pin_model, joint),
         )
     )
 
 
 def _common(pin_model: Any, joint: Any, name: str, attribute: str, notes: list[str]) -> float:
-    """One number for all freedoms of a joint: the largest, with a note if they differ; armatures may not."""
+    """One number for all freedoms of a joint: the largest, with a note if they differ."""
     at = slice(joint.idx_v, joint.idx_v + joint.nv)
     values = np.array(getattr(pin_model, attribute)[at], dtype=float)
     if (values != values[0]).any():
         text = f'joint "{name}" has {attribute} {values.tolist()}, expected one for all its freedoms'
-        if attribute == "armature":
-            raise ModelError(text)
         notes.append(f"{text}; the largest is kept")
     lower = LOWER_LIMITS.get(attribute, "")
     least = getattr(pin_model, lower, None)  # since Pinocchio 4; sizes only, for its addJoint writes +max there
     if least is not None and [_unlimited(abs(x)) for x in least[at]] != [_unlimited(x) for x in values]:
         notes.append(f'joint "{name}" has {lower} {least[at].tolist()}, which is left out')
     return _unlimited(float(values.max()))
+
+
+def _armature(pin_model: Any, joint: Any) -> float | tuple[float, ...]:
+    """One number for all freedoms of a joint, or one for each if they differ."""
+    values = tuple(np.array(pin_model.armature[joint.idx_v : joint.idx_v + joint.nv], dtype=float).tolist())
+    return values[0] if len(set(values)) == 1 else values
 
 
 def _position_limits(pin_model: Any, joint: Any, name: str, kind: str, notes: list[str]) -> tuple[float, float]:

@@ -129,7 +129,7 @@ class Model:
         try:
             return self.joints[self._joint_index[name]]
         except KeyError:
-            raise ModelError(_missing("joint", name, self.name, self._joint_index)) from None
+            raise ModelError(missing("joint", name, self.name, self._joint_index)) from None
 
     def frame(self, name: str | Frame) -> Frame:
         """The frame of that name: a link's, else a joint's; ``link:NAME`` and ``joint:NAME`` say which.
@@ -139,11 +139,11 @@ class Model:
         if isinstance(name, Frame):  # perhaps another model's: what counts is its name
             name = f"{name.kind}:{name.name}"
         if not isinstance(name, str):
-            raise ModelError(_missing("frame", str(name), self.name, [f.name for f in self.frames]))
+            raise ModelError(missing("frame", str(name), self.name, [f.name for f in self.frames]))
         for key in (name, f"link:{name}", f"joint:{name}"):
             if key in self._frame_index:
                 return self.frames[self._frame_index[key]]
-        raise ModelError(_missing("frame", str(name), self.name, [f.name for f in self.frames]))
+        raise ModelError(missing("frame", str(name), self.name, [f.name for f in self.frames]))
 
     def reduced(self, lock: Mapping[str, ArrayLike]) -> Model:
         """The Model with some joints frozen: their bodies merge into what carries them, their frames stay.
@@ -172,7 +172,7 @@ class Model:
         Raises ModelError if there is no such link.
         """
         if link not in {x.name for x in self.robot.links}:
-            raise ModelError(_missing("link", link, self.name, [x.name for x in self.robot.links]))
+            raise ModelError(missing("link", link, self.name, [x.name for x in self.robot.links]))
         keep, children = {link}, self.robot.children
         queue = [link]
         while queue:
@@ -204,7 +204,7 @@ class Model:
         joints = {j.name: j for j in robot.joints}
         for name, value in (armature or {}).items():
             if name not in joints:
-                raise ModelError(_missing("joint", name, self.name, joints))
+                raise ModelError(missing("joint", name, self.name, joints))
             if joints[name].kind == "fixed":
                 raise ModelError(f'joint "{name}" is fixed, expected one that moves for an armature of {value}')
             (rotor,) = numbers(value, 1, f'joint "{name}" has armature')
@@ -279,7 +279,8 @@ def _numbers(value: ArrayLike) -> Array:
         return np.array(np.nan)
 
 
-def _missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:
+def missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:
+    """What to say of a name that is not there: like which names it is."""
     near = difflib.get_close_matches(str(name), dict.fromkeys(names), 3, 0.5)
     hint = f", did you mean {' or '.join(near)}" if near else ""
     return f'{what} "{name}" is not in robot "{robot}"{hint}'

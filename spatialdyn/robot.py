@@ -60,9 +60,10 @@ class Joint:
     lower, upper      position limits [rad | m], infinite where there are none (joints of one freedom)
     velocity, effort  limits [rad/s | m/s], [N m | N]
     damping, friction read and kept, without effect on any result
-    armature          reflected rotor inertia [kg m² | kg] of every freedom of the joint. It is added to the diagonal of
-                      M and nothing else, as in Pinocchio: no part of C, so on a floating or planar joint, whose frame
-                      turns, M v changes as the equation of motion says and not as a true rotor's momentum would
+    armature          reflected rotor inertia [kg m² | kg] of every freedom of the joint, or one for each. It is added
+                      to the diagonal of M and nothing else, as in Pinocchio: no part of C, so on a floating or planar
+                      joint, whose frame turns, M v changes as the equation of motion says and not as a true rotor's
+                      momentum would
     """
 
     name: str
@@ -77,7 +78,7 @@ class Joint:
     effort: float = math.inf
     damping: float = 0.0
     friction: float = 0.0
-    armature: float = 0.0
+    armature: float | tuple[float, ...] = 0.0
     mimic: Mimic | None = None
 
 
@@ -324,13 +325,16 @@ def make_joint(joint: Joint) -> Joint:
         "effort",
         "damping",
         "friction",
-        "armature",
     ):
         if math.isnan(getattr(joint, label)):
             raise ModelError(f"{what} has {label} nan, expected a number")
     if joint.lower > joint.upper:
         raise ModelError(f"{what} has lower limit {joint.lower} above upper limit {joint.upper}")
-    if not (joint.armature >= 0.0 and math.isfinite(joint.armature)):
+    freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(joint.kind, 1)
+    rotors = joint.armature if isinstance(joint.armature, tuple) else (joint.armature,)
+    if len(rotors) not in (1, freedoms):
+        raise ModelError(f"{what} has armature {joint.armature}, expected one number or {freedoms}")
+    if not all(rotor >= 0.0 and math.isfinite(rotor) for rotor in rotors):
         raise ModelError(f"{what} has armature {joint.armature}, expected a finite number >= 0")
     m = joint.mimic
     if m is not None:

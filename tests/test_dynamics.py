@@ -99,6 +99,18 @@ ORACLE: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
         lambda m, s: sd.mass_matrix_derivatives(m, s.q),
         lambda t, s: dense.mass_matrix_derivatives(t, s.q),
     ),
+    "centroidal_momentum_rate": (
+        lambda m, s: sd.centroidal_momentum_rate(m, s.q, s.v, s.a),
+        lambda t, s: dense.centroidal_map(t, s.q) @ s.a + dense.centroidal_map_dot(t, s.q, s.v) @ s.v,
+    ),
+    "joint_velocities": (
+        lambda m, s: sd.joint_velocities(m, s.q, s.v),
+        lambda t, s: dense.velocities(t, s.q, s.v),
+    ),
+    "joint_accelerations": (
+        lambda m, s: sd.joint_accelerations(m, s.q, s.v, s.a),
+        lambda t, s: dense.accelerations(t, s.q, s.v, s.a),
+    ),
     "forward_kinematics": (lambda m, s: sd.forward_kinematics(m, s.q), lambda t, s: dense.placements(t, s.q)),
     "integrate": (lambda m, s: sd.integrate(m, s.q, s.v), lambda t, s: dense.integrate(t, s.q, s.v)),
     "neutral": (lambda m, s: sd.neutral(m), lambda t, s: dense.neutral(t)),
@@ -127,6 +139,8 @@ def test_frames_equal_the_dense_oracle(case: Any, reference: str) -> None:
         J = dense.jacobian(tree, s.q, body, reference, X)
         drift = dense.jacobian_dot_times_v(tree, s.q, s.v, body, reference, X)
         close(sd.frame_jacobian(model, s.q, name, reference), J)
+        dJ = dense.jacobian_dot(tree, s.q, s.v, body, reference, X)
+        close(sd.frame_jacobian_dot(model, s.q, s.v, name, reference), dJ)
         close(sd.frame_velocity(model, s.q, s.v, name, reference), J @ s.v)
         close(sd.jacobian_dot_times_v(model, s.q, s.v, name, reference), drift)
         a = J @ s.a + drift
@@ -265,7 +279,8 @@ def test_every_public_call_is_in_a_test_against_an_oracle() -> None:
     """A new recursion without an oracle fails here."""
     elsewhere = {
         "aba", "aba_refined", "aba_square_root", "crba_solve", "minverse",
-        "frame_placement", "frame_jacobian", "frame_velocity", "frame_acceleration",
+        "joint_forces", "subtree_centers_of_mass", "subtree_com_velocities", "subtree_com_accelerations",
+        "frame_placement", "frame_jacobian", "frame_jacobian_dot", "frame_velocity", "frame_acceleration",
         "jacobian_dot_times_v", "joint_jacobians", "joint_jacobians_dot", "normalize", "interpolate", "dintegrate",
         "ddifference", "momentum", "momentum_rate", "velocity_from_momentum", "hamiltonian", "hamilton_field",
     }  # fmt: skip

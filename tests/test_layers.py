@@ -27,6 +27,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "bodies": ("tables",),
     "recursions": ("bodies",),
     "engines": ("recursions", "errors"),
+    "layouts": ("recursions",),
+    "algebra": ("layouts", "engines"),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -54,7 +56,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("algebra", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
@@ -68,7 +70,9 @@ UPWARD: dict[tuple[str, str], str] = {}
 CHANGED = {"engines.batches": {"_kept", "team"}}
 
 # what recursions import of their own room
-SHARED = {"spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics"}
+SHARED = {
+    "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal",
+}  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {"simulation.trajectory"}  # writes and reads itself
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is

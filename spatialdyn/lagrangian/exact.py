@@ -22,6 +22,7 @@ from ..assembly import walk
 from ..engines.parameters import body, point
 from ..engines.symbolic import Number, Ring, need_sympy
 from ..engines.trace import Row, table
+from ..errors import ModelError
 from ..model import Model
 from ..recursions.joints import turn
 from ..robot import WITH_AXIS, rpy_of
@@ -168,7 +169,10 @@ def exact(model: Model) -> Exact:
     moving, inertias, frames = walk(replace(robot, links=links, joints=joints), base, model.options.root)
     values = {f"g_{x}": ring.of(read.decimal(g)) for x, g in zip("xyz", model.options.gravity, strict=True)}
     for k, m in enumerate(moving, start=1):
-        values |= _values(ring, k, inertias[k], m.X, read.decimal(m.joint.armature))
+        rotor = m.joint.armature
+        if isinstance(rotor, tuple):
+            raise ModelError(f'joint "{m.joint.name}" has armatures {rotor}, expected one for all its freedoms')
+        values |= _values(ring, k, inertias[k], m.X, read.decimal(rotor))
     return Exact(
         ring,
         [(m.joint.kind, m.joint.axis, m.X) for m in moving],

@@ -53,7 +53,7 @@ WORK = table_dtype(X=Pose, v=Motion, a=Motion, I=Inertia, dI=Inertia)
 
 
 @inlined
-def _outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
+def outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
     """Pose, velocity, acceleration and inertia of every body, in the world; gravity left out. v, a may be None."""
     put_pose(work[0].X, identity_pose())
     put_motion(work[0].v, zero_motion())
@@ -97,6 +97,16 @@ def _momentum(bodies: Any, work: Any) -> Force:
 
 
 @inlined
+def _force(bodies: Any, work: Any) -> Force:
+    """Rate of change of the robot's spatial momentum about the world's origin, Σ (I a + v ×* I v)."""
+    f = zero_force()
+    for i in range(1, len(bodies)):
+        I, vi = inertia_of(work[i].I), motion_of(work[i].v)
+        f = add_force(f, add_force(momentum(I, motion_of(work[i].a)), cross_force(vi, momentum(I, vi))))
+    return f
+
+
+@inlined
 def _mass(bodies: Any) -> Any:
     """Total mass of the moving bodies."""
     m = bodies[0].inertia.m
@@ -122,25 +132,21 @@ def center_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
 @inlined
 def center_of_mass_velocity(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
     """Linear momentum over mass."""
-    _outward(bodies, work, q, v, None)
+    outward(bodies, work, q, v, None)
     _put(out, times(1.0 / _mass(bodies), _momentum(bodies, work).f))
 
 
 @inlined
 def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
-    """Net force over mass: Σ (I a + v ×* I v)."""
-    _outward(bodies, work, q, v, a)
-    f = zero_force()
-    for i in range(1, len(bodies)):
-        I, vi = inertia_of(work[i].I), motion_of(work[i].v)
-        f = add_force(f, add_force(momentum(I, motion_of(work[i].a)), cross_force(vi, momentum(I, vi))))
-    _put(out, times(1.0 / _mass(bodies), f.f))
+    """Net force over mass."""
+    outward(bodies, work, q, v, a)
+    _put(out, times(1.0 / _mass(bodies), _force(bodies, work).f))
 
 
 @inlined
 def center_of_mass_jacobian(bodies: Any, work: Any, q: Any, J: Any) -> None:
     """Column i: linear momentum of the subtree under a unit velocity of row i, over the mass of the robot."""
-    _outward(bodies, work, q, None, None)
+    outward(bodies, work, q, None, None)
     _inward(bodies, work, None)
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
@@ -150,7 +156,7 @@ def center_of_mass_jacobian(bodies: Any, work: Any, q: Any, J: Any) -> None:
 @inlined
 def centroidal_momentum(bodies: Any, work: Any, q: Any, v: Any, h: Any) -> None:
     """The robot's momentum, its moment taken about the centre of mass."""
-    _outward(bodies, work, q, v, None)
+    outward(bodies, work, q, v, None)
     p = _momentum(bodies, work)
     _inward(bodies, work, None)
     c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
@@ -158,9 +164,19 @@ def centroidal_momentum(bodies: Any, work: Any, q: Any, v: Any, h: Any) -> None:
 
 
 @inlined
+def centroidal_momentum_rate(bodies: Any, work: Any, q: Any, v: Any, a: Any, dh: Any) -> None:
+    """The net force on the robot, its moment taken about the centre of mass: that of its own motion drops out."""
+    outward(bodies, work, q, v, a)
+    f = _force(bodies, work)
+    _inward(bodies, work, None)
+    c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    public_force(dh, Force(minus(f.n, cross(c, f.f)), f.f))
+
+
+@inlined
 def centroidal_map(bodies: Any, work: Any, q: Any, Ag: Any) -> None:
     """Column i: Ic S, its moment taken about the centre of mass."""
-    _outward(bodies, work, q, None, None)
+    outward(bodies, work, q, None, None)
     _inward(bodies, work, None)
     c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
     for i in range(1, len(bodies)):
@@ -172,7 +188,7 @@ def centroidal_map(bodies: Any, work: Any, q: Any, Ag: Any) -> None:
 @inlined
 def centroidal_map_dot(bodies: Any, work: Any, q: Any, v: Any, dAg: Any) -> None:
     """Column i: d/dt (Ic S) = İc S + Ic (v × S), and the centre of mass that its moment is taken about moves."""
-    _outward(bodies, work, q, v, None)
+    outward(bodies, work, q, v, None)
     _inward(bodies, work, v)
     total, rate = inertia_of(work[0].I), inertia_of(work[0].dI)
     c, dc = times(1.0 / total.m, total.h), times(1.0 / total.m, rate.h)
@@ -212,6 +228,11 @@ SPECS = (
         "centroidal_momentum", centroidal_momentum, WORK, (Q, V),
         Argument("h", (6,), "kg m/s | kg m²/s", "momentum, " + _ABOUT),
         "Momentum of the robot about its centre of mass.", _SOURCE,
+    ),
+    Spec(
+        "centroidal_momentum_rate", centroidal_momentum_rate, WORK, (Q, V, A),
+        Argument("dh", (6,), "N | N m", "rate of change of momentum, " + _ABOUT),
+        "Rate of change of the centroidal momentum: the net force on the robot, its weight counted.", _SOURCE,
     ),
     Spec(
         "centroidal_map", centroidal_map, WORK, (Q,),

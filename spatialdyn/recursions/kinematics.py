@@ -23,6 +23,7 @@ from ..spatial import (
     rotate,
     scale_motion,
     sub_motion,
+    zero,
     zero_motion,
 )
 from ..tables import (
@@ -39,6 +40,7 @@ from .joints import joint_motion, place_joint
 from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion)
+WORK_RATE = table_dtype(X=Pose, v=Motion, dS=Motion)
 
 
 @inlined
@@ -186,6 +188,41 @@ def jacobian_dot_times_v(
     frame_acceleration(bodies, work, q, v, None, row, placement, reference, aligned, out)
 
 
+@inlined
+def frame_jacobian_dot(
+    bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, dJ: Any
+) -> None:
+    """Column i: d/dt of S of row i in the frame's coordinates, -u × S with u the frame's velocity seen from the row.
+
+    In coordinates that do not turn and travel with the frame the frame's own motion is added: V × S in the world's,
+    ω × S in those that only travel with it.
+    """
+    for k in range(6):
+        for i in range(1, len(bodies)):
+            dJ[k, i - 1] = 0.0
+    X = pose_from(placement)
+    seen = zero_motion()
+    i = row
+    while i > 0:
+        S = motion_to_child(X, motion_of(bodies[i].S))
+        put_motion(work[i].v, S)
+        put_motion(work[i].dS, cross_motion(S, seen))
+        seen = add_motion(seen, motion_to_child(X, joint_motion(bodies, i, v)))
+        place_joint(bodies, i, q, work[i].X)
+        X = compose(pose_of(work[i].X), X)
+        i = bodies[i].parent
+    own = zero_motion()
+    if reference == WORLD:
+        own = seen
+    if reference == LOCAL_WORLD_ALIGNED:
+        own = Motion(seen.w, zero())
+    i = row
+    while i > 0:
+        dS = add_motion(motion_of(work[i].dS), cross_motion(own, motion_of(work[i].v)))
+        public_motion(dJ[:, i - 1], referred(X, dS, reference))
+        i = bodies[i].parent
+
+
 _BODY = "the definition, walked from the frame to the world."
 _JACOBIAN = ("m/rad | 1", "linear first, in the reference")
 SPECS = (
@@ -214,6 +251,11 @@ SPECS = (
         "frame_jacobian", frame_jacobian, WORK, (Q, ROW, PLACEMENT, REFERENCE),
         Argument("J", (6, "nv"), *_JACOBIAN),
         "Jacobian J of a frame: its velocity is J v.", _BODY,
+    ),
+    Spec(
+        "frame_jacobian_dot", frame_jacobian_dot, WORK_RATE, (Q, V, ROW, PLACEMENT, REFERENCE),
+        Argument("dJ", (6, "nv"), "m/(rad s) | 1/s", "time derivative of each column, linear first, in the reference"),
+        "Time derivative of frame_jacobian along v.", _BODY,
     ),
     Spec(
         "frame_velocity", frame_velocity, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),

@@ -79,3 +79,9 @@ def _by_joint(model: Any, parameters: int, found: Any) -> Array:
     rows = found.shape[:-1] if found.shape[-1:] == (parameters * (model.njoints - 1),) else (found.shape[0],)
     parts = found.reshape((*rows, model.njoints - 1, parameters))
     return np.concatenate([np.zeros((*rows, 1, parameters)), parts], axis=-2)
+
+
+def of_masses(data: Any, found: Any) -> Array:
+    """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
+    masses = np.array(data.mass)[:, None]
+    return np.where(masses > 0.0, np.array([np.ravel(x) for x in found]), 0.0)

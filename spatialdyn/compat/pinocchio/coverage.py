@@ -28,10 +28,16 @@ _NOT_ITS = "a module that the wheel happens to show: import it by its own name"
 _CONTAINER = "a container of C++: a list or dict of Python"
 
 INSTEAD: tuple[tuple[str, str], ...] = (
-    ("ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDelassusMatrix computeDampedDelassusMatrixInverse", _CONSTRAINTS),
+    (
+        "ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDelassusMatrix computeDampedDelassusMatrixInverse",
+        _CONSTRAINTS,
+    ),
     ("Constraint* Contact Contact?* *ConstraintModel *ConstraintData *ConstraintModels *ConstraintDatas", _CONSTRAINTS),
     ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* RigidConstraint* Baumgarte*", _CONSTRAINTS),
-    ("*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone", _CONSTRAINTS),
+    (
+        "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone",
+        _CONSTRAINTS,
+    ),
     ("NonNegativeOrthantCone ProximalSettings constraintDynamics initConstraintDynamics lcaba", _CONSTRAINTS),
     ("computeConstraintDynamicsDerivatives computeImpulseDynamicsDerivatives contactInverseDynamics", _CONSTRAINTS),
     ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel getConstraint*", _CONSTRAINTS),

@@ -1,0 +1,1 @@
+"""The library under other libraries' names and conventions."""

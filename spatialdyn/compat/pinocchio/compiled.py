@@ -1,0 +1,133 @@
+"""The library's Model behind a Model of this face, made when it is first asked for after an edit.
+
+``model._made`` and ``model._placed`` are None from an edit on until ``made`` and ``placed`` are called; callers in a
+hurry write ``model._made or made(model)``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...assembly import Options
+from ...errors import ModelError
+from ...interop import check_depth_first, fresh_name
+from ...model import Model as Compiled
+from ...robot import Joint as RobotJoint
+from ...robot import Link, Mimic, Robot, make_joint, make_link
+from .inertia import Inertia
+from .joints_many import JointModelMimic
+from .model import Model
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+ROOT = "universe"
+
+
+class Made(NamedTuple):
+    """What a Model is to the library.
+
+    model   the library's Model: same q, v and armature, ``continuous="cos_sin"``
+    rows    (njoints,) row of its table that carries each joint's body; 0 for the universe
+    joints  None if its joints are one to one this model's; else (njoints,) which of them carries each joint's body
+    """
+
+    model: Compiled
+    rows: Places
+    joints: Places | None
+
+
+class Placed(NamedTuple):
+    """The frames of a Model.
+
+    joints      (nframes,) parent joints
+    rows        (nframes,) the rows of the table that carry those
+    placements  (nframes, 4, 4) in the parent joints' frames
+    """
+
+    joints: Places
+    rows: Places
+    placements: Array
+
+
+def made(model: Model) -> Made:
+    """What the model is to the library, made again if it was written since.
+
+    Raises ModelError for joints that are not depth first, gravity with an angular part, and what else cannot be.
+    """
+    found: Made | None = model._made
+    if found is None:
+        found = model._made = _made(model)
+        model._placed = None
+    return found
+
+
+def placed(model: Model) -> Placed:
+    """The model's frames, gathered again if one was written since. Raises ModelError for one on no joint."""
+    rows = made(model).rows
+    found: Placed | None = model._placed
+    if found is None:
+        for frame in model.frames:
+            if not 0 <= frame.parentJoint < model.njoints:
+                raise ModelError(
+                    f'frame "{frame.name}" has parent joint {frame.parentJoint}, expected a joint\'s index'
+                )
+        joints = np.array([frame.parentJoint for frame in model.frames], np.intp)
+        placements = np.array([frame.placement.homogeneous for frame in model.frames]).reshape(-1, 4, 4)
+        found = model._placed = Placed(joints, rows[joints], placements)
+    return found
+
+
+def _made(model: Model) -> Made:
+    check_depth_first(model)
+    if model.gravity.angular.any():
+        raise ModelError(f"gravity has angular part {model.gravity.angular.tolist()}, expected zero")
+    links, joints = [_link(ROOT, model.inertias[0])], []
+    names = {ROOT}
+    ends = [ROOT]  # the link of each joint of the model
+    last = [0]  # the library's joint of each
+    mimics = False
+    for k in range(1, model.njoints):
+        joint, parent = model.joints[k], ends[model.parents[k]]
+        mimic = None
+        if isinstance(joint, JointModelMimic):
+            mimic, mimics = Mimic(ends[joint.leader], joint.scaling, joint.offset), True
+        steps = joint.steps()
+        if not steps:
+            raise ModelError(f'joint "{model.names[k]}" is an empty composite, expected one with joints')
+        at = joint.idx_v
+        for n, step in enumerate(steps):
+            name = fresh_name(model.names[k] if n == 0 else f"{model.names[k]}.{n + 1}", names)
+            X = np.reshape(step.placement, (4, 4))
+            if n == 0:
+                X = model.jointPlacements[k].homogeneous @ X
+            freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(step.kind, 1)
+            rotors = tuple(model.armature[at : at + freedoms].tolist()) if mimic is None else (0.0,)
+            at += freedoms
+            made = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, armature=rotors, mimic=mimic)
+            joints.append(make_joint(made))
+            links.append(_link(name, model.inertias[k] if n == len(steps) - 1 else None))
+            parent = name
+        ends.append(parent)
+        last.append(len(joints))
+    robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
+    gravity = tuple(model.gravity.linear.tolist())
+    compiled = Compiled(robot, Options("fixed", gravity, "cos_sin", mimics))
+    places = np.array(last, np.intp)
+    rows = np.array([compiled.joints[k].row for k in last], np.intp)
+    return Made(compiled, rows, None if len(joints) + 1 == model.njoints else places)
+
+
+def _link(name: str, inertia: Inertia | None) -> Link:
+    if inertia is None:
+        return Link(name)
+    return make_link(name, (inertia.mass, np.array(inertia.lever), np.array(inertia.inertia)))
+
+
+def _pose(X: Array) -> tuple[float, ...]:
+    """A placement row by row; rotation entries below 1e-15 are zero."""
+    X = np.array(X)
+    X[:3, :3][abs(X[:3, :3]) < 1e-15] = 0.0
+    return tuple(X.ravel().tolist())

@@ -1,0 +1,318 @@
+"""Joint models: which motion a joint allows, and where its numbers stand in q and v.
+
+Every joint is a chain of the library's own joints, its ``steps()``: one for most, two for a universal joint, three for
+a translation or angles about z, y, x, and the steps of its parts for a composite.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...assembly import IDENTITY
+from ...errors import ModelError
+from .arguments import ArgumentError
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+NOWHERE = 2**64 - 1  # index of a joint that is in no model
+X, Y, Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Step(NamedTuple):
+    """A joint of the library's: its kind, its axis, and its placement behind the step before it, row by row."""
+
+    kind: str
+    axis: Vector = Z
+    placement: tuple[float, ...] = IDENTITY
+
+
+class _Variant(type):
+    def __call__(cls, *arguments: Any) -> Any:
+        """``JointModel(other)`` is a copy of whatever joint the other is, ``JointModel()`` one about x."""
+        if cls is not JointModel:
+            return super().__call__(*arguments)
+        if len(arguments) == 1 and isinstance(arguments[0], JointModel):
+            return arguments[0].copy()
+        if arguments:
+            raise ArgumentError(f"JointModel got {arguments!r}, expected a joint model or nothing")
+        return JointModelRX()
+
+
+class JointModel(metaclass=_Variant):
+    """A joint of any kind.
+
+    id             index in its model
+    idx_q, nq      place and number of its coordinates in q
+    idx_v, nv      place and number of its velocities in v
+    """
+
+    __slots__ = ("_owner", "id", "idx_q", "idx_v", "idx_vExtended")
+    _nq, _nv, _unlimited = 1, 1, (1, 1)  # behind so many coordinates, velocities none has a limit
+
+    def __init__(self) -> None:
+        self._owner: Any = None
+        self.id: int = NOWHERE
+        self.idx_q = self.idx_v = self.idx_vExtended = -1
+
+    @property
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return self._nq
+
+    @property
+    def nv(self) -> int:
+        """Number of velocities."""
+        return self._nv
+
+    @property
+    def nvExtended(self) -> int:
+        """Number of velocities the joint would have if it mimicked no other."""
+        return self.nv
+
+    def steps(self) -> tuple[Step, ...]:
+        """The library's joints that make this one."""
+        raise NotImplementedError
+
+    def parameters(self) -> tuple[Any, ...]:
+        """What the constructor takes to make an equal joint."""
+        return ()
+
+    def shortname(self) -> str:
+        """The kind of joint."""
+        return type(self).__name__
+
+    @classmethod
+    def classname(cls) -> str:
+        """The kind of joint."""
+        return cls.__name__
+
+    def extract(self) -> JointModel:
+        """The joint itself."""
+        return self
+
+    def createData(self) -> Any:
+        """A JointData for the results of ``calc``."""
+        from .joint_data import joint_data
+
+        return joint_data(self)
+
+    def calc(self, data: Any, q: Any, v: Any = None) -> None:
+        """Write pose M, subspace S, and with v velocity v and bias c, at q, v of the whole model, to the data."""
+        data.calc(self, q, v)
+
+    def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
+        """Say where the joint stands in its model."""
+        self.id, self.idx_q, self.idx_v = int(id), int(q), int(v)
+        self.idx_vExtended = int(v if vExtended is None else vExtended)
+        self.changed()
+
+    def hasSameIndexes(self, other: JointModel) -> bool:
+        """Whether both stand at the same place."""
+        return self._indexes() == other._indexes()
+
+    @property
+    def hasConfigurationLimit(self) -> list[bool]:
+        """For each coordinate whether it can have a limit."""
+        return [k < self._unlimited[0] for k in range(self.nq)]
+
+    @property
+    def hasConfigurationLimitInTangent(self) -> list[bool]:
+        """For each velocity whether its coordinate can have a limit."""
+        return [k < self._unlimited[1] for k in range(self.nv)]
+
+    def copy(self) -> JointModel:
+        """An equal joint that belongs to no model's list."""
+        made: JointModel = type(self)(*self.parameters())
+        made.id, made.idx_q, made.idx_v, made.idx_vExtended = self._indexes()
+        return made
+
+    def changed(self) -> None:
+        """Tell whoever owns the joint that it is not what it was."""
+        if self._owner is not None:
+            self._owner.changed()
+
+    def _indexes(self) -> tuple[int, int, int, int]:
+        return self.id, self.idx_q, self.idx_v, self.idx_vExtended
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, JointModel)
+            and type(self) is type(other)
+            and self._indexes() == other._indexes()
+            and self.steps() == other.steps()
+        )
+
+    __hash__ = object.__hash__
+
+    def __copy__(self) -> JointModel:
+        return self.copy()
+
+    def __deepcopy__(self, memo: Any) -> JointModel:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), self.parameters(), self._indexes())
+
+    def __repr__(self) -> str:
+        lines = [
+            self.shortname(),
+            f"  index: {self.id}",
+            f"  index q: {self.idx_q}",
+            f"  index v: {self.idx_v}",
+            f"  index vExtended: {self.idx_vExtended}",
+            f"  nq: {self.nq}",
+            f"  nv: {self.nv}",
+            f"  nvExtended: {self.nvExtended}",
+        ]
+        return "\n".join([*lines, ""])
+
+
+def _restored(kind: type, parameters: tuple[Any, ...], indexes: tuple[int, int, int, int]) -> JointModel:
+    made: JointModel = kind(*parameters)
+    made.id, made.idx_q, made.idx_v, made.idx_vExtended = indexes
+    return made
+
+
+# --- one axis --------------------------------------------------------------------------------------------
+
+
+def unit(what: str, axis: Any) -> Vector:
+    """An axis given as an array or as three numbers, at unit length. Raises ValueError if it has none."""
+    given = axis[0] if len(axis) == 1 else axis
+    if len(axis) == 1 and not isinstance(given, np.ndarray):
+        raise ArgumentError(f"axis of {what} is a {type(given).__name__}, expected an array or three numbers")
+    u = np.asarray(given, dtype=float).ravel()
+    if u.shape != (3,) or not np.isfinite(u).all() or not u.any():
+        raise ModelError(f"axis of {what} is {u.tolist()}, expected three finite numbers, not all 0")
+    norm = math.hypot(*u)
+    if abs(norm - 1.0) > 4e-16:
+        u = u / norm
+    return float(u[0]) + 0.0, float(u[1]) + 0.0, float(u[2]) + 0.0
+
+
+class _Aligned(JointModel):
+    """A joint along or about a fixed axis of its frame."""
+
+    __slots__ = ()
+    _step = Step("revolute", X)
+
+    def steps(self) -> tuple[Step, ...]:
+        return (self._step,)
+
+    def getMotionAxis(self) -> Array:
+        """The axis (3,)."""
+        return np.array(self._step.axis)
+
+
+class _Unaligned(JointModel):
+    """A joint along or about an axis of any direction."""
+
+    __slots__ = ("_axis",)
+    _kind = "revolute"
+
+    def __init__(self, *axis: Any) -> None:
+        super().__init__()
+        self._axis = unit(type(self).__name__, axis) if axis else X
+
+    @property
+    def axis(self) -> Array:
+        """The axis (3,) at unit length; a copy: assign to change it."""
+        return np.array(self._axis)
+
+    @axis.setter
+    def axis(self, value: Any) -> None:
+        self._axis = unit(self.shortname(), (np.asarray(value),))
+        self.changed()
+
+    def steps(self) -> tuple[Step, ...]:
+        return (Step(self._kind, self._axis),)
+
+    def parameters(self) -> tuple[Any, ...]:
+        return self._axis
+
+
+class JointModelRX(_Aligned):
+    """A rotation about x."""
+
+    __slots__ = ()
+    _step = Step("revolute", X)
+
+
+class JointModelRY(_Aligned):
+    """A rotation about y."""
+
+    __slots__ = ()
+    _step = Step("revolute", Y)
+
+
+class JointModelRZ(_Aligned):
+    """A rotation about z."""
+
+    __slots__ = ()
+    _step = Step("revolute", Z)
+
+
+class JointModelPX(_Aligned):
+    """A translation along x."""
+
+    __slots__ = ()
+    _step = Step("prismatic", X)
+
+
+class JointModelPY(_Aligned):
+    """A translation along y."""
+
+    __slots__ = ()
+    _step = Step("prismatic", Y)
+
+
+class JointModelPZ(_Aligned):
+    """A translation along z."""
+
+    __slots__ = ()
+    _step = Step("prismatic", Z)
+
+
+class JointModelRUBX(_Aligned):
+    """A rotation without limits about x: q = [cos, sin]."""
+
+    __slots__ = ()
+    _nq, _unlimited, _step = 2, (0, 0), Step("continuous", X)
+
+
+class JointModelRUBY(_Aligned):
+    """A rotation without limits about y: q = [cos, sin]."""
+
+    __slots__ = ()
+    _nq, _unlimited, _step = 2, (0, 0), Step("continuous", Y)
+
+
+class JointModelRUBZ(_Aligned):
+    """A rotation without limits about z: q = [cos, sin]."""
+
+    __slots__ = ()
+    _nq, _unlimited, _step = 2, (0, 0), Step("continuous", Z)
+
+
+class JointModelRevoluteUnaligned(_Unaligned):
+    """A rotation about an axis: ``(x, y, z)`` or ``(axis (3,))``."""
+
+    __slots__ = ()
+
+
+class JointModelPrismaticUnaligned(_Unaligned):
+    """A translation along an axis: ``(x, y, z)`` or ``(axis (3,))``."""
+
+    __slots__ = ()
+    _kind = "prismatic"
+
+
+class JointModelRevoluteUnboundedUnaligned(_Unaligned):
+    """A rotation without limits about an axis: ``(x, y, z)`` or ``(axis (3,))``; q = [cos, sin]."""
+
+    __slots__ = ()
+    _kind, _nq, _unlimited = "continuous", 2, (0, 0)

@@ -1,0 +1,306 @@
+"""Joint models of several freedoms, of several joints, and of none of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import ModelError
+from .arguments import ArgumentError, expected
+from .joints import NOWHERE, JointModel, JointModelRX, Step, Vector, X, Y, Z, unit
+from .owned import Owned
+from .se3 import SE3
+
+Array = NDArray[np.float64]
+
+
+class JointModelSpherical(JointModel):
+    """A rotation: q = quaternion x y z w, v = angular velocity in the body's axes."""
+
+    __slots__ = ()
+    _nq, _nv, _unlimited = 4, 3, (0, 0)
+
+    def steps(self) -> tuple[Step, ...]:
+        return (Step("spherical"),)
+
+
+class JointModelSphericalZYX(JointModel):
+    """A rotation by three angles, about z, the new y, the newest x; v = their rates."""
+
+    __slots__ = ()
+    _nq, _nv, _unlimited = 3, 3, (3, 3)
+
+    def steps(self) -> tuple[Step, ...]:
+        return Step("revolute", Z), Step("revolute", Y), Step("revolute", X)
+
+
+class JointModelTranslation(JointModel):
+    """A translation: q = x y z."""
+
+    __slots__ = ()
+    _nq, _nv, _unlimited = 3, 3, (3, 3)
+
+    def steps(self) -> tuple[Step, ...]:
+        return Step("prismatic", X), Step("prismatic", Y), Step("prismatic", Z)
+
+
+class JointModelPlanar(JointModel):
+    """A motion in the plane of x and y: q = x y cos sin, v in the body's axes."""
+
+    __slots__ = ()
+    _nq, _nv, _unlimited = 4, 3, (2, 2)
+
+    def steps(self) -> tuple[Step, ...]:
+        return (Step("planar", Z),)
+
+
+class JointModelFreeFlyer(JointModel):
+    """Six freedoms: q = x y z, quaternion x y z w; v in the body's axes, linear first."""
+
+    __slots__ = ()
+    _nq, _nv, _unlimited = 7, 6, (3, 3)
+
+    def steps(self) -> tuple[Step, ...]:
+        return (Step("floating"),)
+
+
+class JointModelUniversal(JointModel):
+    """Two rotations, about ``axis1`` and an axis that it turns: ``(axis1 (3,), axis2 (3,))`` or six numbers."""
+
+    __slots__ = ("_axis1", "_axis2")
+    _nq, _nv, _unlimited = 2, 2, (2, 2)
+
+    def __init__(self, *axes: Any) -> None:
+        super().__init__()
+        if len(axes) not in (0, 2, 6):
+            raise ArgumentError(f"JointModelUniversal got {len(axes)} arguments, expected two axes or six numbers")
+        half = len(axes) // 2
+        self._axis1: Vector = unit("JointModelUniversal", axes[:half]) if axes else X
+        self._axis2: Vector = unit("JointModelUniversal", axes[half:]) if axes else Y
+
+    @property
+    def axis1(self) -> Array:
+        """The first axis (3,); a copy: assign to change it."""
+        return np.array(self._axis1)
+
+    @axis1.setter
+    def axis1(self, value: Any) -> None:
+        self._axis1 = unit("JointModelUniversal", (np.asarray(value),))
+        self.changed()
+
+    @property
+    def axis2(self) -> Array:
+        """The second axis (3,); a copy: assign to change it."""
+        return np.array(self._axis2)
+
+    @axis2.setter
+    def axis2(self, value: Any) -> None:
+        self._axis2 = unit("JointModelUniversal", (np.asarray(value),))
+        self.changed()
+
+    def steps(self) -> tuple[Step, ...]:
+        return Step("revolute", self._axis1), Step("revolute", self._axis2)
+
+    def parameters(self) -> tuple[Any, ...]:
+        return *self._axis1, *self._axis2
+
+
+class JointModelComposite(JointModel):
+    """Joints one behind the other that count as one: ``(size)`` or ``(joint[, placement[, name]])``, then ``addJoint``.
+
+    joints, jointPlacements   the parts, and where each stands behind the one before it
+    """
+
+    __slots__ = ("_joints", "_names", "_placements")
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__()
+        self._joints: list[JointModel] = Owned(self, JointModel)
+        self._placements: list[SE3] = Owned(self, SE3)
+        self._names: list[str] = []
+        if arguments and not isinstance(arguments[0], int):
+            self.addJoint(*arguments)
+
+    @property
+    def nq(self) -> int:
+        return sum(joint.nq for joint in self._joints)
+
+    @property
+    def nv(self) -> int:
+        return sum(joint.nv for joint in self._joints)
+
+    @property
+    def njoints(self) -> int:
+        """Number of parts."""
+        return len(self._joints)
+
+    @property
+    def joints(self) -> list[JointModel]:
+        """The parts."""
+        return self._joints
+
+    @property
+    def jointPlacements(self) -> list[SE3]:
+        """Where each part stands behind the one before it."""
+        return self._placements
+
+    def addJoint(self, joint: JointModel, placement: SE3 | None = None, name: str = "") -> JointModelComposite:
+        """Add a part behind the last; returns the joint."""
+        if self.id != NOWHERE:
+            raise ModelError(f"the composite is joint {self.id} of a model, expected one that is in none yet")
+        self._joints.append(joint)
+        self._placements.append(SE3.Identity() if placement is None else placement)
+        self._names.append(str(name))
+        return self
+
+    def getJointId(self, name: str) -> int:
+        """Index of the part of that name; their number if there is none."""
+        return self._names.index(name) if name in self._names else len(self._names)
+
+    @property
+    def hasConfigurationLimit(self) -> list[bool]:
+        return [has for joint in self._joints for has in joint.hasConfigurationLimit]
+
+    @property
+    def hasConfigurationLimitInTangent(self) -> list[bool]:
+        return [has for joint in self._joints for has in joint.hasConfigurationLimitInTangent]
+
+    def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
+        super().setIndexes(id, q, v, vExtended)
+        for joint in self._joints:
+            joint.setIndexes(id, q, v)
+            q, v = q + joint.nq, v + joint.nv
+
+    def steps(self) -> tuple[Step, ...]:
+        made = []
+        for joint, placement in zip(self._joints, self._placements, strict=True):
+            at = np.asarray(placement.homogeneous, dtype=float)
+            for k, step in enumerate(joint.steps()):
+                both = at @ np.reshape(step.placement, (4, 4)) if k == 0 else np.reshape(step.placement, (4, 4))
+                made.append(step._replace(placement=tuple(both.ravel().tolist())))
+        return tuple(made)
+
+    def copy(self) -> JointModel:
+        made = JointModelComposite()
+        for joint, placement, name in zip(self._joints, self._placements, self._names, strict=True):
+            made.addJoint(joint, placement, name)
+        made.id, made.idx_q, made.idx_v, made.idx_vExtended = self._indexes()
+        return made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _composite, (list(self._joints), list(self._placements), list(self._names), self._indexes())
+
+    def __repr__(self) -> str:
+        parts = (f"  {joint.shortname()}" for joint in self._joints)
+        return "\n".join([f"{self.shortname()} containing following models:", *parts, ""])
+
+
+def _composite(
+    joints: Sequence[JointModel], placements: Sequence[SE3], names: Sequence[str], indexes: tuple[int, int, int, int]
+) -> JointModelComposite:
+    made = JointModelComposite()
+    for part in zip(joints, placements, names, strict=True):
+        made.addJoint(*part)
+    made.id, made.idx_q, made.idx_v, made.idx_vExtended = indexes
+    return made
+
+
+class JointModelMimic(JointModel):
+    """A joint that follows one of the model's: ``(joint of a model, scaling, offset)``, q = scaling q' + offset.
+
+    It has the motion of the joint given, and no coordinates of its own.
+    """
+
+    __slots__ = ("_leader", "_motion", "_offset", "_scaling")
+    _nq, _nv, _unlimited = 0, 0, (0, 0)
+
+    def __init__(self, joint: JointModel | None = None, scaling: float = 1.0, offset: float = 0.0) -> None:
+        super().__init__()
+        if joint is not None:
+            expected(joint, JointModel, "joint")
+        self._follow(JointModelRX() if joint is None else joint, joint, scaling, offset)
+
+    @classmethod
+    def of(cls, motion: JointModel, leader: JointModel, scaling: float, offset: float) -> JointModelMimic:
+        """A joint with the motion of one and the coordinates of another."""
+        made: JointModelMimic = cls()
+        made._follow(motion, leader, scaling, offset)
+        return made
+
+    def _follow(self, motion: JointModel, leader: JointModel | None, scaling: float, offset: float) -> None:
+        motion = motion._motion if isinstance(motion, JointModelMimic) else motion
+        for joint in (motion, leader or motion):
+            if joint.nv != 1:
+                raise ModelError(f"a {joint.shortname()} has {joint.nv} freedoms, expected a joint of one")
+        self._motion: JointModel = motion.copy()
+        self._leader = NOWHERE if leader is None else leader.id
+        self._scaling, self._offset = float(scaling), float(offset)
+        if leader is not None:
+            self.idx_q, self.idx_v = leader.idx_q, leader.idx_v
+
+    @property
+    def leader(self) -> int:
+        """Index of the joint that is followed."""
+        return self._leader
+
+    @property
+    def scaling(self) -> float:
+        """How far the joint moves for each unit of the one it follows."""
+        return self._scaling
+
+    @scaling.setter
+    def scaling(self, value: float) -> None:
+        self._scaling = float(value)
+        self.changed()
+
+    @property
+    def offset(self) -> float:
+        """Where the joint is when the one it follows is at 0."""
+        return self._offset
+
+    @offset.setter
+    def offset(self, value: float) -> None:
+        self._offset = float(value)
+        self.changed()
+
+    @property
+    def nvExtended(self) -> int:
+        return 1
+
+    def steps(self) -> tuple[Step, ...]:
+        return self._motion.steps()
+
+    def copy(self) -> JointModel:
+        return _mimic(self._motion, self._leader, self._scaling, self._offset, self._indexes())
+
+    def __eq__(self, other: object) -> bool:
+        return super().__eq__(other) and self._followed() == other._followed()  # type: ignore[attr-defined]
+
+    __hash__ = object.__hash__
+
+    def _followed(self) -> tuple[int, float, float]:
+        return self._leader, self._scaling, self._offset
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _mimic, (self._motion, *self._followed(), self._indexes())
+
+    def __repr__(self) -> str:
+        lines = [
+            f"  Mimicking joint type: {self._motion.shortname()}",
+            f"  Mimicked joint id: {self._leader}",
+            f"  Mimic scaling: {self._scaling:g}",
+            f"  Mimic offset: {self._offset:g}",
+        ]
+        return super().__repr__() + "\n".join([*lines, ""])
+
+
+def _mimic(
+    motion: JointModel, leader: int, scaling: float, offset: float, indexes: tuple[int, int, int, int]
+) -> JointModelMimic:
+    made: JointModelMimic = JointModelMimic(motion, scaling, offset)
+    made._leader = leader
+    made.id, made.idx_q, made.idx_v, made.idx_vExtended = indexes
+    return made

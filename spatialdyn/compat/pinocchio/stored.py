@@ -1,0 +1,222 @@
+"""Models as text and back: the library's own format, which is JSON; XML and binary files wrap it.
+
+A stored model holds plain numbers and names, and reading one runs nothing that it contains. Pinocchio's archives are
+not read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape, unescape
+
+import numpy as np
+
+from ...errors import SpatialDynError
+from . import joints, joints_many
+from .frame import Frame, FrameType
+from .inertia import Inertia
+from .joints import JointModel
+from .joints_many import JointModelComposite, JointModelMimic
+from .motion import Motion
+from .se3 import SE3
+
+FORMAT = "spatialdyn.compat.pinocchio model 1"
+KINDS: Mapping[str, type[JointModel]] = {
+    name: kind
+    for module in (joints, joints_many)
+    for name, kind in vars(module).items()
+    if name.startswith("JointModel") and kind is not JointModel
+}
+
+# --- a model as plain numbers and names --------------------------------------------------------------------
+
+
+def state(model: Any) -> dict[str, Any]:
+    """All that makes a model, as lists of numbers and names."""
+    return {
+        "format": FORMAT,
+        "name": model.name,
+        "nbodies": model.nbodies,
+        "gravity": _numbers(model.gravity),
+        "joints": [
+            {
+                "name": model.names[k],
+                "parent": int(model.parents[k]),
+                "joint": _joint_state(model.joints[k]),
+                "placement": _numbers(model.jointPlacements[k]),
+                "inertia": _numbers(model.inertias[k]),
+            }
+            for k in range(model.njoints)
+        ],
+        "frames": [
+            {
+                "name": frame.name,
+                "joint": frame.parentJoint,
+                "before": frame.parentFrame,
+                "placement": _numbers(frame.placement),
+                "type": frame.type.name,
+                "inertia": _numbers(frame.inertia),
+            }
+            for frame in model.frames
+        ],
+        "arrays": {name: x.tolist() for name, x in model._arrays.items()},
+        "configurations": {name: np.asarray(q).tolist() for name, q in model.referenceConfigurations.items()},
+    }
+
+
+def fill(model: Any, given: Mapping[str, Any]) -> None:
+    """Make a model what a state says."""
+    strict = model.strict
+    model.__init__()
+    model.strict = strict
+    model.name, model.nbodies = given["name"], given["nbodies"]
+    model.gravity = _value(Motion, given["gravity"])
+    for k, entry in enumerate(given["joints"]):
+        if k:
+            made = _joint(entry["joint"])
+            model._hang(entry["parent"], made, _value(SE3, entry["placement"]), entry["name"])
+        model.names[k] = entry["name"]
+        model.jointPlacements[k] = _value(SE3, entry["placement"])
+        model.inertias[k] = _value(Inertia, entry["inertia"])
+    del model.frames[:]
+    for entry in given["frames"]:
+        model.frames.append(
+            Frame(
+                entry["name"],
+                entry["joint"],
+                entry["before"],
+                _value(SE3, entry["placement"]),
+                FrameType[entry["type"]],
+                _value(Inertia, entry["inertia"]),
+            )
+        )
+    model._arrays.update({name: np.array(x, dtype=float) for name, x in given["arrays"].items()})
+    for name, q in given["configurations"].items():
+        model.referenceConfigurations[name] = np.array(q, dtype=float)
+
+
+def restored(given: Mapping[str, Any], strict: bool = True) -> Any:
+    """The model of a state."""
+    from .model import Model
+
+    model = Model()
+    fill(model, given)
+    model.strict = strict
+    return model
+
+
+def _numbers(value: Any) -> list[float]:
+    x: list[float] = value._x.ravel().tolist()
+    return x
+
+
+def _value(kind: Any, numbers: list[float]) -> Any:
+    x = np.array(numbers, dtype=float)
+    return kind.over(x.reshape(4, 4) if kind is SE3 else x)
+
+
+def _joint_state(joint: JointModel) -> dict[str, Any]:
+    made: dict[str, Any] = {"kind": joint.shortname(), "parameters": list(joint.parameters())}
+    if isinstance(joint, JointModelComposite):
+        made["parts"] = [
+            [_joint_state(part), _numbers(placement), name]
+            for part, placement, name in zip(joint.joints, joint.jointPlacements, joint._names, strict=True)
+        ]
+    elif isinstance(joint, JointModelMimic):
+        made["motion"] = _joint_state(joint._motion)
+        made["leader"], made["scaling"], made["offset"] = joint._followed()
+    return made
+
+
+def _joint(given: Mapping[str, Any]) -> JointModel:
+    kind = KINDS[given["kind"]]
+    if kind is JointModelComposite:
+        composite = JointModelComposite()
+        for part, placement, name in given["parts"]:
+            composite.addJoint(_joint(part), _value(SE3, placement), name)
+        return composite
+    if kind is JointModelMimic:
+        motion = _joint(given["motion"])
+        leader = motion.copy()
+        leader.id = given["leader"]
+        return JointModelMimic.of(motion, leader, given["scaling"], given["offset"])
+    made: JointModel = kind(*given["parameters"])
+    return made
+
+
+# --- files -------------------------------------------------------------------------------------------------
+
+
+class Stored:
+    """The methods of a Model that store it and read it again."""
+
+    def saveToString(self) -> str:
+        """The model as text."""
+        return json.dumps(state(self))
+
+    def loadFromString(self, string: str) -> None:
+        """Become the model of a text. Raises SpatialDynError if it is none."""
+        _load(self, string, "the text")
+
+    def saveToText(self, filename: str | os.PathLike[str]) -> None:
+        """Write the model to a text file."""
+        Path(filename).write_text(self.saveToString(), encoding="utf-8")
+
+    def loadFromText(self, filename: str | os.PathLike[str]) -> None:
+        """Become the model of a text file. Raises SpatialDynError if it holds none."""
+        _load(self, _read(filename).decode("utf-8", errors="replace"), filename)
+
+    def saveToXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
+        """Write the model to an XML file of one element."""
+        text = f'<?xml version="1.0" encoding="utf-8"?>\n<{tag_name}>{escape(self.saveToString())}</{tag_name}>\n'
+        Path(filename).write_text(text, encoding="utf-8")
+
+    def loadFromXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
+        """Become the model of an XML file's element. Raises SpatialDynError if it holds none."""
+        text = _read(filename).decode("utf-8", errors="replace")
+        _, found, rest = text.partition(f"<{tag_name}>")
+        if not found:
+            raise SpatialDynError(f"{filename} has no element <{tag_name}>, expected one that holds a model")
+        _load(self, unescape(rest.partition(f"</{tag_name}>")[0]), filename)
+
+    def saveToBinary(self, filename: str | os.PathLike[str]) -> None:
+        """Write the model to a binary file."""
+        Path(_path(filename)).write_bytes(zlib.compress(self.saveToString().encode()))
+
+    def loadFromBinary(self, filename: str | os.PathLike[str]) -> None:
+        """Become the model of a binary file. Raises SpatialDynError if it holds none."""
+        try:
+            text = zlib.decompress(_read(_path(filename))).decode()
+        except (zlib.error, UnicodeDecodeError):
+            raise SpatialDynError(f"{filename} is no model written by saveToBinary, expected one") from None
+        _load(self, text, filename)
+
+
+def _path(filename: Any) -> Any:
+    if not isinstance(filename, (str, os.PathLike)):
+        raise NotImplementedError(f"a model is stored in files only, not in a {type(filename).__name__}; give a path")
+    return filename
+
+
+def _read(filename: Any) -> bytes:
+    try:
+        return Path(filename).read_bytes()
+    except OSError as error:
+        raise SpatialDynError(f"{filename} cannot be read ({error}), expected a stored model") from None
+
+
+def _load(model: Any, text: str, source: Any) -> None:
+    """Become what a text says, or stay as it was."""
+    try:
+        given = json.loads(text)
+        if not isinstance(given, dict) or given.get("format") != FORMAT:
+            raise ValueError
+        made = restored(given)
+        fill(model, state(made))
+    except (KeyError, TypeError, ValueError):
+        raise SpatialDynError(f"{source} holds no model written by saveToText and its like, expected one") from None

@@ -1,0 +1,113 @@
+"""All that a joint carries, as one: its centre of mass, and how that moves.
+
+The subtree of the world is the robot. A subtree without mass has its centre of mass where its joint is, at rest.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..scalars import inlined, select
+from ..spatial import (
+    Force,
+    Inertia,
+    Motion,
+    Pose,
+    Scalar,
+    Vec,
+    add_force,
+    cross_force,
+    momentum,
+    times,
+    unrotate,
+    zero_force,
+)
+from ..tables import (
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_force,
+    table_dtype,
+    vec_of,
+)
+from .centroidal import outward
+from .energy import WORK_MOMENT, mass_moment
+from .spec import A, Argument, Q, Spec, V
+
+WORK = table_dtype(X=Pose, v=Motion, a=Motion, I=Inertia, dI=Inertia, h=Force)
+
+
+@inlined
+def _per(m: Scalar, a: Vec) -> Vec:
+    """a / m, the null vector where m is 0 and a therefore as well."""
+    return times(1.0 / select(m, m, 1.0), a)
+
+
+@inlined
+def _put(out: Any, a: Vec) -> None:
+    out[0], out[1], out[2] = a.x, a.y, a.z
+
+
+@inlined
+def subtree_centers_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
+    """c = Σ m c / Σ m of each subtree, from the first moments summed inward."""
+    mass_moment(bodies, work, q)
+    _put(c[0], _per(work[0].m, vec_of(work[0].h)))
+    for i in range(1, len(bodies)):
+        if bodies[i].joint > 0:
+            _put(c[bodies[i].joint], _per(work[i].m, vec_of(work[i].h)))
+
+
+@inlined
+def _summed(bodies: Any, work: Any, out: Any) -> None:
+    """The h of every row summed inward, and the linear part over the mass of each subtree, in its joint's axes."""
+    for i in range(len(bodies) - 1, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        h = force_of(here.h)
+        parent.I.m = parent.I.m + here.I.m
+        put_force(parent.h, add_force(force_of(parent.h), h))
+        if bodies[i].joint > 0:
+            _put(out[bodies[i].joint], unrotate(pose_of(here.X).R, _per(here.I.m, h.f)))
+    _put(out[0], _per(work[0].I.m, vec_of(work[0].h.f)))
+
+
+@inlined
+def subtree_com_velocities(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
+    """Linear momentum over mass."""
+    outward(bodies, work, q, v, None)
+    put_force(work[0].h, zero_force())
+    for i in range(1, len(bodies)):
+        put_force(work[i].h, momentum(inertia_of(work[i].I), motion_of(work[i].v)))
+    _summed(bodies, work, out)
+
+
+@inlined
+def subtree_com_accelerations(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
+    """Net force over mass: Σ (I a + v ×* I v)."""
+    outward(bodies, work, q, v, a)
+    put_force(work[0].h, zero_force())
+    for i in range(1, len(bodies)):
+        I, vi = inertia_of(work[i].I), motion_of(work[i].v)
+        put_force(work[i].h, add_force(momentum(I, motion_of(work[i].a)), cross_force(vi, momentum(I, vi))))
+    _summed(bodies, work, out)
+
+
+_SOURCE = "the definition."
+_WHERE = "of what each joint carries, in the axes of its body's frame; row 0: of the robot, in the world's"
+SPECS = (
+    Spec(
+        "subtree_centers_of_mass", subtree_centers_of_mass, WORK_MOMENT, (Q,),
+        Argument("c", ("njoints", 3), "m", "of what each joint carries, in its body's frame; row 0: in the world"),
+        "Centres of mass of all subtrees.", _SOURCE,
+    ),
+    Spec(
+        "subtree_com_velocities", subtree_com_velocities, WORK, (Q, V), Argument("vc", ("njoints", 3), "m/s", _WHERE),
+        "Velocities of the centres of mass of all subtrees.", _SOURCE,
+    ),
+    Spec(
+        "subtree_com_accelerations", subtree_com_accelerations, WORK, (Q, V, A),
+        Argument("ac", ("njoints", 3), "m/s²", _WHERE),
+        "Accelerations of the centres of mass of all subtrees; gravity plays no part in them.", _SOURCE,
+    ),
+)  # fmt: skip
