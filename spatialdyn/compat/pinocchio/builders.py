@@ -45,13 +45,12 @@ from .se3 import SE3
 ROOT_NAME = "root_joint"
 UNIT_BOUND = 1.01  # the limits Pinocchio writes for entries of quaternions and (cos, sin) pairs
 ALONG = 1e-12  # an axis this close to x, y or z is that, as in Pinocchio
-ALIGNED: dict[str, dict[Vector, Any]] = {
+ALIGNED: dict[str, dict[Vector, type[JointModel]]] = {
     "revolute": {X: JointModelRX, Y: JointModelRY, Z: JointModelRZ},
     "continuous": {X: JointModelRUBX, Y: JointModelRUBY, Z: JointModelRUBZ},
     "prismatic": {X: JointModelPX, Y: JointModelPY, Z: JointModelPZ},
 }
-UNALONG = 1e-12  # an axis this close to x, y or z is that, as in Pinocchio
-ALIGNED: dict[str, dict[Vector, Any]] = {
+UNALIGNED: dict[str, type[JointModel]] = {
     "revolute": JointModelRevoluteUnaligned,
     "continuous": JointModelRevoluteUnboundedUnaligned,
     "prismatic": JointModelPrismaticUnaligned,
@@ -164,8 +163,10 @@ def joint_model(joint: Joint) -> JointModel:
     if joint.kind in ALIGNED:
         for axis, aligned in ALIGNED[joint.kind].items():
             if math.dist(axis, joint.axis) <= ALONG:
-                return aligned()
-        return UNALIGNED[joint.kind](*joint.axis)
+                made: JointModel = aligned()
+                return made
+        made = UNALIGNED[joint.kind](*joint.axis)
+        return made
     if joint.kind == "floating":
         return JointModelFreeFlyer()
     if joint.kind == "planar":
