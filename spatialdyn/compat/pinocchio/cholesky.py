@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...diagnosis import refuse_singular
 from ...errors import InertiaError
 from .compiled import made
-from .entries import vector
+from .sizes import vector
 
 Array = NDArray[np.float64]
 
@@ -32,19 +32,14 @@ def factor(model: Any, M: Array) -> Array:
     raise InertiaError("data.M is not positive definite, expected what crba has left there")
 
 
-def lower_solve(C: Array, B: Array) -> Array:
-    """C⁻¹ B."""
-    found: Array = np.linalg.solve(C, B)
-    return found
-
-
 def decompose(model: Any, data: Any) -> Array:
     """U, which with D goes to ``data``, of data.M. Raises InertiaError if that is singular."""
-    C = factor(model, np.asarray(data.M))
+    C = factor(model, data.array("M"))
     d = C.diagonal()
-    data.U[...] = C / d
-    data.D[...] = d * d
-    return np.array(data.U)
+    U: Array = C / d
+    data.put("U", U)
+    data.put("D", d * d)
+    return U
 
 
 def solve(model: Any, data: Any, v: Any) -> Array:
@@ -59,12 +54,13 @@ def computeMinv(model: Any, data: Any) -> Array:
     """M⁻¹ (nv, nv), also to data.Minv, by what decompose has left in ``data``."""
     U, D = _decomposed(data)
     half = np.linalg.solve(U, np.eye(model.nv))
-    data.Minv[...] = half.T @ (half / D[:, None])
-    return np.array(data.Minv)
+    Minv: Array = half.T @ (half / D[:, None])
+    data.put("Minv", Minv)
+    return Minv
 
 
 def _decomposed(data: Any) -> tuple[Array, Array]:
-    U, D = np.asarray(data.U), np.asarray(data.D)
+    U, D = data.array("U"), data.array("D")
     if not (D > 0.0).all():
         raise InertiaError("data.D is not positive, expected cholesky.decompose to have been called")
     return U, D

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
+from .arguments import ArgumentError, described, number
 from .cholesky import factor
 from .dynamics import computeAllTerms, crba
-from .entries import matrix, number, vector
+from .sizes import matrix, vector
 
 Array = NDArray[np.float64]
 
@@ -52,11 +53,12 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     if "q" in given:
         computeAllTerms(model, data, given["q"], given["v"])
     f = _factored(model, data, J, mu)
-    free = np.linalg.solve(f.C, tau - data.nle)
+    free = np.linalg.solve(f.C, tau - data.array("nle"))
     force = -np.linalg.solve(f.S, f.Y.T @ free + gamma)
     a: Array = np.linalg.solve(f.C.T, free + f.Y @ force)
-    data.ddq, data.lambda_c = a, force
-    return a.copy()
+    data.put("ddq", a)
+    data.put("lambda_c", force)
+    return a
 
 
 def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Array:
@@ -74,7 +76,7 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     given = _given("impulseDynamics", names, 1, 2, arguments, named)
     v = vector("v_before", given["v_before"], model.nv)
     J = matrix("constraint_jacobian", given["constraint_jacobian"], model.nv)
-    e = number("restitution_coefficient", given.get("restitution_coefficient", 0.0))
+    e = number(given.get("restitution_coefficient", 0.0), "restitution_coefficient")
     if not 0.0 <= e <= 1.0:
         raise ContactError(f"restitution_coefficient is {e}, expected 0 to 1")
     mu = _damping(given.get("damping", 0.0))
@@ -83,8 +85,9 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     f = _factored(model, data, J, mu)
     impulse = -np.linalg.solve(f.S, (1.0 + e) * (J @ v))
     after: Array = v + np.linalg.solve(f.C.T, f.Y @ impulse)
-    data.dq_after, data.impulse_c = after, impulse
-    return after.copy()
+    data.put("dq_after", after)
+    data.put("impulse_c", impulse)
+    return after
 
 
 def computeKKTContactDynamicMatrixInverse(
@@ -106,7 +109,7 @@ def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian
     Raises ContactError if neither has been called, or not with so many constraints
     """
     J = matrix("constraint_jacobian", constraint_jacobian, model.nv)
-    f: Factored | None = data.contact
+    f: Factored | None = data.__dict__.get("_contact")
     if f is None or f.S.shape != (len(J), len(J)):
         raise ContactError(
             f"data holds no contact of {len(J)} rows, expected forwardDynamics or impulseDynamics to be called before"
@@ -116,7 +119,7 @@ def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian
 
 def _factored(model: Any, data: Any, J: Array, mu: float) -> Factored:
     """What data.M, J and μ make, kept in ``data``. Raises ContactError if S is singular to rounding."""
-    C = factor(model, np.asarray(data.M))
+    C = factor(model, data.array("M"))
     Y = np.linalg.solve(C, J.T)
     S = Y.T @ Y + mu * np.eye(len(J))
     scale = np.sqrt(S.diagonal())
@@ -127,8 +130,8 @@ def _factored(model: Any, data: Any, J: Array, mu: float) -> Factored:
         raise ContactError(
             f"constraint_jacobian has rank {rank}, expected its {len(J)} rows to be independent, or a larger damping"
         )
-    data.contact = Factored(C, Y, S)
-    return Factored(C, Y, S)
+    data._contact = found = Factored(C, Y, S)
+    return found
 
 
 def _inverse(f: Factored) -> Array:
@@ -148,27 +151,27 @@ def _inverse(f: Factored) -> Array:
 def _given(
     name: str, names: tuple[str, ...], first: int, last: int, arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> dict[str, Any]:
-    """Arguments by name. The ``first`` names may be left out, all together, and so may the ``last``."""
-    from .arguments import ArgumentError
+    """Arguments by name, in the longest form that fits: without the ``first`` names, and any of the ``last`` numbers.
 
-    short = names[first:]
-    needed = len(names) - last
-    whole = len(arguments) + len(set(named) & set(names)) >= needed and not (
-        len(arguments) < first and not set(names[:first]) <= {*names[: len(arguments)], *named}
+    Raises ArgumentError if none fits
+    """
+    for order in (names, names[first:]):
+        given = {**named, **dict(zip(order, arguments, strict=False))}
+        needed = set(order[: len(order) - last])
+        if (
+            len(given) == len(arguments) + len(named)
+            and needed <= set(given) <= set(order)
+            and all((np.ndim(x) == 0) == (key in names[-last:]) for key, x in given.items())
+        ):
+            return given
+    kinds = ", ".join([*map(described, arguments), *(f"{key}={described(x)}" for key, x in named.items())])
+    raise ArgumentError(
+        f"{name} got ({kinds}), expected ({', '.join(names)}), with or without {', '.join(names[:first])}"
     )
-    if whole and arguments and not named and len(arguments) <= len(short):
-        # as many as either form has: the short one has a matrix where the long one has a vector
-        whole = np.ndim(arguments[len(short) - last - 1]) < 2 <= np.ndim(arguments[needed - 1])
-    order = names if whole else short
-    given = {**dict(zip(order, arguments, strict=False)), **named}
-    required = order[: len(order) - last]
-    if len(arguments) > len(order) or not set(required) <= set(given) <= set(order):
-        raise ArgumentError(f"{name} got {len(arguments)} arguments and {sorted(named)}, expected {', '.join(order)}")
-    return given
 
 
 def _damping(value: Any) -> float:
-    mu = number("damping", value)
+    mu = number(value, "damping")
     if not mu >= 0.0:
         raise ContactError(f"damping is {mu}, expected 0 or more")
     return mu

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-NAMES = frozenset(
-    """
+_TEXT = """
 ACCELERATION ADMMConstraintSolver ADMMProximalRule ADMMSolverResult ADMMSolverSettings ADMMSolverStats
 ADMMUpdateRule ARG0 ARG1 ARG2 ARG3 ARG4 AUTOMATIC AngleAxis ArgumentPosition BODY BaumgarteCorrectorParameters
 BoxSet BroadPhaseManagerPool_DynamicAABBTreeCollisionManager BroadPhaseManager_DynamicAABBTreeArrayCollisionManager
@@ -88,5 +87,5 @@ randomConfiguration removeCollisionPairs removeCollisionPairsFromXML rnea rneaIn
 serialization sharedMemory shortcuts skew skewSquare squaredDistance std_type_index submodules sys tangentMap
 tangentMapProduct tangentMapTransposeProduct transformJointIntoMimic unSkew updateFramePlacement
 updateFramePlacements updateGeometryPlacements updateGlobalPlacements utils
-""".split()
-)
+"""
+NAMES = frozenset(_TEXT.split())

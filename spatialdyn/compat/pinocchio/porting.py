@@ -27,6 +27,7 @@ MAKERS = {  # what calls of these names make
     "buildReducedRobot": "RobotWrapper",
 }
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
+STATIC = {"", "Identity", "Random", "Zero"}  # what a class makes objects of itself by; "" is calling it
 CLASSES = {"Model", "Data", "RobotWrapper", "SE3", "Motion", "Force", "Inertia", "Symmetric3", "Quaternion", "Frame"}
 
 
@@ -141,8 +142,9 @@ class _Reader(ast.NodeVisitor):
         if isinstance(node, ast.Call):
             called = self.dotted(node.func)
             last = node.func.attr if isinstance(node.func, ast.Attribute) else called
-            if called in CLASSES:
-                return called
+            made, _, by = (called or "").partition(".")
+            if made in CLASSES and by in STATIC:
+                return made
             return MAKERS.get(last or "") if called is not None or last == "createData" else None
         return None
 

@@ -1,0 +1,71 @@
+"""What the face has of Pinocchio: every name is answered for, and none in silence."""
+
+from __future__ import annotations
+
+import pytest
+
+import spatialdyn.compat.pinocchio as face
+from spatialdyn.compat.pinocchio.coverage import DIFFERENT, INSTEAD, OUT_OF_SCOPE, SUPPORTED, UNKNOWN, entry
+from spatialdyn.compat.pinocchio.names import NAMES
+
+STATUSES = {SUPPORTED, DIFFERENT, OUT_OF_SCOPE}
+
+
+def test_the_names_are_the_wheels() -> None:
+    pin = pytest.importorskip("pinocchio", minversion="4.1")
+    assert {name for name in dir(pin) if not name.startswith("_")} == NAMES
+
+
+def test_every_name_has_a_status_and_what_is_not_there_a_note() -> None:
+    found = face.coverage()
+    assert set(found) == NAMES
+    assert {x.status for x in found.values()} <= STATUSES
+    assert [x.name for x in found.values() if x.status != SUPPORTED and not x.note] == []
+
+
+def test_nothing_is_left_to_be_written() -> None:
+    assert [x.name for x in face.coverage().values() if x.note == "not written yet"] == []
+
+
+def test_what_is_supported_is_there_and_what_is_out_of_scope_is_not() -> None:
+    for name, x in face.coverage().items():
+        assert (name in vars(face)) == (x.status != OUT_OF_SCOPE), name
+
+
+def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
+    for name in ("computeCollisions", "GeometryModel", "constraintDynamics", "buildModelFromMJCF"):
+        with pytest.raises(NotImplementedError, match=rf"pinocchio\.{name} is not supported: .*: "):
+            getattr(face, name)
+
+
+def test_a_name_out_of_scope_says_so_when_imported() -> None:
+    with pytest.raises(NotImplementedError, match="MeshCat"):
+        from spatialdyn.compat.pinocchio import visualize  # noqa: F401
+
+
+def test_a_name_that_nobody_has_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="did you mean rnea"):
+        face.rnea_
+    assert entry("rnea_").status == UNKNOWN
+    assert not hasattr(face, "frobnicate")
+
+
+def test_every_pattern_of_what_is_out_of_scope_is_needed() -> None:
+    from fnmatch import fnmatchcase
+
+    beside = {
+        "visualize",
+        "casadi",
+        "coal",
+        "romeo_wrapper",
+        "windows_dll_manager",
+        "deprecation",
+    }  # files of the wheel
+    for patterns, _ in INSTEAD:
+        for pattern in patterns.split():
+            assert any(fnmatchcase(name, pattern) for name in NAMES | beside), pattern
+
+
+def test_members_are_looked_up() -> None:
+    assert entry("SE3.Identity").status == SUPPORTED
+    assert entry("SE3.nonsense").status == OUT_OF_SCOPE
