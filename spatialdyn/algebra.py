@@ -217,8 +217,10 @@ def log_jacobian_of(X: Pose) -> lie.Tangent:
 
 @inlined
 def bent_log(R: Rot, v: Vec) -> Rot:
-    """The derivative of that inverse by the rotation vector, along v."""
-    return lie.log_jacobian(Motion(vector_of(R), v), 1.0).K
+    """The derivative of that inverse as R turns on by v, given in the turned axes."""
+    w = vector_of(R)
+    rate = spatial.rotate(lie.log_jacobian(Motion(w, spatial.zero()), 1.0).J, v)
+    return lie.log_jacobian(Motion(w, rate), 1.0).K
 
 
 # --- compiled -------------------------------------------------------------------------------------------

@@ -7,7 +7,54 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
+from . import explog, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
+from .chance import seed
+from .containers import (
+    StdMap_String_VectorXd,
+    StdVec_Bool,
+    StdVec_BooleanVector,
+    StdVec_Double,
+    StdVec_EigenIndex,
+    StdVec_EigenIndexVector,
+    StdVec_Force,
+    StdVec_Frame,
+    StdVec_Index,
+    StdVec_IndexVector,
+    StdVec_Inertia,
+    StdVec_int,
+    StdVec_Matrix6,
+    StdVec_Matrix6x,
+    StdVec_MatrixXs,
+    StdVec_Motion,
+    StdVec_Scalar,
+    StdVec_SE3,
+    StdVec_StdString,
+    StdVec_StdVec_Int,
+    StdVec_Symmetric3,
+    StdVec_Vec3s,
+    StdVec_Vector3,
+)
+from .explog import (
+    Hlog3,
+    Jexp3,
+    Jexp6,
+    Jlog3,
+    Jlog6,
+    SE3ToXYZQUAT,
+    SE3ToXYZQUATtuple,
+    XYZQUATToSE3,
+    classicAcceleration,
+    exp,
+    exp3,
+    exp3_quat,
+    exp6,
+    exp6_quat,
+    log,
+    log3,
+    log6,
+    log6_quat,
+)
 from .frame import (
     ACCELERATION,
     ARG0,
@@ -60,4 +107,7 @@ from .joints_many import (
 )
 from .model import Model
 from .motion import Force, Motion
+from .pseudo import LogCholeskyParameters, PseudoInertia
+from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .se3 import SE3
+from .symmetric import Symmetric3

@@ -15,6 +15,7 @@ from .live import Value
 
 Array = NDArray[np.float64]
 EPS = 2.220446049250313e-16
+XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
 
 class Quaternion(Value):

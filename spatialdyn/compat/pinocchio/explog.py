@@ -1,0 +1,195 @@
+"""Exponential and logarithm of rotations and displacements, their derivatives, and displacements as seven numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import algebra
+from ...errors import ShapeError, SpatialDynError
+from .arguments import ArgumentError, array, described, expected
+from .motion import Motion
+from .rotations import Quaternion
+from .se3 import SE3
+
+Array = NDArray[np.float64]
+
+
+def exp(x: Any) -> Any:
+    """``exp6`` of a Motion or an array (6,), ``exp3`` of an array (3,), the exponential of a number."""
+    if isinstance(x, Motion):
+        return exp6(x)
+    if np.isscalar(x):
+        return math.exp(x)  # type: ignore[arg-type]
+    if isinstance(x, np.ndarray) and x.shape in ((6,), (6, 1)):
+        return exp6(x)
+    if isinstance(x, np.ndarray) and x.shape in ((3,), (3, 1)):
+        return exp3(x)
+    raise SpatialDynError(f"x is {described(x)}, expected a number, an array of shape (3,) or (6,), or a Motion")
+
+
+def log(x: Any) -> Any:
+    """``log6`` of an SE3 or an array (4, 4), ``log3`` of an array (3, 3), the logarithm of a number."""
+    if isinstance(x, SE3):
+        return log6(x)
+    if np.isscalar(x):
+        return math.log(x)  # type: ignore[arg-type]
+    if isinstance(x, np.ndarray) and x.shape == (4, 4):
+        return log6(x)
+    if isinstance(x, np.ndarray) and x.shape == (3, 3):
+        return log3(x)
+    raise SpatialDynError(f"x is {described(x)}, expected a number, an array of shape (3, 3) or (4, 4), or an SE3")
+
+
+# --- rotations -------------------------------------------------------------------------------------------
+
+
+def exp3(w: Any) -> Array:
+    """The rotation (3, 3) by |w| about w (3,) [rad]."""
+    out = np.empty((3, 3))
+    algebra.exp3(array(w, (3,), "w"), out)
+    return out
+
+
+def exp3_quat(w: Any) -> Array:
+    """The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad]."""
+    out = np.empty(4)
+    algebra.exp3_quat(array(w, (3,), "w"), out)
+    return out
+
+
+def log3(R: Any, theta: Array | None = None) -> Array:
+    """The rotation vector (3,) [rad], of length up to π, of a rotation (3, 3), a Quaternion, or x y z w (4,).
+
+    theta  (1,)  its length is written there if given
+    """
+    out = np.empty(3)
+    if isinstance(R, Quaternion) and theta is None:
+        algebra.log3_quat(R._x, out)
+    elif isinstance(R, np.ndarray) and R.shape in ((4,), (4, 1)):
+        algebra.log3_quat(array(R, (4,), "quat"), out)
+    else:
+        algebra.log3(array(R, (3, 3), "R"), out)
+    if theta is not None:
+        if not isinstance(theta, np.ndarray) or theta.size != 1:
+            raise ArgumentError(f"theta is {described(theta)}, expected an array of shape (1,)")
+        theta[...] = math.hypot(*out)
+    return out
+
+
+def Jexp3(w: Any) -> Array:
+    """The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order."""
+    out = np.empty((3, 3))
+    algebra.exp3_jacobian(array(w, (3,), "w"), out)
+    return out
+
+
+def Jlog3(R: Any) -> Array:
+    """The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order."""
+    out = np.empty((3, 3))
+    algebra.log3_jacobian(array(R, (3, 3), "R"), out)
+    return out
+
+
+def Hlog3(R: Any, v: Any) -> Array:
+    """The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0."""
+    out = np.empty((3, 3))
+    algebra.log3_bend(array(R, (3, 3), "R"), array(v, (3,), "v"), out)
+    return out
+
+
+# --- displacements ---------------------------------------------------------------------------------------
+
+
+def _twist(v: Any) -> Array:
+    return v._x if isinstance(v, Motion) else array(v, (6,), "v")
+
+
+def _pose(M: Any) -> Array:
+    return M._x if isinstance(M, SE3) else array(M, (4, 4), "M")
+
+
+def exp6(v: Any) -> SE3:
+    """Where the motion v, a Motion or an array (6,), held for unit time in the moving frame, ends."""
+    out = np.empty((4, 4))
+    algebra.exp6(_twist(v), out)
+    return SE3.over(out)
+
+
+def exp6_quat(v: Any) -> Array:
+    """The same as x y z and quaternion x y z w (7,), of an array (6,)."""
+    v, p, q = array(v, (6,), "v"), np.empty(3), np.empty(4)
+    algebra.travel(v, p)
+    algebra.exp3_quat(v[3:].copy(), q)
+    return np.concatenate([p, q])
+
+
+def log6(M: Any) -> Motion:
+    """The Motion that ends at M, an SE3 or an array (4, 4), after unit time; it turns by π at most."""
+    out = np.empty(6)
+    algebra.log6(_pose(M), out)
+    return Motion.over(out)
+
+
+def log6_quat(q: Any) -> Motion:
+    """The same of x y z and quaternion x y z w (7,)."""
+    q, w, v = array(q, (7,), "q"), np.empty(3), np.empty(3)
+    algebra.log3_quat(q[3:].copy(), w)
+    algebra.log_travel(w, q[:3].copy(), v)
+    return Motion(v, w)
+
+
+def Jexp6(v: Any) -> Array:
+    """The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,)."""
+    out = np.empty((6, 6))
+    algebra.exp6_jacobian(_twist(v), out)
+    return out
+
+
+def Jlog6(M: Any) -> Array:
+    """The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3."""
+    out = np.empty((6, 6))
+    algebra.log6_jacobian(expected(M, SE3, "M")._x, out)
+    return out
+
+
+# --- seven numbers ---------------------------------------------------------------------------------------
+
+
+def SE3ToXYZQUAT(M: SE3) -> Array:
+    """Translation x y z and quaternion x y z w (7,) of an SE3."""
+    x = expected(M, SE3, "M")._x
+    return np.concatenate([x[:3, 3], Quaternion(x[:3, :3])._x])
+
+
+def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:
+    """The same as a tuple."""
+    return tuple(SE3ToXYZQUAT(M).tolist())
+
+
+def XYZQUATToSE3(x: Any) -> SE3:
+    """The SE3 of translation x y z and quaternion x y z w: an array (7,), a list or a tuple."""
+    if not isinstance(x, (np.ndarray, list, tuple)):
+        raise ArgumentError(f"x is {described(x)}, expected seven numbers")
+    given = np.array(x, dtype=float).ravel()
+    if given.shape != (7,):
+        raise ShapeError(f"x has {given.size} numbers, expected 7")
+    out = np.empty((4, 4))
+    algebra.place(given[3:].copy(), given[:3].copy(), out)
+    return SE3.over(out)
+
+
+def classicAcceleration(spatial_velocity: Motion, spatial_acceleration: Motion, placement: SE3 | None = None) -> Array:
+    """The acceleration (3,) of the frame's origin [m/s²], in its axes: the linear part, plus ω × v.
+
+    placement   the frame in that of the two Motions, if it is another
+    """
+    v = expected(spatial_velocity, Motion, "spatial_velocity")
+    a = expected(spatial_acceleration, Motion, "spatial_acceleration")
+    if placement is not None:
+        v, a = placement.actInv(v), placement.actInv(a)
+    made: Array = a._x[:3] + np.cross(v._x[3:], v._x[:3])
+    return made

@@ -1,0 +1,93 @@
+"""Roll, pitch and yaw: R = R_z(yaw) R_y(pitch) R_x(roll)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import SpatialDynError
+from ...robot import rpy_matrix, rpy_of
+from .arguments import array, number
+from .frame import LOCAL, ReferenceFrame
+
+Array = NDArray[np.float64]
+AXES = {"x": 0, "y": 1, "z": 2}
+
+__all__ = [
+    "computeRpyJacobian",
+    "computeRpyJacobianInverse",
+    "computeRpyJacobianTimeDerivative",
+    "matrixToRpy",
+    "rotate",
+    "rpyToMatrix",
+]
+
+
+def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
+    """The rotation matrix (3, 3) of three angles, or of one array (3,) of them [rad]."""
+    if pitch is None and yaw is None:
+        return rpy_matrix(*array(roll, (3,), "rpy").tolist())
+    return rpy_matrix(number(roll, "roll"), number(pitch, "pitch"), number(yaw, "yaw"))
+
+
+def matrixToRpy(R: Any) -> Array:
+    """Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).
+
+    At a right angle of pitch, where only one of the others counts, the roll is 0.
+    """
+    return np.array(rpy_of(array(R, (3, 3), "R")))
+
+
+def rotate(axis: str, angle: float) -> Array:
+    """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
+    if axis not in AXES:
+        raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
+    angles = [0.0, 0.0, 0.0]
+    angles[AXES[axis]] = number(angle, "angle")
+    return rpy_matrix(*angles)
+
+
+def _trigonometry(rpy: Any) -> tuple[float, float, float, float, float, float]:
+    roll, pitch, yaw = array(rpy, (3,), "rpy").tolist()
+    return math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch), math.sin(yaw), math.cos(yaw)
+
+
+def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
+    """The matrix (3, 3) that makes the angular velocity, in the body's or the world's axes, of the angles' rates."""
+    sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
+    if reference_frame == LOCAL:
+        return np.array([[1.0, 0.0, -sp], [0.0, cr, sr * cp], [0.0, -sr, cr * cp]])
+    return np.array([[cy * cp, -sy, 0.0], [sy * cp, cy, 0.0], [-sp, 0.0, 1.0]])
+
+
+def computeRpyJacobianInverse(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
+    """The inverse (3, 3) of ``computeRpyJacobian``; large near a right angle of pitch, where there is none."""
+    sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
+    tp = sp / cp
+    if reference_frame == LOCAL:
+        return np.array([[1.0, sr * tp, cr * tp], [0.0, cr, -sr], [0.0, sr / cp, cr / cp]])
+    return np.array([[cy / cp, sy / cp, 0.0], [-sy, cy, 0.0], [cy * tp, sy * tp, 1.0]])
+
+
+def computeRpyJacobianTimeDerivative(rpy: Any, rpydot: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
+    """The rate of change (3, 3) of ``computeRpyJacobian`` when the angles change at these rates (3,)."""
+    sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
+    dr, dp, dy = array(rpydot, (3,), "rpydot").tolist()
+    if reference_frame == LOCAL:
+        return np.array(
+            [
+                [0.0, 0.0, -cp * dp],
+                [0.0, -sr * dr, cr * cp * dr - sr * sp * dp],
+                [0.0, -cr * dr, -sr * cp * dr - cr * sp * dp],
+            ]
+        )
+    return np.array(
+        [
+            [-sy * cp * dy - cy * sp * dp, -cy * dy, 0.0],
+            [cy * cp * dy - sy * sp * dp, -sy * dy, 0.0],
+            [-cp * dp, 0.0, 0.0],
+        ]
+    )

@@ -1,0 +1,72 @@
+"""Small helpers that scripts take from ``pinocchio.utils``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.linalg as npl
+
+from .containers import StdVec_StdString
+from .live import Value
+from .rpy import matrixToRpy, rotate, rpyToMatrix
+
+__all__ = [
+    "eye",
+    "fromListToVectorOfString",
+    "isapprox",
+    "matrixToRpy",
+    "mprint",
+    "np",
+    "npToTTuple",
+    "npToTuple",
+    "npl",
+    "rand",
+    "rotate",
+    "rpyToMatrix",
+    "zero",
+]
+
+
+def eye(n: int) -> Any:
+    """The identity (n, n)."""
+    return np.eye(n)
+
+
+def zero(n: Any) -> Any:
+    """An array of zeros of size or shape n."""
+    return np.zeros(n)
+
+
+def rand(n: Any) -> Any:
+    """An array of size or shape n of numbers in [0, 1), from NumPy's own generator and its seed."""
+    return np.random.rand(n) if isinstance(n, int) else np.random.rand(n[0], n[1])
+
+
+def isapprox(a: Any, b: Any, epsilon: float = 1e-6) -> bool:
+    """Whether two arrays or values agree to epsilon of their size, or two numbers to epsilon."""
+    a, b = (np.asarray(x) if isinstance(x, (Value, list)) else x for x in (a, b))
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return bool(np.allclose(np.squeeze(a), np.squeeze(b), epsilon))
+    return bool(abs(a - b) < epsilon)
+
+
+def npToTTuple(M: Any) -> tuple[tuple[Any, ...], ...]:
+    """A matrix as a tuple of tuples, its rows."""
+    return tuple(tuple(line) for line in M.tolist())
+
+
+def npToTuple(M: Any) -> tuple[Any, ...]:
+    """A vector, row or column as a tuple, a matrix as a tuple of rows."""
+    return tuple(M.ravel().tolist()) if M.ndim == 1 or 1 in M.shape else npToTTuple(M)
+
+
+def fromListToVectorOfString(items: Iterable[str]) -> StdVec_StdString:
+    """The names as a list of str."""
+    return StdVec_StdString(list(items))
+
+
+def mprint(M: Any, name: str = "ans", eps: float = 1e-15) -> None:
+    """Not offered: nothing here writes to the terminal; ``print(numpy.array2string(M))`` does."""
+    raise NotImplementedError("utils.mprint is not offered; use print(numpy.array2string(M))")
