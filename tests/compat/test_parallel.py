@@ -65,7 +65,7 @@ def test_wrong_arguments_raise_pinocchios_classes(pools: tuple[Any, Any]) -> Non
         (1, pool, q, v[:, :-1], a),
         (1, pool, q, v, a, q[:, :2]),
     ):
-        with pytest.raises(ValueError, match="expected|differ"):
+        with pytest.raises(ValueError, match=r"expected|differ"):
             face.rneaInParallel(*wrong)
     with pytest.raises(TypeError):
         face.rneaInParallel(1, pool.getModel(0), q, v, a)
