@@ -55,6 +55,23 @@ from .explog import (
     log6,
     log6_quat,
 )
+from .data import Data
+from .dynamics import (
+    aba,
+    computeAllTerms,
+    computeCoriolisMatrix,
+    computeGeneralizedGravity,
+    computeKineticEnergy,
+    computeMechanicalEnergy,
+    computeMinverse,
+    computePotentialEnergy,
+    computeStaticTorque,
+    crba,
+    getCoriolisMatrix,
+    nle,
+    nonLinearEffects,
+    rnea,
+)
 from .frame import (
     ACCELERATION,
     ARG0,

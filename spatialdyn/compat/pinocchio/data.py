@@ -1,0 +1,294 @@
+"""Data: where calls leave their results.
+
+Each call notes what it was given in a Run; a field is computed from the latest Run that fills it when it is first
+read. Arrays and lists, once read, are live as in Pinocchio: the next call that fills them changes them in place, and
+what is written to them stays until then.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...border import core_shape
+from ...engines import jit
+from ...errors import ShapeError
+from ...recursions import SPECS
+from .arguments import ArgumentError, described
+from .compiled import Made, made
+from .inertia import Inertia
+from .kinds import FILLED_BY, KINDS
+from .model import Model
+from .motion import Force, Motion
+from .rows import Rows
+from .se3 import SE3
+
+Array = NDArray[np.float64]
+clock = count(1).__next__  # which of two calls was the later
+
+# --- the fields ------------------------------------------------------------------------------------------
+
+_JOINTS = {
+    SE3: "oMi liMi iMf",
+    Motion: "v a a_gf ov oa oa_gf",
+    Force: "f h of oh",
+    Inertia: "Ycrb oYcrb",
+}
+_WIDTH: dict[Any, tuple[int, ...]] = {SE3: (4, 4), Motion: (6,), Force: (6,), Inertia: (10,)}
+# field -> sizes as attributes of a model or numbers, and what shows it: None for an array, a type for one value of it,
+# a list of a type (or of None, for vectors and numbers) for a list
+FIELDS: dict[str, tuple[tuple[str | int, ...], Any]] = {
+    **{name: (("njoints", *_WIDTH[kind]), [kind]) for kind, names in _JOINTS.items() for name in names.split()},
+    "oMf": (("nframes", 4, 4), [SE3]),
+    **{name: (("njoints", 3), [None]) for name in ("com", "vcom", "acom")},
+    "mass": (("njoints",), [None]),
+    **{name: ((6,), Force) for name in ("hg", "dhg")},
+    "Ig": ((10,), Inertia),
+    **{name: (("nv",), None) for name in ("tau", "nle", "g", "ddq", "dq_after")},
+    **{
+        name: (("nv", "nv"), None)
+        for name in ("M", "Minv", "C", "dtau_dq", "dtau_dv", "ddq_dq", "ddq_dv", "ddq_dtau")
+    },
+    **{name: ((6, "nv"), None) for name in ("J", "dJ", "Ag", "dAg", "dHdq", "dFdq", "dFdv", "dFda")},
+    "Jcom": ((3, "nv"), None),
+    **{name: ((0,), None) for name in ("lambda_c", "impulse_c")},
+    **{name: ((), float) for name in ("kinetic_energy", "potential_energy", "mechanical_energy")},
+}
+
+
+def _initial(model: Any, name: str) -> Array:
+    """What a field holds before any call: zeros, identities, and masses of -1, as in Pinocchio."""
+    sizes, kind = FIELDS[name]
+    x = np.zeros(tuple(getattr(model, size) if isinstance(size, str) else size for size in sizes))
+    if kind == [SE3]:
+        x[:] = np.eye(4)
+    elif name == "mass":
+        x[:] = -1.0
+    elif name == "a_gf":
+        x[:, :3] = -model.gravity.linear
+        x[1:] = 0.0
+    return x
+
+
+# --- what calls were given -------------------------------------------------------------------------------
+
+
+class Run:
+    """The last call of one kind.
+
+    stamp   when it was, by ``clock``; 0 for never
+    made    what the model was to the library then
+    memory  the result and after it the inputs, all numbers one after the other
+    result  its part of memory; inputs are attributes q, v, a, tau
+    fext    forces on the library's joints (njoints, 6), or None
+    bodies  inertias (njoints, 10) of the model then; parents of its joints
+    table   what compiled kernels take of the model
+    """
+
+    __slots__ = (
+        "_a", "_v", "bodies", "fext", "kind", "made", "memory", "parents", "q", "result", "stamp", "table", "tau",
+    )  # fmt: skip
+
+    def __init__(self, name: str, compiled: Made, parents: NDArray[np.intp], shape: tuple[int, ...] | None) -> None:
+        self.kind = KINDS[name]
+        self.stamp, self.made, self.parents = 0, compiled, parents
+        self.fext: Array | None = None
+        self.bodies = np.empty(0)
+        model = compiled.model
+        self.table = getattr(model, jit.TABLE)
+        if shape is None:
+            shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
+        sizes = [(x, model.nq if x == "q" else model.nv) for x in self.kind.inputs.split()]
+        at = math.prod(shape)
+        self.memory = np.empty(at + sum(size for _, size in sizes))
+        self.result = self.memory[:at].reshape(shape)
+        self.q: Array | None = None
+        self._v: Array | None = None
+        self._a: Array | None = None
+        for x, size in sizes:
+            setattr(self, {"v": "_v", "a": "_a"}.get(x, x), self.memory[at : at + size])
+            at += size
+        if self.kind.call == "aba":
+            self._a = self.result
+
+    @property
+    def v(self) -> Array:
+        """The velocities it was given, or zeros."""
+        return np.zeros(self.made.model.nv) if self._v is None else self._v
+
+    @property
+    def a(self) -> Array:
+        """The accelerations it was given or found, or zeros."""
+        return np.zeros(self.made.model.nv) if self._a is None else self._a
+
+    def keep(self, *inputs: Array) -> None:
+        """Copy the inputs to memory, in order."""
+        at = self.result.size
+        for x in inputs:
+            self.memory[at : at + x.size] = x
+            at += x.size
+
+
+# --- the data --------------------------------------------------------------------------------------------
+
+
+class Data:
+    """Results of the algorithms for a Model; ``model.createData()`` makes one. One for each thread.
+
+    Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... Scratch of Pinocchio's algorithms is no
+    result, and is not here.
+    """
+
+    model: Any
+
+    def __init__(self, model: Any = None) -> None:
+        if model is None:
+            model = Model()
+        own = self.__dict__
+        own["model"] = model
+        own["_sizes"] = (model.nq, model.nv, model.njoints)
+        own["_runs"] = {}  # kind -> Run
+        own["_given"] = {}  # field -> (stamp, array), of fields written whole by a call or by a user
+        own["_shown"] = {}  # field -> array, of fields that were read: the next call that fills them has to
+
+    def run_of(self, name: str, model: Any, compiled: Made, shape: tuple[int, ...] | None = None) -> Run:
+        """The Run of a kind, to be written. Raises ShapeError if the data was made for a model of another size."""
+        sizes = (model.nq, model.nv, model.njoints)
+        if sizes != self._sizes:
+            raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
+        run: Run | None = self._runs.get(name)
+        if run is None or run.made is not compiled or (shape is not None and run.result.shape != shape):
+            stamp = 0 if run is None else run.stamp
+            run = Run(name, compiled, np.array(model.parents, np.intp), shape)
+            run.bodies = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+            run.stamp = stamp
+            self._runs[name] = run
+        return run
+
+    def ran(self, run: Run) -> None:
+        """Note that a call was made just now."""
+        run.stamp = clock()
+        if self._shown:
+            self.refresh(run)
+
+    def refresh(self, run: Run) -> None:
+        """Write the fields that a call fills and that somebody holds."""
+        fills = run.kind.fills
+        for name, shown in self._shown.items():
+            recipe = fills.get(name)
+            if recipe is not None:
+                shown[...] = recipe(run)
+
+    def put(self, name: str, value: Any) -> None:
+        """Fill a field whole; one of no fixed size becomes a new array."""
+        shown = self._shown.get(name)
+        if shown is not None and shown.shape == np.shape(value):
+            shown[...] = value
+        else:
+            self._given[name] = clock(), np.array(value, float)
+            self._shown.pop(name, None)
+            self.__dict__.pop(name, None)
+
+    def latest(self, name: str) -> Run | None:
+        """The last call that filled a field, if any."""
+        runs = [run for kind in FILLED_BY.get(name, ()) if (run := self._runs.get(kind)) is not None and run.stamp]
+        return max(runs, key=lambda run: run.stamp, default=None)
+
+    def array(self, name: str) -> Array:
+        """A field as an array, to be read only."""
+        shown: Array | None = self._shown.get(name)
+        if shown is not None:
+            return shown
+        run, given = self.latest(name), self._given.get(name)
+        if run is not None and (given is None or given[0] < run.stamp):
+            return np.asarray(run.kind.fills[name](run))
+        return _initial(self.model, name) if given is None else given[1]
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in FIELDS:
+            raise AttributeError(_missing(name))
+        kind = FIELDS[name][1]
+        x = self.array(name)
+        if kind is float:
+            return float(x.ravel()[0])
+        x = np.array(x)
+        self._shown[name] = x
+        shown = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
+        self.__dict__[name] = shown
+        return shown
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in FIELDS:
+            self.__dict__[name] = value
+            return
+        kind = FIELDS[name][1]
+        if kind is float:
+            self.put(name, float(value))
+        elif isinstance(kind, list):
+            getattr(self, name).write(value)
+        elif kind is None:
+            self.put(name, np.asarray(value, float))
+        else:
+            getattr(self, name)._x[...] = value._x
+
+    def copy(self) -> Data:
+        """An equal Data of its own, for the same model."""
+        made_ = Data(self.model)
+        for name in FIELDS:
+            if name in self._shown or name in self._given or self.latest(name) is not None:
+                made_._given[name] = clock(), np.array(self.array(name))
+        return made_
+
+    __copy__ = copy
+
+    def __deepcopy__(self, memo: Any) -> Data:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        fields = {name: x for name, (_, x) in self.copy()._given.items()}
+        return _restored, (self.model, fields)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Data) and all(
+            np.array_equal(self.array(name), other.array(name), equal_nan=True) for name in FIELDS
+        )
+
+    __hash__ = object.__hash__
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *FIELDS})
+
+
+def _restored(model: Any, fields: dict[str, Array]) -> Data:
+    data = Data(model)
+    for name, x in fields.items():
+        data.put(name, x)
+    return data
+
+
+SCRATCH = frozenset(
+    "B D Fcrb Ivx U Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau "
+    "dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild "
+    "mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba "
+    "oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in "
+    "start_idx_v_fromRow supports_fromRow tau_in v_in vxI".split()
+)
+
+
+def _missing(name: str) -> str:
+    if name in SCRATCH:
+        return f"data has no {name}: it is scratch of Pinocchio's algorithms, expected one of their results"
+    return f"data has no field {name!r}"
+
+
+def prepared(model: Any, data: Any) -> Made:
+    """What the model is to the library. Raises ArgumentError for what is no Model or no Data."""
+    if not isinstance(model, Model):
+        raise ArgumentError(f"model is {described(model)}, expected a Model")
+    if not isinstance(data, Data):
+        raise ArgumentError(f"data is {described(data)}, expected a Data")
+    return made(model)

@@ -1,0 +1,72 @@
+"""Lists whose entries are the rows of one array: what a Data shows of its joints and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Rows(Sequence[Any]):
+    """A list of values that are views of the rows of an array; writing an entry copies into its row.
+
+    kind  SE3, Motion, Force or Inertia; None for plain arrays, which are numbers if the array has one axis
+    """
+
+    __slots__ = ("_kind", "_over", "array")
+
+    def __init__(self, array: Array, kind: Any = None) -> None:
+        self.array, self._kind = array, kind
+        self._over: Any = None if kind is None else kind.over
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __getitem__(self, at: Any) -> Any:
+        if isinstance(at, slice):
+            return [self[k] for k in range(*at.indices(len(self)))]
+        row = self.array[at]
+        return row if self._over is None else self._over(row)
+
+    def __setitem__(self, at: int, value: Any) -> None:
+        self.array[at] = value if self._kind is None else value._x
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[k] for k in range(len(self.array)))
+
+    def write(self, values: Iterable[Any]) -> None:
+        """Copy other values into all rows."""
+        given = list(values)
+        if len(given) != len(self.array):
+            raise ValueError(f"{len(given)} values were given for a list of {len(self.array)}")
+        for k, value in enumerate(given):
+            self[k] = value
+
+    def tolist(self) -> list[Any]:
+        """The entries as a plain list."""
+        return list(self)
+
+    def copy(self) -> list[Any]:
+        """A plain list of copies."""
+        return [x if isinstance(x, float) else x.copy() for x in self]
+
+    def id(self) -> int:
+        """A number that tells this list from others."""
+        return id(self)
+
+    def __eq__(self, other: object) -> Any:
+        if not isinstance(other, Rows):
+            return NotImplemented
+        return self._kind is other._kind and np.array_equal(self.array, other.array, equal_nan=True)
+
+    __hash__ = object.__hash__
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Rows, (self.array, self._kind)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.tolist()!r})"
