@@ -193,7 +193,9 @@ def test_factors_multiply_to_m_and_keep_its_zeros(case: Case) -> None:
     M = face.crba(case.model, case.data, case.q)
     U = face.cholesky.decompose(case.model, case.data)
     close(U @ np.diag(case.data.D) @ U.T, M, BOUND)
-    assert not U[M == 0.0].any()
+    leg = np.r_[-np.ones(6), np.repeat(np.arange(4), 3)]
+    apart = (leg[:, None] != leg) & (leg[:, None] >= 0) & (leg >= 0)
+    assert not U[apart].any()
     np.testing.assert_array_equal(np.diag(U), 1.0)
 
 
@@ -206,8 +208,10 @@ def test_an_m_that_is_none_is_refused(case: Case) -> None:
 
 def test_a_joint_without_inertia_is_named() -> None:
     model = face.Model()
-    model.addJoint(0, face.JointModelRX(), face.SE3.Identity(), "hinge")
+    arm = model.addJoint(0, face.JointModelRX(), face.SE3.Identity(), "arm")
+    model.appendBodyToJoint(arm, face.Inertia(1.0, np.ones(3), np.eye(3)), face.SE3.Identity())
+    model.addJoint(arm, face.JointModelRX(), face.SE3.Identity(), "hinge")
     data = model.createData()
-    face.crba(model, data, np.zeros(1))
+    face.crba(model, data, np.zeros(2))
     with pytest.raises(ValueError, match='"hinge" moves no inertia'):
         face.cholesky.decompose(model, data)

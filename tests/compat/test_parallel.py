@@ -42,7 +42,7 @@ def test_columns_are_pinocchios(pools: tuple[Any, Any], name: str, threads: int,
     for order in ("C", "F"):
         out = np.zeros((9, n), order=order)  # type: ignore[call-overload]
         assert getattr(face, name)(threads, pools[0], *given, out) is None
-        np.testing.assert_array_equal(out, found)
+        np.testing.assert_array_equal(out, found.reshape(9, n))
 
 
 def test_threads_change_no_bit(pools: tuple[Any, Any]) -> None:
@@ -94,8 +94,8 @@ def test_a_pool_holds_copies(pools: tuple[Any, Any]) -> None:
 
 
 def test_edits_of_the_pools_model_count() -> None:
-    pool = face.ModelPool(face.buildModelFromUrdf(str(find_robot("two_link"))), 1)
-    q = np.zeros((2, 1))
+    pool = face.ModelPool(face.buildModelFromUrdf(str(find_robot("panda"))), 1)
+    q = np.zeros((9, 4))
     before = face.rneaInParallel(1, pool, q, q, q + 1.0)
     pool.getModel(0).armature[:] = 0.5
     after = face.rneaInParallel(1, pool, q, q, q + 1.0)

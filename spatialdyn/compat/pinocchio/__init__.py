@@ -7,9 +7,30 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
-from . import explog, rpy, utils
+from typing import Any
+
+from . import cholesky, explog, rpy, utils
+from .about import (
+    PINOCCHIO_MAJOR_VERSION,
+    PINOCCHIO_MINOR_VERSION,
+    PINOCCHIO_PATCH_VERSION,
+    WITH_COLLISION,
+    WITH_CPPAD,
+    WITH_OPENMP,
+    WITH_SDFORMAT,
+    WITH_URDFDOM,
+    checkVersionAtLeast,
+    createDatas,
+    printVersion,
+)
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .chance import seed
+from .contact import (
+    computeKKTContactDynamicMatrixInverse,
+    forwardDynamics,
+    getKKTContactDynamicMatrixInverse,
+    impulseDynamics,
+)
 from .containers import (
     StdMap_String_VectorXd,
     StdVec_Bool,
@@ -35,6 +56,24 @@ from .containers import (
     StdVec_Vec3s,
     StdVec_Vector3,
 )
+from .coverage import coverage, missing
+from .data import Data
+from .dynamics import (
+    aba,
+    computeAllTerms,
+    computeCoriolisMatrix,
+    computeGeneralizedGravity,
+    computeKineticEnergy,
+    computeMechanicalEnergy,
+    computeMinverse,
+    computePotentialEnergy,
+    computeStaticTorque,
+    crba,
+    getCoriolisMatrix,
+    nle,
+    nonLinearEffects,
+    rnea,
+)
 from .explog import (
     Hlog3,
     Jexp3,
@@ -54,23 +93,6 @@ from .explog import (
     log3,
     log6,
     log6_quat,
-)
-from .data import Data
-from .dynamics import (
-    aba,
-    computeAllTerms,
-    computeCoriolisMatrix,
-    computeGeneralizedGravity,
-    computeKineticEnergy,
-    computeMechanicalEnergy,
-    computeMinverse,
-    computePotentialEnergy,
-    computeStaticTorque,
-    crba,
-    getCoriolisMatrix,
-    nle,
-    nonLinearEffects,
-    rnea,
 )
 from .frame import (
     ACCELERATION,
@@ -124,7 +146,24 @@ from .joints_many import (
 )
 from .model import Model
 from .motion import Force, Motion
+from .parallel import ModelPool, abaInParallel, omp_get_max_threads, rneaInParallel
 from .pseudo import LogCholeskyParameters, PseudoInertia
+from .regressors import (
+    bodyRegressor,
+    computeJointTorqueRegressor,
+    computeKineticEnergyRegressor,
+    computePotentialEnergyRegressor,
+    computeStaticRegressor,
+    frameBodyRegressor,
+    jointBodyRegressor,
+)
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .se3 import SE3
 from .symmetric import Symmetric3
+
+__version__ = printVersion()
+
+
+def __getattr__(name: str) -> Any:
+    """Names that are not here: NotImplementedError says what to use instead of one of Pinocchio's."""
+    return missing(name)

@@ -57,8 +57,7 @@ def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) ->
     entry, run = KINDS[kind], data.run_of(kind, model, compiled)
     names = entry.inputs.split()
     arrays = [
-        vector(name, value, model.nq if name == "q" else model.nv)
-        for name, value in zip(names, values, strict=True)
+        vector(name, value, model.nq if name == "q" else model.nv) for name, value in zip(names, values, strict=True)
     ]
     given = arrays[: len(arrays) - entry.more]
     if fext is not None:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ...diagnosis import refuse_singular
 from ...errors import InertiaError
+from .calls import vector
 from .compiled import made
-from .sizes import vector
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ def factor(model: Any, M: Array) -> Array:
             return C
     except np.linalg.LinAlgError:
         pass
-    if len(M) and np.isfinite(M).all() and (M.diagonal() >= 0.0).all():
+    if M.any() and np.isfinite(M).all() and (M.diagonal() >= 0.0).all():
         refuse_singular(made(model).model, M)
     raise InertiaError("data.M is not positive definite, expected what crba has left there")
 
@@ -53,8 +53,8 @@ def solve(model: Any, data: Any, v: Any) -> Array:
 def computeMinv(model: Any, data: Any) -> Array:
     """M⁻¹ (nv, nv), also to data.Minv, by what decompose has left in ``data``."""
     U, D = _decomposed(data)
-    half = np.linalg.solve(U, np.eye(model.nv))
-    Minv: Array = half.T @ (half / D[:, None])
+    half = np.linalg.solve(U, np.eye(model.nv)) / np.sqrt(D)[:, None]
+    Minv: Array = half.T @ half
     data.put("Minv", Minv)
     return Minv
 

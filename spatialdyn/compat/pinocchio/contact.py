@@ -11,11 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import SpatialDynError
-from .arguments import ArgumentError, described, number
+from ...errors import ShapeError, SpatialDynError
+from .arguments import NUMBERS, ArgumentError, described, number
+from .calls import vector
 from .cholesky import factor
+from .data import prepared
 from .dynamics import computeAllTerms, crba
-from .sizes import matrix, vector
+from .frame import Convention
 
 Array = NDArray[np.float64]
 
@@ -45,9 +47,10 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     InertiaError for a singular M
     """
     names = ("q", "v", "tau", "constraint_jacobian", "constraint_drift", "damping")
+    prepared(model, data)
     given = _given("forwardDynamics", names, 2, 1, arguments, named)
     tau = vector("tau", given["tau"], model.nv)
-    J = matrix("constraint_jacobian", given["constraint_jacobian"], model.nv)
+    J = _jacobian(given["constraint_jacobian"], model.nv)
     gamma = vector("constraint_drift", given["constraint_drift"], len(J))
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
@@ -73,15 +76,16 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     Raises as forwardDynamics, and ContactError for an e that is not from 0 to 1
     """
     names = ("q", "v_before", "constraint_jacobian", "restitution_coefficient", "damping")
+    prepared(model, data)
     given = _given("impulseDynamics", names, 1, 2, arguments, named)
     v = vector("v_before", given["v_before"], model.nv)
-    J = matrix("constraint_jacobian", given["constraint_jacobian"], model.nv)
+    J = _jacobian(given["constraint_jacobian"], model.nv)
     e = number(given.get("restitution_coefficient", 0.0), "restitution_coefficient")
     if not 0.0 <= e <= 1.0:
         raise ContactError(f"restitution_coefficient is {e}, expected 0 to 1")
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
-        crba(model, data, given["q"])
+        crba(model, data, given["q"], Convention.WORLD)
     f = _factored(model, data, J, mu)
     impulse = -np.linalg.solve(f.S, (1.0 + e) * (J @ v))
     after: Array = v + np.linalg.solve(f.C.T, f.Y @ impulse)
@@ -97,9 +101,10 @@ def computeKKTContactDynamicMatrixInverse(
 
     Raises as forwardDynamics
     """
-    J = matrix("constraint_jacobian", constraint_jacobian, model.nv)
+    prepared(model, data)
+    J = _jacobian(constraint_jacobian, model.nv)
     mu = _damping(damping)
-    crba(model, data, q)
+    crba(model, data, q, Convention.WORLD)
     return _inverse(_factored(model, data, J, mu))
 
 
@@ -108,7 +113,8 @@ def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian
 
     Raises ContactError if neither has been called, or not with so many constraints
     """
-    J = matrix("constraint_jacobian", constraint_jacobian, model.nv)
+    prepared(model, data)
+    J = _jacobian(constraint_jacobian, model.nv)
     f: Factored | None = data.__dict__.get("_contact")
     if f is None or f.S.shape != (len(J), len(J)):
         raise ContactError(
@@ -168,6 +174,14 @@ def _given(
     raise ArgumentError(
         f"{name} got ({kinds}), expected ({', '.join(names)}), with or without {', '.join(names[:first])}"
     )
+
+
+def _jacobian(value: Any, columns: int) -> Array:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
+        raise ArgumentError(f"constraint_jacobian is {described(value)}, expected an array of numbers")
+    if value.ndim != 2 or value.shape[1] != columns:
+        raise ShapeError(f"constraint_jacobian has shape {value.shape}, expected (m, {columns})")
+    return np.asarray(value, np.float64)
 
 
 def _damping(value: Any) -> float:

@@ -32,7 +32,7 @@ INSTEAD: tuple[tuple[str, str], ...] = (
         "ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDelassusMatrix computeDampedDelassusMatrixInverse",
         _CONSTRAINTS,
     ),
-    ("Constraint* Contact Contact?* *ConstraintModel *ConstraintData *ConstraintModels *ConstraintDatas", _CONSTRAINTS),
+    ("Constraint* Contact Contact?* *ConstraintModel *ConstraintData", _CONSTRAINTS),
     ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* RigidConstraint* Baumgarte*", _CONSTRAINTS),
     (
         "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone",
@@ -64,7 +64,7 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
     ("romeo_wrapper windows_dll_manager deprecation", "parts of the wheel that nobody imports"),
     ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
-    ("boost_type_index std_type_index map_indexing_suite_* StdMap_* deprecated", _CONTAINER),
+    ("boost_type_index std_type_index map_indexing_suite_* deprecated", _CONTAINER),
     ("DeprecatedBool WITH_HPP_FCL WITH_HPP_FCL_BINDINGS LogLevel ScalarType Exception", "a detail of the binding"),
 )
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from ... import dynamics as library
 from ...errors import ShapeError, SpatialDynError
-from .arguments import ArgumentError, described, expected
+from .arguments import NUMBERS, ArgumentError, described, expected
 from .compiled import made
 from .model import Model
-from .sizes import vector
 
 Array = NDArray[np.float64]
 LEAST = 128  # samples that are worth a thread of their own, some 100 µs
@@ -89,7 +88,7 @@ class ModelPool:
 
 
 def rneaInParallel(num_thread: int, pool: ModelPool, q: Any, v: Any, a: Any, tau: Any = None) -> Array | None:
-    """Inverse dynamics (nv, B) of B samples.
+    """Inverse dynamics (nv, B) of B samples, (nv,) of one.
 
     num_thread  up to the pool's size
     q           (nq, B), v and a (nv, B)
@@ -117,10 +116,7 @@ def _in_parallel(
     if not 0 <= threads <= pool.size():
         raise PoolError(f"num_thread is {threads}, expected at most the pool's size {pool.size()}")
     model = pool.getModel(0)
-    sizes = {"q": model.nq}
-    if all(isinstance(x, np.ndarray) and x.ndim == 1 for x in given.values()):
-        return call(made(model).model, *(vector(name, x, sizes.get(name, model.nv)) for name, x in given.items()))
-    rows = [_samples(name, x, sizes.get(name, model.nv)) for name, x in given.items()]
+    rows = [_samples(name, x, model.nq if name == "q" else model.nv) for name, x in given.items()]
     n = len(rows[0])
     if any(len(x) != n for x in rows):
         shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
@@ -138,15 +134,17 @@ def _in_parallel(
             for job in jobs:
                 job.result()
     if out is None:
-        return np.ascontiguousarray(found.T)
+        return found[0] if n == 1 else np.ascontiguousarray(found.T)  # Pinocchio's arrays of one column are vectors
     out[...] = found.T
     return None
 
 
 def _samples(name: str, value: Any, n: int) -> Array:
-    """An array (n, B) as samples (B, n)."""
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
+    """An array (n, B) as samples (B, n); a vector is one."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
         raise ArgumentError(f"{name} is {described(value)}, expected an array of numbers")
+    if value.ndim == 1:
+        value = value[:, None]
     if value.ndim != 2 or value.shape[0] != n:
         raise ShapeError(f"{name} has shape {value.shape}, expected ({n}, B)")
     return np.ascontiguousarray(value.T, np.float64)

@@ -10,37 +10,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import dynamics as library
 from ... import spatial
 from ...errors import ModelError
 from ...recursions.regressor import body_force
 from .arguments import expected
+from .calls import perform
 from .data import prepared
+from .kinds import columns
 from .model import Model
 from .motion import Motion
-from .sizes import vector
 
 Array = NDArray[np.float64]
 
 
 def computeJointTorqueRegressor(model: Model, data: Any, q: Any, v: Any, a: Any) -> Array:
-    """Y (nv, 10 (njoints - 1)), also to ``data``: rnea is Y π and the armatures' torques."""
-    return _by_body("jointTorqueRegressor", "joint_torque_regressor", model, data, q=q, v=v, a=a)
+    """Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques."""
+    return columns(perform(model, data, "torque_regressor", q, v, a))
 
 
 def computeStaticRegressor(model: Model, data: Any, q: Any) -> Array:
-    """Y (3, 4 (njoints - 1)), also to ``data``: the centre of mass is Y times all masses and first moments."""
-    return _by_body("staticRegressor", "static_regressor", model, data, q=q)
+    """Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments."""
+    return columns(perform(model, data, "static_regressor", q))
 
 
 def computeKineticEnergyRegressor(model: Model, data: Any, q: Any, v: Any) -> Array:
-    """Y (10 (njoints - 1),), also to ``data``: the kinetic energy is Y π and the armatures' energies."""
-    return _by_body("kineticEnergyRegressor", "kinetic_energy_regressor", model, data, q=q, v=v)
+    """Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies."""
+    return columns(perform(model, data, "kinetic_regressor", q, v))
 
 
 def computePotentialEnergyRegressor(model: Model, data: Any, q: Any) -> Array:
-    """Y (10 (njoints - 1),), also to ``data``: the potential energy is Y π."""
-    return _by_body("potentialEnergyRegressor", "potential_energy_regressor", model, data, q=q)
+    """Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π."""
+    return columns(perform(model, data, "potential_regressor", q))
 
 
 def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
@@ -64,17 +64,6 @@ def frameBodyRegressor(model: Model, data: Any, frame_id: int) -> Array:
     frame = model.frames[_index("frame_id", frame_id, model.nframes)]
     joint, placement = frame.parentJoint, frame.placement
     return bodyRegressor(placement.actInv(data.v[joint]), placement.actInv(data.a_gf[joint]))
-
-
-def _by_body(field: str, call: str, model: Model, data: Any, **given: Any) -> Array:
-    """What a call of the library gives, the columns of the joints below the universe side by side."""
-    made = prepared(model, data)
-    values = [vector(name, x, model.nq if name == "q" else model.nv) for name, x in given.items()]
-    Y: Array = library.calls[call](made.model, *values)
-    kept = Y[..., 1:, :] if made.joints is None else Y[..., made.joints[1:], :]
-    found = np.ascontiguousarray(kept.reshape((*Y.shape[:-2], -1)))
-    data.put(field, found)
-    return found
 
 
 def _index(name: str, value: Any, n: int) -> int:
