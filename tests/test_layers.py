@@ -52,7 +52,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "truth": ("choices",),
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
-    "simulation": ("lagrangian",),
+    "constraints": ("dynamics",),
+    "simulation": ("lagrangian", "constraints"),
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
@@ -72,6 +73,7 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 # what recursions import of their own room
 SHARED = {
     "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal",
+    "factor",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {"simulation.trajectory", "commands.port"}  # a file of its own; the script it is asked about

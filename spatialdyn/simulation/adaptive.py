@@ -20,7 +20,7 @@ from ..recursions.configuration import twist
 from ..recursions.lie import Quat, matrix, product
 from ..scalars import cos, inlined, sin
 from ..spatial import rotate
-from .compiled import kernel
+from ..engines.small import kernel
 from .recorder import Recorder
 from .torques import Torque
 

@@ -24,7 +24,7 @@ from ..engines import jit
 from ..recursions import SPECS
 from ..recursions.checks import EPS
 from .charts import chart_rate, enter, leave, recentre
-from .compiled import kernel
+from ..engines.small import kernel
 from .system import NONFINITE, STALLED, TORQUE, State, System, copy, note
 
 ROWS = 13

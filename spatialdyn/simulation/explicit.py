@@ -21,7 +21,7 @@ from ..spatial import (
     plus,
     rotate,
 )
-from .compiled import kernel
+from ..engines.small import kernel
 from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 
 HALF_TURN = 9.8696  # π² [rad²]

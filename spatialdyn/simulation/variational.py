@@ -59,7 +59,7 @@ from ..tables import (
     vec_of,
 )
 from .canonical import LARGEST, SLOW, SWEEPS, quicken, relative, settled
-from .compiled import kernel
+from ..engines.small import kernel
 from .system import OK, TURNED, State, System, copy, note
 
 ROWS = 18

@@ -7,60 +7,54 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...diagnosis import refuse_singular
+from ...constraints.contact import back, factor
 from ...errors import InertiaError
 from .calls import vector
-from .compiled import made
+from .data import prepared
 
 Array = NDArray[np.float64]
 
 
-def factor(model: Any, M: Array) -> Array:
-    """C (nv, nv) upper triangular with M = C Cᵀ, of the upper triangle of M.
-
-    Raises InertiaError naming a joint that moves no inertia, or where M is not positive definite
-    """
-    try:
-        # from the last joint on, as the tree is eliminated: so nothing fills in
-        C: Array = np.linalg.cholesky(M[::-1, ::-1])[::-1, ::-1]
-        if C.diagonal().all() and not np.isnan(C).any():
-            return C
-    except np.linalg.LinAlgError:
-        pass
-    if M.any() and np.isfinite(M).all() and (M.diagonal() >= 0.0).all():
-        refuse_singular(made(model).model, M)
-    raise InertiaError("data.M is not positive definite, expected what crba has left there")
-
-
 def decompose(model: Any, data: Any) -> Array:
-    """U, which with D goes to ``data``, of data.M. Raises InertiaError if that is singular."""
-    C = factor(model, data.array("M"))
-    d = C.diagonal()
-    U: Array = C / d
+    """U (nv, nv) of data.M, also ``data.U``, with D (nv,) in ``data.D``. Raises InertiaError if M is singular."""
+    compiled, M = prepared(model, data), data.array("M")
+    if not M.any() and M.size:
+        raise InertiaError("data.M is zero, expected crba to have been called")
+    L = factor(compiled.model, M.T)  # its upper triangle counts
+    data.put("D", L.diagonal())
+    np.fill_diagonal(L, 1.0)
+    U = np.ascontiguousarray(L.T)
     data.put("U", U)
-    data.put("D", d * d)
     return U
 
 
 def solve(model: Any, data: Any, v: Any) -> Array:
     """M⁻¹ v (nv,) by what decompose has left in ``data``. Raises InertiaError if it has not been called."""
-    y = vector("v", v, model.nv)
-    U, D = _decomposed(data)
-    found: Array = np.linalg.solve(U.T, np.linalg.solve(U, y) / D)
-    return found
+    compiled, y = prepared(model, data), vector("v", v, model.nv)
+    return back(compiled.model, _lower(data), y)
 
 
 def computeMinv(model: Any, data: Any) -> Array:
-    """M⁻¹ (nv, nv), also to data.Minv, by what decompose has left in ``data``."""
-    U, D = _decomposed(data)
-    half = np.linalg.solve(U, np.eye(model.nv)) / np.sqrt(D)[:, None]
+    """M⁻¹ (nv, nv), also ``data.Minv``, by what decompose has left in ``data``. Raises as ``solve``."""
+    prepared(model, data)
+    L = _lower(data)
+    half = half_inverse(L)
     Minv: Array = half.T @ half
     data.put("Minv", Minv)
     return Minv
 
 
-def _decomposed(data: Any) -> tuple[Array, Array]:
-    U, D = data.array("U"), data.array("D")
+def half_inverse(L: Array) -> Array:
+    """G = D^-½ L⁻ᵀ with M⁻¹ = GᵀG, of an L with D on its diagonal."""
+    unit = np.tril(L, -1) + np.eye(len(L))
+    return np.asarray(np.linalg.inv(unit).T / np.sqrt(L.diagonal())[:, None])
+
+
+def _lower(data: Any) -> Array:
+    """L = Uᵀ with D on its diagonal."""
+    D = data.array("D")
     if not (D > 0.0).all():
         raise InertiaError("data.D is not positive, expected cholesky.decompose to have been called")
-    return U, D
+    L = np.array(data.array("U").T, order="C")
+    np.fill_diagonal(L, D)
+    return L

@@ -1,37 +1,27 @@
-"""Dynamics under constraints J v̇ + γ = 0, and impacts: M a + b = τ + Jᵀ λ, solved through Y = C⁻¹ Jᵀ with M = C Cᵀ.
+"""Dynamics under constraints J a + γ = 0, and impacts.
 
-J M⁻¹ Jᵀ = YᵀY is factored densely: it has a row per constraint. Constraints that depend on each other leave λ open;
-where Pinocchio then answers with rounding errors, an error names the rank. A damping μ makes J a + γ = -μ λ of them.
+Constraints that depend on each other leave their forces open; where Pinocchio then answers with rounding errors, an
+error names the rank. A damping μ makes J a + γ = -μ λ of them.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import ShapeError, SpatialDynError
+from ...constraints.contact import Solved
+from ...constraints.contact import solve as solved
+from ...errors import ConstraintError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described, number
 from .calls import vector
-from .cholesky import factor
+from .cholesky import half_inverse
 from .data import prepared
 from .dynamics import computeAllTerms, crba
 from .frame import Convention
 
 Array = NDArray[np.float64]
-
-
-class ContactError(SpatialDynError):
-    """Constraints that do not determine their forces, or numbers that no contact has."""
-
-
-class Factored(NamedTuple):
-    """M = C Cᵀ (nv, nv), Y = C⁻¹ Jᵀ (nv, m), S = YᵀY + μ 1 (m, m)."""
-
-    C: Array
-    Y: Array
-    S: Array
 
 
 def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Array:
@@ -43,7 +33,7 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     constraint_drift     γ (m,), J̇ v for constraints on accelerations
     damping              μ, J a + γ = -μ λ; 0 by default
 
-    Raises ContactError naming the rank of constraints that are not independent, if there is no damping; ShapeError,
+    Raises ConstraintError naming the rank of constraints that are not independent, if there is no damping; ShapeError,
     InertiaError for a singular M
     """
     names = ("q", "v", "tau", "constraint_jacobian", "constraint_drift", "damping")
@@ -55,13 +45,10 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         computeAllTerms(model, data, given["q"], given["v"])
-    f = _factored(model, data, J, mu)
-    free = np.linalg.solve(f.C, tau - data.array("nle"))
-    force = -np.linalg.solve(f.S, f.Y.T @ free + gamma)
-    a: Array = np.linalg.solve(f.C.T, free + f.Y @ force)
-    data.put("ddq", a)
-    data.put("lambda_c", force)
-    return a
+    f = _solve(model, data, J, tau - data.array("nle"), gamma, mu)
+    data.put("ddq", f.x)
+    data.put("lambda_c", f.force)
+    return f.x
 
 
 def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Array:
@@ -73,7 +60,7 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     restitution_coefficient  e, from 0 (default) to 1
     damping                  μ, J v⁺ + e J v⁻ = -μ Λ; 0 by default
 
-    Raises as forwardDynamics, and ContactError for an e that is not from 0 to 1
+    Raises as forwardDynamics, and ConstraintError for an e that is not from 0 to 1
     """
     names = ("q", "v_before", "constraint_jacobian", "restitution_coefficient", "damping")
     prepared(model, data)
@@ -82,15 +69,14 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     J = _jacobian(given["constraint_jacobian"], model.nv)
     e = number(given.get("restitution_coefficient", 0.0), "restitution_coefficient")
     if not 0.0 <= e <= 1.0:
-        raise ContactError(f"restitution_coefficient is {e}, expected 0 to 1")
+        raise ConstraintError(f"restitution_coefficient is {e}, expected 0 to 1")
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         crba(model, data, given["q"], Convention.WORLD)
-    f = _factored(model, data, J, mu)
-    impulse = -np.linalg.solve(f.S, (1.0 + e) * (J @ v))
-    after: Array = v + np.linalg.solve(f.C.T, f.Y @ impulse)
+    f = _solve(model, data, J, np.zeros(model.nv), (1.0 + e) * (J @ v), mu)
+    after: Array = v + f.x
     data.put("dq_after", after)
-    data.put("impulse_c", impulse)
+    data.put("impulse_c", f.force)
     return after
 
 
@@ -105,52 +91,42 @@ def computeKKTContactDynamicMatrixInverse(
     J = _jacobian(constraint_jacobian, model.nv)
     mu = _damping(damping)
     crba(model, data, q, Convention.WORLD)
-    return _inverse(_factored(model, data, J, mu))
+    return _inverse(_solve(model, data, J, np.zeros(model.nv), np.zeros(len(J)), mu))
 
 
 def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian: Any) -> Array:
     """The same with M and μ of the last forwardDynamics or impulseDynamics, for the Jacobian given there.
 
-    Raises ContactError if neither has been called, or not with so many constraints
+    Raises ConstraintError if neither has been called, or not with so many constraints
     """
     prepared(model, data)
     J = _jacobian(constraint_jacobian, model.nv)
-    f: Factored | None = data.__dict__.get("_contact")
-    if f is None or f.S.shape != (len(J), len(J)):
-        raise ContactError(
+    f: Solved | None = data.__dict__.get("_contact")
+    if f is None or len(f.Y) != len(J):
+        raise ConstraintError(
             f"data holds no contact of {len(J)} rows, expected forwardDynamics or impulseDynamics to be called before"
         )
     return _inverse(f)
 
 
-def _factored(model: Any, data: Any, J: Array, mu: float) -> Factored:
-    """What data.M, J and μ make, kept in ``data``. Raises ContactError if S is singular to rounding."""
-    C = factor(model, data.array("M"))
-    Y = np.linalg.solve(C, J.T)
-    S = Y.T @ Y + mu * np.eye(len(J))
-    scale = np.sqrt(S.diagonal())
-    good = scale > 0.0
-    unit = S[np.ix_(good, good)] / np.outer(scale[good], scale[good])  # units of rows do not matter
-    rank = int((np.linalg.eigvalsh(unit) > len(J) * np.finfo(float).eps * len(unit)).sum())
-    if rank < len(J):
-        raise ContactError(
-            f"constraint_jacobian has rank {rank}, expected its {len(J)} rows to be independent, or a larger damping"
-        )
-    data._contact = found = Factored(C, Y, S)
+def _solve(model: Any, data: Any, J: Array, r: Array, gamma: Array, mu: float) -> Solved:
+    """M x = r + Jᵀ λ, J x + γ = -μ λ with data.M, kept in ``data``."""
+    found = solved(prepared(model, data).model, data.array("M"), r, J, gamma, mu)
+    data._contact = found
     return found
 
 
-def _inverse(f: Factored) -> Array:
-    """[M⁻¹ - W S⁻¹ Wᵀ, W S⁻¹; S⁻¹ Wᵀ, -S⁻¹] with W = M⁻¹ Jᵀ, written with what is symmetric of it."""
-    n, m = f.Y.shape
-    Li = np.linalg.inv(np.linalg.cholesky(f.S))
-    Ci = np.linalg.inv(f.C)
-    half = Li @ f.Y.T @ Ci  # (m, n): halfᵀ half = W S⁻¹ Wᵀ
+def _inverse(f: Solved) -> Array:
+    """[M⁻¹ - HᵀH, HᵀC⁻¹; C⁻ᵀH, -C⁻ᵀC⁻¹] with H = C⁻¹ J M⁻¹, written so that it is symmetric to the bit."""
+    m, n = f.Y.shape
+    G = half_inverse(f.L)
+    Ci = np.linalg.inv(np.tril(f.C))
+    H = Ci @ (f.Y / np.sqrt(f.L.diagonal())) @ G
     out = np.empty((n + m, n + m))
-    out[:n, :n] = Ci.T @ Ci - half.T @ half
-    out[n:, :n] = Li.T @ half
+    out[:n, :n] = G.T @ G - H.T @ H
+    out[n:, :n] = Ci.T @ H
     out[:n, n:] = out[n:, :n].T
-    out[n:, n:] = -Li.T @ Li
+    out[n:, n:] = -Ci.T @ Ci
     return out
 
 
@@ -187,5 +163,5 @@ def _jacobian(value: Any, columns: int) -> Array:
 def _damping(value: Any) -> float:
     mu = number(value, "damping")
     if not mu >= 0.0:
-        raise ContactError(f"damping is {mu}, expected 0 or more")
+        raise ConstraintError(f"damping is {mu}, expected 0 or more")
     return mu
