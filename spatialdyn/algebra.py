@@ -14,11 +14,12 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+import numpy as np
 from numba import njit, types
 
 from . import layouts, spatial
 from .engines import jit
-from .layouts import Body
+from .layouts import Body, Placed
 from .recursions import lie
 from .scalars import inlined, select, sqrt
 from .spatial import Force, Inertia, Motion, Pose, Rot, Scalar, Sym, Vec
@@ -192,9 +193,28 @@ def motion_of(X: Pose) -> Motion:
 
 
 @inlined
-def placed(q: lie.Quat, p: Vec) -> Pose:
-    """The pose of a unit quaternion and a point."""
-    return Pose(lie.matrix(q), p)
+def pose_from(X: Placed) -> Pose:
+    """The pose of an origin and a unit quaternion."""
+    return Pose(lie.matrix(X.q), X.p)
+
+
+@inlined
+def pose_as(X: Pose) -> Placed:
+    """Origin and quaternion of a pose."""
+    return Placed(X.p, of_matrix(X.R))
+
+
+@inlined
+def ended(m: Motion) -> Placed:
+    """exp of a motion, as origin and quaternion."""
+    return Placed(lie.exp_travel(m), lie.exp_rotation(m.w))
+
+
+@inlined
+def started(X: Placed) -> Motion:
+    """log of an origin and a quaternion."""
+    w = lie.log_rotation(X.q)
+    return Motion(w, lie.log_travel(w, X.p))
 
 
 @inlined
@@ -244,7 +264,11 @@ def checked(name: str, body: list[str], ranks: dict[str, int], rank: int, **scop
     array: Any = types.Array
     inputs = [array(types.float64, n, "A", readonly=True) if n else types.float64 for n in ranks.values()]
     function = jit.define(f"algebra_{name}", ["out", *ranks], ["stamp", *body], {**vars(layouts), **scope})
-    return jit.compiled(function, (array(types.float64, rank, "C"), *inputs), nogil=False)
+    made = jit.compiled(function, (array(types.float64, rank, "C"), *inputs), nogil=False)
+    if not jit.PLAIN:  # transposed matrices too, without which each would take the slow way
+        samples = [np.zeros((4,) * n, order="F") if n else 0.0 for n in ranks.values()]
+        type(made)._search_new_conversions(made, np.zeros((4,) * rank), *samples)  # type: ignore[attr-defined]
+    return made
 
 
 @cache
@@ -324,15 +348,17 @@ sub_body = operation("sub_body", rest, "body body -> body")
 quat_product = operation("quat_product", lie.product, "quat quat -> quat")
 quat_matrix = operation("quat_matrix", lie.matrix, "quat -> rot")
 matrix_quat = operation("matrix_quat", of_matrix, "rot -> quat")
-place = operation("place", placed, "quat vec -> pose")
+from_seven = operation("from_seven", pose_from, "seven -> pose")
+to_seven = operation("to_seven", pose_as, "pose -> seven")
+cross_matrix = operation("cross_matrix", tilde, "vec -> rot")
 exp3 = operation("exp3", rotation_of, "vec -> rot")
 exp3_quat = operation("exp3_quat", lie.exp_rotation, "vec -> quat")
 exp6 = operation("exp6", pose_of, "motion -> pose")
-travel = operation("travel", lie.exp_travel, "motion -> vec")
+exp6_seven = operation("exp6_seven", ended, "motion -> seven")
 log3 = operation("log3", vector_of, "rot -> vec")
 log3_quat = operation("log3_quat", lie.log_rotation, "quat -> vec")
 log6 = operation("log6", motion_of, "pose -> motion")
-log_travel = operation("log_travel", lie.log_travel, "vec vec -> vec")
+log6_seven = operation("log6_seven", started, "seven -> motion")
 exp3_jacobian = operation("exp3_jacobian", turned_jacobian, "vec -> rot")
 log3_jacobian = operation("log3_jacobian", turned_jacobian_back, "rot -> rot")
 exp6_jacobian = operation("exp6_jacobian", lie.exp_jacobian, "motion -> tangent")

@@ -7,6 +7,7 @@ force       (6,)    force, moment about the origin
 vec         (3,)    a vector
 rot         (3, 3)  a matrix
 quat        (4,)    a quaternion x y z w
+seven       (7,)    a pose as origin x y z and quaternion x y z w
 body        (10,)   mass, centre of mass, rotational inertia about it: xx xy yy xz yz zz
 inertia     (6, 6)  the matrix [m 1 -h̃; h̃ Ī] that makes forces of motions
 tangent     (6, 6)  a matrix [J K; 0 J] between motions
@@ -20,6 +21,13 @@ from typing import Any, NamedTuple
 from .recursions.lie import Quat, Tangent
 from .scalars import inlined
 from .spatial import Force, Inertia, Motion, Pose, Rot, Scalar, Sym, Vec
+
+
+class Placed(NamedTuple):
+    """A frame seen from its parent: origin and quaternion."""
+
+    p: Vec
+    q: Quat
 
 
 class Body(NamedTuple):
@@ -46,6 +54,12 @@ def get_rot(x: Any) -> Rot:
 def get_quat(x: Any) -> Quat:
     """A quaternion."""
     return Quat(x[0], x[1], x[2], x[3])
+
+
+@inlined
+def get_seven(x: Any) -> Placed:
+    """An origin and a quaternion."""
+    return Placed(Vec(x[0], x[1], x[2]), Quat(x[3], x[4], x[5], x[6]))
 
 
 @inlined
@@ -90,6 +104,13 @@ def put_rot(A: Rot, out: Any) -> None:
 def put_quat(a: Quat, out: Any) -> None:
     """Write a quaternion."""
     out[0], out[1], out[2], out[3] = a.x, a.y, a.z, a.w
+
+
+@inlined
+def put_seven(X: Placed, out: Any) -> None:
+    """Write an origin and a quaternion."""
+    out[0], out[1], out[2] = X.p.x, X.p.y, X.p.z
+    out[3], out[4], out[5], out[6] = X.q.x, X.q.y, X.q.z, X.q.w
 
 
 @inlined

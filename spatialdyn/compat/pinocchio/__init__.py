@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import cholesky, explog, rpy, utils
+from . import cholesky, explog, liegroups, rpy, utils
 from .about import (
     PINOCCHIO_MAJOR_VERSION,
     PINOCCHIO_MINOR_VERSION,
@@ -24,7 +24,38 @@ from .about import (
     printVersion,
 )
 from .builders import buildModelFromUrdf, buildModelFromXML
+from .centroidal import (
+    ccrba,
+    centerOfMass,
+    computeCentroidalMap,
+    computeCentroidalMapTimeVariation,
+    computeCentroidalMomentum,
+    computeCentroidalMomentumTimeVariation,
+    computeSubtreeMasses,
+    computeSupportedForceByFrame,
+    computeSupportedInertiaByFrame,
+    computeTotalMass,
+    dccrba,
+    getJacobianSubtreeCenterOfMass,
+    jacobianCenterOfMass,
+    jacobianSubtreeCenterOfMass,
+)
 from .chance import seed
+from .configuration import (
+    dDifference,
+    difference,
+    dIntegrate,
+    dIntegrateTransport,
+    distance,
+    integrate,
+    interpolate,
+    isNormalized,
+    isSameConfiguration,
+    neutral,
+    normalize,
+    randomConfiguration,
+    squaredDistance,
+)
 from .contact import (
     computeKKTContactDynamicMatrixInverse,
     forwardDynamics,
@@ -58,6 +89,7 @@ from .containers import (
 )
 from .coverage import coverage, missing
 from .data import Data
+from .differences import differences
 from .dynamics import (
     aba,
     computeAllTerms,
@@ -119,6 +151,7 @@ from .frame import (
     ReferenceFrame,
 )
 from .inertia import Inertia
+from .joint_data import JointData
 from .joints import (
     JointModel,
     JointModelPrismaticUnaligned,
@@ -144,10 +177,34 @@ from .joints_many import (
     JointModelTranslation,
     JointModelUniversal,
 )
+from .kinematics import (
+    computeFrameJacobian,
+    computeJointJacobian,
+    computeJointJacobians,
+    computeJointJacobiansTimeVariation,
+    forwardKinematics,
+    frameJacobianTimeVariation,
+    framesForwardKinematics,
+    getAcceleration,
+    getClassicalAcceleration,
+    getFrameAcceleration,
+    getFrameClassicalAcceleration,
+    getFrameJacobian,
+    getFrameJacobianTimeVariation,
+    getFrameVelocity,
+    getJointJacobian,
+    getJointJacobianTimeVariation,
+    getVelocity,
+    updateFramePlacement,
+    updateFramePlacements,
+    updateGlobalPlacements,
+)
+from .liegroups import LieGroup, lieGroup, tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .model import Model
 from .motion import Force, Motion
 from .parallel import ModelPool, abaInParallel, omp_get_max_threads, rneaInParallel
 from .pseudo import LogCholeskyParameters, PseudoInertia
+from .rebuilt import appendModel, buildReducedModel, transformJointIntoMimic
 from .regressors import (
     bodyRegressor,
     computeJointTorqueRegressor,
@@ -158,7 +215,9 @@ from .regressors import (
     jointBodyRegressor,
 )
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
+from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
 from .se3 import SE3
+from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
 
 __version__ = printVersion()

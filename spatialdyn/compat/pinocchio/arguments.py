@@ -21,6 +21,10 @@ class ValueRuntimeError(SpatialDynError, RuntimeError):
     """An argument of the right type that cannot be used, where Pinocchio raises a RuntimeError."""
 
 
+class RangeError(SpatialDynError, IndexError, OverflowError):
+    """An index of a joint or frame that the model does not have."""
+
+
 def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
     """A new float64 array of that shape; a column (n, 1) passes for (n,)."""
     if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS and value.shape in (shape, (*shape, 1)):

@@ -1,4 +1,4 @@
-"""How a function of this face calls the library: straight to a kernel when all is as it should be, else step by step."""
+"""How a function of this face calls the library: straight to a kernel where that is possible, else step by step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ... import dynamics
 from ...errors import ShapeError
-from ...recursions import SPECS
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
 from .data import Run, clock, prepared
@@ -87,11 +86,12 @@ def quick(
     parameters = entry.inputs.split()
     given = ", ".join(parameters)
     rest = "".join(f", {x.partition('=')[0].strip()}" for x in more.split(",")[1:])
+    native = " and ".join(f"{x}.dtype is F8" for x in parameters)
     text = [
         f"def {name}(model, data, {given}{more}):",
         "    try:",
         f"        run = data._runs[{kind!r}]",
-        f"        if run.made is model._made and {' and '.join(f'{x}.dtype is F8' for x in parameters)} and {condition}:",
+        f"        if run.made is model._made and {native} and {condition}:",
         f"            result = {'empty(run.result.shape)' if result else 'run.result'}",
         f"            if not kernel(run.table, {given}, result, run.memory):",
         "                run.stamp, run.fext = clock(), None",

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import re
 import types
 from fnmatch import fnmatchcase
+from functools import cache
 from typing import Any, NamedTuple
 
 from ...errors import SpatialDynError
+from .differences import DIFFERENCES
 from .names import NAMES
 
 SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a difference", "out of scope", "unknown"
@@ -48,16 +51,14 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* Compute*", _GEOMETRY),
     ("Geometry* Mesh* CachedMeshLoader Physics* buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
     ("computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision*", _GEOMETRY),
-    ("updateGeometryPlacements updateGlobalPlacements coal hppfcl", _GEOMETRY),
+    ("updateGeometryPlacements coal hppfcl", _GEOMETRY),
     ("*KinematicHessian *KinematicHessians", "second derivatives of kinematics: differences of getJointJacobian"),
     ("*KinematicRegressor", "regressors of placement errors: columns of getJointJacobian, moved by SE3.actInv"),
     ("CONCRETE ICE METAL PLASTIC WOOD COLLISION VISUAL", _GEOMETRY),
     ("AUTOMATIC MANUAL CONSTANT LINEAR OSQP SPECTRAL", _CONSTRAINTS),
     ("linalg orthogonalization orthonormalization isOrthonormal", "linear algebra: numpy.linalg"),
     ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
-    ("computeSupported*ByFrame", "forces and inertias behind a frame: data.f, and Model.inertias of Model.subtrees"),
     ("findCommonAncestor", "common ancestors: the last joint that two of Model.supports share"),
-    ("*angentMap* getTangentToConfigurationSparsitySegment", "rates of q: differences of integrate"),
     ("sharedMemory", "a switch for the binding's arrays: results are copies, fields of Data live"),
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
     ("visualize", "viewers: spatialdyn.simulate gives a Trajectory, MeshCat or viser draw it"),
@@ -67,6 +68,9 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("boost_type_index std_type_index map_indexing_suite_* deprecated", _CONTAINER),
     ("DeprecatedBool WITH_HPP_FCL WITH_HPP_FCL_BINDINGS LogLevel ScalarType Exception", "a detail of the binding"),
 )
+
+
+MEMBERS = {"getFrameId", "getBodyId", "getJointId", "saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit"}
 
 
 class OutOfScopeError(SpatialDynError, NotImplementedError):
@@ -120,7 +124,7 @@ def entry(name: str) -> Entry:
                 where = ".".join([first, *rest[:k]])
                 return Entry(name, OUT_OF_SCOPE, f"{where} has no {member}")
             at = getattr(at, member)
-        note = differences().get(first, "")
+        note = _differences().get(name) or _differences().get(name.rpartition(".")[2], "")
         return Entry(name, DIFFERENT if note else SUPPORTED, note)
     note = instead(first)
     if note:
@@ -145,8 +149,12 @@ def _meant(name: str) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def differences() -> dict[str, str]:
-    """Names that do not do what Pinocchio's do, and how."""
-    from .differences import BY_NAME
-
-    return BY_NAME
+@cache
+def _differences() -> dict[str, str]:
+    """What is different about names that the table of differences mentions."""
+    found: dict[str, list[str]] = {}
+    for x in DIFFERENCES:
+        for name in re.findall(r"[\w.]+", x.what):
+            if name.split(".")[0] in NAMES or name in MEMBERS:
+                found.setdefault(name, []).append(f"{x.what}: {x.here}, in Pinocchio {x.pinocchio}")
+    return {name: "; ".join(notes) for name, notes in found.items()}

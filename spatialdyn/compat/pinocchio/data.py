@@ -22,7 +22,7 @@ from ...recursions import SPECS
 from .arguments import ArgumentError, described
 from .compiled import Made, made
 from .inertia import Inertia
-from .kinds import FILLED_BY, KINDS
+from .kinds import KINDS
 from .model import Model
 from .motion import Force, Motion
 from .rows import Rows
@@ -48,8 +48,8 @@ def _parameters(model: Any) -> int:
     return 10 * (int(model.njoints) - 1)
 
 
-# field -> sizes as attributes of a model, numbers or functions of a model, and what shows it: None for an array, a type for one value of it,
-# a list of a type (or of None, for vectors and numbers) for a list
+# field -> sizes as attributes of a model, numbers or functions of a model, and what shows it: None for an array, a type
+# for one value of it, a list of a type (or of None, for vectors and numbers) for a list
 FIELDS: dict[str, tuple[tuple[Size, ...], Any]] = {
     **{name: (("njoints", *_WIDTH[kind]), [kind]) for kind, names in _JOINTS.items() for name in names.split()},
     "oMf": (("nframes", 4, 4), [SE3]),
@@ -207,7 +207,7 @@ class Data:
 
     def latest(self, name: str) -> Run | None:
         """The last call that filled a field, if any."""
-        runs = [run for kind in FILLED_BY.get(name, ()) if (run := self._runs.get(kind)) is not None and run.stamp]
+        runs = [run for run in self._runs.values() if name in run.kind.fills and run.stamp]
         return max(runs, key=lambda run: run.stamp, default=None)
 
     def array(self, name: str) -> Array:
@@ -282,17 +282,17 @@ def _restored(model: Any, fields: dict[str, Array]) -> Data:
     return data
 
 
-SCRATCH = frozenset(
-    "B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau "
-    "dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild "
-    "mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba "
-    "oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in "
-    "start_idx_v_fromRow supports_fromRow tau_in v_in vxI".split()
-)
+SCRATCH = """
+    B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau
+    dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
+    mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba
+    oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in
+    start_idx_v_fromRow supports_fromRow tau_in v_in vxI
+"""
 
 
 def _missing(name: str) -> str:
-    if name in SCRATCH:
+    if name in SCRATCH.split():
         return f"data has no {name}: it is scratch of Pinocchio's algorithms, expected one of their results"
     return f"data has no field {name!r}"
 

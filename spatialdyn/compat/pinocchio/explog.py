@@ -121,10 +121,9 @@ def exp6(v: Any) -> SE3:
 
 def exp6_quat(v: Any) -> Array:
     """The same as x y z and quaternion x y z w (7,), of an array (6,)."""
-    v, p, q = array(v, (6,), "v"), np.empty(3), np.empty(4)
-    algebra.travel(v, p)
-    algebra.exp3_quat(v[3:].copy(), q)
-    return np.concatenate([p, q])
+    out = np.empty(7)
+    algebra.exp6_seven(array(v, (6,), "v"), out)
+    return out
 
 
 def log6(M: Any) -> Motion:
@@ -136,10 +135,9 @@ def log6(M: Any) -> Motion:
 
 def log6_quat(q: Any) -> Motion:
     """The same of x y z and quaternion x y z w (7,)."""
-    q, w, v = array(q, (7,), "q"), np.empty(3), np.empty(3)
-    algebra.log3_quat(q[3:].copy(), w)
-    algebra.log_travel(w, q[:3].copy(), v)
-    return Motion(v, w)
+    out = np.empty(6)
+    algebra.log6_seven(array(q, (7,), "q"), out)
+    return Motion.over(out)
 
 
 def Jexp6(v: Any) -> Array:
@@ -161,8 +159,9 @@ def Jlog6(M: Any) -> Array:
 
 def SE3ToXYZQUAT(M: SE3) -> Array:
     """Translation x y z and quaternion x y z w (7,) of an SE3."""
-    x = expected(M, SE3, "M")._x
-    return np.concatenate([x[:3, 3], Quaternion(x[:3, :3])._x])
+    out = np.empty(7)
+    algebra.to_seven(expected(M, SE3, "M")._x, out)
+    return out
 
 
 def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:
@@ -178,7 +177,7 @@ def XYZQUATToSE3(x: Any) -> SE3:
     if given.shape != (7,):
         raise ShapeError(f"x has {given.size} numbers, expected 7")
     out = np.empty((4, 4))
-    algebra.place(given[3:].copy(), given[:3].copy(), out)
+    algebra.from_seven(given, out)
     return SE3.over(out)
 
 

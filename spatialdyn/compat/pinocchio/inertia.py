@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ... import algebra
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, near, number, row, rows
-from .chance import GENERATOR, direction, uniform
+from .chance import GENERATOR
 from .live import Value
 from .motion import Force, Motion
 from .pseudo import LogCholeskyParameters, PseudoInertia, body_of, parameters_of
@@ -67,9 +67,7 @@ class Inertia(Value):
     def Random(cls) -> Inertia:
         """A body that can be: 1 to 2 kg spread over a box of up to 2 m, centred within ±1 m, turned at random."""
         made = Inertia.FromBox(1.0 + GENERATOR.random(), *(0.1 + 1.9 * GENERATOR.random(3)))
-        placement = _empty((4, 4))
-        algebra.place(direction(4), uniform(3), placement)
-        return made._to_parent(placement)
+        return made._to_parent(SE3.Random()._x)
 
     # --- shapes of even density ------------------------------------------------------------------------------
 

@@ -19,6 +19,12 @@ from .arguments import ArgumentError
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 NOWHERE = 2**64 - 1  # index of a joint that is in no model
+NEUTRAL = {
+    "continuous": (1.0, 0.0),
+    "spherical": (0.0, 0.0, 0.0, 1.0),
+    "floating": (0.0,) * 6 + (1.0,),
+    "planar": (0.0, 0.0, 1.0, 0.0),
+}
 X, Y, Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -77,6 +83,10 @@ class JointModel(metaclass=_Variant):
         """The library's joints that make this one."""
         raise NotImplementedError
 
+    def neutral(self) -> list[float]:
+        """The coordinates (nq,) at which the joint's frames coincide."""
+        return [x for step in self.steps() for x in NEUTRAL.get(step.kind, (0.0,))]
+
     def parameters(self) -> tuple[Any, ...]:
         """What the constructor takes to make an equal joint."""
         return ()
@@ -96,9 +106,9 @@ class JointModel(metaclass=_Variant):
 
     def createData(self) -> Any:
         """A JointData for the results of ``calc``."""
-        from .joint_data import joint_data
+        from .joint_data import JointData
 
-        return joint_data(self)
+        return JointData(self)
 
     def calc(self, data: Any, q: Any, v: Any = None) -> None:
         """Write pose M, subspace S, and with v velocity v and bias c, at q, v of the whole model, to the data."""

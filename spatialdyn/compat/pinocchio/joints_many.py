@@ -273,6 +273,9 @@ class JointModelMimic(JointModel):
     def steps(self) -> tuple[Step, ...]:
         return self._motion.steps()
 
+    def neutral(self) -> list[float]:
+        return []
+
     def copy(self) -> JointModel:
         return _mimic(self._motion, self._leader, self._scaling, self._offset, self._indexes())
 

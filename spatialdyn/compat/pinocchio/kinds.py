@@ -213,7 +213,7 @@ def mechanical_energy(run: Any) -> float:
 
 
 def force_and_weight(run: Any) -> Array:
-    """What Pinocchio's computeAllTerms leaves in dhg: the rate of momentum at rest, and the force that holds the robot."""
+    """What Pinocchio's computeAllTerms leaves in dhg: the rate of momentum at a = 0, and what bears the weight."""
     dh = called("centroidal_momentum_rate", run, run.q, run.v, run.a)
     dh[:3] -= run.made.model.total_mass * run.made.model.gravity
     return dh
@@ -339,7 +339,3 @@ KINDS: dict[str, Kind] = {
     ),
     "potential_regressor": Kind("potential_energy_regressor", "q", {**PLACES, "potentialEnergyRegressor": columns}),
 }  # fmt: skip
-FILLED_BY: dict[str, tuple[str, ...]] = {
-    name: tuple(kind for kind, entry in KINDS.items() if name in entry.fills)
-    for name in {name for entry in KINDS.values() for name in entry.fills}
-}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...errors import ModelError, ShapeError
 from ...model import missing
 from .arguments import ArgumentError, described, expected
+from .containers import StdMap_String_VectorXd
 from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame
 from .joints import JointModel
 from .live import live
@@ -74,7 +75,7 @@ class Configuration(NamedTuple):
         return self.q
 
 
-class Configurations(dict[str, Array]):
+class Configurations(StdMap_String_VectorXd):
     """Configurations by name; iterating gives pairs, as Pinocchio's map does."""
 
     def __iter__(self) -> Iterator[Any]:
@@ -169,10 +170,14 @@ class Model(Tree, Stored):
         values = {PLACES[name]: _limit(joint_name, name, value, joint_model) for name, value in given.items()}
         if len(given) == 4:  # Pinocchio writes the largest velocity for the least, too
             values |= {f"lower{kind}Limit": -values[f"upper{kind}Limit"] for kind in ("Effort", "Velocity")}
-        index = self._hang(parent, joint_model, joint_placement, joint_name)
-        for name, default in ARRAYS.items():
-            n = joint_model.nq if name in POSITIONS else joint_model.nv
-            self._arrays[name] = np.concatenate([self._arrays[name], values.get(name, np.full(n, default))])
+        return self._add(parent, joint_model, joint_placement, joint_name, values)
+
+    def _add(self, parent: int, joint: JointModel, placement: SE3, name: str, values: Mapping[str, Array]) -> int:
+        """Add a joint whose entries of the model's arrays are given by name; returns its index."""
+        index = self._hang(parent, joint, placement, name)
+        for array, default in ARRAYS.items():
+            n = joint.nq if array in POSITIONS else joint.nv
+            self._arrays[array] = np.concatenate([self._arrays[array], values.get(array, np.full(n, default))])
         return index
 
     def addFrame(self, frame: Frame, append_inertia: bool = True) -> int:

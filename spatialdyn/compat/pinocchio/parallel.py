@@ -35,6 +35,8 @@ class ModelPool:
     """
 
     def __init__(self, model: Model | ModelPool, size: int = 1) -> None:
+        self._models: list[Model]
+        self._datas: list[Any]
         if isinstance(model, ModelPool):
             self._models, self._datas = [x.copy() for x in model._models], [x.copy() for x in model._datas]
             return

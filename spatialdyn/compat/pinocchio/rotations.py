@@ -15,6 +15,7 @@ from .live import Value
 
 Array = NDArray[np.float64]
 EPS = 2.220446049250313e-16
+OPPOSITE = 1e-12  # directions whose cosine is so near -1 have no plane of their own
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
 
@@ -58,9 +59,9 @@ class Quaternion(Value):
         """Make it the shortest rotation that turns the direction a (3,) to b (3,); returns it."""
         a, b = (x / math.hypot(*x) for x in (array(a, (3,), "a"), array(b, (3,), "b")))
         c = float(a @ b)
-        if c < EPS - 1.0:  # opposite: half a turn about any normal
-            axis = np.array(cross(Vec(*a), Vec(*np.eye(3)[np.argmin(abs(a))])))
-            self._write([*(axis / math.hypot(*axis)), 0.0])
+        if c < OPPOSITE - 1.0:  # half a turn about any normal
+            axis, w = np.array(cross(Vec(*a), Vec(*np.eye(3)[np.argmin(abs(a))]))), 0.5 * (1.0 + max(c, -1.0))
+            self._write([*(math.sqrt(1.0 - w) / math.hypot(*axis) * axis), math.sqrt(w)])
         else:
             s = math.sqrt(2.0 * (1.0 + c))
             self._write([*(np.array(cross(Vec(*a), Vec(*b))) / s), 0.5 * s])
@@ -318,8 +319,9 @@ def _angle_axis(coefficients: Any) -> list[float]:
 
 def skew(u: Any) -> Array:
     """The matrix (3, 3) of u × for a vector u (3,)."""
-    x, y, z = array(u, (3,), "u").tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    out = np.empty((3, 3))
+    algebra.cross_matrix(array(u, (3,), "u"), out)
+    return out
 
 
 def unSkew(U: Any) -> Array:

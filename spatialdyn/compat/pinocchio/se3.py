@@ -209,7 +209,7 @@ class SE3(Value):
     def setRandom(self) -> None:
         """Make it a random one; see ``Random``."""
         out = _empty((4, 4))
-        algebra.place(direction(4), uniform(3), out)
+        algebra.from_seven(np.concatenate([uniform(3), direction(4)]), out)
         self._write(out)
 
     def isApprox(self, other: SE3, prec: float = 1e-12) -> bool:
@@ -243,7 +243,7 @@ def _made(first: Any, translation: Any) -> Array:
     if translation is not None:
         p = array(translation, (3,), "translation")
         if isinstance(first, Quaternion):
-            algebra.place(first._x, p, x)
+            algebra.from_seven(np.concatenate([p, first._x]), x)
         else:
             x[:3, :3], x[:3, 3] = array(first, (3, 3), "rotation"), p
     elif isinstance(first, SE3):

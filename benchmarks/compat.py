@@ -1,0 +1,80 @@
+"""The face for Pinocchio's scripts against Pinocchio: microseconds a call of the same expression under both imports.
+
+    python benchmarks/compat.py             all groups
+    python benchmarks/compat.py types       one
+
+Both modules take turns, round after round; what is printed is the median over the rounds, with the cost of calling an
+empty function taken off.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from measure import interleaved
+
+ROUNDS, SECONDS = 15, 0.002
+
+
+class Group(NamedTuple):
+    """Expressions of one kind, and the values they speak of, made with the one module or the other."""
+
+    values: Callable[[Any], dict[str, Any]]
+    expressions: Sequence[str]
+
+
+def typed(pin: Any) -> dict[str, Any]:
+    """Spatial objects, from the same numbers."""
+    rng = np.random.default_rng(0)
+    t, s, q = rng.standard_normal(3), rng.standard_normal(6), rng.standard_normal(4)
+    R = pin.Quaternion(q / np.linalg.norm(q)).matrix()
+    J = np.diag([1.0, 2.0, 2.5])
+    return {
+        "pin": pin, "t": t, "s": s, "R": R, "J": J, "M": pin.SE3(R, t), "v": pin.Motion(s), "f": pin.Force(t, s[:3]),
+        "I": pin.Inertia(1.0, t, J), "K": pin.Inertia(2.0, t + 1.0, J), "q": pin.Quaternion(R),
+    }  # fmt: skip
+
+
+TYPES = """
+pin.SE3(R, t)  pin.SE3.Identity()  M*M  M.inverse()  M.act(M)  M.actInv(M)  M*v  M.actInv(v)  M*f  M.actInv(f)  M*I
+M.actInv(I)  M.act(t)  M*t  M.actInv(t)  M.translation  M.rotation  M.homogeneous  M.action  M.copy()
+pin.Motion(s)  pin.Motion(t, t)  pin.Motion.Zero()  v+v  v-v  -v  2.0*v  v^v  v^f  v.dot(f)  v.linear  v.vector
+pin.Force(t, t)  f+f  pin.Inertia(1.0, t, J)  I+K  I*v  I.vtiv(v)  I.lever  I.inertia  I.matrix()
+pin.exp3(t)  pin.log3(R)  pin.exp6(v)  pin.log6(M)  pin.Jexp6(v)  pin.Jlog6(M)  pin.Jlog3(R)  pin.skew(t)
+pin.SE3ToXYZQUAT(M)  pin.XYZQUATToSE3(np.arange(7.0))  pin.Quaternion(R)  q*q  q.matrix()  pin.rpy.matrixToRpy(R)
+"""
+
+GROUPS: dict[str, Group] = {"types": Group(typed, [x for line in TYPES.split("\n") for x in line.split("  ") if x])}
+
+
+def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
+    """Microseconds a call of each expression under each module."""
+    values = {name: {"np": np, **group.values(module)} for name, module in modules.items()}
+    empty = interleaved({"empty": lambda: None}, ROUNDS, SECONDS)["empty"]
+    found = []
+    for expression in group.expressions:
+        contestants = {name: eval(f"lambda: {expression}", values[name]) for name in modules}
+        seconds = interleaved(contestants, ROUNDS, SECONDS)
+        found.append((expression, {name: 1e6 * (x - empty) for name, x in seconds.items()}))
+    return found
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Print a line for each expression."""
+    import pinocchio
+
+    import spatialdyn.compat.pinocchio
+
+    modules = {"wheel": pinocchio, "face": spatialdyn.compat.pinocchio}
+    for name in arguments or GROUPS:
+        print(f"{name:34s}{'wheel':>9s}{'face':>9s}{'ratio':>8s}")
+        for expression, taken in timed(GROUPS[name], modules):
+            ratio = taken["face"] / taken["wheel"]
+            print(f"{expression:34s}{taken['wheel']:9.3f}{taken['face']:9.3f}{ratio:8.2f}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

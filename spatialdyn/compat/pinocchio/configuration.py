@@ -1,0 +1,167 @@
+"""Configurations: moving along them, differences between them, random ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import dynamics
+from ...errors import ShapeError
+from .arguments import ArgumentError, described, expected, number
+from .calls import vector
+from .chance import GENERATOR
+from .compiled import made
+from .frame import ARG0, ARG1, ArgumentPosition
+from .model import NO_LIMIT, Model
+
+Array = NDArray[np.float64]
+
+
+def _compiled(model: Any) -> Any:
+    return made(expected(model, Model, "model")).model
+
+
+def neutral(model: Any) -> Array:
+    """Configuration (nq,) in which no joint is displaced."""
+    found: Array = dynamics.calls["neutral"](_compiled(model))
+    return found
+
+
+def integrate(model: Any, q: Any, v: Any) -> Array:
+    """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
+
+    Raises ArgumentError, a TypeError, for what is no array, ShapeError, a ValueError, for wrong sizes, and
+    ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
+    """
+    compiled = _compiled(model)
+    found: Array = dynamics.calls["integrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    return found
+
+
+def difference(model: Any, q1: Any, q2: Any) -> Array:
+    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round."""
+    compiled = _compiled(model)
+    found: Array = dynamics.calls["difference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    return found
+
+
+def interpolate(model: Any, q1: Any, q2: Any, alpha: float) -> Array:
+    """Configuration (nq,) a part alpha of the way from q1 to q2."""
+    compiled = _compiled(model)
+    q1, q2 = vector("q1", q1, model.nq), vector("q2", q2, model.nq)
+    found: Array = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
+    return found
+
+
+def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
+    """Squared norms of the difference, joint by joint (njoints - 1,)."""
+    v = difference(model, q1, q2)
+    return np.array([v[at : at + n] @ v[at : at + n] for at, n in zip(model.idx_vs[1:], model.nvs[1:], strict=True)])
+
+
+def distance(model: Any, q1: Any, q2: Any) -> float:
+    """Norm of the difference."""
+    v = difference(model, q1, q2)
+    return float(np.sqrt(v @ v))
+
+
+def normalize(model: Any, q: Any) -> Array:
+    """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
+    compiled = _compiled(model)
+    found: Array = dynamics.calls["normalize"](compiled, vector("q", q, model.nq))
+    return found
+
+
+def isNormalized(model: Any, q: Any, prec: float = 1e-12) -> bool:
+    """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
+    _compiled(model)
+    q = vector("q", q, model.nq)
+    return all(abs(np.linalg.norm(part) - 1.0) < prec for part in _unit_parts(model, q))
+
+
+def _unit_parts(model: Any, q: Array) -> list[Array]:
+    """The quaternions and pairs of a configuration."""
+    parts = []
+    for joint in model.joints[1:]:
+        at = joint.idx_q
+        for step in joint.steps():
+            first, n = {"continuous": (0, 2), "spherical": (0, 4), "floating": (3, 7), "planar": (2, 4)}.get(
+                step.kind, (1, 1)
+            )
+            if n > first:
+                parts.append(q[at + first : at + n])
+            at += n
+    return parts
+
+
+def isSameConfiguration(model: Any, q1: Any, q2: Any, prec: float) -> bool:
+    """Whether two configurations are the same to within prec, a quaternion and its opposite being one rotation."""
+    v = difference(model, normalize(model, q1), normalize(model, q2))
+    return bool((abs(v) <= number(prec, "prec")).all())
+
+
+# --- derivatives -----------------------------------------------------------------------------------------
+
+
+def _position(position: Any) -> int:
+    if not isinstance(position, ArgumentPosition):
+        raise ArgumentError(f"argument position is {described(position)}, expected ARG0 or ARG1")
+    if position not in (ARG0, ARG1):
+        raise ArgumentError(f"argument position is {position}, expected ARG0 or ARG1")
+    return int(position)
+
+
+def dIntegrate(model: Any, q: Any, v: Any, argument_position: Any = None) -> Any:
+    """Derivatives (nv, nv) of integrate by q and by v, a tuple; one of them for ARG0, ARG1."""
+    compiled = _compiled(model)
+    both = dynamics.calls["dintegrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
+
+
+def dDifference(model: Any, q1: Any, q2: Any, argument_position: Any = None) -> Any:
+    """Derivatives (nv, nv) of difference by q1 and by q2, a tuple; one of them for ARG0, ARG1."""
+    compiled = _compiled(model)
+    both = dynamics.calls["ddifference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
+
+
+def dIntegrateTransport(model: Any, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:
+    """A matrix (nv, n) of columns at integrate(q, v), the derivative by the argument applied: d integrate @ Jin."""
+    by = dIntegrate(model, q, v, argument_position)
+    if not isinstance(Jin, np.ndarray) or Jin.dtype.kind not in "fiub" or Jin.ndim not in (1, 2):
+        raise ArgumentError(f"Jin is {described(Jin)}, expected an array of numbers")
+    if len(Jin) != model.nv:
+        raise ShapeError(f"Jin has shape {Jin.shape}, expected ({model.nv}, n)")
+    found: Array = by @ Jin
+    return found
+
+
+# --- random ones -----------------------------------------------------------------------------------------
+
+
+def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = None) -> Array:
+    """A random configuration (nq,) between the bounds, those of the model if not given; rotations are uniform.
+
+    A coordinate without a finite limit is drawn from one of width 2 (Pinocchio: not finite), unless ``model.strict`` is
+    False.
+    """
+    _compiled(model)
+    lower = vector("lower_bound", model.lowerPositionLimit if lower_bound is None else lower_bound, model.nq)
+    upper = vector("upper_bound", model.upperPositionLimit if upper_bound is None else upper_bound, model.nq)
+    if model.strict:
+        lower, upper = _finite(lower, upper)
+    with np.errstate(over="ignore", invalid="ignore"):
+        q = lower + (upper - lower) * GENERATOR.random(model.nq)
+    for part in _unit_parts(model, q):
+        x = GENERATOR.standard_normal(len(part))
+        part[:] = x / np.sqrt(x @ x)
+    return q
+
+
+def _finite(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Bounds with a width of 2 where one of them is none."""
+    low, high = abs(lower) >= NO_LIMIT, abs(upper) >= NO_LIMIT
+    first = np.where(low, np.where(high, -1.0, upper - 2.0), lower)
+    return first, np.where(high, np.where(low, 1.0, lower + 2.0), upper)

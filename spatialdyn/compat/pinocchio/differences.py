@@ -1,0 +1,94 @@
+"""Where this face differs from Pinocchio on purpose.
+
+``model.strict = False`` turns those with ``switched`` to Pinocchio's way, for calls with that model and its copies.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Difference(NamedTuple):
+    """What is concerned, what Pinocchio does, what this face does, and whether ``model.strict = False`` switches it."""
+
+    what: str
+    pinocchio: str
+    here: str
+    switched: bool = False
+
+
+DIFFERENCES = (
+    Difference(
+        "getFrameId, getBodyId, getJointId of a name that is not there",
+        "the number of frames or joints",
+        "an error that names what is like it",
+        True,
+    ),
+    Difference(
+        "aba, computeMinverse with a joint that moves no inertia",
+        "NaN or infinite entries",
+        "InertiaError naming the joint",
+    ),
+    Difference(
+        "lowerVelocityLimit, and lowerEffortLimit of the sample models", "the upper limit", "the upper limit's negative"
+    ),
+    Difference(
+        "models whose joints are not depth first",
+        "wrong mass matrices, without a word",
+        "ModelError naming the joint at the first call",
+    ),
+    Difference(
+        "crba of models with mimic joints behind joints of several freedoms", "not what its rnea says", "as rnea"
+    ),
+    Difference(
+        "joint indices that are not there (appendBodyToJoint, addFrame)",
+        "memory is overwritten",
+        "ModelError naming the index",
+    ),
+    Difference("axes of unaligned joints that are not of unit length", "wrong joints", "normalised; an error if null"),
+    Difference("gravity with an angular part", "an angular acceleration of the world", "ModelError"),
+    Difference(
+        "assigning an array of the wrong size to a limit or an armature", "accepted", "ShapeError naming the attribute"
+    ),
+    Difference("inertias no body can have in a URDF", "kept", "kept, and named in a warning"),
+    Difference("a planar joint of a URDF whose axis is not z", "its axis is ignored", "ignored too, with a warning"),
+    Difference("a revolute joint of a URDF without limits", "an error", "an unlimited joint"),
+    Difference(
+        "broken or half-read URDF", "what urdfdom makes of it", "UrdfError naming file, line, element and attribute"
+    ),
+    Difference("negative effort or velocity limits of a URDF", "kept", "no limit"),
+    Difference("appendModel: gravity, name and armature", "defaults", "gravity and name of A, armature of both"),
+    Difference("buildReducedModel: parent frame of a locked joint's frame", "the frame itself", "the frame before it"),
+    Difference(
+        "forwardDynamics, impulseDynamics with constraints that depend on each other, undamped",
+        "what rounding makes of it",
+        "ConstraintError naming the rank",
+    ),
+    Difference(
+        "forwardDynamics, impulseDynamics with a damping below 0 or a restitution not from 0 to 1",
+        "accepted",
+        "ConstraintError",
+    ),
+    Difference("cholesky.solve, cholesky.computeMinv before cholesky.decompose", "zeros", "InertiaError"),
+    Difference(
+        "computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic joints",
+        "an error",
+        "columns for each joint, rows for the independent velocities",
+    ),
+    Difference(
+        "jointBodyRegressor, frameBodyRegressor of an index that is not there", "memory is read", "ModelError naming it"
+    ),
+    Difference("loadRotorParameters called twice", "adds the rotors to the armature twice", "once"),
+    Difference(
+        "saveToText, saveToXML, saveToBinary", "Boost archives", "files of this face, which Pinocchio does not read"
+    ),
+    Difference(
+        "setIndexes, joint axes: what model.joints[i] gives", "a JointModel that holds any kind", "the joint itself"
+    ),
+    Difference("Random, setRandom, sample models", "Eigen's random numbers", "NumPy's; pin.seed starts them"),
+)
+
+
+def differences() -> tuple[Difference, ...]:
+    """Where this face differs from Pinocchio on purpose."""
+    return DIFFERENCES

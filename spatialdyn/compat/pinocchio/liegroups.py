@@ -1,0 +1,288 @@
+"""Lie groups as objects: R^n, SO(2), SO(3), SE(2), SE(3) and products, each the configurations of a chain of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import algebra
+from ...errors import ShapeError
+from . import configuration
+from .arguments import ArgumentError, array, described, expected
+from .frame import ARG0, ARG1, ArgumentPosition
+from .joints import JointModel, JointModelPX, JointModelRUBX
+from .joints_many import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
+from .model import Model
+from .se3 import SE3 as Placement
+
+Array = NDArray[np.float64]
+JOINTS: Mapping[str, type[JointModel]] = {
+    "SO(2)": JointModelRUBX,
+    "SO(3)": JointModelSpherical,
+    "SE(2)": JointModelPlanar,
+    "SE(3)": JointModelFreeFlyer,
+}
+OF_KINDS = {"continuous": "SO(2)", "spherical": "SO(3)", "planar": "SE(2)", "floating": "SE(3)"}
+
+__all__ = ["R1", "R2", "R3", "SE2", "SE3", "SO2", "SO3", "Rn"]
+
+
+@cache
+def _chain(parts: tuple[str, ...]) -> Model:
+    """A chain of joints whose configurations are the product of the groups."""
+    model = Model()
+    for part in parts:
+        kinds = [JOINTS[part]] if part in JOINTS else [JointModelPX] * int(part[2:])
+        for kind in kinds:
+            model.addJoint(model.njoints - 1, kind(), Placement.Identity(), f"joint {model.njoints}")
+    return model
+
+
+class LieGroup:
+    """A Lie group; ``G * H`` is their product. ``LieGroup()`` is the group of one element.
+
+    name     such as "R^3 x SO(3)"
+    nq, nv   number of coordinates, and of tangent directions
+    neutral  its neutral element (nq,)
+    """
+
+    __slots__ = ("_parts", "_whole")
+
+    def __init__(self, parts: Sequence[str] = (), model: Model | None = None) -> None:
+        self._parts = tuple(parts)
+        self._whole = model
+
+    @property
+    def _model(self) -> Model:
+        return _chain(self._parts) if self._whole is None else self._whole
+
+    @property
+    def name(self) -> str:
+        """The names of the factors."""
+        return " x ".join(self._parts)
+
+    @property
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return int(self._model.nq)
+
+    @property
+    def nv(self) -> int:
+        """Number of tangent directions."""
+        return int(self._model.nv)
+
+    @property
+    def neutral(self) -> Array:
+        """The neutral element (nq,)."""
+        return configuration.neutral(self._model)
+
+    def __mul__(self, other: Any) -> LieGroup:
+        return LieGroup(self._parts + other._parts) if isinstance(other, LieGroup) else NotImplemented
+
+    __imul__ = __mul__
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LieGroup) and self._parts == other._parts
+
+    __hash__ = object.__hash__
+
+    def __repr__(self) -> str:
+        return f"LieGroup({self.name})"
+
+    # --- elements ------------------------------------------------------------------------------------------
+
+    def integrate(self, q: Any, v: Any) -> Array:
+        """The element (nq,) reached from q (nq,) by v (nv,)."""
+        return configuration.integrate(self._model, q, v)
+
+    def difference(self, q0: Any, q1: Any) -> Array:
+        """The v (nv,) that takes q0 to q1."""
+        return configuration.difference(self._model, q0, q1)
+
+    def interpolate(self, q0: Any, q1: Any, u: float) -> Array:
+        """The element (nq,) a part u of the way from q0 to q1."""
+        return configuration.interpolate(self._model, q0, q1, u)
+
+    def squaredDistance(self, q0: Any, q1: Any) -> float:
+        """The square of the norm of the difference."""
+        v = self.difference(q0, q1)
+        return float(v @ v)
+
+    def distance(self, q0: Any, q1: Any) -> float:
+        """The norm of the difference."""
+        return float(np.sqrt(self.squaredDistance(q0, q1)))
+
+    def normalize(self, q: Array) -> None:
+        """Bring the quaternions and (cos, sin) pairs of q (nq,) to unit norm, in place."""
+        q[...] = np.reshape(configuration.normalize(self._model, q), q.shape)
+
+    def random(self) -> Array:
+        """A random element (nq,): positions within ±1, rotations all alike."""
+        bound = np.ones(self.nq)
+        return configuration.randomConfiguration(self._model, -bound, bound)
+
+    def randomConfiguration(self, lower_bound: Any, upper_bound: Any) -> Array:
+        """A random element (nq,): positions between the bounds (nq,), rotations all alike."""
+        return configuration.randomConfiguration(self._model, lower_bound, upper_bound)
+
+    # --- derivatives ---------------------------------------------------------------------------------------
+
+    def dIntegrate(self, q: Any, v: Any, argument_position: ArgumentPosition) -> Array:
+        """The derivative (nv, nv) of integrate by q (ARG0) or v (ARG1)."""
+        made: Array = configuration.dIntegrate(self._model, q, v, argument_position)
+        return made
+
+    def dIntegrate_dq(self, q: Any, v: Any, *product: Any) -> Array:
+        """The derivative D (nv, nv) of integrate by q; ``(q, v, J, self)`` gives J D, ``(q, v, self, J)`` D J."""
+        return _product(self.dIntegrate(q, v, ARG0), product)
+
+    def dIntegrate_dv(self, q: Any, v: Any, *product: Any) -> Array:
+        """The derivative D (nv, nv) of integrate by v; ``(q, v, J, self)`` gives J D, ``(q, v, self, J)`` D J."""
+        return _product(self.dIntegrate(q, v, ARG1), product)
+
+    def dDifference(self, q0: Any, q1: Any, argument_position: ArgumentPosition, *product: Any) -> Array:
+        """The derivative D (nv, nv) of difference by q0 (ARG0) or q1 (ARG1).
+
+        ``(q0, q1, position, J, self)`` gives J D, ``(q0, q1, position, self, J)`` D J.
+        """
+        return _product(configuration.dDifference(self._model, q0, q1, argument_position), product)
+
+    def dIntegrateTransport(self, q: Any, v: Any, J: Any, argument_position: ArgumentPosition) -> Array:
+        """The derivative of integrate by q (ARG0) or v (ARG1), times J (nv, n)."""
+        return configuration.dIntegrateTransport(self._model, q, v, J, argument_position)
+
+    def tangentMap(self, q: Any) -> Array:
+        """The matrix T (nq, nv) that makes coordinate rates of velocities: q̇ = T v."""
+        return tangentMap(self._model, q)
+
+    def tangentMapProduct(self, q: Any, mat: Any) -> Array:
+        """T times a matrix (nv, n)."""
+        return tangentMapProduct(self._model, q, mat)
+
+    def tangentMapTransposeProduct(self, q: Any, mat: Any) -> Array:
+        """Tᵀ times a matrix (nq, n)."""
+        return tangentMapTransposeProduct(self._model, q, mat)
+
+
+def _product(D: Array, product: tuple[Any, ...]) -> Array:
+    """D alone, J D for (J, number), D J for (number, J)."""
+    if not product:
+        return D
+    if len(product) == 2 and isinstance(product[0], np.ndarray):
+        return _fitting(product[0], -1, len(D)) @ D
+    if len(product) == 2 and isinstance(product[1], np.ndarray):
+        return D @ _fitting(product[1], 0, len(D))
+    given = ", ".join(described(x) for x in product)
+    raise ArgumentError(f"got {given}, expected a matrix and a number, or a number and a matrix")
+
+
+def _fitting(J: Any, axis: int, size: int) -> Array:
+    if not isinstance(J, np.ndarray):
+        raise ArgumentError(f"matrix is {described(J)}, expected an array")
+    if J.ndim not in (1, 2) or J.shape[axis] != size:
+        raise ShapeError(f"matrix has shape {J.shape}, expected {size} {'rows' if axis == 0 else 'columns'}")
+    return np.asarray(J, dtype=float)
+
+
+def R1() -> LieGroup:
+    """The real numbers."""
+    return LieGroup(["R^1"])
+
+
+def R2() -> LieGroup:
+    """The plane."""
+    return LieGroup(["R^2"])
+
+
+def R3() -> LieGroup:
+    """Space."""
+    return LieGroup(["R^3"])
+
+
+def Rn(n: int) -> LieGroup:
+    """Vectors of n numbers."""
+    return LieGroup([f"R^{int(n)}"])
+
+
+def SO2() -> LieGroup:
+    """Rotations of the plane, as cos and sin."""
+    return LieGroup(["SO(2)"])
+
+
+def SO3() -> LieGroup:
+    """Rotations of space, as quaternions x y z w."""
+    return LieGroup(["SO(3)"])
+
+
+def SE2() -> LieGroup:
+    """Displacements of the plane, as x y cos sin."""
+    return LieGroup(["SE(2)"])
+
+
+def SE3() -> LieGroup:
+    """Displacements of space, as x y z and quaternion x y z w."""
+    return LieGroup(["SE(3)"])
+
+
+# --- of models -------------------------------------------------------------------------------------------
+
+
+def lieGroup(model: Model) -> LieGroup:
+    """The group of a model's configurations, the product of its joints'."""
+    parts = [part for joint in list(expected(model, Model, "model").joints)[1:] for part in _groups(joint)]
+    return LieGroup(parts, model)
+
+
+def _groups(joint: JointModel) -> list[str]:
+    if isinstance(joint, JointModelComposite):
+        return [part for inner in joint.joints for part in _groups(inner)]
+    kinds = [step.kind for step in joint.steps()] if joint.nv else []
+    return [OF_KINDS[kinds[0]]] if kinds and kinds[0] in OF_KINDS else [f"R^{len(kinds)}"] * bool(kinds)
+
+
+def tangentMap(model: Model, q: Any) -> Array:
+    """The matrix T (nq, nv) that makes coordinate rates of joint velocities: q̇ = T v."""
+    q = array(q, (expected(model, Model, "model").nq,), "q")
+    T = np.zeros((model.nq, model.nv))
+    row = column = 0
+    for part in lieGroup(model)._parts:
+        block = _rates(part, q[row:])
+        T[row : row + len(block), column : column + block.shape[1]] = block
+        row, column = row + len(block), column + block.shape[1]
+    return T
+
+
+def _rates(part: str, q: Array) -> Array:
+    """The tangent map of one factor, at the first of the coordinates given."""
+    if part == "SO(2)":
+        return np.array([[-q[1]], [q[0]]])
+    if part == "SE(2)":
+        c, s = q[2:4].tolist()
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, -s], [0.0, 0.0, c]])
+    if part == "SO(3)":
+        T, turn = np.empty((4, 3)), np.empty(4)
+        for k in range(3):  # q̇ is half the product of q and the angular velocity
+            algebra.quat_product(q[:4], 0.5 * np.eye(4)[k], turn)
+            T[:, k] = turn
+        return T
+    if part == "SE(3)":
+        T, R = np.zeros((7, 6)), np.empty((3, 3))
+        algebra.quat_matrix(q[3:7].copy(), R)
+        T[:3, :3] = R
+        T[3:, 3:] = _rates("SO(3)", q[3:7].copy())
+        return T
+    return np.eye(int(part[2:]))
+
+
+def tangentMapProduct(model: Model, q: Any, mat_in: Any) -> Array:
+    """The tangent map T times a matrix (nv, n)."""
+    return tangentMap(model, q) @ _fitting(mat_in, 0, model.nv)
+
+
+def tangentMapTransposeProduct(model: Model, q: Any, mat_in: Any) -> Array:
+    """The transpose of the tangent map T times a matrix (nq, n)."""
+    return tangentMap(model, q).T @ _fitting(mat_in, 0, model.nq)

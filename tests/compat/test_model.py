@@ -1,0 +1,382 @@
+"""The Model of the face: what it holds, how it is edited, stored and copied."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import re
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+import spatialdyn.compat.pinocchio as ours
+from spatialdyn.compat.pinocchio.compiled import made, placed
+from spatialdyn.urdf import example_robots, find_robot, robot_names
+
+from .same import assert_close, assert_same_model
+
+theirs = pytest.importorskip("pinocchio")
+
+ORACLE = 1e-11  # relative to the largest entry, the bound of the library for robots
+ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots()) and name != "ur3"}
+MIMICS = ("panda", "baxter_simple", "pr2", "tiago_pro")
+UNPHYSICAL = pytest.mark.filterwarnings("ignore:.*principal moments")  # some robots have such inertias
+
+
+def both(build: Callable[[Any], Any]) -> tuple[Any, Any]:
+    """The same model under both modules, built by the same code."""
+    return build(ours), build(theirs)
+
+
+def arm(pin: Any) -> Any:
+    """A small arm built by calls."""
+    model = pin.Model()
+    model.name = "arm"
+    parent = 0
+    for k, joint in enumerate(
+        (pin.JointModelFreeFlyer(), pin.JointModelRX(), pin.JointModelPZ(), pin.JointModelRUBY())
+    ):
+        placement = pin.SE3(np.eye(3), np.array([0.1, 0.2 * k, -0.3]))
+        parent = model.addJoint(parent, joint, placement, f"j{k}")
+        model.addJointFrame(parent, -1)
+        model.appendBodyToJoint(
+            parent, pin.Inertia(1.0 + k, np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.25])), placement
+        )
+        model.addBodyFrame(f"b{k}", parent, pin.SE3.Identity(), model.getFrameId(f"j{k}"))
+    model.addFrame(pin.Frame("tool", parent, model.nframes - 1, placement, pin.FrameType.OP_FRAME))
+    return model
+
+
+def states(model: Any, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, v, a at random."""
+    rng = np.random.default_rng(seed)
+    q = theirs.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq))
+    return q, rng.normal(size=model.nv), rng.normal(size=model.nv)
+
+
+def assert_same_torques(mine: Any, other: Any) -> None:
+    """rnea of both after whatever was done to them."""
+    q, v, a = states(other)
+    expected = theirs.rnea(other, other.createData(), q, v, a)
+    compiled = made(mine)
+    assert_close(sd.rnea(compiled.model, q, v, a), expected, "rnea", ORACLE)
+
+
+# --- what a model holds --------------------------------------------------------------------------------------
+
+
+@UNPHYSICAL
+@pytest.mark.parametrize("floating", [False, True])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_is_the_same_model(name: str, floating: bool) -> None:
+    def build(pin: Any) -> Any:
+        root = (pin.JointModelFreeFlyer(),) if floating else ()
+        return pin.buildModelFromUrdf(str(ROBOTS[name]), *root)
+
+    mine, other = both(build)
+    assert_same_model(mine, other)
+    assert (mine.lowerVelocityLimit == -other.upperVelocityLimit).all()  # the wheel has the upper ones there
+    assert (made(mine).model.nq, made(mine).model.nv) == (other.nq, other.nv)
+
+
+@UNPHYSICAL
+@pytest.mark.parametrize("name", [name for name in MIMICS if name in ROBOTS])
+def test_mimic_joints_are_the_same(name: str) -> None:
+    mine, other = both(lambda pin: pin.buildModelFromUrdf(str(ROBOTS[name]), mimic=True))
+    assert_same_model(mine, other)
+    assert made(mine).model.nv == other.nv < other.nvExtended
+
+
+def test_a_model_built_by_calls_is_the_same() -> None:
+    mine, other = both(arm)
+    assert_same_model(mine, other)
+    assert_same_torques(mine, other)
+    assert (ours.Model().nframes, ours.Model().nbodies, ours.Model().njoints) == (1, 1, 1)
+    assert list(mine.getChildJoints()) == list(other.getChildJoints()) == [4]
+    assert mine.hasConfigurationLimit() == list(other.hasConfigurationLimit())
+    assert mine.hasConfigurationLimitInTangent() == list(other.hasConfigurationLimitInTangent())
+    assert repr(mine) == repr(other)
+
+
+@pytest.mark.parametrize("count", [0, 4, 9, 10])
+def test_limits_given_to_add_joint_are_the_same(count: int) -> None:
+    def build(pin: Any) -> Any:
+        model = arm(pin)
+        joint = pin.JointModelPlanar()
+        sizes = {4: "vvqq", 9: "vvvvqqvvv", 10: "vvvvqqqvvv"}.get(count, "")
+        limits = [np.full(joint.nq if size == "q" else joint.nv, 1.0 + k) for k, size in enumerate(sizes)]
+        model.addJoint(4, joint, pin.SE3.Identity(), "last", *limits)
+        return model
+
+    mine, other = both(build)
+    assert_same_model(mine, other)
+    if count == 9:
+        assert (mine.lowerVelocityLimit[-3:] == 3.0).all()
+
+
+# --- names ---------------------------------------------------------------------------------------------------
+
+
+def test_names_are_found_and_a_miss_is_an_error() -> None:
+    mine, other = both(arm)
+    for name in ("j2", "b1", "tool", "universe"):
+        assert mine.getFrameId(name) == other.getFrameId(name)
+        assert mine.existFrame(name, ours.FrameType.BODY) == other.existFrame(name, theirs.FrameType.BODY)
+    assert mine.getJointId("j3") == other.getJointId("j3") == 4
+    assert mine.getBodyId("b2") == other.getBodyId("b2")
+    assert mine.existJointName("j1")
+    assert not mine.existBodyName("j1")
+    for call, what in ((mine.getFrameId, "frame"), (mine.getJointId, "joint"), (mine.getBodyId, "frame")):
+        with pytest.raises(sd.ModelError, match=f'{what} "j9" is not in robot "arm"'):
+            call("j9")
+        with pytest.raises(TypeError, match="expected str"):
+            call(9)
+
+
+def test_strict_false_gives_the_numbers_pinocchio_gives() -> None:
+    mine, other = both(arm)
+    mine.strict = False
+    assert mine.getFrameId("nope") == other.getFrameId("nope") == mine.nframes
+    assert mine.getJointId("nope") == other.getJointId("nope") == mine.njoints
+    assert mine.copy().getBodyId("nope") == mine.nframes
+    assert any(entry.switched for entry in ours.differences())
+
+
+# --- edits take effect at the next call ----------------------------------------------------------------------
+
+EDITS: dict[str, Callable[[Any, Any], Any]] = {
+    "armature[:]": lambda m, pin: m.armature.__setitem__(slice(None), 0.5),
+    "armature": lambda m, pin: setattr(m, "armature", np.linspace(0.1, 1.0, m.nv)),
+    "armature +=": lambda m, pin: m.armature.__iadd__(0.25),
+    "armature view": lambda m, pin: m.armature[2:4].__setitem__(0, 3.0),
+    "copyto armature": lambda m, pin: np.copyto(m.armature, np.arange(m.nv, dtype=float)),
+    "inertia": lambda m, pin: m.inertias.__setitem__(2, pin.Inertia(3.0, np.ones(3), np.eye(3))),
+    "mass": lambda m, pin: setattr(m.inertias[2], "mass", 4.0),
+    "lever": lambda m, pin: setattr(m.inertias[2], "lever", np.array([0.3, 0.2, 0.1])),
+    "lever[0]": lambda m, pin: m.inertias[2].lever.__setitem__(0, 0.7),
+    "rotational inertia": lambda m, pin: setattr(m.inertias[2], "inertia", np.eye(3)),
+    "set to identity": lambda m, pin: m.inertias[2].setIdentity(),
+    "placement": lambda m, pin: m.jointPlacements.__setitem__(3, pin.SE3(np.diag([1.0, -1.0, -1.0]), np.ones(3))),
+    "translation": lambda m, pin: setattr(m.jointPlacements[3], "translation", np.ones(3)),
+    "translation[0]": lambda m, pin: m.jointPlacements[3].translation.__setitem__(0, 2.0),
+    "rotation": lambda m, pin: setattr(m.jointPlacements[3], "rotation", np.diag([-1.0, -1.0, 1.0])),
+    "rotation[:]": lambda m, pin: m.jointPlacements[3].rotation.__setitem__(slice(None), np.diag([-1.0, -1.0, 1.0])),
+    "identity": lambda m, pin: m.jointPlacements[3].setIdentity(),
+    "gravity": lambda m, pin: setattr(m, "gravity", pin.Motion(np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))),
+    "gravity.linear": lambda m, pin: setattr(m.gravity, "linear", np.array([0.0, 1.0, 0.0])),
+    "gravity.linear[2]": lambda m, pin: m.gravity.linear.__setitem__(2, -1.6),
+    "add a joint": lambda m, pin: m.addJoint(4, pin.JointModelRZ(), pin.SE3.Identity(), "more"),
+    "append a body": lambda m, pin: m.appendBodyToJoint(
+        3, pin.Inertia(1.0, np.ones(3), np.eye(3)), pin.SE3(np.eye(3), np.ones(3))
+    ),
+    "a frame with a body": lambda m, pin: m.addFrame(
+        pin.Frame("load", 2, 0, pin.SE3(np.eye(3), np.ones(3)), pin.BODY, pin.Inertia(1.0, np.ones(3), np.eye(3)))
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_takes_effect_at_the_next_call(edit: str) -> None:
+    mine, other = both(arm)
+    before = made(mine)
+    EDITS[edit](mine, ours)
+    EDITS[edit](other, theirs)
+    assert made(mine) is not before
+    if not edit.startswith("add a joint"):
+        assert_same_model(mine, other)
+    assert_same_torques(mine, other)
+
+
+def test_an_unedited_model_is_made_once() -> None:
+    model = arm(ours)
+    found = made(model)
+    model.upperPositionLimit[0] = 2.0
+    model.damping = np.ones(model.nv)
+    model.name = "other"
+    model.referenceConfigurations["q"] = np.ones(model.nq)
+    assert made(model) is found
+    assert placed(model) is placed(model)
+
+
+def test_frames_are_placed_anew_after_an_edit() -> None:
+    model = arm(ours)
+    edits: dict[str, Callable[[], Any]] = {
+        "placement": lambda: setattr(model.frames[3], "placement", ours.SE3(np.eye(3), np.ones(3))),
+        "translation": lambda: model.frames[3].placement.translation.__setitem__(0, 5.0),
+        "frame": lambda: model.frames.__setitem__(3, ours.Frame("new", 1, 0, ours.SE3.Identity(), ours.BODY)),
+        "joint": lambda: setattr(model.frames[3], "parentJoint", 2),
+        "more": lambda: model.addFrame(ours.Frame("last", 1, 0, ours.SE3.Identity(), ours.BODY)),
+    }
+    for edit in edits.values():
+        before = placed(model)
+        edit()
+        after = placed(model)
+        assert after is not before
+        assert after.joints.tolist() == [frame.parentJoint for frame in model.frames]
+        assert (after.placements == [frame.placement.homogeneous for frame in model.frames]).all()
+        assert (after.rows == made(model).rows[after.joints]).all()
+
+
+def test_entries_are_copies_of_what_was_put_in() -> None:
+    model, X = arm(ours), ours.SE3.Identity()
+    model.jointPlacements[1] = X
+    X.translation[0] = 7.0
+    assert model.jointPlacements[1].translation[0] == 0.0
+    assert model.jointPlacements[1].copy()._owner is None
+    with pytest.raises(TypeError, match="a Force was given, expected SE3"):
+        model.jointPlacements[1] = ours.Force.Zero()
+    with pytest.raises(TypeError, match="expected an array of numbers"):
+        model.armature = [0.0] * model.nv
+    with pytest.raises(ValueError, match=re.escape("armature has shape (3,), expected (9,)")):
+        model.armature = np.zeros(3)
+
+
+# --- what is refused -----------------------------------------------------------------------------------------
+
+
+def test_joints_that_are_not_depth_first_are_refused() -> None:
+    model = arm(ours)
+    model.addJoint(0, ours.JointModelRX(), ours.SE3.Identity(), "side")
+    model.addJoint(2, ours.JointModelRX(), ours.SE3.Identity(), "late")
+    with pytest.raises(sd.ModelError, match='joint "late" hangs on "j1" and follows "side"'):
+        made(model)
+
+
+def test_indices_that_are_not_there_are_refused() -> None:
+    model, one = arm(ours), ours.SE3.Identity()
+    for call in (
+        lambda: model.addJoint(9, ours.JointModelRX(), one, "x"),
+        lambda: model.appendBodyToJoint(9, ours.Inertia.Zero(), one),
+        lambda: model.addFrame(ours.Frame("x", 9, 0, one, ours.BODY)),
+        lambda: model.addJointFrame(-1),
+    ):
+        with pytest.raises(sd.ModelError, match=r"joint index is (9|-1), expected one from 0 to 4"):
+            call()
+    with pytest.raises(sd.ModelError, match='frame "x" has parent frame 99, expected 0 to 9'):
+        model.addFrame(ours.Frame("x", 1, 99, one, ours.BODY))
+    with pytest.raises(ValueError, match='max_effort of joint "x" has 2 numbers, expected 1'):
+        model.addJoint(0, ours.JointModelRX(), one, "x", np.ones(2), np.ones(1), np.ones(1), np.ones(1))
+    with pytest.raises(TypeError, match="addJoint got 3 limits, expected 0, 4, 9 or 10"):
+        model.addJoint(0, ours.JointModelRX(), one, "x", np.ones(1), np.ones(1), np.ones(1))
+    with pytest.raises(TypeError, match="joint_model is a int"):
+        model.addJoint(0, 3, one, "x")
+    assert model.njoints == 5
+    model.gravity.angular[0] = 1.0
+    with pytest.raises(sd.ModelError, match="gravity has angular part"):
+        made(model)
+
+
+def test_a_frame_is_added_once() -> None:
+    def build(pin: Any) -> Any:
+        model = arm(pin)
+        frame = pin.Frame("load", 2, 0, pin.SE3.Identity(), pin.FrameType.BODY, pin.Inertia(1.0, np.ones(3), np.eye(3)))
+        model.addFrame(frame)
+        model.addFrame(frame)
+        model.addFrame(pin.Frame("bare", 2, 0, pin.SE3.Identity(), pin.FrameType.BODY, frame.inertia), False)
+        return model
+
+    assert_same_model(*both(build))
+
+
+# --- copies and files ----------------------------------------------------------------------------------------
+
+
+def changed(model: Any) -> list[Any]:
+    """Copies of a model with one thing changed in each."""
+    copies = [model.copy() for _ in range(8)]
+    copies[0].name = "other"
+    copies[1].gravity.linear[2] = 0.0
+    copies[2].armature[0] = 1.0
+    copies[3].frames[2].name = "other"
+    copies[4].inertias[1].mass += 1.0
+    copies[5].jointPlacements[1].translation[0] += 1.0
+    copies[6].referenceConfigurations["home"] = np.zeros(model.nq)
+    copies[7].names[1] = "other"
+    return copies
+
+
+def test_copies_are_equal_and_their_own() -> None:
+    model = arm(ours)
+    for twin in (
+        model.copy(), ours.Model(model), copy.copy(model), copy.deepcopy(model), pickle.loads(pickle.dumps(model))
+    ):  # fmt: skip
+        assert twin == model
+        assert twin is not model
+        assert_same_torques(twin, arm(theirs))
+        assert (twin != model) is False
+    for other in changed(model):
+        assert other != model
+    assert model == arm(ours)
+    assert model != 3
+
+
+@UNPHYSICAL
+@pytest.mark.parametrize("robot", ["panda", "talos_full_v2", "built"])
+def test_a_stored_model_comes_back_bit_for_bit(robot: str, tmp_path: Path) -> None:
+    model = special() if robot == "built" else ours.buildModelFromUrdf(find_robot(robot), ours.JointModelFreeFlyer())
+    model.referenceConfigurations["home"] = np.linspace(0.0, 1.0, model.nq)
+    for suffix in ("Text", "Binary"):
+        back = ours.Model()
+        getattr(model, f"saveTo{suffix}")(str(tmp_path / "model"))
+        getattr(back, f"loadFrom{suffix}")(str(tmp_path / "model"))
+        assert back == model
+    back = ours.Model()
+    model.saveToXML(tmp_path / "model.xml", "model")
+    back.loadFromXML(tmp_path / "model.xml", "model")
+    assert back == model
+    back = ours.Model()
+    back.loadFromString(model.saveToString())
+    assert back == model
+    assert (made(back).model.bodies == made(model).model.bodies).all()
+    assert pickle.loads(pickle.dumps(model)) == model
+
+
+def special() -> Any:
+    """A model with every joint that has parameters."""
+    model = ours.Model()
+    composite = ours.JointModelComposite(ours.JointModelRX(), ours.SE3.Random(), "a").addJoint(
+        ours.JointModelSpherical()
+    )
+    for k, joint in enumerate(
+        (
+            ours.JointModelRevoluteUnaligned(1.0, 2.0, 3.0), ours.JointModelUniversal(np.eye(3)[0], np.eye(3)[2]),
+            ours.JointModelPrismaticUnaligned(np.ones(3)), composite, ours.JointModelSphericalZYX(),
+        )
+    ):  # fmt: skip
+        model.addJoint(k, joint, ours.SE3.Random(), f"<j&{k}>")
+        model.appendBodyToJoint(k + 1, ours.Inertia.Random(), ours.SE3.Random())
+    model.addJoint(5, ours.JointModelMimic(model.joints[1], 2.0, 0.1), ours.SE3.Random(), "mimic")
+    return model
+
+
+def test_what_is_no_stored_model_is_refused(tmp_path: Path) -> None:
+    model = arm(ours)
+    (tmp_path / "text").write_text("{}")
+    (tmp_path / "list").write_text("[1]")
+    for load, file, what in (
+        (model.loadFromText, "text", "holds no model"),
+        (model.loadFromText, "list", "holds no model"),
+        (model.loadFromText, "missing", "cannot be read"),
+        (model.loadFromBinary, "text", "no model written by saveToBinary"),
+    ):
+        with pytest.raises(sd.SpatialDynError, match=what):
+            load(str(tmp_path / file))
+    with pytest.raises(sd.SpatialDynError, match="has no element <model>"):
+        model.loadFromXML(tmp_path / "text", "model")
+    with pytest.raises(NotImplementedError, match="give a path"):
+        model.saveToBinary(3)
+    assert model == arm(ours)
+
+
+def test_a_model_takes_attributes_of_its_users() -> None:
+    model = arm(ours)
+    model.mine = 3
+    assert model.mine == 3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert model.friction is model.upperDryFrictionLimit
