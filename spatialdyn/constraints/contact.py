@@ -147,7 +147,7 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
 def factor(model: Model, M: Array) -> Array:
     """L (nv, nv) of M = LᵀD L, of the lower triangle of M: D on its diagonal, zeros above. Raises InertiaError."""
     L = np.empty(M.shape)
-    if kernel(factored, 2, 2)(getattr(_free(model), jit.TABLE), np.array(M), L) < 0:
+    if kernel(factored, 2, 2)(getattr(_free(model), jit.TABLE), np.array(M, order="C"), L) < 0:
         _refuse(model, M[None], 0, np.array([-1.0]), ())
     return np.tril(L)
 
