@@ -144,9 +144,9 @@ def _bytes_of(source: Any) -> tuple[str, bytes]:
     if isinstance(source, str):
         if source.lstrip("\ufeff \t\r\n").startswith("<"):
             return sane_text("<text>", source)
-        return _read_path(_path_of(source))
+        return read_path(_path_of(source))
     if isinstance(source, os.PathLike):
-        return _read_path(Path(os.fsdecode(source)))
+        return read_path(source)
     if hasattr(source, "read"):
         name = getattr(source, "name", None)
         label = os.path.basename(name) if isinstance(name, str) else "<file>"
@@ -160,9 +160,11 @@ def _bytes_of(source: Any) -> tuple[str, bytes]:
     )
 
 
-def _read_path(path: Path) -> tuple[str, bytes]:
+def read_path(path: str | os.PathLike[str], what: str = "a URDF file") -> tuple[str, bytes]:
+    """The name of a URDF or SRDF file, and its text. Raises UrdfError."""
+    path = Path(os.fsdecode(path))
     if path.is_dir():
-        raise UrdfError(f"{path} is a directory, expected a URDF file")
+        raise UrdfError(f"{path} is a directory, expected {what}")
     try:
         size = path.stat().st_size
         if size > SIZE_LIMIT:
@@ -170,11 +172,11 @@ def _read_path(path: Path) -> tuple[str, bytes]:
         with path.open("rb") as file:
             return sane_text(path.name, file.read(SIZE_LIMIT + 1))
     except FileNotFoundError:
-        raise UrdfError(f"{path}: no such file, expected a URDF file") from None
+        raise UrdfError(f"{path}: no such file, expected {what}") from None
     except (OSError, ValueError) as error:
         if isinstance(error, UrdfError):
             raise
-        raise UrdfError(f"{path}: cannot be read ({error}), expected a URDF file") from error
+        raise UrdfError(f"{path}: cannot be read ({error}), expected {what}") from error
 
 
 def _path_of(source: str) -> Path:

@@ -76,7 +76,9 @@ SHARED = {
     "factor",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {"simulation.trajectory", "commands.port"}  # a file of its own; the script it is asked about
+SAVE = {  # files of their own; a script they are asked about
+    "simulation.trajectory", "compat.pinocchio.stored", "commands.port",
+}  # fmt: skip
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}

@@ -7,7 +7,6 @@ order of their names, a fixed joint as a frame whose inertia goes to the joint t
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from typing import Any
 
@@ -68,9 +67,9 @@ def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Mod
 
     Raises UrdfError naming file, line, element and value; ModelError.
     """
-    if not isinstance(urdf_filename, (str, os.PathLike)):
+    if not isinstance(urdf_filename, str) and not hasattr(urdf_filename, "__fspath__"):
         raise ArgumentError(f"urdf_filename is {described(urdf_filename)}, expected a str or Path")
-    return _build(os.fspath(urdf_filename), "buildModelFromUrdf", arguments, named)
+    return _build(urdf_filename, "buildModelFromUrdf", arguments, named)
 
 
 def buildModelFromXML(urdf_xml_stream: str, *arguments: Any, **named: Any) -> Model:

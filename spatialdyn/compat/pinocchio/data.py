@@ -109,7 +109,7 @@ class Run:
         self.kind = KINDS[name]
         self.stamp, self.made, self.parents = 0, compiled, parents
         self.fext: Array | None = None
-        self.bodies = np.empty(0)
+        self.bodies: Array = np.empty((0, 10))
         model = compiled.model
         self.table = getattr(model, jit.TABLE)
         if shape is None:
@@ -118,7 +118,7 @@ class Run:
         at = math.prod(shape)
         self.memory = np.empty(at + sum(size for _, size in sizes))
         self.result = self.memory[:at].reshape(shape)
-        self.q: Array | None = None
+        self.q: Any = None
         self._v: Array | None = None
         self._a: Array | None = None
         for x, size in sizes:
@@ -304,3 +304,11 @@ def prepared(model: Any, data: Any) -> Made:
     if not isinstance(data, Data):
         raise ArgumentError(f"data is {described(data)}, expected a Data")
     return made(model)
+
+
+def _created(self: Model) -> Data:
+    """A Data for the results of the algorithms."""
+    return Data(self)
+
+
+Model.createData = _created

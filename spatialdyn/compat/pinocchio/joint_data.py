@@ -23,8 +23,6 @@ from ...spatial import (
     zero_motion,
 )
 from .arguments import ArgumentError, described
-from .joints import JointModel
-from .joints_many import JointModelMimic
 from .motion import Motion
 from .se3 import SE3
 
@@ -42,9 +40,9 @@ class JointData:
     U, Dinv, UDinv   articulated inertia times S and its products; zero, for algorithms keep their own
     """
 
-    def __init__(self, joint: JointModel) -> None:
+    def __init__(self, joint: Any) -> None:
         n = joint.nvExtended
-        self._kind = joint.shortname()
+        self._kind: str = joint.shortname()
         self.M, self.v, self.c = SE3.Identity(), Motion.Zero(), Motion.Zero()
         self.S = np.zeros((6, n)) if n > 1 else np.zeros(6)
         self.U, self.UDinv = np.zeros(self.S.shape), np.zeros(self.S.shape)
@@ -55,11 +53,11 @@ class JointData:
         """The kind of joint it is for."""
         return self._kind.replace("JointModel", "JointData")
 
-    def calc(self, joint: JointModel, q: Any, v: Any = None) -> None:
+    def calc(self, joint: Any, q: Any, v: Any = None) -> None:
         """Write the results for a joint at q, v of the whole model."""
         self.joint_q[:] = _own("q", q, joint.idx_q, _coordinates(joint))
         self.joint_v[:] = 0.0 if v is None else _own("v", v, joint.idx_v, len(self.joint_v))
-        if isinstance(joint, JointModelMimic):
+        if joint.leader is not None:
             self.joint_q[:] = joint.scaling * self.joint_q + joint.offset
             self.joint_v *= joint.scaling
         X, twist, bias = identity_pose(), zero_motion(), zero_motion()
@@ -92,9 +90,9 @@ def _linear_first(m: Twist) -> Array:
     return np.array([*m.v, *m.w], dtype=float)
 
 
-def _coordinates(joint: JointModel) -> int:
+def _coordinates(joint: Any) -> int:
     """How many coordinates the joint's motion has, whosever they are."""
-    return 1 if isinstance(joint, JointModelMimic) else joint.nq
+    return sum(COORDINATES.get(step.kind, 1) for step in joint.steps())
 
 
 def _own(name: str, value: Any, at: int, n: int) -> Array:

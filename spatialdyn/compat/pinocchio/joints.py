@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...assembly import IDENTITY
 from ...errors import ModelError
 from .arguments import ArgumentError
+from .joint_data import JointData
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -75,6 +76,11 @@ class JointModel(metaclass=_Variant):
         return self._nv
 
     @property
+    def leader(self) -> int | None:
+        """Index of the joint that is followed; None for all but mimic joints."""
+        return None
+
+    @property
     def nvExtended(self) -> int:
         """Number of velocities the joint would have if it mimicked no other."""
         return self.nv
@@ -104,13 +110,11 @@ class JointModel(metaclass=_Variant):
         """The joint itself."""
         return self
 
-    def createData(self) -> Any:
+    def createData(self) -> JointData:
         """A JointData for the results of ``calc``."""
-        from .joint_data import JointData
-
         return JointData(self)
 
-    def calc(self, data: Any, q: Any, v: Any = None) -> None:
+    def calc(self, data: JointData, q: Any, v: Any = None) -> None:
         """Write pose M, subspace S, and with v velocity v and bias c, at q, v of the whole model, to the data."""
         data.calc(self, q, v)
 

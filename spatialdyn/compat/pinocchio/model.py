@@ -17,7 +17,7 @@ from .joints import JointModel
 from .live import live
 from .owned import Owned
 from .se3 import SE3
-from .stored import Stored, fill, restored, state
+from .stored import Stored, fill, state
 from .tree import Listener, Tree
 
 Array = NDArray[np.float64]
@@ -126,6 +126,7 @@ class Model(Tree, Stored):
     effortLimit = upperEffortLimit
     velocityLimit = upperVelocityLimit
     friction = upperDryFrictionLimit
+    createData: Any  # given by the module of Data, which stands on this one
 
     def __init__(self, clone: Model | None = None) -> None:
         """A model of nothing but the universe, or a copy of another."""
@@ -246,12 +247,6 @@ class Model(Tree, Stored):
 
     # --- the whole -----------------------------------------------------------------------------------------
 
-    def createData(self) -> Any:
-        """A Data for the results of the algorithms."""
-        from .data import Data
-
-        return Data(self)
-
     def check(self, data: Any) -> bool:
         """Whether a Data was made for a model of this size."""
         return bool(data.model is self or (len(data.oMi), len(data.oMf)) == (self.njoints, self.nframes))
@@ -284,12 +279,20 @@ class Model(Tree, Stored):
     __hash__ = object.__hash__
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return restored, (state(self), self.strict)
+        return _restored, (state(self), self.strict)
 
     def __repr__(self) -> str:
         lines = [f"Nb joints = {self.njoints} (nq={self.nq},nv={self.nv})"]
         lines += [f"  Joint {k} {self.names[k]}: parent={self.parents[k]}" for k in range(self.njoints)]
         return "\n".join([*lines, ""])
+
+
+def _restored(given: Mapping[str, Any], strict: bool) -> Model:
+    """The model of a state."""
+    model = Model()
+    fill(model, given)
+    model.strict = strict
+    return model
 
 
 def _limit(joint: str, name: str, value: Any, model: JointModel) -> Array:

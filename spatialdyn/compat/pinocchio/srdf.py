@@ -6,15 +6,14 @@ lxml is imported inside the function that parses.
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import UrdfError
+from ...urdf import read_path
 from .arguments import ArgumentError, described, expected
 from .joints import JointModel
 from .model import Model
@@ -63,13 +62,9 @@ def loadRotorParameters(model: Model, srdf_filename: Any, verbose: bool = False)
 
 
 def _file(filename: Any) -> tuple[str, bytes]:
-    if not isinstance(filename, (str, os.PathLike)):
+    if not isinstance(filename, str) and not hasattr(filename, "__fspath__"):
         raise ArgumentError(f"srdf_filename is {described(filename)}, expected a str or Path")
-    path = Path(filename)
-    try:
-        return path.name, path.read_bytes()
-    except OSError as error:
-        raise UrdfError(f"{path} cannot be read ({error.strerror}), expected an SRDF file") from None
+    return read_path(filename, "an SRDF file")
 
 
 def _parsed(label: str, model: Model, text: bytes) -> Any:

@@ -100,16 +100,6 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
         model.referenceConfigurations[name] = np.array(q, dtype=float)
 
 
-def restored(given: Mapping[str, Any], strict: bool = True) -> Any:
-    """The model of a state."""
-    from .model import Model
-
-    model = Model()
-    fill(model, given)
-    model.strict = strict
-    return model
-
-
 def _numbers(value: Any) -> list[float]:
     x: list[float] = value._x.ravel().tolist()
     return x
@@ -216,7 +206,8 @@ def _load(model: Any, text: str, source: Any) -> None:
         given = json.loads(text)
         if not isinstance(given, dict) or given.get("format") != FORMAT:
             raise ValueError
-        made = restored(given)
+        made = type(model)()
+        fill(made, given)
         fill(model, state(made))
     except (KeyError, TypeError, ValueError):
         raise SpatialDynError(f"{source} holds no model written by saveToText and its like, expected one") from None
