@@ -129,6 +129,8 @@ def test_what_is_no_inertia_is_refused_by_name(inertia: Any) -> None:
         ({"lower": 1.0, "upper": -1.0}, "has lower limit 1.0 above upper limit -1.0"),
         ({"damping": math.nan}, "has damping nan"),
         ({"armature": -1.0}, "has armature -1.0, expected a finite number >= 0"),
+        ({"armature": (0.1, math.nan)}, "has armature (0.1, nan), expected one number or 1"),
+        ({"kind": "spherical", "armature": (0.1, math.nan, 0.0)}, "has armature (0.1, nan, 0.0), expected a finite"),
     ],
 )
 def test_what_is_no_joint_is_refused_by_name(fields: dict[str, Any], expected: str) -> None:

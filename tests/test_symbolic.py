@@ -6,6 +6,7 @@ import ctypes
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -190,6 +191,13 @@ def test_turned_joints_of_every_kind_equal_the_numerical_calls(kind: str, contin
 def test_floating_body_equals_the_numerical_calls() -> None:
     s = sd.SymbolicManipulator(sd.load_urdf("floating_body", root="floating"), "symbols")
     check_against_numbers(s, ["M", "C", "g", "T", "V", "tau"], ROUNDING)
+
+
+def test_armatures_that_differ_within_a_joint_are_refused() -> None:
+    model = small_robot("spherical", 1, "angle")
+    joints = tuple(replace(j, armature=(0.1, 0.2, 0.3) if j.kind == "spherical" else 0.0) for j in model.robot.joints)
+    with pytest.raises(sd.ModelError, match=r"has armatures \(0.1, 0.2, 0.3\), expected one for all its freedoms"):
+        sd.SymbolicManipulator(sd.Model(replace(model.robot, joints=joints), model.options))
 
 
 def test_frames_in_closed_form() -> None:

@@ -139,6 +139,29 @@ def test_the_axis_of_a_plane_is_z_and_a_warning_says_so() -> None:
     assert_same_model(mine, theirs.buildModelFromXML(text))
 
 
+def test_models_come_with_what_stands_for_their_geometry(tmp_path: Path) -> None:
+    path = tmp_path / "tool.urdf"
+    path.write_text(TOOL)
+    for arguments, named in (
+        ((str(tmp_path), ours.JointModelFreeFlyer()), {}),
+        ((str(tmp_path), ours.JointModelFreeFlyer(), True, None, None), {}),
+        ((), {"root_joint": ours.JointModelFreeFlyer(), "root_joint_name": "root_joint"}),
+        (([], ours.JointModelFreeFlyer(), "root_joint", False), {"mimic": True}),
+    ):
+        model, collision, visual = ours.buildModelsFromUrdf(path, *arguments, **named)
+        assert model == ours.buildModelFromUrdf(path, ours.JointModelFreeFlyer())
+    assert len(ours.buildModelsFromUrdf(path, geometry_types=ours.VISUAL)) == 2
+    data, nothing, _ = ours.createDatas(model, None, collision)
+    assert model.check(data)
+    assert nothing is None
+    with pytest.raises(NotImplementedError, match="geometry is out of scope of spatialdyn, which has no ngeoms of it"):
+        visual.ngeoms
+    reduced_model, kept = ours.buildReducedModel(model, visual, [2], np.eye(8)[6])
+    assert (reduced_model.nq, kept) == (7, visual)
+    with pytest.raises(TypeError, match="got 2 arguments and package_dirs"):
+        ours.buildModelsFromUrdf(path, None, None, package_dirs=None)
+
+
 # --- models of models ----------------------------------------------------------------------------------------
 
 

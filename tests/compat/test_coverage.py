@@ -33,7 +33,7 @@ def test_what_is_supported_is_there_and_what_is_out_of_scope_is_not() -> None:
 
 
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
-    for name in ("computeCollisions", "GeometryModel", "constraintDynamics", "buildModelFromMJCF"):
+    for name in ("computeCollisions", "GeometryObject", "constraintDynamics", "buildModelFromMJCF"):
         with pytest.raises(NotImplementedError, match=rf"pinocchio\.{name} is not supported: .*: "):
             getattr(face, name)
 

@@ -147,6 +147,38 @@ def test_strict_false_gives_the_numbers_pinocchio_gives() -> None:
     assert any(entry.switched for entry in ours.differences())
 
 
+def test_enumerations_have_the_members_and_numbers_of_the_wheel() -> None:
+    for name in ("FrameType", "ReferenceFrame", "KinematicLevel", "Convention", "ArgumentPosition", "GeometryType"):
+        mine, other = getattr(ours, name), getattr(theirs, name)
+        assert {x: int(y) for x, y in mine.names.items()} == {x: int(y) for x, y in other.names.items()}
+        assert {int(x): str(y) for x, y in mine.values.items()} == {x: str(y) for x, y in other.values.items()}
+    assert ours.JOINT | ours.BODY == theirs.JOINT | theirs.BODY == 10
+    assert str(ours.LOCAL) == str(theirs.LOCAL)
+
+
+def test_differences_name_their_subject_once() -> None:
+    subjects = [entry.what for entry in ours.differences()]
+    assert len({*subjects}) == len(subjects) > 10
+    assert all(entry.pinocchio != entry.here for entry in ours.differences())
+
+
+def test_frames_are_equal_when_all_of_them_is() -> None:
+    frame = ours.Frame("a", 1, 2, ours.SE3.Identity(), ours.BODY, ours.Inertia.Identity())
+    assert frame == frame.copy() == ours.Frame(frame) == pickle.loads(pickle.dumps(frame)) == copy.copy(frame)
+    assert (frame.parent, frame.previousFrame) == (1, 2)
+    assert ours.Frame("a", 1, ours.SE3.Identity(), ours.BODY).parentFrame == 0
+    other = frame.copy()
+    other.inertia = ours.Inertia.Zero()
+    assert other != frame
+    assert repr(frame).startswith("Frame name: a paired to (parent joint/ parent frame)(1/2)\n")
+    assert str(theirs.Frame("a", 1, 2, theirs.SE3.Identity(), theirs.BODY)).split("\n")[0] == repr(frame).split("\n")[0]
+    for arguments in (("a", 1), (1, 1, 1, ours.SE3.Identity(), ours.BODY), ("a", 1, 1, 3, ours.BODY)):
+        with pytest.raises(TypeError, match="Frame got"):
+            ours.Frame(*arguments)
+    with pytest.raises(TypeError, match="placement is a int, expected SE3"):
+        frame.placement = 3
+
+
 # --- edits take effect at the next call ----------------------------------------------------------------------
 
 EDITS: dict[str, Callable[[Any, Any], Any]] = {
@@ -201,6 +233,43 @@ def test_an_unedited_model_is_made_once() -> None:
     model.referenceConfigurations["q"] = np.ones(model.nq)
     assert made(model) is found
     assert placed(model) is placed(model)
+
+
+def test_what_cannot_be_assigned_says_so_and_the_rest_takes_effect() -> None:
+    mine, other = both(arm)
+    for name in (
+        "nq",
+        "nv",
+        "nbodies",
+        "njoints",
+        "nframes",
+        "names",
+        "parents",
+        "joints",
+        "inertias",
+        "idx_qs",
+        "nqs",
+    ):
+        for model in (mine, other):
+            with pytest.raises(AttributeError):
+                setattr(model, name, getattr(model, name))
+    before, where = made(mine), placed(mine)
+    mine.jointPlacements = [ours.SE3.Identity() for _ in range(5)]
+    mine.frames = mine.frames[:3]
+    assert made(mine) is not before
+    assert placed(mine) is not where
+    before = made(mine)
+    mine.jointPlacements[2].translation[0] = 3.0
+    assert made(mine) is not before
+    mine.loadFromString(arm(ours).saveToString())
+    assert mine == arm(ours)
+
+
+@pytest.mark.parametrize("build", [arm, lambda pin: pin.buildSampleModelManipulator(True)])
+def test_which_velocities_move_a_joint(build: Callable[[Any], Any]) -> None:
+    mine, other = both(build)
+    assert [list(x) for x in mine.span_indexes_vector] == [list(x) for x in other.span_indexes_vector]
+    assert [x.tolist() for x in mine.sparsity_pattern_vector] == [x.tolist() for x in other.sparsity_pattern_vector]
 
 
 def test_frames_are_placed_anew_after_an_edit() -> None:

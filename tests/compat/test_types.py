@@ -435,6 +435,25 @@ def test_opposite_directions_are_half_a_turn_apart() -> None:
         assert abs(q.norm() - 1.0) <= 4 * EPS
 
 
+def test_lists_hold_copies_of_one_type() -> None:
+    x, f = np.ones(3), ours.Force.Zero()
+    arrays, forces = ours.StdVec_Vector3([x]), ours.StdVec_Force([f])
+    x[0], f.linear[0] = 5.0, 5.0
+    assert arrays[0][0] == 1.0
+    assert forces[0].linear[0] == 0.0
+    assert isinstance(forces[:1], ours.StdVec_Force)
+    assert isinstance(copy.deepcopy(forces), ours.StdVec_Force)
+    assert forces.copy()[0] is not forces[0]
+    assert forces.tolist()[0] is forces[0]
+    assert forces.tolist(True)[0] is not forces[0]
+    names = ours.StdMap_String_VectorXd()
+    names["half_sitting"] = np.zeros((3, 1))
+    assert names["half_sitting"].shape == (3,)
+    for wrong in (lambda: arrays.append(1.0), lambda: names.__setitem__(1, x), lambda: ours.StdVec_Force(f)):
+        with pytest.raises(TypeError):
+            wrong()
+
+
 def test_errors_name_the_thing_and_are_the_librarys_own() -> None:
     for call, text in (
         (lambda: ours.SE3(np.eye(4), np.zeros(3)), "rotation is an array of shape"),
@@ -548,7 +567,8 @@ def test_what_is_computed_from_a_live_array_is_plain() -> None:
         ("M", "x.translation[0] = 1"), ("M", "x.rotation[:] = 0"), ("M", "x.translation = np.ones(3)"),
         ("M", "x.rotation = np.eye(3)"), ("M", "x.setIdentity()"), ("M", "x.setRandom()"),
         ("v", "x.linear[0] = 1"), ("v", "x.angular = np.ones(3)"), ("v", "x.vector[1] = 1"), ("v", "x += x"),
-        ("v", "x.vector = np.ones(6)"), ("v", "x.setZero()"), ("f", "x.np[0] = 1"), ("f", "x -= x"),
+        ("v", "x.linear = np.ones(3)"), ("v", "x.vector = np.ones(6)"), ("v", "x.setZero()"), ("f", "x.np[0] = 1"),
+        ("f", "x -= x"),
         ("I", "x.mass = 2"), ("I", "x.lever[0] = 2"), ("I", "x.lever = np.ones(3)"), ("I", "x.inertia = np.eye(3)"),
         ("I", "x += x"), ("I", "x -= x"), ("I", "x.setZero()"), ("I", "x.setIdentity()"), ("S", "x.fill(1.0)"),
         ("S", "x.setDiagonal(np.ones(3))"), ("S", "x += x"), ("S", "x *= 2.0"), ("q", "x.x = 1.0"), ("q", "x[0] = 1.0"),

@@ -9,20 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import cholesky, explog, liegroups, rpy, utils
-from .about import (
-    PINOCCHIO_MAJOR_VERSION,
-    PINOCCHIO_MINOR_VERSION,
-    PINOCCHIO_PATCH_VERSION,
-    WITH_COLLISION,
-    WITH_CPPAD,
-    WITH_OPENMP,
-    WITH_SDFORMAT,
-    WITH_URDFDOM,
-    checkVersionAtLeast,
-    createDatas,
-    printVersion,
-)
+from . import cholesky, explog, liegroups, linalg, rpy, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
     ccrba,
@@ -150,6 +137,7 @@ from .frame import (
     KinematicLevel,
     ReferenceFrame,
 )
+from .geometry import COLLISION, VISUAL, GeometryModel, GeometryType, buildModelsFromUrdf, createDatas
 from .inertia import Inertia
 from .joint_data import JointData
 from .joints import (
@@ -199,7 +187,17 @@ from .kinematics import (
     updateFramePlacements,
     updateGlobalPlacements,
 )
-from .liegroups import LieGroup, lieGroup, tangentMap, tangentMapProduct, tangentMapTransposeProduct
+from .liegroups import (
+    LieGroup,
+    compactTangentMap,
+    findCommonAncestor,
+    getTangentToConfigurationSparsitySegment,
+    lieGroup,
+    tangentMap,
+    tangentMapProduct,
+    tangentMapTransposeProduct,
+)
+from .linalg import isOrthonormal, orthogonalization, orthonormalization
 from .model import Model
 from .motion import Force, Motion
 from .parallel import ModelPool, abaInParallel, omp_get_max_threads, rneaInParallel
@@ -219,8 +217,22 @@ from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, b
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
-
-__version__ = printVersion()
+from .versions import (
+    PINOCCHIO_MAJOR_VERSION,
+    PINOCCHIO_MINOR_VERSION,
+    PINOCCHIO_PATCH_VERSION,
+    WITH_COLLISION,
+    WITH_CPPAD,
+    WITH_HPP_FCL,
+    WITH_HPP_FCL_BINDINGS,
+    WITH_OPENMP,
+    WITH_SDFORMAT,
+    WITH_URDFDOM,
+    ScalarType,
+    __version__,
+    checkVersionAtLeast,
+    printVersion,
+)
 
 
 def __getattr__(name: str) -> Any:

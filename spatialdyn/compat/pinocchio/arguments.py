@@ -27,10 +27,14 @@ class RangeError(SpatialDynError, IndexError, OverflowError):
 
 def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
     """A new float64 array of that shape; a column (n, 1) passes for (n,)."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS and value.shape in (shape, (*shape, 1)):
+    if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS:
         made = np.empty(shape)
-        made[...] = value if value.shape == shape else value[..., 0]
-        return made
+        if value.shape == shape:
+            made[...] = value
+            return made
+        if value.shape == (*shape, 1):
+            made[...] = value[..., 0]
+            return made
     raise ArgumentError(f"{what} is {described(value)}, expected an array of shape {shape}")
 
 

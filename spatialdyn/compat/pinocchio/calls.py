@@ -53,7 +53,8 @@ def forces(fext: Any, made: Made, njoints: int) -> Array:
 def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) -> Run:
     """A call of a kind, whatever its arguments are; its Run holds the result. Raises what they are wrong by."""
     compiled = prepared(model, data)
-    entry, run = KINDS[kind], data.run_of(kind, model, compiled)
+    entry = KINDS[kind]
+    run: Run = data.run_of(kind, model, compiled)
     names = entry.inputs.split()
     arrays = [
         vector(name, value, model.nq if name == "q" else model.nv) for name, value in zip(names, values, strict=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .arguments import ArgumentError, ValueRuntimeError, described
 from .calls import perform, quick, returned
 from .data import Run, prepared
-from .frame import ACCELERATION, JOINT, KinematicLevel
+from .frame import ACCELERATION, KinematicLevel
 from .inertia import Inertia
 from .kinds import com_in_world, subtree_masses
 from .kinematics import frame_index, joint_index
@@ -184,8 +184,8 @@ def computeCentroidalMomentumTimeVariation(model: Any, data: Any, q: Any = None,
 # --- what a frame supports -------------------------------------------------------------------------------
 
 
-def _supported(model: Any, frame: int) -> tuple[Inertia, list[int]]:
-    """The bodies of a frame and of those behind it on its joint, in the joint's frame, and the joints behind them."""
+def _supported(model: Any, frame: int) -> Inertia:
+    """The bodies of a frame and of those behind it on its joint, in the joint's frame."""
     joint, found = model.frames[frame].parentJoint, {frame}
     for k in range(frame + 1, len(model.frames)):
         if model.frames[k].parentJoint == joint and model.frames[k].parentFrame in found:
@@ -193,36 +193,37 @@ def _supported(model: Any, frame: int) -> tuple[Inertia, list[int]]:
     total = Inertia.Zero()
     for k in found:
         total = total + model.frames[k].placement.act(model.frames[k].inertia)
-    before = {model.names[c]: c for c in model.children[joint]}
-    behind = [before[f.name] for f in model.frames if f.type == JOINT and f.name in before and f.parentFrame in found]
-    return total, behind
+    return total
 
 
 def computeSupportedInertiaByFrame(model: Any, data: Any, frame_id: int, with_subtree: bool) -> Inertia:
-    """Inertia of the bodies behind a frame on its joint, in the frame; with the subtree what hangs on them as well.
+    """Inertia of the bodies behind a frame on its joint, in the frame; with the subtree all other joints' on that joint.
 
     With the subtree it needs ``data.oMi``.
     """
     prepared(model, data)
-    frame = model.frames[frame_index(model, frame_id)]
-    total, behind = _supported(model, frame_index(model, frame_id))
+    k = frame_index(model, frame_id)
+    frame, total = model.frames[k], _supported(model, k)
     if with_subtree:
         here = data.oMi[frame.parentJoint]
-        for child in behind:
-            for k in model.subtrees[child]:
-                total = total + here.actInv(data.oMi[k].act(model.inertias[k]))
+        for i in model.subtrees[frame.parentJoint]:
+            if i != frame.parentJoint:
+                total = total + here.actInv(data.oMi[i].act(model.inertias[i]))
     found: Inertia = frame.placement.actInv(total)
     return found
 
 
 def computeSupportedForceByFrame(model: Any, data: Any, frame_id: int) -> Force:
-    """Force that holds what is behind a frame, in the frame: of ``data.a_gf``, v, f and liMi, as rnea leaves them."""
+    """Force that holds the bodies behind a frame and all other joints on its joint, in the frame.
+
+    It is of ``data.a_gf``, v, f and liMi, as rnea leaves them.
+    """
     prepared(model, data)
-    frame = model.frames[frame_index(model, frame_id)]
-    total, behind = _supported(model, frame_index(model, frame_id))
+    k = frame_index(model, frame_id)
+    frame, total = model.frames[k], _supported(model, k)
     a, v = data.a_gf[frame.parentJoint], data.v[frame.parentJoint]
     force = total * a + v.cross(total * v)
-    for child in behind:
+    for child in model.children[frame.parentJoint]:
         force = force + data.liMi[child].act(data.f[child])
     found: Force = frame.placement.actInv(force)
     return found

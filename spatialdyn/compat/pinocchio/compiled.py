@@ -105,8 +105,9 @@ def _made(model: Model) -> Made:
                 X = model.jointPlacements[k].homogeneous @ X
             freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(step.kind, 1)
             rotors = tuple(model.armature[at : at + freedoms].tolist()) if mimic is None else (0.0,)
+            rotor = rotors[0] if len({*rotors}) == 1 else rotors
             at += freedoms
-            made = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, armature=rotors, mimic=mimic)
+            made = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, armature=rotor, mimic=mimic)
             joints.append(make_joint(made))
             links.append(_link(name, model.inertias[k] if n == len(steps) - 1 else None))
             parent = name

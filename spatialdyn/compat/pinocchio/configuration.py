@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from ... import dynamics
 from ...errors import ShapeError
 from .arguments import ArgumentError, described, expected, number
+from .arrays import NO_LIMIT
 from .calls import vector
 from .chance import GENERATOR
 from .compiled import made
 from .frame import ARG0, ARG1, ArgumentPosition
-from .model import NO_LIMIT, Model
+from .model import Model
 
 Array = NDArray[np.float64]
 
@@ -153,7 +154,7 @@ def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = 
     if model.strict:
         lower, upper = _finite(lower, upper)
     with np.errstate(over="ignore", invalid="ignore"):
-        q = lower + (upper - lower) * GENERATOR.random(model.nq)
+        q: Array = lower + (upper - lower) * GENERATOR.random(model.nq)
     for part in _unit_parts(model, q):
         x = GENERATOR.standard_normal(len(part))
         part[:] = x / np.sqrt(x @ x)

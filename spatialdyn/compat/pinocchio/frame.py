@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from enum import IntEnum
+from enum import EnumMeta, IntEnum
 from typing import Any
 
 from .arguments import ArgumentError, expected
@@ -12,7 +11,23 @@ from .owned import owned
 from .se3 import SE3
 
 
-class _Enum(IntEnum):
+class _Members(EnumMeta):
+    """What Boost.Python's enumerations know of their members."""
+
+    @property
+    def names(cls) -> dict[str, Any]:
+        """The members by name."""
+        members: Any = cls
+        return {member.name: member for member in members}
+
+    @property
+    def values(cls) -> dict[int, Any]:
+        """The members by number."""
+        members: Any = cls
+        return {int(member): member for member in members}
+
+
+class Enum(IntEnum, metaclass=_Members):
     """Members print as their name, and combine with | to a plain number."""
 
     def __str__(self) -> str:
@@ -22,7 +37,7 @@ class _Enum(IntEnum):
     __and__ = int.__and__
 
 
-class FrameType(_Enum):
+class FrameType(Enum):
     """What a frame stands for; values combine to masks: ``FrameType.JOINT | FrameType.FIXED_JOINT``."""
 
     OP_FRAME = 1
@@ -32,7 +47,7 @@ class FrameType(_Enum):
     SENSOR = 16
 
 
-class ReferenceFrame(_Enum):
+class ReferenceFrame(Enum):
     """The axes and the point in which a spatial vector is expressed."""
 
     WORLD = 0
@@ -40,7 +55,7 @@ class ReferenceFrame(_Enum):
     LOCAL_WORLD_ALIGNED = 2
 
 
-class KinematicLevel(_Enum):
+class KinematicLevel(Enum):
     """How many derivatives of the position take part."""
 
     POSITION = 0
@@ -48,14 +63,14 @@ class KinematicLevel(_Enum):
     ACCELERATION = 2
 
 
-class Convention(_Enum):
+class Convention(Enum):
     """The frame in which Pinocchio runs a recursion; results are the same."""
 
     WORLD = 0
     LOCAL = 1
 
 
-class ArgumentPosition(_Enum):
+class ArgumentPosition(Enum):
     """Which argument of a function of a Lie group is meant."""
 
     ARG0 = 0
@@ -66,11 +81,6 @@ class ArgumentPosition(_Enum):
 
 
 ANY_FRAME = 31  # all kinds of frames
-_ENUMS: tuple[Any, ...] = (FrameType, ReferenceFrame, KinematicLevel, Convention, ArgumentPosition)
-NAMES: Mapping[str, _Enum] = {member.name: member for enum in _ENUMS for member in enum}
-for _enum in _ENUMS:  # what Boost.Python's enumerations have
-    _enum.names = {member.name: member for member in _enum}
-    _enum.values = {int(member): member for member in _enum}
 OP_FRAME, JOINT, FIXED_JOINT, BODY, SENSOR = FrameType
 WORLD, LOCAL, LOCAL_WORLD_ALIGNED = ReferenceFrame
 POSITION, VELOCITY, ACCELERATION = KinematicLevel

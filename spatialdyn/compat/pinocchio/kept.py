@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import njit, types  # type: ignore[attr-defined]
+from numba import njit, types
 
 from ... import algebra, layouts, spatial
 from ...engines import jit

@@ -13,6 +13,7 @@ from ... import algebra
 from ...errors import ShapeError
 from . import configuration
 from .arguments import ArgumentError, array, described, expected
+from .containers import StdVec_Index
 from .frame import ARG0, ARG1, ArgumentPosition
 from .joints import JointModel, JointModelPX, JointModelRUBX
 from .joints_many import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
@@ -286,3 +287,33 @@ def tangentMapProduct(model: Model, q: Any, mat_in: Any) -> Array:
 def tangentMapTransposeProduct(model: Model, q: Any, mat_in: Any) -> Array:
     """The transpose of the tangent map T times a matrix (nq, n)."""
     return tangentMap(model, q).T @ _fitting(mat_in, 0, model.nq)
+
+
+def compactTangentMap(model: Model, q: Any) -> Array:
+    """The tangent map (nq, 6) with each row shifted to the first column of its joint.
+
+    ``getTangentToConfigurationSparsitySegment`` says where each row belongs.
+    """
+    T = tangentMap(model, q)
+    widths, starts = getTangentToConfigurationSparsitySegment(model)
+    compact = np.zeros((model.nq, max(6, *widths, 0)))
+    for k in range(model.nq):
+        compact[k, : widths[k]] = T[k, starts[k] : starts[k] + widths[k]]
+    return compact
+
+
+def getTangentToConfigurationSparsitySegment(model: Model) -> tuple[StdVec_Index, StdVec_Index]:
+    """For each coordinate, how many velocities its joint has, and the first of them."""
+    joints = list(expected(model, Model, "model").joints)[1:]
+    starts, widths = StdVec_Index([0] * model.nq), StdVec_Index([0] * model.nq)
+    for joint in joints:
+        for k in range(joint.idx_q, joint.idx_q + joint.nq):
+            starts[k], widths[k] = joint.idx_v, joint.nv
+    return widths, starts
+
+
+def findCommonAncestor(model: Model, joint1_id: int, joint2_id: int) -> tuple[int, int, int]:
+    """The last joint that carries both joints, and its places in ``supports`` of the one and the other."""
+    first, second = (list(expected(model, Model, "model").supports[k]) for k in (joint1_id, joint2_id))
+    shared = sum(a == b for a, b in zip(first, second, strict=False)) - 1
+    return int(first[shared]), shared, shared

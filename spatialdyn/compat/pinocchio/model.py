@@ -8,56 +8,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import ModelError, ShapeError
+from ...errors import ModelError
 from ...model import missing
-from .arguments import ArgumentError, described, expected
+from .arguments import ArgumentError, expected
+from .arrays import ARRAYS, LIMITS, PLACES, Arrays, limit
 from .containers import StdMap_String_VectorXd
 from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame
 from .joints import JointModel
-from .live import live
 from .owned import Owned
 from .se3 import SE3
 from .stored import Stored, fill, state
 from .tree import Listener, Tree
 
 Array = NDArray[np.float64]
-NO_LIMIT = float(np.finfo(float).max)  # what Pinocchio writes where addJoint is given no limits
-
-# name -> what addJoint puts there, for each coordinate or velocity
-POSITIONS = {"lowerPositionLimit": -NO_LIMIT, "upperPositionLimit": NO_LIMIT, "positionLimitMargin": 0.0}
-VELOCITIES = {
-    "lowerEffortLimit": -NO_LIMIT,
-    "upperEffortLimit": NO_LIMIT,
-    "lowerVelocityLimit": -NO_LIMIT,
-    "upperVelocityLimit": NO_LIMIT,
-    "lowerDryFrictionLimit": 0.0,
-    "upperDryFrictionLimit": 0.0,
-    "damping": 0.0,
-    "armature": 0.0,
-    "rotorInertia": 0.0,
-    "rotorGearRatio": 1.0,
-}
-ARRAYS = {**POSITIONS, **VELOCITIES}
-FRICTION = ("min_friction", "max_friction", "damping")
-BOTH = ("min_effort", "max_effort", "min_velocity", "max_velocity", "min_config", "max_config")
-LIMITS = {  # the arguments of addJoint behind the name, by how many there are
-    0: (),
-    4: ("max_effort", "max_velocity", "min_config", "max_config"),
-    9: (*BOTH, *FRICTION),
-    10: (*BOTH, "config_limit_margin", *FRICTION),
-}
-PLACES = {
-    "min_config": "lowerPositionLimit",
-    "max_config": "upperPositionLimit",
-    "config_limit_margin": "positionLimitMargin",
-    "min_effort": "lowerEffortLimit",
-    "max_effort": "upperEffortLimit",
-    "min_velocity": "lowerVelocityLimit",
-    "max_velocity": "upperVelocityLimit",
-    "min_friction": "lowerDryFrictionLimit",
-    "max_friction": "upperDryFrictionLimit",
-    "damping": "damping",
-}
+FIXED = {  # attributes that follow from others, or are lists to be written into
+    "nq", "nv", "nvExtended", "nbodies", "inertias", "joints", "names", "parents", "children", "nqs", "nvs", "idx_qs",
+    "idx_vs", "idx_vExtendeds", "nvExtendeds", "mimicking_joints", "mimicked_joints", "mimic_joint_supports",
+    "supports", "subtrees",
+}  # fmt: skip
 
 
 class Configuration(NamedTuple):
@@ -82,27 +50,7 @@ class Configurations(StdMap_String_VectorXd):
         return (Configuration(name, q) for name, q in self.items())
 
 
-def _array(name: str, meaning: str) -> Any:
-    """An attribute that is an array of the model's; assigning copies."""
-
-    def read(self: Model) -> Array:
-        found: Array = self._arrays[name]
-        return live(found, self._edited) if name == "armature" else found
-
-    def write(self: Model, value: Any) -> None:
-        if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
-            raise ArgumentError(f"{name} is {described(value)}, expected an array of numbers")
-        n = self.nq if name in POSITIONS else self.nv
-        if value.shape not in ((n,), (n, 1)):
-            raise ShapeError(f"{name} has shape {value.shape}, expected ({n},)")
-        self._arrays[name] = np.array(value, dtype=float).reshape(n)
-        if name == "armature":
-            self._made = None
-
-    return property(read, write, doc=meaning)
-
-
-class Model(Tree, Stored):
+class Model(Tree, Arrays, Stored):
     """A robot as Pinocchio's Model holds it; see ``Tree`` for its joints.
 
     frames                   list of Frame
@@ -110,34 +58,29 @@ class Model(Tree, Stored):
     referenceConfigurations  configurations by name
     """
 
-    lowerPositionLimit = _array("lowerPositionLimit", "(nq,) least coordinates.")
-    upperPositionLimit = _array("upperPositionLimit", "(nq,) largest coordinates.")
-    positionLimitMargin = _array("positionLimitMargin", "(nq,) distance kept from the limits; without effect.")
-    lowerEffortLimit = _array("lowerEffortLimit", "(nv,) least forces of the joints.")
-    upperEffortLimit = _array("upperEffortLimit", "(nv,) largest forces of the joints.")
-    lowerVelocityLimit = _array("lowerVelocityLimit", "(nv,) least velocities.")
-    upperVelocityLimit = _array("upperVelocityLimit", "(nv,) largest velocities.")
-    lowerDryFrictionLimit = _array("lowerDryFrictionLimit", "(nv,) least dry friction; without effect.")
-    upperDryFrictionLimit = _array("upperDryFrictionLimit", "(nv,) largest dry friction; without effect.")
-    damping = _array("damping", "(nv,) viscous friction; without effect.")
-    armature = _array("armature", "(nv,) reflected inertias of the rotors, added to the diagonal of M.")
-    rotorInertia = _array("rotorInertia", "(nv,) inertias of the rotors; without effect, see ``armature``.")
-    rotorGearRatio = _array("rotorGearRatio", "(nv,) ratios of the gears; without effect.")
-    effortLimit = upperEffortLimit
-    velocityLimit = upperVelocityLimit
-    friction = upperDryFrictionLimit
     createData: Any  # given by the module of Data, which stands on this one
 
     def __init__(self, clone: Model | None = None) -> None:
         """A model of nothing but the universe, or a copy of another."""
+        vars(self).pop("_sealed", None)
         super().__init__()
         self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
         self.frames: list[Frame] = Owned(Listener(self, "_placed"), Frame, [universe])
         self.referenceConfigurations: dict[str, Array] = Configurations()
+        self._sealed = True
         if clone is not None:
             fill(self, state(expected(clone, Model, "clone")))
             self.strict = clone.strict
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in FIXED and "_sealed" in vars(self):
+            raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
+        if name in ("jointPlacements", "frames") and "_sealed" in vars(self):
+            owner, kind = (self._edited, SE3) if name == "jointPlacements" else (Listener(self, "_placed"), Frame)
+            value = Owned(owner, kind, value)
+            owner.changed()
+        super().__setattr__(name, value)
 
     @property
     def nframes(self) -> int:
@@ -168,7 +111,7 @@ class Model(Tree, Stored):
         if names is None or not {*names[len(limits) :]} >= {*named}:
             raise ArgumentError(f"addJoint got {len(limits) + len(named)} limits, expected 0, 4, 9 or 10")
         given = {**dict(zip(names, limits, strict=False)), **named}
-        values = {PLACES[name]: _limit(joint_name, name, value, joint_model) for name, value in given.items()}
+        values = {PLACES[name]: limit(joint_name, name, value, joint_model) for name, value in given.items()}
         if len(given) == 4:  # Pinocchio writes the largest velocity for the least, too
             values |= {f"lower{kind}Limit": -values[f"upper{kind}Limit"] for kind in ("Effort", "Velocity")}
         return self._add(parent, joint_model, joint_placement, joint_name, values)
@@ -176,9 +119,7 @@ class Model(Tree, Stored):
     def _add(self, parent: int, joint: JointModel, placement: SE3, name: str, values: Mapping[str, Array]) -> int:
         """Add a joint whose entries of the model's arrays are given by name; returns its index."""
         index = self._hang(parent, joint, placement, name)
-        for array, default in ARRAYS.items():
-            n = joint.nq if array in POSITIONS else joint.nv
-            self._arrays[array] = np.concatenate([self._arrays[array], values.get(array, np.full(n, default))])
+        self._extend(joint, values)
         return index
 
     def addFrame(self, frame: Frame, append_inertia: bool = True) -> int:
@@ -293,13 +234,3 @@ def _restored(given: Mapping[str, Any], strict: bool) -> Model:
     fill(model, given)
     model.strict = strict
     return model
-
-
-def _limit(joint: str, name: str, value: Any, model: JointModel) -> Array:
-    """A limit of a joint as nq or nv numbers."""
-    if not isinstance(value, np.ndarray):
-        raise ArgumentError(f'{name} of joint "{joint}" is {described(value)}, expected an array')
-    n = model.nq if "config" in name else model.nv
-    if value.size != n:
-        raise ShapeError(f'{name} of joint "{joint}" has {value.size} numbers, expected {n}')
-    return np.array(value, dtype=float).reshape(n)

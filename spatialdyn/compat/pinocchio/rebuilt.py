@@ -10,32 +10,47 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError, ShapeError
 from .arguments import ArgumentError, described, expected
+from .arrays import POSITIONS
 from .frame import FIXED_JOINT, JOINT, Frame
 from .joints import JointModel
 from .joints_many import JointModelMimic
-from .model import POSITIONS, Model
+from .model import Model
 from .se3 import SE3
 
 Array = NDArray[np.float64]
 
 
-def buildReducedModel(model: Model, list_of_joints_to_lock: Iterable[int], reference_configuration: Any) -> Model:
+def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
     """A model with some joints frozen: what they carry hangs on the joint before them, their frames stay.
 
+    geom_model               a GeometryModel or a list of them, which is then returned with the model; may be left out
     list_of_joints_to_lock   indices of joints
     reference_configuration  (nq,) where they are frozen
 
     Raises ModelError for an index that is no joint's or stands twice, or of a joint that another one mimics;
     ShapeError.
     """
+    names = ["list_of_joints_to_lock", "reference_configuration"]
+    geometry = len(arguments) + len(named) == 3
+    if geometry:
+        names.insert(0, "list_of_geom_models" if "list_of_geom_models" in named else "geom_model")
+    given = {**dict(zip(names, arguments, strict=False)), **named}
+    if len(arguments) + len(named) != len(names) or {*given} != {*names}:
+        raise ArgumentError(f"buildReducedModel got {', '.join(given)}, expected model, {', '.join(names)}")
+    made = _reduced(model, given["list_of_joints_to_lock"], given["reference_configuration"])
+    return (made, given[names[0]]) if geometry else made
+
+
+def _reduced(model: Model, joints: Iterable[int], q: Any) -> Model:
     expected(model, Model, "model")
-    q = reference_configuration
-    if isinstance(list_of_joints_to_lock, str) or not isinstance(q, np.ndarray):
-        raise ArgumentError(f"buildReducedModel got {described(q)}, expected joint indices and an array")
+    if not isinstance(q, np.ndarray):
+        raise ArgumentError(f"reference_configuration is {described(q)}, expected an array")
+    if isinstance(joints, str) or not isinstance(joints, Iterable):
+        raise ArgumentError(f"list_of_joints_to_lock is {described(joints)}, expected indices")
     if q.size != model.nq:
         raise ShapeError(f"reference_configuration has {q.size} numbers, expected {model.nq}")
     locked: dict[int, SE3] = {}
-    for index in list_of_joints_to_lock:
+    for index in joints:
         if not isinstance(index, (int, np.integer)):
             raise ArgumentError(f"joint index is {described(index)}, expected a number")
         at = model._check_joint(index)
@@ -98,7 +113,7 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
             _take_frames(whole, B, 0)
             for j in range(1, modelB.njoints):
                 _take(whole, B, j)
-    whole.nbodies = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
+    vars(whole)["nbodies"] = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
     for name in dict.fromkeys([*modelA.referenceConfigurations.keys(), *modelB.referenceConfigurations.keys()]):
         q = np.array([x for joint in whole.joints[1:] for x in joint.neutral()])
         for part in (A, B):
@@ -199,7 +214,7 @@ def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, Joi
         if frame.parentJoint in locked and kind == JOINT:
             kind, inertia = FIXED_JOINT, model.inertias[frame.parentJoint]
         whole.frames.append(Frame(frame.name, carrier.joint, frame.parentFrame, X, kind, inertia))
-    whole.nbodies = 1 + len(kept)
+    vars(whole)["nbodies"] = 1 + len(kept)
     for name, q in model.referenceConfigurations.items():
         spans = [(whole.joints[part.carriers[k].joint].nq, model.idx_qs[k]) for k in kept]
         whole.referenceConfigurations[name] = np.concatenate([q[at : at + n] for n, at in spans] or [q[:0]])

@@ -74,7 +74,7 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
     strict = model.strict
     model.__init__()
     model.strict = strict
-    model.name, model.nbodies = given["name"], given["nbodies"]
+    model.name = given["name"]
     model.gravity = _value(Motion, given["gravity"])
     for k, entry in enumerate(given["joints"]):
         if k:
@@ -83,6 +83,7 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
         model.names[k] = entry["name"]
         model.jointPlacements[k] = _value(SE3, entry["placement"])
         model.inertias[k] = _value(Inertia, entry["inertia"])
+    vars(model)["nbodies"] = given["nbodies"]
     del model.frames[:]
     for entry in given["frames"]:
         model.frames.append(

@@ -129,7 +129,8 @@ class Tree:
         ):
             places.append(at)
             counts.append(n)
-        self.nq, self.nv, self.nvExtended = self.nq + joint.nq, self.nv + joint.nv, self.nvExtended + joint.nvExtended
+        for name in ("nq", "nv", "nvExtended"):
+            vars(self)[name] += getattr(joint, name)
         self.supports.append(Indices([*self.supports[parent], index]))
         self.subtrees.append(Indices())
         self.children.append(Indices())
@@ -148,7 +149,7 @@ class Tree:
         if body_placement is not None:
             expected(body_placement, SE3, "body_placement")
         self._load(at, body_inertia, body_placement)
-        self.nbodies += 1
+        vars(self)["nbodies"] += 1
 
     def _load(self, joint: int, inertia: Inertia, placement: SE3 | None) -> None:
         self.inertias[joint] = self.inertias[joint] + (inertia if placement is None else placement.act(inertia))
@@ -166,6 +167,24 @@ class Tree:
         """Whether a joint has that name."""
         expected(name, str, "joint name")
         return name in self.names
+
+    @property
+    def span_indexes_vector(self) -> list[Indices]:
+        """For each joint the places in v of those that move it."""
+        own = [
+            range(at, at + max(n, joint.nvExtended > n))
+            for at, n, joint in zip(self.idx_vs, self.nvs, self.joints, strict=True)
+        ]
+        own[0] = range(0)
+        return [Indices(sorted({at for k in above for at in own[k]})) for above in self.supports]
+
+    @property
+    def sparsity_pattern_vector(self) -> list[NDArray[np.bool_]]:
+        """For each joint an array (nv,) of which velocities move it."""
+        made = np.zeros((self.njoints, self.nv), bool)
+        for row, span in zip(made, self.span_indexes_vector, strict=True):
+            row[span] = True
+        return list(made)
 
     def getChildJoints(self) -> list[int]:
         """The joints on which no other hangs."""

@@ -1,0 +1,85 @@
+"""Small matrix helpers that scripts take from ``pinocchio.linalg`` and beside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import ShapeError
+from .arguments import ArgumentError, described
+
+Array = NDArray[np.float64]
+
+__all__ = ["computeLargestEigenvector", "inv", "retrieveLargestEigenvalue"]
+
+
+def _array(value: Any, what: str, rank: int) -> Array:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
+        raise ArgumentError(f"{what} is {described(value)}, expected an array of numbers")
+    if value.ndim != rank:
+        raise ShapeError(f"{what} has shape {value.shape}, expected {rank} axes")
+    return np.asarray(value, dtype=np.float64)
+
+
+def _square(value: Any, what: str) -> Array:
+    M = _array(value, what, 2)
+    if M.shape[0] != M.shape[1]:
+        raise ShapeError(f"{what} has shape {M.shape}, expected a square matrix")
+    return M
+
+
+def inv(mat: Any) -> Array:
+    """The inverse of a square matrix. Raises numpy.linalg.LinAlgError if it has none."""
+    return np.asarray(np.linalg.inv(_square(mat, "mat")), dtype=np.float64)
+
+
+def computeLargestEigenvector(mat: Any, max_it: int = 10, rel_tol: float = 1e-8) -> Array:
+    """An eigenvector (n,) of the eigenvalue of largest magnitude, of that length, by power iteration."""
+    M = _square(mat, "mat")
+    x = np.ones(len(M)) / np.sqrt(max(len(M), 1))
+    for _ in range(max_it):
+        before = np.linalg.norm(x)
+        x = M @ (x / before) if before > 0.0 else x
+        if abs(np.linalg.norm(x) - before) <= rel_tol * before:
+            break
+    return np.asarray(x, dtype=np.float64)
+
+
+def retrieveLargestEigenvalue(eigenvector: Any) -> float:
+    """The magnitude of the eigenvalue, of a vector as ``computeLargestEigenvector`` gives it."""
+    return float(np.linalg.norm(_array(eigenvector, "eigenvector", 1)))
+
+
+def isOrthonormal(matrix: Any, prec: float = 1e-12) -> bool:
+    """Whether the columns of a matrix are of norm 1 and at right angles, to within prec."""
+    M = _array(matrix, "matrix", 2)
+    return bool((abs(M.T @ M - np.eye(M.shape[1])) <= prec).all())
+
+
+def orthogonalization(basis: Any, vec: Array, threshold: float = 0.0) -> None:
+    """Take from vec (n,), in place, its parts above a threshold along the columns of an orthonormal basis (n, m)."""
+    B = _array(basis, "basis", 2)
+    if _array(vec, "vec", 1).shape != B.shape[:1]:
+        raise ShapeError(f"vec has shape {vec.shape}, expected ({len(B)},)")
+    for column in B.T:
+        part = column @ vec
+        if abs(part) > threshold:
+            vec -= part * column
+
+
+def orthonormalization(matrix: Array, threshold: float = 0.0) -> None:
+    """Make the columns of a matrix (n, m) orthonormal, in place, one after the other.
+
+    Raises ShapeError if a column depends on those before it.
+    """
+    _array(matrix, "matrix", 2)
+    for k in range(matrix.shape[1]):
+        column = matrix[:, k]
+        size = np.linalg.norm(column)
+        orthogonalization(matrix[:, :k], column, threshold)
+        left = np.linalg.norm(column)
+        if not left > 1e-12 * size:
+            raise ShapeError(f"column {k} of matrix depends on those before it, expected independent columns")
+        column /= left

@@ -1,0 +1,22 @@
+"""The version of Pinocchio whose names and conventions these are, and what of it is built in."""
+
+from __future__ import annotations
+
+PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VERSION = 4, 1, 0
+VERSION = (PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VERSION)
+__version__ = ".".join(map(str, VERSION))
+
+WITH_URDFDOM = True  # robots are read from URDF
+WITH_COLLISION = WITH_HPP_FCL = WITH_HPP_FCL_BINDINGS = False
+WITH_CPPAD = WITH_SDFORMAT = WITH_OPENMP = False
+ScalarType = float
+
+
+def printVersion(delimiter: str = ".") -> str:
+    """The version as text; as in Pinocchio, nothing is printed."""
+    return delimiter.join(map(str, VERSION))
+
+
+def checkVersionAtLeast(major: int, minor: int, patch: int) -> bool:
+    """Whether the version is that one or a later one."""
+    return (major, minor, patch) <= VERSION

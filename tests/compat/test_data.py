@@ -1,0 +1,292 @@
+"""What a Data shows, when: live arrays, the latest call, edits of the model, errors; and where Pinocchio is wrong."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn.compat.pinocchio as ours
+from spatialdyn.errors import ShapeError
+
+theirs = pytest.importorskip("pinocchio")
+
+ORACLE = 1e-11  # scaled, the bound of the face
+STEP = 1e-6  # of central differences, off by its square and by eps over it
+BY_DIFFERENCES = 1e-7
+
+
+def biped(pin: Any) -> Any:
+    """A floating body with an arm of a turning and a sliding joint, and a wheel without limits."""
+    model = pin.Model()
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    parent = root
+    for k, (joint, on) in enumerate(
+        ((pin.JointModelRY(), root), (pin.JointModelPX(), None), (pin.JointModelRUBZ(), root))
+    ):
+        placement = pin.SE3(np.eye(3), np.array([0.1, 0.2 * k, -0.3]))
+        parent = model.addJoint(parent if on is None else on, joint, placement, f"j{k}")
+    for k in range(1, model.njoints):
+        inertia = pin.Inertia(1.0 + k, np.array([0.1, 0.02 * k, 0.3]), np.diag([0.1, 0.2, 0.25]))
+        model.appendBodyToJoint(k, inertia, pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"tool{k}", k, 0, placement, pin.FrameType.OP_FRAME))
+    return model
+
+
+def state(model: Any) -> list[np.ndarray]:
+    rng = np.random.default_rng(3)
+    q = np.array(theirs.integrate(biped(theirs), theirs.neutral(biped(theirs)), rng.normal(size=model.nv)))
+    return [q, *rng.normal(size=(3, model.nv))]
+
+
+@pytest.fixture(params=[ours, theirs], ids=["face", "wheel"])
+def case(request: pytest.FixtureRequest) -> Any:
+    """All that is claimed here holds for Pinocchio as well."""
+    pin = request.param
+    model = biped(pin)
+    return pin, model, model.createData(), state(model)
+
+
+def close(x: Any, y: Any, bound: float = ORACLE) -> None:
+    assert np.shape(x) == np.shape(y)
+    assert np.max(abs(np.subtract(x, y)), initial=0.0) <= bound * np.max(abs(np.asarray(y)), initial=1.0)
+
+
+def test_an_array_once_read_follows_the_calls(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    tau, M, X, v1 = data.tau, data.M, data.oMi[2], data.v[2]
+    found = pin.rnea(model, data, q, v, a)
+    close(tau, found)
+    close(v1.vector, data.v[2].vector)
+    close(M, np.zeros_like(M))
+    close(pin.crba(model, data, q), M)
+    pin.forwardKinematics(model, data, q)
+    close(X.translation, data.oMi[2].translation)
+    assert abs(X.translation).max() > 0.0
+    before = X.copy()
+    pin.forwardKinematics(model, data, pin.integrate(model, q, v))
+    assert abs(X.translation - before.translation).max() > 1e-3
+
+
+def test_a_result_is_the_callers_own(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    for call, field in (
+        (lambda: pin.rnea(model, data, q, v, a), "tau"),
+        (lambda: pin.crba(model, data, q), "M"),
+        (lambda: pin.computeJointJacobians(model, data, q), "J"),
+        (lambda: pin.centerOfMass(model, data, q), "com"),
+    ):
+        for _ in range(2):
+            found = call()
+            kept = np.array(found)
+            found[:] = 7.0
+            close(np.array(data.com[0]) if field == "com" else getattr(data, field), kept)
+
+
+def test_what_is_written_stays_until_the_next_call(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    pin.forwardKinematics(model, data, q)
+    data.oMi[4].translation[0] = 7.0
+    pin.updateFramePlacements(model, data)
+    expected = data.oMi[4].act(model.frames[model.nframes - 1].placement)
+    close(data.oMf[model.nframes - 1].homogeneous, expected.homogeneous)
+    data.M[0, 1] = 5.0
+    assert data.M[0, 1] == 5.0
+    data.tau = np.full(model.nv, 2.0)
+    close(data.tau, np.full(model.nv, 2.0))
+    tau = data.tau
+    found = pin.rnea(model, data, q, v, a)
+    close(data.tau, found)
+    close(tau, found)
+
+
+def test_inputs_may_change_before_fields_are_read(case: Any) -> None:
+    pin, model, _, (q, v, a, _) = case
+    for again in range(3):  # the first call of a kind goes another way
+        data = model.createData()
+        for _ in range(again + 1):
+            x, u, w = q.copy(), v.copy(), a.copy()
+            pin.rnea(model, data, x, u, w)
+            x[:], u[:], w[:] = 0.0, 0.0, 0.0
+        expected = biped(theirs).createData()
+        theirs.rnea(biped(theirs), expected, q, v, a)
+        for k in range(model.njoints):
+            close(data.f[k].vector, expected.f[k].vector)
+            close(data.a_gf[k].vector, expected.a_gf[k].vector)
+
+
+def test_getters_look_at_what_was_computed_last(case: Any) -> None:
+    pin, model, data, (q, v, a, tau) = case
+    pin.forwardKinematics(model, data, q, v, a)
+    moving = pin.getFrameVelocity(model, data, 2, pin.WORLD).vector
+    pin.rnea(model, data, q, 2.0 * v, a)
+    close(pin.getFrameVelocity(model, data, 2, pin.WORLD).vector, 2.0 * moving)
+    pin.crba(model, data, q)
+    close(pin.getFrameVelocity(model, data, 2, pin.WORLD).vector, 2.0 * moving)
+    pin.computeGeneralizedGravity(model, data, q)
+    pin.forwardKinematics(model, data, q, 3.0 * v)
+    close(pin.getFrameVelocity(model, data, 2, pin.WORLD).vector, 3.0 * moving)
+    pin.aba(model, data, q, v, tau)
+    close(pin.getFrameVelocity(model, data, 2, pin.WORLD).vector, moving)
+
+
+def test_old_places_stay_after_calls_that_do_not_place(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    pin.framesForwardKinematics(model, data, q)
+    there = data.oMi[3].copy(), data.oMf[3].copy()
+    other = pin.integrate(model, q, v)
+    pin.rnea(model, data, other, v, a)
+    pin.crba(model, data, other)
+    close(data.oMi[3].homogeneous, there[0].homogeneous)
+    pin.forwardKinematics(model, data, other)
+    close(data.oMf[3].homogeneous, there[1].homogeneous)
+
+
+def test_edits_of_the_model_take_effect_at_the_next_call(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    for _ in range(3):
+        before = np.array(pin.rnea(model, data, q, v, a))
+    model.armature[:] = 2.0
+    close(pin.rnea(model, data, q, v, a), before + 2.0 * a)
+    model.armature[:] = 0.0
+    model.gravity.linear = np.zeros(3)
+    close(pin.rnea(model, data, q, 0.0 * v, 0.0 * a), 0.0 * a)
+    model.inertias[2] = pin.Inertia.Zero()
+    assert abs(pin.rnea(model, data, q, v, a) - before).max() > 1e-3
+    pin.framesForwardKinematics(model, data, q)
+    model.frames[2].placement = pin.SE3.Identity()
+    pin.updateFramePlacements(model, data)
+    close(data.oMf[2].homogeneous, data.oMi[model.frames[2].parentJoint].homogeneous)
+
+
+def test_columns_and_other_dtypes_are_taken(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    tau = np.array(pin.rnea(model, data, q, v, a))
+    close(pin.rnea(model, data, q[:, None], v[:, None], a[:, None]), tau)
+    close(pin.rnea(model, data, np.repeat(q, 2)[::2], v, a), tau)
+    ones = np.ones(model.nv, int)
+    close(pin.rnea(model, data, q, ones, ones), pin.rnea(model, data, q, 1.0 * ones, 1.0 * ones))
+    close(pin.rnea(model=model, data=data, q=q, v=v, a=a), tau)
+
+
+@pytest.mark.parametrize("wrong", [[0.0] * 9, (0.0,) * 9, 1.0, None, np.zeros((9, 2)), np.zeros(9, complex), "v"])
+def test_what_is_no_vector_is_a_type_error(case: Any, wrong: Any) -> None:
+    pin, model, data, (q, v, _, _) = case
+    with pytest.raises(TypeError):
+        pin.rnea(model, data, q, v, wrong)
+
+
+def test_forces_are_a_list_of_as_many_as_joints(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    forces = [pin.Force.Random() for _ in range(model.njoints)]
+    as_vector = pin.StdVec_Force()
+    as_vector.extend(forces)
+    close(pin.rnea(model, data, q, v, a, as_vector), pin.rnea(model, data, q, v, a, forces))
+    with pytest.raises(ValueError, match=r"\S"):
+        pin.rnea(model, data, q, v, a, forces[:-1])
+    for wrong in (tuple(forces), np.zeros((model.njoints, 6)), [1] * model.njoints):
+        with pytest.raises(TypeError):
+            pin.rnea(model, data, q, v, a, wrong)
+    pin.rnea(model, data, q, v, a, forces)
+    with_forces = data.f[1].vector.copy()
+    pin.rnea(model, data, q, v, a)
+    assert abs(data.f[1].vector - with_forces).max() > 1e-3
+
+
+def test_a_data_can_be_copied_and_pickled(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    pin.rnea(model, data, q, v, a)
+    pin.framesForwardKinematics(model, data, q)
+    for other in (data.copy(), pickle.loads(pickle.dumps(data))):
+        close(other.tau, data.tau)
+        close(other.oMf[2].homogeneous, data.oMf[2].homogeneous)
+        close(other.v[2].vector, data.v[2].vector)
+        before = data.tau.copy()
+        pin.rnea(model, other, q, v, 2.0 * a)
+        close(data.tau, before)
+
+
+def test_a_new_data_holds_zeros_and_identities(case: Any) -> None:
+    _, model, data, _ = case
+    for field in ("tau", "M", "J", "nle", "ddq", "Ag"):
+        assert not np.any(getattr(data, field))
+    close(data.oMi[2].homogeneous, np.eye(4))
+    assert list(data.mass) == [-1.0] * model.njoints
+    assert data.kinetic_energy == 0.0
+    assert len(data.oMf) == model.nframes
+    assert not np.any(data.hg.vector)
+
+
+# --- the face alone --------------------------------------------------------------------------------------
+
+
+def test_the_derivative_of_the_centroidal_map_is_one() -> None:
+    """Pinocchio 4.1's computeCentroidalMapTimeVariation forgets that the centre of mass moves; its dccrba does not."""
+    model, peer = biped(ours), biped(theirs)
+    q, v, *_ = state(model)
+    ahead, behind = (
+        ours.computeCentroidalMap(model, model.createData(), ours.integrate(model, q, h * v)) for h in (STEP, -STEP)
+    )
+    slope = (ahead - behind) / (2.0 * STEP)
+    close(ours.computeCentroidalMapTimeVariation(model, model.createData(), q, v), slope, BY_DIFFERENCES)
+    close(theirs.dccrba(peer, peer.createData(), q, v), slope, BY_DIFFERENCES)
+    assert abs(theirs.computeCentroidalMapTimeVariation(peer, peer.createData(), q, v) - slope).max() > 0.1
+
+
+def test_numbers_of_the_other_byte_order_are_read_as_what_they_are() -> None:
+    """Pinocchio reads their bytes as they stand."""
+    model = biped(ours)
+    q, v, a, _ = state(model)
+    for _ in range(2):
+        found = ours.rnea(model, model.createData(), q.astype(">f8"), v, a)
+        close(found, ours.rnea(model, model.createData(), q, v, a))
+
+
+def test_scratch_is_named_as_such() -> None:
+    data = biped(ours).createData()
+    with pytest.raises(AttributeError, match="scratch of Pinocchio"):
+        data.Yaba
+    with pytest.raises(AttributeError, match="no field 'nothing'"):
+        data.nothing
+
+
+def test_a_data_of_another_model_is_refused() -> None:
+    model, other = biped(ours), ours.Model()
+    other.addJoint(0, ours.JointModelRX(), ours.SE3.Identity(), "only")
+    for _ in range(2):
+        ours.neutral(other)
+        with pytest.raises(ShapeError, match="data was made for a model of"):
+            ours.crba(other, model.createData(), np.zeros(1))
+
+
+def test_jacobians_have_to_be_computed_first() -> None:
+    model = biped(ours)
+    with pytest.raises(RuntimeError, match="computeJointJacobians to be called before"):
+        ours.getFrameJacobian(model, model.createData(), 1, ours.LOCAL)
+
+
+@pytest.mark.parametrize("index", [-1, 99])
+def test_an_index_that_is_not_there_is_an_error(index: int) -> None:
+    model = biped(ours)
+    data = model.createData()
+    ours.computeJointJacobians(model, data, state(model)[0])
+    for call in (ours.getFrameVelocity, ours.getVelocity, ours.updateFramePlacement):
+        with pytest.raises(IndexError, match="expected one from 0 to"):
+            call(model, data, index)
+    with pytest.raises(TypeError, match="expected a ReferenceFrame"):
+        ours.getFrameVelocity(model, data, 1, 1)
+
+
+def test_random_configurations_are_finite_and_can_be_seeded() -> None:
+    model = biped(ours)
+    ours.seed(3)
+    q = ours.randomConfiguration(model)
+    ours.seed(3)
+    close(ours.randomConfiguration(model), q)
+    assert np.isfinite(q).all()
+    assert ours.isNormalized(model, q)
+    low, high = np.full(model.nq, 0.25), np.full(model.nq, 0.5)
+    q = ours.randomConfiguration(model, low, high)
+    assert ((q[[0, 1, 2, 7, 8]] >= 0.25) & (q[[0, 1, 2, 7, 8]] <= 0.5)).all()

@@ -1,0 +1,185 @@
+"""The face and Pinocchio, the same text under both: every call of the table on every robot, fixed and floating."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn.compat.pinocchio as ours
+from spatialdyn.compat.pinocchio.data import FIELDS, SCRATCH
+from spatialdyn.errors import InertiaError, SpatialDynError
+from spatialdyn.urdf import example_robots, robot_names
+from spatialdyn.validate.measures import VALUE_BOUND, WELL_CONDITIONED, unit_diagonal
+
+from .calls import CALLS, Row
+
+theirs = pytest.importorskip("pinocchio")
+
+ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots()) and name != "ur3"}
+ROOTS = ("fixed", "floating")
+MASSLESS_ENDS = {"romeo", "romeo_laas_small"}  # Pinocchio gives nan and inf where M is singular
+SOME = 12  # joints and frames a robot that calls about one of them are made for
+NAMES = re.compile(r"\b(q|v|a|tau|d|q1|raw)\b(?! in|[^;]* for \1 )")
+
+
+def array(x: Any) -> np.ndarray:
+    """Anything that a call returns or a field holds as one array of numbers."""
+    if x is None:
+        return np.zeros(0)
+    if hasattr(x, "translation"):
+        return np.array(x.homogeneous)
+    if hasattr(x, "lever"):
+        return np.array(x.matrix())
+    if hasattr(x, "linear"):
+        return np.array(x.vector)
+    if isinstance(x, np.ndarray) or np.isscalar(x):
+        return np.array(x, float)
+    return np.array([array(y) for y in x])
+
+
+def scaled(found: Any, expected: Any, ignore_nan: bool = False) -> float:
+    """Error of the largest entry, over the largest entry or 1; infinite for another shape."""
+    x, y = array(found), array(expected)
+    if x.shape != y.shape:
+        return float("inf")
+    if ignore_nan:
+        there = np.isfinite(y)
+        x, y = x[there], y[there]
+    error = float(np.max(abs(x - y), initial=0.0) / np.max(abs(y), initial=1.0))
+    return error if np.isfinite(error) else float("inf")
+
+
+class Side:
+    """One of the modules with a model, a data for each call, and the inputs."""
+
+    def __init__(self, pin: Any, model: Any, seed: int = 0) -> None:
+        self.pin, self.model = pin, model
+        rng = np.random.default_rng(seed)
+        step, v, a, tau, d = rng.normal(size=(5, model.nv))
+        q = theirs.normalize(model, theirs.neutral(model)) if pin is theirs else ours.neutral(model)
+        q = pin.integrate(model, q, step)
+        d = _moderate(model, d)
+        some = lambda n: sorted({*np.linspace(0, n - 1, min(n, SOME)).astype(int).tolist()})  # noqa: E731
+        placement = pin.SE3(pin.exp3(np.array([0.3, -0.4, 0.5])), np.array([0.1, 0.2, -0.3]))
+        masses = [model.inertias[k].mass for k in range(model.njoints)]
+        self.values = {
+            "pin": pin, "model": model, "q": q, "v": v, "a": a, "tau": tau, "d": d,
+            "q1": pin.normalize(model, pin.integrate(model, q, d)), "raw": 1.3 * q, "t": 0.3,
+            "fext": [pin.Force(x) for x in rng.normal(size=(model.njoints, 6))],
+            "columns": rng.normal(size=(model.nv, 3)),
+            "frames": some(model.nframes), "joints": some(model.njoints)[1:], "placement": placement,
+            "carried": [k for k in some(model.nframes) if model.frames[k].parentJoint],
+            "heavy": [k for k in some(model.njoints) if sum(masses[i] for i in [*model.subtrees[k]] if i) > 0.0],
+            "both": (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED),
+        }  # fmt: skip
+
+    def run(self, row: Row, data: Any, **values: Any) -> Any:
+        """What the call returns."""
+        scope = {**self.values, "data": data, **values}
+        *before, text = row.text.split(";")
+        for line in before:
+            exec(line.strip(), scope)
+        return eval(text.strip(), scope)
+
+
+def _moderate(model: Any, d: np.ndarray) -> np.ndarray:
+    """Displacements with angles between 0.5 and 2.5: beyond, the shorter way round is open; below, digits are lost."""
+    for joint in model.joints[1:] if hasattr(model.joints, "append") else []:
+        first = 3 if joint.nv == 6 else 0
+        part = d[joint.idx_v + first : joint.idx_v + joint.nv]
+        part *= 1.2 / np.linalg.norm(part)
+    return d
+
+
+def sides(name: str, root: str) -> tuple[Side, Side]:
+    made = []
+    for pin in (ours, theirs):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of inertias that no body can have
+            base = (pin.JointModelFreeFlyer(),) if root == "floating" else ()
+            made.append(Side(pin, pin.buildModelFromUrdf(str(ROBOTS[name]), *base)))
+    made[1].values |= {name: made[0].values[name] for name in ("q", "d", "q1", "raw")}
+    return made[0], made[1]
+
+
+def faults(row: Row, left: Side, right: Side, name: str, condition: float) -> list[str]:
+    """What is not the same, in words."""
+    data, peer = left.model.createData(), right.model.createData()
+    if row.solves and name in MASSLESS_ENDS:
+        try:
+            left.run(row, data)
+        except InertiaError:
+            return []
+        return ["no InertiaError"]
+    massless = row.mass and ours.computeTotalMass(left.model) == 0.0
+    expected = right.run(row, peer)
+    try:
+        found = left.run(row, data)
+    except SpatialDynError as error:
+        return [] if massless else [str(error)]
+    if massless:
+        return []
+    if row.solves and condition > WELL_CONDITIONED:
+        return []  # Pinocchio's own answer is off by more
+    bound = max(row.bound, VALUE_BOUND) if row.solves else row.bound
+    pairs = [("", found, expected)]
+    pairs += [(f"data.{field}", getattr(data, field), getattr(peer, field)) for field in row.fields.split()]
+    if name in MASSLESS_ENDS:  # centres of mass of nothing
+        carried = np.array(data.mass) > 0.0
+        pairs = [
+            (what, x, y)
+            if what not in ("data.com", "data.vcom", "data.acom")
+            else (what, array(x)[carried], array(y)[carried])
+            for what, x, y in pairs
+        ]
+    errors = [(what, scaled(x, y, name in MASSLESS_ENDS)) for what, x, y in pairs]
+    return [f"{what} is off by {error:.1e}" for what, error in errors if not error <= bound]
+
+
+@pytest.mark.parametrize("root", ROOTS)
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_call_equals_the_wheel(name: str, root: str) -> None:
+    left, right = sides(name, root)
+    M = np.asarray(ours.crba(left.model, left.model.createData(), left.values["q"]))
+    with np.errstate(all="ignore"):
+        condition = np.linalg.cond(unit_diagonal(M)) if left.model.nv and (np.diag(M) > 0.0).all() else 1.0
+    rows = [row for row in CALLS if left.model.nv or not row.jacobian]
+    wrong = {row.text: found for row in rows if (found := faults(row, left, right, name, condition))}
+    assert wrong == {}
+
+
+@pytest.fixture(scope="module")
+def humanoid() -> tuple[Side, Side]:
+    return sides("solo12", "floating")
+
+
+@pytest.mark.parametrize("row", [row for row in CALLS if ";" not in row.text], ids=lambda row: row.text)
+def test_every_field_that_the_wheel_fills_is_compared_or_excused(humanoid: tuple[Side, Side], row: Row) -> None:
+    _, right = humanoid
+    fresh, data = right.model.createData(), right.model.createData()
+    right.run(row, data)
+    names = [name for name in dir(fresh) if not name.startswith("_") and name not in SCRATCH.split()]
+    fields = [name for name in names if not callable(getattr(fresh, name))]
+    changed = {name for name in fields if scaled(getattr(data, name), getattr(fresh, name)) > 0.0}
+    assert changed <= {*row.fields.split(), *row.but.split()}
+    assert {*row.fields.split(), *row.but.split()} <= set(FIELDS)
+
+
+@pytest.mark.parametrize("longer", [False, True])
+@pytest.mark.parametrize("row", CALLS, ids=lambda row: row.text)
+def test_wrong_sizes_raise_the_same_kind_of_error(humanoid: tuple[Side, Side], row: Row, longer: bool) -> None:
+    left, right = humanoid
+    for name in {*NAMES.findall(row.text)}:
+        if name in row.text.partition(";")[0] or ";" not in row.text:
+            x = left.values[name]
+            wrong = {name: np.append(x, 0.0) if longer else x[:-1]}
+            kinds = (ValueError, TypeError, RuntimeError)
+            with pytest.raises(kinds) as expected:
+                right.run(row, right.model.createData(), **wrong)
+            kind = next(kind for kind in kinds if issubclass(expected.type, kind))
+            with pytest.raises(kind):
+                left.run(row, left.model.createData(), **wrong)

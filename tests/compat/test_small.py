@@ -1,0 +1,90 @@
+"""Versions, small matrix helpers, and what tells where a joint's numbers stand, under both imports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn.compat.pinocchio as ours
+from spatialdyn import SpatialDynError
+
+EPS = float(np.finfo(float).eps)
+TOLERANCE = 4500 * EPS  # 1e-12: what the face promises
+
+
+def test_version_is_the_one_whose_names_these_are() -> None:
+    pin = pytest.importorskip("pinocchio")
+    if not pin.__version__.startswith("4.1"):
+        pytest.skip(f"pinocchio is {pin.__version__}")
+    assert ours.__version__ == pin.__version__
+    assert ours.printVersion("-") == pin.printVersion("-")
+    for wanted in ((4, 2, 0), (4, 1, 0), (3, 9, 9), (5, 0, 0)):
+        assert ours.checkVersionAtLeast(*wanted) == pin.checkVersionAtLeast(*wanted)
+    assert not ours.WITH_COLLISION
+    assert ours.ScalarType is float
+
+
+def test_helpers_of_linalg_are_the_wheels() -> None:
+    pin = pytest.importorskip("pinocchio")
+    rng = np.random.default_rng(0)
+    M = rng.standard_normal((4, 4))
+    S = M @ M.T
+    assert np.allclose(ours.linalg.inv(M), pin.linalg.inv(M), rtol=TOLERANCE, atol=TOLERANCE)
+    mine = ours.linalg.computeLargestEigenvector(S, 200, 1e-14)
+    assert np.allclose(S @ mine / np.linalg.norm(mine), mine, rtol=0.0, atol=1e-6)
+    assert ours.linalg.retrieveLargestEigenvalue(mine) == pytest.approx(np.linalg.eigvalsh(S)[-1])
+    x = np.array([1.0, 2.0, 3.0])
+    y = x.copy()
+    ours.orthogonalization(np.eye(3)[:, :2], x)
+    pin.orthogonalization(np.eye(3)[:, :2], y)
+    assert np.array_equal(x, y)
+
+
+def test_orthonormalization_spans_the_same_columns() -> None:
+    rng = np.random.default_rng(1)
+    A = rng.standard_normal((4, 3))
+    B = A.copy()
+    ours.orthonormalization(B)
+    assert ours.isOrthonormal(B)
+    assert not ours.isOrthonormal(A)
+    assert np.allclose(B @ (B.T @ A), A, rtol=0.0, atol=64 * EPS)
+    with pytest.raises(SpatialDynError, match="column 1"):
+        ours.orthonormalization(np.ones((3, 2)))
+    for wrong in (lambda: ours.linalg.inv(np.zeros((2, 3))), lambda: ours.isOrthonormal([1.0])):
+        with pytest.raises(SpatialDynError):
+            wrong()
+
+
+def humanoid(pin: Any) -> Any:
+    """A model with a free flyer, a pair of cos and sin, and a branch."""
+    model = pin.Model()
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    arm = model.addJoint(root, pin.JointModelRUBX(), pin.SE3.Identity(), "arm")
+    model.addJoint(arm, pin.JointModelRY(), pin.SE3.Identity(), "hand")
+    model.addJoint(root, pin.JointModelSpherical(), pin.SE3.Identity(), "neck")
+    return model
+
+
+def test_compact_tangent_map_and_its_places_are_the_wheels() -> None:
+    pin = pytest.importorskip("pinocchio")
+    mine, theirs = humanoid(ours), humanoid(pin)
+    rng = np.random.default_rng(2)
+    q = ours.integrate(mine, ours.neutral(mine), rng.standard_normal(mine.nv))
+    assert np.allclose(ours.compactTangentMap(mine, q), pin.compactTangentMap(theirs, q), rtol=0.0, atol=TOLERANCE)
+    assert np.allclose(ours.tangentMap(mine, q), pin.tangentMap(theirs, q), rtol=0.0, atol=TOLERANCE)
+    for a, b in zip(
+        ours.getTangentToConfigurationSparsitySegment(mine),
+        pin.getTangentToConfigurationSparsitySegment(theirs),
+        strict=True,
+    ):
+        assert list(a) == list(b)
+
+
+def test_common_ancestors_are_the_wheels() -> None:
+    pin = pytest.importorskip("pinocchio")
+    mine, theirs = humanoid(ours), humanoid(pin)
+    for a in range(mine.njoints):
+        for b in range(mine.njoints):
+            assert ours.findCommonAncestor(mine, a, b) == tuple(pin.findCommonAncestor(theirs, a, b))
