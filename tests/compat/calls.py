@@ -199,10 +199,29 @@ CALLS = (
         "pin.rnea(model, data, q, v, a); "
         "[pin.frameBodyRegressor(model, data, k) for k in frames if model.frames[k].parentJoint]"
     ),
-    # --- contacts; a, f and com as above
+    # --- contacts; of M Pinocchio fills the upper triangle, of com and mass the robot's entry
     Row(
         "pin.forwardDynamics(model, data, q, v, tau, J, gamma, 1e-6)",
-        "ddq lambda_c nle g J dJ ov v h hg dhg kinetic_energy potential_energy mechanical_energy U D", "", solves=True,
+        "Ag D Ig J Jcom U a a_gf com dAg dJ ddq dhg f g h hg kinetic_energy lambda_c liMi mass mechanical_energy nle oMi "
+        "oYcrb ov potential_energy v vcom",
+        "M", solves=True, mass=True,
+    ),
+    Row(
+        "pin.computeAllTerms(model, data, q, v); pin.forwardDynamics(model, data, tau, J, gamma, 1e-6)",
+        "D U ddq lambda_c", solves=True, mass=True,
+    ),
+    Row(
+        "pin.impulseDynamics(model, data, q, v, J, 0.5, 1e-6)", f"{MAP} D U dq_after impulse_c", "M com mass",
+        solves=True, mass=True,
+    ),
+    Row(
+        "pin.computeKKTContactDynamicMatrixInverse(model, data, q, J, 1e-3)", f"{MAP} D U", "M com mass",
+        solves=True, mass=True,
+    ),
+    Row(
+        "pin.crba(model, data, q); (pin.cholesky.decompose(model, data), pin.cholesky.solve(model, data, tau), "
+        "pin.cholesky.computeMinv(model, data))",
+        "D Minv U", solves=True,
     ),
     # --- configurations
     Row("pin.neutral(model)"),

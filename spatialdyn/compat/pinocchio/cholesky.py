@@ -20,12 +20,7 @@ def decompose(model: Any, data: Any) -> Array:
     compiled, M = prepared(model, data), data.array("M")
     if not M.any() and M.size:
         raise InertiaError("data.M is zero, expected crba to have been called")
-    L = factor(compiled.model, M.T)  # its upper triangle counts
-    data.put("D", L.diagonal())
-    np.fill_diagonal(L, 1.0)
-    U = np.ascontiguousarray(L.T)
-    data.put("U", U)
-    return U
+    return stored(data, factor(compiled.model, M.T))  # the upper triangle counts
 
 
 def solve(model: Any, data: Any, v: Any) -> Array:
@@ -42,6 +37,15 @@ def computeMinv(model: Any, data: Any) -> Array:
     Minv: Array = half.T @ half
     data.put("Minv", Minv)
     return Minv
+
+
+def stored(data: Any, L: Array) -> Array:
+    """U of an L with D on its diagonal and zeros above; both are written to ``data``."""
+    data.put("D", L.diagonal())
+    U = np.array(L.T, order="C")
+    np.fill_diagonal(U, 1.0)
+    data.put("U", U)
+    return U
 
 
 def half_inverse(L: Array) -> Array:

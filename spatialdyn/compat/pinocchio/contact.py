@@ -16,7 +16,7 @@ from ...constraints.contact import solve as solved
 from ...errors import ConstraintError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described, number
 from .calls import vector
-from .cholesky import half_inverse
+from .cholesky import half_inverse, stored
 from .data import prepared
 from .dynamics import computeAllTerms, crba
 from .frame import Convention
@@ -112,6 +112,7 @@ def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian
 def _solve(model: Any, data: Any, J: Array, r: Array, gamma: Array, mu: float) -> Solved:
     """M x = r + Jᵀ λ, J x + γ = -μ λ with data.M, kept in ``data``."""
     found = solved(prepared(model, data).model, data.array("M"), r, J, gamma, mu)
+    stored(data, np.tril(found.L))
     data._contact = found
     return found
 
