@@ -218,10 +218,10 @@ CALLS = (
         "pin.computeKKTContactDynamicMatrixInverse(model, data, q, J, 1e-3)", f"{MAP} D U", "M com mass",
         solves=True, mass=True,
     ),
-    Row(
-        "pin.crba(model, data, q); (pin.cholesky.decompose(model, data), pin.cholesky.solve(model, data, tau), "
-        "pin.cholesky.computeMinv(model, data))",
-        "D Minv U", solves=True,
+    Row("pin.crba(model, data, q); pin.cholesky.decompose(model, data)", "D U", solves=True),
+    *(
+        Row(f"pin.crba(model, data, q); pin.cholesky.decompose(model, data); pin.cholesky.{text}", fields, solves=True)
+        for text, fields in (("solve(model, data, tau)", ""), ("computeMinv(model, data)", "Minv"))
     ),
     # --- configurations
     Row("pin.neutral(model)"),

@@ -159,7 +159,7 @@ def columns(run: Any) -> Array:
     """Those of the joints below the universe, side by side; a new array."""
     Y, joints = run.result, run.made.joints
     found = Y[..., 1:, :] if joints is None else Y[..., joints[1:], :]
-    return np.array(found.reshape((*Y.shape[:-2], -1)), order="C")
+    return np.array(found.reshape((*Y.shape[:-2], found.shape[-2] * found.shape[-1])), order="C")
 
 
 # --- the robot as a whole --------------------------------------------------------------------------------
