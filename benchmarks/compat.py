@@ -1,7 +1,7 @@
 """The face for Pinocchio's scripts against Pinocchio: microseconds a call of the same expression under both imports.
 
     python benchmarks/compat.py             all groups
-    python benchmarks/compat.py types       one
+    python benchmarks/compat.py types       one: types, panda, talos_full_v2
 
 Both modules take turns, round after round; what is printed is the median over the rounds, with the cost of calling an
 empty function taken off.
@@ -47,7 +47,47 @@ pin.exp3(t)  pin.log3(R)  pin.exp6(v)  pin.log6(M)  pin.Jexp6(v)  pin.Jlog6(M)  
 pin.SE3ToXYZQUAT(M)  pin.XYZQUATToSE3(np.arange(7.0))  pin.Quaternion(R)  q*q  q.matrix()  pin.rpy.matrixToRpy(R)
 """
 
-GROUPS: dict[str, Group] = {"types": Group(typed, [x for line in TYPES.split("\n") for x in line.split("  ") if x])}
+DYNAMICS = """
+pin.rnea(model, data, q, v, a)
+pin.crba(model, data, q)
+pin.aba(model, data, q, v, a)
+pin.nonLinearEffects(model, data, q, v)
+pin.computeGeneralizedGravity(model, data, q)
+pin.computeCoriolisMatrix(model, data, q, v)
+pin.computeMinverse(model, data, q)
+pin.forwardKinematics(model, data, q)
+pin.framesForwardKinematics(model, data, q)
+(pin.framesForwardKinematics(model, data, q), data.oMf[tip].translation)
+pin.computeJointJacobians(model, data, q)
+pin.computeFrameJacobian(model, data, q, tip)
+pin.getFrameVelocity(model, data, tip)
+pin.centerOfMass(model, data, q)
+pin.integrate(model, q, v)
+pin.neutral(model)
+"""
+
+
+def robot(name: str) -> Callable[[Any], dict[str, Any]]:
+    """A robot in a state, the same for both."""
+
+    def values(pin: Any) -> dict[str, Any]:
+        from spatialdyn.urdf import find_robot
+
+        rng = np.random.default_rng(0)
+        model = pin.buildModelFromUrdf(str(find_robot(name)))
+        v, a = rng.standard_normal((2, model.nv))
+        q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
+        data = model.createData()
+        return {"pin": pin, "model": model, "data": data, "q": q, "v": v, "a": a, "tip": model.nframes - 1}
+
+    return values
+
+
+CALLS = DYNAMICS.strip().split("\n")
+GROUPS: dict[str, Group] = {
+    "types": Group(typed, [x for line in TYPES.split("\n") for x in line.split("  ") if x]),
+    **{name: Group(robot(name), CALLS) for name in ("panda", "talos_full_v2")},
+}
 
 
 def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
@@ -70,10 +110,10 @@ def main(arguments: Sequence[str]) -> None:
 
     modules = {"wheel": pinocchio, "face": spatialdyn.compat.pinocchio}
     for name in arguments or GROUPS:
-        print(f"{name:34s}{'wheel':>9s}{'face':>9s}{'ratio':>8s}")
+        print(f"{name:74s}{'wheel':>9s}{'face':>9s}{'ratio':>8s}")
         for expression, taken in timed(GROUPS[name], modules):
             ratio = taken["face"] / taken["wheel"]
-            print(f"{expression:34s}{taken['wheel']:9.3f}{taken['face']:9.3f}{ratio:8.2f}")
+            print(f"{expression:74s}{taken['wheel']:9.3f}{taken['face']:9.3f}{ratio:8.2f}")
 
 
 if __name__ == "__main__":

@@ -291,8 +291,13 @@ def test_nobody_asks_for_fastmath_altogether(name: str) -> None:
 
 
 def test_every_recursion_is_written_once() -> None:
+    """Under its own name; a face gives the calls other names, some of which are the same."""
     written = Counter(
-        node.name for tree in MODULES.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+        node.name
+        for name, tree in MODULES.items()
+        if room_of(name) != "compat"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
     )
     assert {name: written[name] for name in {"rnea", "crba", "aba"}} == {"rnea": 1, "crba": 1, "aba": 1}
     assert {spec.recursion.__name__ for spec in SPECS.values() if written[spec.recursion.__name__] != 1} == set()

@@ -1,8 +1,8 @@
 """The table of calls that the face shares with Pinocchio: one line a call, run as it stands under both modules.
 
-A text speaks of ``pin``, ``model``, ``data``, inputs, and lists of indices: ``frames``, ``carried`` (on joints that move),
-``joints``, ``heavy`` (joints that carry some mass). ``fields`` are those of data that the call fills in both modules,
-``but`` those that differ, with the reason beside them.
+A text speaks of ``pin``, ``model``, ``data``, inputs, and lists of indices: ``frames``, ``carried`` (on joints that
+move), ``joints``, ``heavy`` (joints that carry some mass). ``fields`` are those of data that the call fills in both
+modules, ``but`` those that differ, with the reason beside them.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ import pytest
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.errors import ShapeError
 
+from .test_matrix import zoo
+
 theirs = pytest.importorskip("pinocchio")
 
 ORACLE = 1e-11  # scaled, the bound of the face
@@ -233,6 +235,41 @@ def test_the_derivative_of_the_centroidal_map_is_one() -> None:
     close(ours.computeCentroidalMapTimeVariation(model, model.createData(), q, v), slope, BY_DIFFERENCES)
     close(theirs.dccrba(peer, peer.createData(), q, v), slope, BY_DIFFERENCES)
     assert abs(theirs.computeCentroidalMapTimeVariation(peer, peer.createData(), q, v) - slope).max() > 0.1
+
+
+def test_rates_are_right_where_a_joints_axes_move_in_its_body() -> None:
+    """Composites, universal joints, ZYX angles: Pinocchio's dJ, dAg and C leave out the rate of S there."""
+    model, peer = zoo(ours), zoo(theirs)
+    rng = np.random.default_rng(2)
+    v = rng.normal(size=model.nv)
+    q = ours.integrate(model, ours.neutral(model), rng.normal(size=model.nv))
+    ahead, behind = (ours.integrate(model, q, h * v) for h in (STEP, -STEP))
+
+    def slope(call: Any) -> np.ndarray:
+        found: np.ndarray = (call(model, model.createData(), ahead) - call(model, model.createData(), behind)) / (
+            2 * STEP
+        )
+        return found
+
+    data = model.createData()
+    dJ, dM, dAg = (slope(call) for call in (ours.computeJointJacobians, ours.crba, ours.computeCentroidalMap))
+    close(ours.computeJointJacobiansTimeVariation(model, data, q, v), dJ, BY_DIFFERENCES)
+    close(ours.dccrba(model, data, q, v), dAg, BY_DIFFERENCES)
+    C = ours.computeCoriolisMatrix(model, data, q, v)
+    close(C + C.T, dM, BY_DIFFERENCES)
+    close(C @ v, ours.nle(model, data, q, v) - ours.computeGeneralizedGravity(model, data, q))
+    assert abs(theirs.computeJointJacobiansTimeVariation(peer, peer.createData(), q, v) - dJ).max() > 0.1
+
+
+def test_kinetic_energy_counts_every_rotor() -> None:
+    """Pinocchio 4.1 forgets those of revolute joints about axes that are not the coordinates'."""
+    model, peer = (pin.Model() for pin in (ours, theirs))
+    for pin, m in ((ours, model), (theirs, peer)):
+        m.addJoint(0, pin.JointModelRevoluteUnaligned(np.array([0.0, 0.6, 0.8])), pin.SE3.Identity(), "j")
+        m.armature = np.array([2.0])
+    q, v = np.zeros(1), np.ones(1)
+    assert ours.computeKineticEnergy(model, model.createData(), q, v) == 1.0
+    assert theirs.computeKineticEnergy(peer, peer.createData(), q, v) == 0.0
 
 
 def test_numbers_of_the_other_byte_order_are_read_as_what_they_are() -> None:

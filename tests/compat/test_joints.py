@@ -84,6 +84,8 @@ def test_a_joint_says_the_same_of_itself(kind: str) -> None:
         assert repr(mine) == repr(other)
     for name in ("hasConfigurationLimit", "hasConfigurationLimitInTangent"):
         assert getattr(mine, name) == list(getattr(other, name))
+    group, wanted = mine.lieGroup(), other.lieGroup()
+    assert (group.name, group.nq, group.nv) == (wanted.name, wanted.nq, wanted.nv)
     twin = KINDS[kind](ours)
     for equal in (twin, copy.copy(mine), copy.deepcopy(mine), pickle.loads(pickle.dumps(mine)), ours.JointModel(mine)):
         assert equal == mine
@@ -198,6 +200,34 @@ def test_parts_of_a_composite() -> None:
     assert [joint.idx_q for joint in model.joints[1].joints] == [0, 1, 3, 4]
     with pytest.raises(sd.ModelError, match='joint "j0" is an empty composite'):
         made(chain(ours, ours.JointModelComposite(2)))
+
+
+def test_a_composite_may_hold_another() -> None:
+    def build(pin: Any) -> Any:
+        outer = pin.JointModelComposite(pin.JointModelRY(), pin.SE3(TURN, np.ones(3)))
+        inner = pin.JointModelComposite(pin.JointModelPZ(), pin.SE3(TURN, np.array([0.1, 0.2, 0.3])))
+        inner.addJoint(pin.JointModelRX(), pin.SE3(TURN.T, np.array([0.3, 0.2, 0.1])))
+        outer.addJoint(inner, pin.SE3(TURN.T, np.ones(3)))
+        return chain(pin, outer, pin.JointModelRX())
+
+    mine, other = build(ours), build(theirs)
+    assert_same_model(mine, other)
+    assert_same_dynamics(mine, other)
+    assert pickle.loads(pickle.dumps(mine)) == mine
+
+
+def test_the_library_reads_the_faces_model_as_it_reads_pinocchios() -> None:
+    def build(pin: Any) -> Any:
+        model = chain(
+            pin, *(KINDS[kind](pin) for kind in ("FreeFlyer", "RX", "RUBZ", "PrismaticUnaligned", "Spherical"))
+        )
+        model.addFrame(pin.Frame("tool", 5, 0, pin.SE3(TURN, np.ones(3)), pin.FrameType.OP_FRAME))
+        return model
+
+    mine, other = sd.from_pinocchio(build(ours)), sd.from_pinocchio(build(theirs))
+    assert_close(mine.bodies["inertia"]["h"]["x"], other.bodies["inertia"]["h"]["x"], "first moments")
+    assert [frame.name for frame in mine.frames] == [frame.name for frame in other.frames]
+    assert (mine.joints[4].axis == made(build(ours)).model.joints[4].axis).all()
 
 
 def test_arguments_that_are_no_joint_are_refused() -> None:

@@ -179,6 +179,24 @@ def test_frames_are_equal_when_all_of_them_is() -> None:
         frame.placement = 3
 
 
+def test_strict_false_gives_nan_for_a_joint_that_moves_no_inertia() -> None:
+    mine, other = both(arm)
+    for pin, model in ((ours, mine), (theirs, other)):
+        model.addJoint(4, pin.JointModelRX(), pin.SE3.Identity(), "bare")
+    q, v, tau = states(other)
+    data = mine.createData()
+    with pytest.raises(sd.InertiaError, match='joint "bare" moves no inertia'):
+        ours.aba(mine, data, q, v, tau)
+    with pytest.raises(sd.InertiaError, match='joint "bare" moves no inertia'):
+        ours.computeMinverse(mine, data, q)
+    mine.strict = False
+    assert np.isnan(ours.aba(mine, data, q, v, tau)).all()
+    assert not np.isfinite(theirs.aba(other, other.createData(), q, v, tau)).all()
+    assert np.isnan(ours.computeMinverse(mine, data, q)).all()
+    mine.appendBodyToJoint(5, ours.Inertia.Identity(), ours.SE3.Identity())
+    assert np.isfinite(ours.aba(mine, data, q, v, tau)).all()
+
+
 # --- edits take effect at the next call ----------------------------------------------------------------------
 
 EDITS: dict[str, Callable[[Any, Any], Any]] = {
@@ -215,9 +233,15 @@ EDITS: dict[str, Callable[[Any, Any], Any]] = {
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_takes_effect_at_the_next_call(edit: str) -> None:
     mine, other = both(arm)
-    before = made(mine)
+    before, data = made(mine), mine.createData()
+    q, v, a = states(other)
+    old = ours.rnea(mine, data, q, v, a)
     EDITS[edit](mine, ours)
     EDITS[edit](other, theirs)
+    if mine.nv == len(v):  # the same Data goes on
+        found = ours.rnea(mine, data, q, v, a)
+        assert_close(found, theirs.rnea(other, other.createData(), q, v, a), "rnea", ORACLE)
+        assert (found != old).any()
     assert made(mine) is not before
     if not edit.startswith("add a joint"):
         assert_same_model(mine, other)

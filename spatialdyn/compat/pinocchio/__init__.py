@@ -139,9 +139,10 @@ from .frame import (
 )
 from .geometry import COLLISION, VISUAL, GeometryModel, GeometryType, buildModelsFromUrdf, createDatas
 from .inertia import Inertia
+from .joint import JointModel
 from .joint_data import JointData
+from .joint_mimic import JointModelMimic
 from .joints import (
-    JointModel,
     JointModelPrismaticUnaligned,
     JointModelPX,
     JointModelPY,
@@ -158,7 +159,6 @@ from .joints import (
 from .joints_many import (
     JointModelComposite,
     JointModelFreeFlyer,
-    JointModelMimic,
     JointModelPlanar,
     JointModelSpherical,
     JointModelSphericalZYX,
@@ -212,6 +212,7 @@ from .regressors import (
     frameBodyRegressor,
     jointBodyRegressor,
 )
+from .robot_wrapper import RobotWrapper
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
 from .se3 import SE3

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import ShapeError
 from .arguments import ArgumentError, described
-from .joints import JointModel
+from .joint import JointModel
 from .live import live
 
 Array = NDArray[np.float64]

@@ -18,8 +18,9 @@ from ...urdf import read_urdf
 from .arguments import ArgumentError, described, expected
 from .frame import BODY, FIXED_JOINT, Frame
 from .inertia import Inertia
+from .joint import JointModel, Vector, X, Y, Z
+from .joint_mimic import JointModelMimic
 from .joints import (
-    JointModel,
     JointModelPrismaticUnaligned,
     JointModelPX,
     JointModelPY,
@@ -32,12 +33,8 @@ from .joints import (
     JointModelRX,
     JointModelRY,
     JointModelRZ,
-    Vector,
-    X,
-    Y,
-    Z,
 )
-from .joints_many import JointModelFreeFlyer, JointModelMimic, JointModelPlanar
+from .joints_many import JointModelFreeFlyer, JointModelPlanar
 from .model import Model
 from .se3 import SE3
 

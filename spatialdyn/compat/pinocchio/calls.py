@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import dynamics
-from ...errors import ShapeError
+from ...errors import InertiaError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
 from .data import Run, clock, prepared
@@ -63,7 +63,12 @@ def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) ->
     if fext is not None:
         fext = forces(fext, compiled, model.njoints)
         given.append(fext)
-    run.result[...] = dynamics.calls[entry.call](compiled.model, *given)
+    try:
+        run.result[...] = dynamics.calls[entry.call](compiled.model, *given)
+    except InertiaError:  # a joint that moves no inertia
+        if model.strict:
+            raise
+        run.result[...] = np.nan
     run.keep(*arrays)
     run.fext = fext
     data.ran(run)

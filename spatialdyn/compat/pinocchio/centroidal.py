@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,8 @@ def centerOfMass(model: Any, data: Any, *given: Any, **named: Any) -> Array:
     for what forwardKinematics was given last. ``data.com[k]`` is the centre of what joint k carries, in its frame;
     vcom and acom likewise. They are at hand whether asked for or not.
     """
+    if len(given) == 1 and not named and type(given[0]) is np.ndarray:
+        return _center(model, data, given)
     values = [*given, *(named[name] for name in ("q", "v", "a", "kinematic_level") if name in named)]
     unknown = {*named} - {"q", "v", "a", "kinematic_level", "compute_subtree_coms"}
     if unknown:
@@ -81,7 +84,7 @@ def centerOfMass(model: Any, data: Any, *given: Any, **named: Any) -> Array:
     return _center(model, data, inputs)
 
 
-def _center(model: Any, data: Any, values: list[Any]) -> Array:
+def _center(model: Any, data: Any, values: Sequence[Any]) -> Array:
     found: Array = _COM[len(values) - 1](model, data, *values)
     return found
 
@@ -102,7 +105,8 @@ def jacobianCenterOfMass(model: Any, data: Any, q: Any = None, compute_subtree_c
     """Jacobian of the centre of mass (3, nv) in the world, also ``data.Jcom``; without q for the last one given."""
     if q is None or isinstance(q, (bool, np.bool_)):
         q = _last(model, data).q.copy()
-    return _com_jacobian(model, data, q)
+    found: Array = _com_jacobian(model, data, q)
+    return found
 
 
 def _jacobianCenterOfMass(model: Any, data: Any, q: Any) -> Array:
@@ -197,7 +201,7 @@ def _supported(model: Any, frame: int) -> Inertia:
 
 
 def computeSupportedInertiaByFrame(model: Any, data: Any, frame_id: int, with_subtree: bool) -> Inertia:
-    """Inertia of the bodies behind a frame on its joint, in the frame; with the subtree all other joints' on that joint.
+    """Inertia of the bodies behind a frame on its joint, in the frame; with the subtree all joints' on it as well.
 
     With the subtree it needs ``data.oMi``.
     """

@@ -18,7 +18,7 @@ from ...model import Model as Compiled
 from ...robot import Joint as RobotJoint
 from ...robot import Link, Mimic, Robot, make_joint, make_link
 from .inertia import Inertia
-from .joints_many import JointModelMimic
+from .joint_mimic import JointModelMimic
 from .model import Model
 
 Array = NDArray[np.float64]

@@ -99,16 +99,19 @@ class Run:
     fext    forces on the library's joints (njoints, 6), or None
     bodies  inertias (njoints, 10) of the model then; parents of its joints
     table   what compiled kernels take of the model
+    cache   fields that were asked for, with the stamp of then
     """
 
     __slots__ = (
-        "_a", "_v", "bodies", "fext", "kind", "made", "memory", "parents", "q", "result", "stamp", "table", "tau",
+        "_a", "_v", "bodies", "cache", "fext", "kind", "made", "memory", "parents", "q", "result", "stamp", "table",
+        "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, compiled: Made, parents: NDArray[np.intp], shape: tuple[int, ...] | None) -> None:
         self.kind = KINDS[name]
         self.stamp, self.made, self.parents = 0, compiled, parents
         self.fext: Array | None = None
+        self.cache: dict[str, tuple[int, Array]] = {}
         self.bodies: Array = np.empty((0, 10))
         model = compiled.model
         self.table = getattr(model, jit.TABLE)
@@ -164,6 +167,7 @@ class Data:
         own["model"] = model
         own["_sizes"] = (model.nq, model.nv, model.njoints)
         own["_runs"] = {}  # kind -> Run
+        own["_filling"] = {}  # field -> the runs that fill it
         own["_given"] = {}  # field -> (stamp, array), of fields written whole by a call or by a user
         own["_shown"] = {}  # field -> array, of fields that were read: the next call that fills them has to
 
@@ -179,6 +183,9 @@ class Data:
             run.bodies = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
             run.stamp = stamp
             self._runs[name] = run
+            self.__dict__["_filling"] = {
+                field: [run for run in self._runs.values() if field in run.kind.fills] for field in FIELDS
+            }
         return run
 
     def ran(self, run: Run) -> None:
@@ -193,7 +200,9 @@ class Data:
         for name, shown in self._shown.items():
             recipe = fills.get(name)
             if recipe is not None:
-                shown[...] = recipe(run)
+                found = recipe(run)
+                if found is not shown:
+                    shown[...] = found
 
     def put(self, name: str, value: Any) -> None:
         """Fill a field whole; one of no fixed size becomes a new array."""
@@ -207,8 +216,11 @@ class Data:
 
     def latest(self, name: str) -> Run | None:
         """The last call that filled a field, if any."""
-        runs = [run for run in self._runs.values() if name in run.kind.fills and run.stamp]
-        return max(runs, key=lambda run: run.stamp, default=None)
+        found, stamp = None, 0
+        for run in self._filling.get(name, ()):
+            if run.stamp > stamp:
+                found, stamp = run, run.stamp
+        return found
 
     def array(self, name: str) -> Array:
         """A field as an array, to be read only."""
@@ -217,7 +229,10 @@ class Data:
             return shown
         run, given = self.latest(name), self._given.get(name)
         if run is not None and (given is None or given[0] < run.stamp):
-            return np.asarray(run.kind.fills[name](run))
+            cached = run.cache.get(name)
+            if cached is None or cached[0] != run.stamp:
+                cached = run.cache[name] = run.stamp, np.asarray(run.kind.fills[name](run))
+            return cached[1]
         return _initial(self.model, name) if given is None else given[1]
 
     def __getattr__(self, name: str) -> Any:
@@ -227,7 +242,8 @@ class Data:
         x = self.array(name)
         if kind is float:
             return float(x.ravel()[0])
-        x = np.array(x)
+        if name != "oMf" or name in self._given:  # which one kind alone fills: its result is the field
+            x = np.array(x)
         self._shown[name] = x
         shown = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
         self.__dict__[name] = shown

@@ -103,7 +103,8 @@ def computeMinverse(model: Any, data: Any, q: Any = None) -> Array:
         if not runs:
             raise ArgumentError("q is not given and aba was not called with this data, expected either")
         q = max(runs, key=lambda run: run.stamp).q.copy()
-    return _minverse(model, data, q)
+    found: Array = _minverse(model, data, q)
+    return found
 
 
 def _computeMinverse(model: Any, data: Any, q: Any) -> Array:

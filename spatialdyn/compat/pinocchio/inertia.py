@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import algebra
+from ...errors import InertiaError
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, near, number, row, rows
 from .chance import GENERATOR
 from .live import Value
@@ -242,8 +243,13 @@ class Inertia(Value):
         return self.matrix() if dtype is None else self.matrix().astype(dtype)
 
     def inverse(self) -> Array:
-        """The inverse (6, 6) of the matrix."""
-        c, J = skew(self._x[1:4]), np.linalg.inv(self.inertia)
+        """The inverse (6, 6) of the matrix. Raises InertiaError if there is none."""
+        try:
+            c, J = skew(self._x[1:4]), np.linalg.inv(self.inertia)
+        except np.linalg.LinAlgError:
+            raise InertiaError("inertia is singular, expected one that can be inverted") from None
+        if self.mass == 0.0:
+            raise InertiaError("mass is 0, expected a body that can be moved")
         out = _empty((6, 6))
         out[:3, :3] = np.eye(3) / self.mass - c @ J @ c
         out[:3, 3:] = c @ J

@@ -56,6 +56,26 @@ def kept(name: str, more: tuple[str, ...] = (), returned: bool = True) -> Callab
     return jit.compiled(function, signature)
 
 
+@cache
+def placing() -> Callable[..., int]:
+    """``(table, q, poses, memory, joints, placements, frames) -> status``: places of joints, kept, and of frames."""
+    body = [
+        "stamp",
+        "status = places(table, q, poses, memory)",
+        f"if status == {jit.OK}:",
+        "    for k in range(len(joints)):",
+        "        put_pose(compose(get_pose(poses[joints[k]]), get_pose(placements[k])), frames[k])",
+        "return status",
+    ]
+    scope = {**vars(layouts), "compose": spatial.compose, "places": kept("forward_kinematics", (), False)}
+    names = ["table", "q", "poses", "memory", "joints", "placements", "frames"]
+    made: Any = types.Array
+    vector = made(types.float64, 1, "A", readonly=True)
+    stack = made(types.float64, 3, "C")
+    signature = (types.intp, vector, stack, made(types.float64, 1, "C"), made(types.intp, 1, "C"), stack, stack)
+    return jit.compiled(jit.define("placing", names, body, scope), signature)
+
+
 def listed(name: str, operator: Callable[..., Any], kinds: str) -> Callable[..., None]:
     """``(a, places, b, out)``: out[k] = operator(a[places[k]], b[k]), for an operator of ``algebra``."""
     given, made = (part.split() for part in kinds.split("->"))

@@ -111,7 +111,7 @@ def up(operator: Callable[..., None], recipe: Recipe) -> Recipe:
     """What a recipe gives in the joints' frames, in the world."""
 
     def recipe_in_world(run: Any) -> Array:
-        here = recipe(run)
+        here: Array = recipe(run)
         out = np.empty_like(here)
         operator(np.ascontiguousarray(oMi(run)), np.arange(len(here)), here, out)
         return out
@@ -136,7 +136,7 @@ def subtrees(recipe: Recipe, shift: Callable[..., None], add: Callable[..., None
 
 def bodies(run: Any) -> Array:
     """Inertias of the bodies; that of the world counts as none."""
-    found = run.bodies.copy()
+    found: Array = run.bodies.copy()
     found[0] = 0.0
     return found
 
@@ -145,7 +145,7 @@ def zeroed(recipe: Recipe) -> Recipe:
     """A recipe without the world's row."""
 
     def recipe_but_world(run: Any) -> Array:
-        found = recipe(run)
+        found: Array = recipe(run)
         found[0] = 0.0
         return found
 

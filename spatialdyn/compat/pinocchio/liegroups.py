@@ -15,7 +15,8 @@ from . import configuration
 from .arguments import ArgumentError, array, described, expected
 from .containers import StdVec_Index
 from .frame import ARG0, ARG1, ArgumentPosition
-from .joints import JointModel, JointModelPX, JointModelRUBX
+from .joint import JointModel
+from .joints import JointModelPX, JointModelRUBX
 from .joints_many import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
 from .model import Model
 from .se3 import SE3 as Placement
@@ -317,3 +318,11 @@ def findCommonAncestor(model: Model, joint1_id: int, joint2_id: int) -> tuple[in
     first, second = (list(expected(model, Model, "model").supports[k]) for k in (joint1_id, joint2_id))
     shared = sum(a == b for a, b in zip(first, second, strict=False)) - 1
     return int(first[shared]), shared, shared
+
+
+def _of_joint(self: JointModel) -> LieGroup:
+    """The group of the joint's configurations."""
+    return LieGroup(_groups(self))
+
+
+JointModel.lieGroup = _of_joint

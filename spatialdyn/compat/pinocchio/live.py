@@ -55,7 +55,23 @@ class Live(np.ndarray):
         for x in [*written, *(out if isinstance(out, tuple) else (out,))]:
             if isinstance(x, Live):
                 x._changed()
-        return out if isinstance(out, Live) else result
+        if isinstance(out, Live):
+            return out
+        for x in arguments if type(result) is np.ndarray else ():
+            if isinstance(x, Live) and np.may_share_memory(result, bare(x)):  # np.reshape and its like
+                return live(result, x._owner)
+        return result
+
+    def __repr__(self) -> str:
+        return repr(bare(self))
+
+    def astype(self, *arguments: Any, **options: Any) -> Any:
+        """As ``numpy.ndarray.astype``, a plain array."""
+        return np.array(bare(self).astype(*arguments, **options))
+
+    def flatten(self, order: Any = "C") -> Any:
+        """As ``numpy.ndarray.flatten``, a plain array."""
+        return bare(self).flatten(order)
 
     def copy(self, order: Any = "C") -> Any:
         """A plain array of the same numbers."""

@@ -14,7 +14,7 @@ from .arguments import ArgumentError, expected
 from .arrays import ARRAYS, LIMITS, PLACES, Arrays, limit
 from .containers import StdMap_String_VectorXd
 from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame
-from .joints import JointModel
+from .joint import JointModel
 from .owned import Owned
 from .se3 import SE3
 from .stored import Stored, fill, state

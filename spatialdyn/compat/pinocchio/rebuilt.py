@@ -12,8 +12,8 @@ from ...errors import ModelError, ShapeError
 from .arguments import ArgumentError, described, expected
 from .arrays import POSITIONS
 from .frame import FIXED_JOINT, JOINT, Frame
-from .joints import JointModel
-from .joints_many import JointModelMimic
+from .joint import JointModel
+from .joint_mimic import JointModelMimic
 from .model import Model
 from .se3 import SE3
 

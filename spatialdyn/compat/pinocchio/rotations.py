@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import algebra
+from ...errors import SpatialDynError
 from ...spatial import Vec, cross
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, near, number, row
 from .live import Value
@@ -57,7 +58,7 @@ class Quaternion(Value):
 
     def setFromTwoVectors(self, a: Any, b: Any) -> Quaternion:
         """Make it the shortest rotation that turns the direction a (3,) to b (3,); returns it."""
-        a, b = (x / math.hypot(*x) for x in (array(a, (3,), "a"), array(b, (3,), "b")))
+        a, b = _direction(a, "a"), _direction(b, "b")
         c = float(a @ b)
         if c < OPPOSITE - 1.0:  # half a turn about any normal
             axis, w = np.array(cross(Vec(*a), Vec(*np.eye(3)[np.argmin(abs(a))]))), 0.5 * (1.0 + max(c, -1.0))
@@ -304,6 +305,14 @@ def _coefficients(given: Any, *shapes: tuple[int, ...]) -> Any:
     out = np.empty(4)
     algebra.matrix_quat(array(given, (3, 3), "rotation"), out)
     return out
+
+
+def _direction(value: Any, what: str) -> Array:
+    x = array(value, (3,), what)
+    size = math.hypot(*x)
+    if not 0.0 < size < math.inf:
+        raise SpatialDynError(f"{what} is {x.tolist()}, expected a finite vector that is not null")
+    return x / size
 
 
 def _angle_axis(coefficients: Any) -> list[float]:

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from .chance import GENERATOR
 from .frame import BODY, Frame
 from .inertia import Inertia
-from .joints import JointModel, JointModelRX, JointModelRY, JointModelRZ
+from .joint import JointModel
+from .joint_mimic import JointModelMimic
+from .joints import JointModelRX, JointModelRY, JointModelRZ
 from .joints_many import (
     JointModelComposite,
     JointModelFreeFlyer,
-    JointModelMimic,
     JointModelSphericalZYX,
     JointModelTranslation,
 )

@@ -148,7 +148,7 @@ class SE3(Value):
         move = getattr(kind, "_to_parent", None)
         if move is not None:
             return move(other, self._x)
-        if isinstance(other, _ndarray) and other.shape in ((3,), (3, 1)):
+        if isinstance(other, _ndarray) and (other.shape == (3,) or other.shape == (3, 1)):
             return self.act(other)
         return NotImplemented
 

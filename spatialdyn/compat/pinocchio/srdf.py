@@ -15,7 +15,7 @@ import numpy as np
 from ...errors import UrdfError
 from ...urdf import read_path
 from .arguments import ArgumentError, described, expected
-from .joints import JointModel
+from .joint import JointModel
 from .model import Model
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")

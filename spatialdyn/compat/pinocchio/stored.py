@@ -17,21 +17,15 @@ from xml.sax.saxutils import escape, unescape
 import numpy as np
 
 from ...errors import SpatialDynError
-from . import joints, joints_many
 from .frame import Frame, FrameType
 from .inertia import Inertia
-from .joints import JointModel
-from .joints_many import JointModelComposite, JointModelMimic
+from .joint import JointModel, kinds
+from .joint_mimic import JointModelMimic
+from .joints_many import JointModelComposite
 from .motion import Motion
 from .se3 import SE3
 
 FORMAT = "spatialdyn.compat.pinocchio model 1"
-KINDS: Mapping[str, type[JointModel]] = {
-    name: kind
-    for module in (joints, joints_many)
-    for name, kind in vars(module).items()
-    if name.startswith("JointModel") and kind is not JointModel
-}
 
 # --- a model as plain numbers and names --------------------------------------------------------------------
 
@@ -125,7 +119,7 @@ def _joint_state(joint: JointModel) -> dict[str, Any]:
 
 
 def _joint(given: Mapping[str, Any]) -> JointModel:
-    kind = KINDS[given["kind"]]
+    kind = kinds()[given["kind"]]
     if kind is JointModelComposite:
         composite = JointModelComposite()
         for part, placement, name in given["parts"]:

@@ -11,8 +11,9 @@ from ...errors import ModelError
 from ...model import missing
 from .arguments import expected
 from .inertia import Inertia
-from .joints import JointModel, JointModelRX
-from .joints_many import JointModelMimic
+from .joint import JointModel
+from .joint_mimic import JointModelMimic
+from .joints import JointModelRX
 from .motion import Motion
 from .owned import Owned, owned
 from .se3 import SE3
@@ -102,42 +103,43 @@ class Tree:
         return at
 
     def _hang(self, parent: int, joint: JointModel, placement: SE3, name: str) -> int:
-        """Add a joint behind the others; returns its index."""
-        index = self.njoints
-        leader = joint.leader if isinstance(joint, JointModelMimic) else None
-        if leader is not None:
-            if not 0 < leader < index:
-                raise ModelError(f'joint "{name}" mimics joint {leader}, expected one from 1 to {index - 1}')
-            joint = joint.copy()
-            joint.setIndexes(index, self.idx_qs[leader], self.idx_vs[leader], self.nvExtended)
-            self.mimicking_joints.append(index)
-            self.mimicked_joints.append(leader)
-            self.mimic_joint_supports.append(Indices([*self.mimic_joint_supports[parent], index]))
-        else:
-            joint = joint.copy()
-            joint.setIndexes(index, self.nq, self.nv, self.nvExtended)
-            self.mimic_joint_supports.append(Indices(self.mimic_joint_supports[parent]))
+        """Add a copy of a joint behind the others; returns its index."""
+        index, joint = self.njoints, joint.copy()
+        self._give_places(index, joint, name)
         self.joints.append(joint)
         self.names.append(name)
         self.parents.append(parent)
         self.jointPlacements.append(placement)
         self.inertias.append(Inertia.Zero())
-        for places, at, counts, n in (
-            (self.idx_qs, joint.idx_q, self.nqs, joint.nq),
-            (self.idx_vs, joint.idx_v, self.nvs, joint.nv),
-            (self.idx_vExtendeds, self.nvExtended, self.nvExtendeds, joint.nvExtended),
-        ):
-            places.append(at)
-            counts.append(n)
-        for name in ("nq", "nv", "nvExtended"):
-            vars(self)[name] += getattr(joint, name)
         self.supports.append(Indices([*self.supports[parent], index]))
         self.subtrees.append(Indices())
         self.children.append(Indices())
         self.children[parent].append(index)
         for above in self.supports[index]:
             self.subtrees[above].append(index)
+        follows = [index] if isinstance(joint, JointModelMimic) else []
+        self.mimic_joint_supports.append(Indices([*self.mimic_joint_supports[parent], *follows]))
         return index
+
+    def _give_places(self, index: int, joint: JointModel, name: str) -> None:
+        """Say where the numbers of a new joint stand: behind all others, or where its leader's do."""
+        leader, q, v = joint.leader, self.nq, self.nv
+        if isinstance(joint, JointModelMimic):
+            if leader is None or not 0 < leader < index:
+                raise ModelError(f'joint "{name}" mimics joint {leader}, expected one from 1 to {index - 1}')
+            q, v = self.idx_qs[leader], self.idx_vs[leader]
+            self.mimicking_joints.append(index)
+            self.mimicked_joints.append(leader)
+        joint.setIndexes(index, q, v, self.nvExtended)
+        for places, at, counts, n in (
+            (self.idx_qs, q, self.nqs, joint.nq),
+            (self.idx_vs, v, self.nvs, joint.nv),
+            (self.idx_vExtendeds, self.nvExtended, self.nvExtendeds, joint.nvExtended),
+        ):
+            places.append(at)
+            counts.append(n)
+        for total in ("nq", "nv", "nvExtended"):
+            vars(self)[total] += getattr(joint, total)
 
     def appendBodyToJoint(self, joint_id: int, body_inertia: Inertia, body_placement: SE3 | None = None) -> None:
         """Add a body's inertia, given at a placement in the joint's frame, to what the joint carries.

@@ -27,13 +27,15 @@ def minimum_jerk(t):
     return start + (goal - start) * x, (goal - start) * dx, (goal - start) * ddx
 
 
+stiffness = 400.0 * np.diag(robot.mass(start))
+damping = 40.0 * np.diag(robot.mass(start))
 q, v = start.copy(), np.zeros(robot.nv)
 log = {"q": [], "feedforward": [], "tool": []}
 tool = robot.model.getFrameId("tool0")
 for k in range(int(T / dt)):
     qr, vr, ar = minimum_jerk(k * dt)
     feedforward = pin.rnea(robot.model, robot.data, qr, vr, ar)
-    tau = feedforward + 200.0 * (qr - q) + 20.0 * (vr - v)
+    tau = feedforward + stiffness * (qr - q) + damping * (vr - v)
     a = pin.aba(true_model, true_data, q, v, tau)
     v = v + dt * a
     q = pin.integrate(true_model, q, dt * v)
@@ -42,6 +44,7 @@ for k in range(int(T / dt)):
     log["tool"].append(robot.framePlacement(q, tool).translation.copy())
 
 results = {key: np.array(value[::8]) for key, value in log.items()}
+assert np.abs(goal - q).max() < 0.5
 results["mass"] = robot.mass(q)
 results["nle"] = robot.nle(q, v)
 results["gravity"] = robot.gravity(q)

@@ -1,0 +1,265 @@
+"""RobotWrapper: a model and its data in one object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import centroidal, configuration, dynamics, kinematics
+from .frame import LOCAL
+from .geometry import buildModelsFromUrdf, createDatas
+from .inertia import Inertia
+from .model import Model
+from .motion import Force, Motion
+from .rebuilt import buildReducedModel
+from .se3 import SE3
+
+Array = NDArray[np.float64]
+VIEWING = (
+    "display displayCollisions displayVisuals getViewerNodeName initViewer loadViewerModel play setVisualizer viewer"
+)
+OTHER_FILES = "initFromMJCF initFromSDF"
+
+
+class RobotWrapper:
+    """A robot: ``RobotWrapper(model)`` or ``RobotWrapper.BuildFromURDF(filename, package_dirs, root_joint)``.
+
+    model, data        a Model and its Data; ``rebuildData`` makes a new Data after joints or frames were added
+    q0, v0             the neutral configuration, and no velocity
+    index in methods   of a joint; in those whose name begins with frame, of a frame
+
+    Methods call the function of the face that their names and texts say, on the robot's model and data.
+    """
+
+    def __init__(
+        self,
+        model: Model | None = None,
+        collision_model: Any = None,
+        visual_model: Any = None,
+        constraint_models: Any = None,
+        verbose: bool = False,
+    ) -> None:
+        self.model = Model() if model is None else model
+        self.collision_model, self.visual_model = collision_model, visual_model
+        self.constraint_models = constraint_models
+        self.rebuildData()
+        self.q0, self.v0 = configuration.neutral(self.model), np.zeros(self.nv)
+        self.viz: Any = None
+
+    @staticmethod
+    def BuildFromURDF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
+        """The robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
+        robot = RobotWrapper()
+        robot.initFromURDF(filename, *arguments, **named)
+        return robot
+
+    @staticmethod
+    def BuildFromMJCF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
+        """Raises NotImplementedError: only URDFs are read."""
+        raise NotImplementedError("BuildFromMJCF: only URDFs are read, expected BuildFromURDF")
+
+    @staticmethod
+    def BuildFromSDF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
+        """Raises NotImplementedError: only URDFs are read."""
+        raise NotImplementedError("BuildFromSDF: only URDFs are read, expected BuildFromURDF")
+
+    def initFromURDF(self, filename: Any, *arguments: Any, **named: Any) -> None:
+        """Make it the robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
+        RobotWrapper.__init__(self, *buildModelsFromUrdf(filename, *arguments, **named))
+
+    def rebuildData(self) -> None:
+        """Make a new Data for the model as it is now."""
+        self.data, self.collision_data, self.visual_data = createDatas(
+            self.model, self.collision_model, self.visual_model
+        )
+
+    def buildReducedRobot(
+        self, list_of_joints_to_lock: Iterable[int | str], reference_configuration: Any = None
+    ) -> RobotWrapper:
+        """The robot with joints, given by name or index, locked at a configuration, the neutral one by default."""
+        joints = [self.model.getJointId(x) if isinstance(x, str) else x for x in list_of_joints_to_lock]
+        q = configuration.neutral(self.model) if reference_configuration is None else reference_configuration
+        return RobotWrapper(buildReducedModel(self.model, joints, q), self.collision_model, self.visual_model)
+
+    def __getattr__(self, name: str) -> Any:
+        if name in VIEWING.split():
+            raise NotImplementedError(f"{name}: viewers are out of scope of spatialdyn; show oMi with meshcat or viser")
+        if name in OTHER_FILES.split():
+            raise NotImplementedError(f"{name}: only URDFs are read, expected BuildFromURDF")
+        raise AttributeError(f"a RobotWrapper has no attribute {name!r}")
+
+    @property
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return self.model.nq
+
+    @property
+    def nv(self) -> int:
+        """Number of velocities."""
+        return self.model.nv
+
+    def index(self, name: str) -> int:
+        """Index of the joint of that name."""
+        return self.model.getJointId(name)
+
+    # --- the robot as a whole ------------------------------------------------------------------------------
+
+    def com(self, q: Any = None, v: Any = None, a: Any = None) -> Any:
+        """Centre of mass; with v a tuple of it and its velocity, with a of its acceleration too."""
+        if q is None:
+            centroidal.centerOfMass(self.model, self.data)
+            return self.data.com[0]
+        if v is None:
+            return centroidal.centerOfMass(self.model, self.data, q)
+        if a is None:
+            centroidal.centerOfMass(self.model, self.data, q, v)
+            return self.data.com[0], self.data.vcom[0]
+        centroidal.centerOfMass(self.model, self.data, q, v, a)
+        return self.data.com[0], self.data.vcom[0], self.data.acom[0]
+
+    def vcom(self, q: Any, v: Any) -> Array:
+        """Velocity of the centre of mass."""
+        centroidal.centerOfMass(self.model, self.data, q, v)
+        found: Array = self.data.vcom[0]
+        return found
+
+    def acom(self, q: Any, v: Any, a: Any) -> Array:
+        """Acceleration of the centre of mass."""
+        centroidal.centerOfMass(self.model, self.data, q, v, a)
+        found: Array = self.data.acom[0]
+        return found
+
+    def Jcom(self, q: Any) -> Array:
+        """``jacobianCenterOfMass``."""
+        return centroidal.jacobianCenterOfMass(self.model, self.data, q)
+
+    def centroidalMomentum(self, q: Any, v: Any) -> Force:
+        """``computeCentroidalMomentum``."""
+        return centroidal.computeCentroidalMomentum(self.model, self.data, q, v)
+
+    def centroidalMap(self, q: Any) -> Any:
+        """``computeCentroidalMap``."""
+        return centroidal.computeCentroidalMap(self.model, self.data, q)
+
+    def centroidal(self, q: Any, v: Any) -> tuple[Force, Array, Inertia]:
+        """``ccrba``: momentum hg, map Ag and inertia Ig."""
+        centroidal.ccrba(self.model, self.data, q, v)
+        return self.data.hg, self.data.Ag, self.data.Ig
+
+    def centroidalMomentumVariation(self, q: Any, v: Any, a: Any) -> Force:
+        """``computeCentroidalMomentumTimeVariation``."""
+        return centroidal.computeCentroidalMomentumTimeVariation(self.model, self.data, q, v, a)
+
+    # --- dynamics ------------------------------------------------------------------------------------------
+
+    def mass(self, q: Any) -> Any:
+        """``crba``: the mass matrix."""
+        return dynamics.crba(self.model, self.data, q)
+
+    def nle(self, q: Any, v: Any) -> Any:
+        """``nonLinearEffects``."""
+        return dynamics.nonLinearEffects(self.model, self.data, q, v)
+
+    def gravity(self, q: Any) -> Any:
+        """``computeGeneralizedGravity``."""
+        return dynamics.computeGeneralizedGravity(self.model, self.data, q)
+
+    # --- joints --------------------------------------------------------------------------------------------
+
+    def forwardKinematics(self, q: Any, v: Any = None, a: Any = None) -> None:
+        """``forwardKinematics``."""
+        kinematics.forwardKinematics(self.model, self.data, q, v, a)
+
+    def placement(self, q: Any, index: int, update_kinematics: bool = True) -> SE3:
+        """Pose of a joint in the world."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q)
+        found: SE3 = self.data.oMi[index]
+        return found
+
+    def velocity(
+        self, q: Any, v: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
+    ) -> Motion:
+        """``getVelocity``, after forwardKinematics unless told not to."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q, v)
+        return kinematics.getVelocity(self.model, self.data, index, reference_frame)
+
+    def acceleration(
+        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
+    ) -> Motion:
+        """``getAcceleration``, after forwardKinematics unless told not to."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q, v, a)
+        return kinematics.getAcceleration(self.model, self.data, index, reference_frame)
+
+    def classicalAcceleration(
+        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
+    ) -> Motion:
+        """``getClassicalAcceleration``, after forwardKinematics unless told not to."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q, v, a)
+        return kinematics.getClassicalAcceleration(self.model, self.data, index, reference_frame)
+
+    def computeJointJacobian(self, q: Any, index: int) -> Array:
+        """``computeJointJacobian``."""
+        return kinematics.computeJointJacobian(self.model, self.data, q, index)
+
+    def getJointJacobian(self, index: int, rf_frame: Any = LOCAL) -> Array:
+        """``getJointJacobian``."""
+        return kinematics.getJointJacobian(self.model, self.data, index, rf_frame)
+
+    def computeJointJacobians(self, q: Any) -> Array:
+        """``computeJointJacobians``."""
+        return kinematics.computeJointJacobians(self.model, self.data, q)
+
+    # --- frames --------------------------------------------------------------------------------------------
+
+    def framesForwardKinematics(self, q: Any) -> None:
+        """``framesForwardKinematics``."""
+        kinematics.framesForwardKinematics(self.model, self.data, q)
+
+    def framePlacement(self, q: Any, index: int, update_kinematics: bool = True) -> SE3:
+        """Pose of a frame in the world."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q)
+        return kinematics.updateFramePlacement(self.model, self.data, index)
+
+    def frameVelocity(
+        self, q: Any, v: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
+    ) -> Motion:
+        """``getFrameVelocity``, after forwardKinematics unless told not to."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q, v)
+        return kinematics.getFrameVelocity(self.model, self.data, index, reference_frame)
+
+    def frameAcceleration(
+        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
+    ) -> Motion:
+        """``getFrameAcceleration``, after forwardKinematics unless told not to."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q, v, a)
+        return kinematics.getFrameAcceleration(self.model, self.data, index, reference_frame)
+
+    def frameClassicalAcceleration(
+        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
+    ) -> Motion:
+        """``getFrameClassicalAcceleration``, after forwardKinematics unless told not to."""
+        if update_kinematics:
+            kinematics.forwardKinematics(self.model, self.data, q, v, a)
+        return kinematics.getFrameClassicalAcceleration(self.model, self.data, index, reference_frame)
+
+    def getFrameJacobian(self, frame_id: int, rf_frame: Any = LOCAL) -> Array:
+        """``getFrameJacobian``."""
+        return kinematics.getFrameJacobian(self.model, self.data, frame_id, rf_frame)
+
+    def computeFrameJacobian(self, q: Any, frame_id: int) -> Array:
+        """``computeFrameJacobian``."""
+        return kinematics.computeFrameJacobian(self.model, self.data, q, frame_id)
+
+    def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
+        """Geometry is out of scope; raises NotImplementedError."""
+        (self.visual_model if visual else self.collision_model).updateGeometryPlacements()
