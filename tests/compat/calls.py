@@ -202,8 +202,8 @@ CALLS = (
     # --- contacts; of M Pinocchio fills the upper triangle, of com and mass the robot's entry
     Row(
         "pin.forwardDynamics(model, data, q, v, tau, J, gamma, 1e-6)",
-        "Ag D Ig J Jcom U a a_gf com dAg dJ ddq dhg f g h hg kinetic_energy lambda_c liMi mass mechanical_energy nle oMi "
-        "oYcrb ov potential_energy v vcom",
+        "Ag D Ig J Jcom U a a_gf com dAg dJ ddq dhg f g h hg kinetic_energy lambda_c liMi mass mechanical_energy nle "
+        "oMi oYcrb ov potential_energy v vcom",
         "M", solves=True, mass=True,
     ),
     Row(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from spatialdyn import cli
-from spatialdyn.compat.pinocchio.coverage import OUT_OF_SCOPE, SUPPORTED, UNKNOWN
+from spatialdyn.compat.pinocchio.coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, UNKNOWN
 from spatialdyn.compat.pinocchio.porting import Use, uses
 
 GOOD = """
@@ -92,6 +92,12 @@ def test_what_is_no_python_names_its_line() -> None:
         uses("x = 1\nif:\n")
     with pytest.raises(ValueError, match="Python"):
         uses("x = '\0'")
+
+
+def test_differences_of_members_are_told() -> None:
+    (use,) = [x for x in uses("import pinocchio as pin\nm = pin.Model()\nm.getFrameId('x')") if "get" in x.name]
+    assert use.status == DIFFERENT
+    assert "an error" in use.note
 
 
 # --- the command ----------------------------------------------------------------------------------------

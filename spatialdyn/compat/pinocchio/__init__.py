@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import cholesky, explog, liegroups, linalg, rpy, utils
+from . import cholesky, explog, liegroups, linalg, robot_wrapper, rpy, shortcuts, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
     ccrba,

@@ -49,7 +49,8 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("JointModelH? JointDataH? JointModelHelical* JointDataHelical* JointModelEllipsoid JointDataEllipsoid", _HELICAL),
     ("BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Collision* Distance*", _GEOMETRY),
     ("StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* Compute*", _GEOMETRY),
-    ("GeometryObject GeometryData GeometryNo* GeometryPhong* GeometryPool Mesh* CachedMeshLoader Physics* buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
+    ("GeometryObject GeometryData GeometryNo* GeometryPhong* GeometryPool Mesh* CachedMeshLoader Physics*", _GEOMETRY),
+    ("buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
     ("computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision*", _GEOMETRY),
     ("updateGeometryPlacements coal hppfcl", _GEOMETRY),
     ("*KinematicHessian *KinematicHessians", "second derivatives of kinematics: differences of getJointJacobian"),
@@ -124,7 +125,7 @@ def entry(name: str) -> Entry:
                 where = ".".join([first, *rest[:k]])
                 return Entry(name, OUT_OF_SCOPE, f"{where} has no {member}")
             at = getattr(at, member)
-        note = _differences().get(name) or _differences().get(name.rpartition(".")[2], "")
+        note = difference(name)
         return Entry(name, DIFFERENT if note else SUPPORTED, note)
     note = instead(first)
     if note:
@@ -147,6 +148,11 @@ def missing(name: str) -> Any:
 def _meant(name: str) -> str:
     near = difflib.get_close_matches(name, NAMES, n=1)
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def difference(name: str) -> str:
+    """What is different about a name, or a dotted one's last part; empty if nothing is."""
+    return _differences().get(name) or _differences().get(name.rpartition(".")[2], "")
 
 
 @cache

@@ -10,7 +10,7 @@ import ast
 from typing import Any, NamedTuple
 
 from ...errors import SpatialDynError
-from .coverage import OUT_OF_SCOPE, SUPPORTED, UNKNOWN, entry, face
+from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, UNKNOWN, difference, entry, face
 from .names import NAMES
 
 ROOT = "pinocchio"
@@ -67,9 +67,12 @@ def _judged(name: str) -> tuple[str, str]:
     if not member:
         return entry(name)[1:]
     made = entry(kind)
-    if made.status in (OUT_OF_SCOPE, UNKNOWN) or _has(kind, member):
-        return made[1:] if made.status != SUPPORTED else (SUPPORTED, "")
-    return OUT_OF_SCOPE, f"a {kind} has no {member}"
+    if made.status in (OUT_OF_SCOPE, UNKNOWN):
+        return made[1:]
+    if not _has(kind, member):
+        return OUT_OF_SCOPE, f"a {kind} has no {member}"
+    note = difference(f"{kind}.{member}")
+    return DIFFERENT if note else SUPPORTED, note
 
 
 def _has(kind: str, member: str) -> bool:
