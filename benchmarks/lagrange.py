@@ -1,4 +1,4 @@
-"""Coriolis matrices, rollouts and simulations against their peers in one process; correctness asserted first.
+"""Coriolis matrices, derivatives, rollouts and simulations against their peers, correctness asserted first.
 
     python benchmarks/lagrange.py [--quick]
 
@@ -19,7 +19,7 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 import pinocchio as pin
-from cases import Case, case
+from cases import Case, aligned, case
 from measure import interleaved
 from peers import mujoco_model
 from tables import draw
@@ -29,8 +29,13 @@ import spatialdyn as sd
 HERE = Path(__file__).parent
 CLOSE = 1e-10  # of the largest entry
 SAMPLES, STATES, STEPS, DT = 8192, 1024, 200, 1e-3
+FEWER = 2048  # of three matrices a sample
 CHECKED = 500  # steps of one simulation that are compared
 ROBOTS = ("ur5", "panda", "talos_full")
+DERIVATIVES = {
+    "rnea_derivatives": ("qva", pin.computeRNEADerivatives),
+    "aba_derivatives": ("qvt", pin.computeABADerivatives),
+}
 
 
 def main() -> None:
@@ -41,6 +46,11 @@ def main() -> None:
     rounds, seconds = (3, 0.01) if quick else (15, 0.1)
     results: dict[str, Any] = {"machine": machine.machine(), "samples": SAMPLES, "states": STATES, "steps": STEPS}
     results["coriolis"] = {name: coriolis(case(name, SAMPLES), rounds, seconds) for name in ROBOTS}
+    results["derivatives"] = {
+        f"{name} {call}": derivatives(case(name, FEWER), call, rounds, seconds)
+        for name in ROBOTS
+        for call in DERIVATIVES
+    }
     results["rollout"] = {method: rollout(case("panda", STATES), method, rounds) for method in INTEGRATORS}
     results["simulate"] = simulate(case("panda", 8), rounds)
     show(results)
@@ -86,6 +96,41 @@ def coriolis(robot: Case, rounds: int, seconds: float) -> dict[str, Any]:
         "ours_ns": ours, "pin_ns": peer, "ratio": peer / ours,
         "bytes_per_ns": written, "share_of_stores": written / max(machine.stores().values()),
         "christoffel_us": times["symbols"] * 1e6, "derivatives_us": times["derivatives"] * 1e6,
+    }  # fmt: skip
+
+
+def derivatives(robot: Case, call: str, rounds: int, seconds: float) -> dict[str, Any]:
+    """A batch against a loop over Pinocchio, which gives the same three matrices; and one sample against one."""
+    letters, peer = DERIVATIVES[call]
+    model, theirs, data, function = robot.ours, robot.theirs, robot.theirs.createData(), getattr(sd, call)
+    given = [robot.state[letter] for letter in letters]
+    one, out = [x[0] for x in given], aligned((len(given[0]), 3, model.nv, model.nv))
+    part = list(zip(*(x[:256] for x in given), strict=True))
+
+    def loop() -> None:
+        for x in part:
+            peer(theirs, data, *x)
+
+    function(model, *given, out=out)
+    for k in range(0, 256, 16):
+        for mine, his in zip(out[k], peer(theirs, data, *part[k]), strict=True):
+            same(mine, his, f"{call} of {robot.name}")
+    times = interleaved(
+        {
+            "ours": lambda: function(model, *given, out=out),
+            "pin": loop,
+            "ours_one": lambda: function(model, *one),
+            "pin_one": lambda: peer(theirs, data, *one),
+        },
+        rounds,
+        seconds,
+    )
+    ours, his = times["ours"] / len(out) * 1e9, times["pin"] / len(part) * 1e9
+    written = 3 * model.nv**2 * 8 / ours
+    return {
+        "ours_ns": ours, "pin_ns": his, "ratio": his / ours, "bytes_per_ns": written,
+        "share_of_stores": written / max(machine.stores().values()),
+        "ours_us": times["ours_one"] * 1e6, "pin_us": times["pin_one"] * 1e6,
     }  # fmt: skip
 
 
@@ -154,6 +199,13 @@ def show(results: dict[str, Any]) -> None:
         rows.append([name, f"{c['ours_ns']:.0f}", f"{c['pin_ns']:.0f}", f"{c['ratio']:.1f}", *rates, *own])
     headings = ["robot", "C, ns", "pinocchio", "ratio", "stored, B/ns", "of the limit", "Γ, µs", "dM/dq, µs"]
     draw("Coriolis matrix, batch of 8192 on one thread; Γ and dM/dq of one sample", headings, rows)
+    rows = []
+    for name, c in results["derivatives"].items():
+        rates = [f"{c['bytes_per_ns']:.1f}", f"{c['share_of_stores']:.0%}"]
+        single = [f"{c['ours_us']:.1f}", f"{c['pin_us']:.1f}"]
+        rows.append([name, f"{c['ours_ns']:.0f}", f"{c['pin_ns']:.0f}", f"{c['ratio']:.1f}", *rates, *single])
+    headings = ["robot, call", "ns", "pinocchio", "ratio", "stored, B/ns", "of the limit", "one, µs", "pinocchio, µs"]
+    draw(f"Derivatives, batch of {FEWER} on one thread; and one sample", headings, rows)
     rows = [
         [name, f"{r['ours_per_s'] / 1e6:.2f}", f"{r['mujoco_per_s'] / 1e6:.3f}", f"{r['ratio']:.1f}"]
         for name, r in results["rollout"].items()

@@ -197,6 +197,12 @@ def _through_mass_matrix(spec: Spec, model: Model, given: dict[str, Array], resu
     elif spec.output.name == "a":
         bias = calls["rnea"](model, q, given["v"], zero, given.get("fext"))
         result[...] = np.linalg.solve(M, (given["tau"] - bias)[..., None])[..., 0]
+    elif spec.name == "aba_derivatives":
+        a = calls["aba"](model, q, given["v"], given["tau"], given.get("fext"))
+        by = calls["rnea_derivatives"](model, q, given["v"], a, given.get("fext"))
+        inverse = np.linalg.inv(M)
+        result[..., :2, :, :] = -inverse[..., None, :, :] @ by[..., :2, :, :]
+        result[..., 2, :, :] = inverse
     else:
         v = np.linalg.solve(M, given["p"][..., None])[..., 0]
         if spec.name == "velocity_from_momentum":

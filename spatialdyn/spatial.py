@@ -459,6 +459,12 @@ def rotate_motion(R: Rot, m: Motion) -> Motion:
 
 
 @inlined
+def rotate_force(R: Rot, f: Force) -> Force:
+    """A force in axes of which R gives the orientation, in the axes R is seen from; the origin is the same."""
+    return Force(rotate(R, f.n), rotate(R, f.f))
+
+
+@inlined
 def shift_motion(p: Vec, m: Motion) -> Motion:
     """A motion seen from an origin that lies at p."""
     return Motion(m.w, plus(m.v, cross(m.w, p)))

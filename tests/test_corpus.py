@@ -64,7 +64,10 @@ def test_every_call_equals_pinocchio(name: str, root: str) -> None:
     skipped = {row.call for row in rows if row.error is None}
     assert raised == {call for call, note in noted.items() if note.startswith(RAISED)}
     if name in SINGULAR:
-        assert instead == {"aba", "aba (fext)", "aba_refined", "aba_square_root", "crba_solve", "minverse"}
+        massless = {"center_of_mass_velocity_derivatives"}  # Pinocchio's has nan for what carries no mass
+        assert instead == massless | {
+            "aba", "aba (fext)", "aba_refined", "aba_square_root", "crba_solve", "minverse", "aba_derivatives",
+        }  # fmt: skip
     elif name in EMPTY and root == "fixed":
         assert instead == {"frame_jacobian", "frame_jacobian_dot", "jacobian_dot_times_v"}
     else:

@@ -73,7 +73,7 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 # what recursions import of their own room
 SHARED = {
     "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal",
-    "factor",
+    "factor", "derivatives",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {  # files of their own; a script they are asked about

@@ -248,6 +248,7 @@ def turned(R: Array) -> Array:
 
 COUPLINGS: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
     "rotate_motion": (lambda x: flat(sp.rotate_motion(rot(x.A), motion(x.m))), lambda x: turned(x.A) @ x.m),
+    "rotate_force": (lambda x: flat(sp.rotate_force(rot(x.A), force(x.f))), lambda x: turned(x.A) @ x.f),
     "shift_motion": (lambda x: flat(sp.shift_motion(vec(x.a), motion(x.m))), lambda x: shift(x.a) @ x.m),
     "unshift_force": (lambda x: flat(sp.unshift_force(vec(x.a), force(x.f))), lambda x: shift(x.a).T @ x.f),
     "rotate_inertia": (

@@ -41,7 +41,7 @@ FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 KEPT = 128  # programs in memory
 SHARE = 16 << 20  # bytes of machine code to run through before another thread is worth waking: some 100 µs
-MOST_RESULTS = MOST_ROWS**2  # of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
 STREAM = 16 << 20  # bytes of output from which it goes past the caches: half the time of crba of talos
 
 NONE = np.empty(0, np.intp)
@@ -323,7 +323,8 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
     """
     if results is None:
         sizes = _sizes(bodies)
-        results = sum(math.prod(_shape(spec.output.shape, sizes)) for spec in specs)
+        shapes = [(spec.output.shape, spec.terms) for spec in specs]
+        results = sum(max(math.prod(_shape(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
     return short and all(spec.traces and not spec.output.unit_norm for spec in specs)
 

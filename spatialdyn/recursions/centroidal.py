@@ -29,6 +29,7 @@ from ..spatial import (
     minus,
     momentum,
     motion_to_parent,
+    plus,
     scale_motion,
     times,
     zero_force,
@@ -137,6 +138,24 @@ def center_of_mass_velocity(bodies: Any, work: Any, q: Any, v: Any, out: Any) ->
 
 
 @inlined
+def center_of_mass_velocity_derivatives(bodies: Any, work: Any, q: Any, v: Any, D: Any) -> None:
+    """By q: subtree i turns about S, and its momentum with it, while what carries it seems to move by v_λ × S.
+
+    By v it is the Jacobian.
+    """
+    outward(bodies, work, q, v, None)
+    _inward(bodies, work, v)
+    m = 1.0 / work[0].I.m
+    for i in range(1, len(bodies)):
+        vp = motion_of(work[bodies[i].parent].v)
+        for k in range(i, i + bodies[i].dofs):
+            S, I = motion_to_parent(pose_of(work[k].X), motion_of(bodies[k].S)), inertia_of(work[k].I)
+            seen = plus(momentum(I, cross_motion(vp, S)).f, cross(S.w, vec_of(work[k].dI.h)))
+            _put(D[0, :, k - 1], times(m, seen))
+            _put(D[1, :, k - 1], times(m, momentum(I, S).f))
+
+
+@inlined
 def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
     """Net force over mass."""
     outward(bodies, work, q, v, a)
@@ -213,6 +232,15 @@ SPECS = (
         "center_of_mass_velocity", center_of_mass_velocity, WORK, (Q, V),
         Argument("vc", (3,), "m/s", "velocity of the centre of mass, in the world"),
         "Velocity of the centre of mass.", "the definition.",
+    ),
+    Spec(
+        "center_of_mass_velocity_derivatives", center_of_mass_velocity_derivatives, WORK, (Q, V),
+        Argument(
+            "dvc", (2, 3, "nv"), "m/(s rad) | 1/s; m/rad | 1",
+            "∂vc/∂q along integrate(q, e_k), and ∂vc/∂v = J, in the world",
+        ),
+        "Derivatives of the velocity of the centre of mass: ``dvc_dq, J = center_of_mass_velocity_derivatives(...)``.",
+        "the definition.",
     ),
     Spec(
         "center_of_mass_acceleration", center_of_mass_acceleration, WORK, (Q, V, A),

@@ -47,6 +47,7 @@ class Spec:
 
     pivots  after its output the recursion writes the articulated inertia D (nv) of each row, which is not returned:
             the caller makes of it the answer to whether any row is singular
+    terms   shape, in "nv", of the terms that a program sums, where they outnumber its results
     spare   shapes, in "nv", of further arrays that the recursion takes last of all, to work in
     traces  the recursion branches on no value, so that it can become a program
     regroup  the output is unchanged when inertias are regrouped towards the root: it says nothing of a single body
@@ -62,6 +63,7 @@ class Spec:
     source: str
     pivots: bool = False
     regroup: bool = False
+    terms: tuple[str, ...] = ()
     spare: tuple[tuple[str, ...], ...] = ()
     traces: bool = True
 

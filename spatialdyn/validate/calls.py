@@ -47,8 +47,13 @@ class Call:
 
     @property
     def references(self) -> tuple[str, ...]:
-        """The references it is asked in; none for a placement and for calls about no frame."""
-        return REFERENCES if any(x.name == "reference" for x in SPECS[self.name].given) else ()
+        """The references it is asked in; none for a placement and for calls about no frame.
+
+        Not local_world_aligned for derivatives: Pinocchio's are there those of a point that does not move along, and
+        so none of what its getFrameVelocity returns.
+        """
+        asked = REFERENCES[:2] if self.name.endswith("_derivatives") else REFERENCES
+        return asked if any(x.name == "reference" for x in SPECS[self.name].given) else ()
 
     @property
     def rank(self) -> int:
@@ -111,6 +116,20 @@ CALLS = (
     Call("kinetic_energy_regressor", "q v", derived.kinetic_energy_regressor_by_pin),
     Call("potential_energy_regressor", "q", derived.potential_energy_regressor_by_pin),
     Call("static_regressor", "q", derived.static_regressor_by_pin),
+    Call("rnea_derivatives", "q v a", "computeRNEADerivatives"),
+    Call("rnea_derivatives (fext)", "q v a fext", "computeRNEADerivatives"),
+    Call("aba_derivatives", "q v tau", "computeABADerivatives"),
+    Call("generalized_gravity_derivatives", "q", "computeGeneralizedGravityDerivatives"),
+    Call("static_torque_derivatives", "q fext", "computeStaticTorqueDerivatives"),
+    Call("center_of_mass_velocity_derivatives", "q v", derived.center_of_mass_velocity_derivatives_by_pin),
+    Call("centroidal_dynamics_derivatives", "q v a", "computeCentroidalDynamicsDerivatives"),
+    Call(
+        "frame_velocity_derivatives", "q v", "computeForwardKinematicsDerivatives", frame="getFrameVelocityDerivatives"
+    ),
+    Call(
+        "frame_acceleration_derivatives", "q v a", "computeForwardKinematicsDerivatives",
+        frame="getFrameAccelerationDerivatives",
+    ),
     Call("neutral", "", "neutral", data=False),
     Call("normalize", "raw", "normalize", data=False),
     Call("integrate", "q d", "integrate", data=False),
@@ -124,7 +143,7 @@ CALLS = (
     Call("momentum_rate", "q v tau", ""),
     Call("momentum_rate (fext)", "q v tau fext", ""),
     Call("hamilton_field", "q tau a", ""),
-)
+)  # fmt: skip
 FORWARD = ("aba", "aba_refined", "aba_square_root", "crba_solve")
 BY_LABEL = {call.label: call for call in CALLS}
 

@@ -40,6 +40,7 @@ from .times import times_of
 
 Array = NDArray[np.float64]
 
+SOLVED = (*FORWARD, "minverse", "aba_derivatives")  # through M⁻¹: judged by what is left of their equation
 OMITTED = "left out where M is ill conditioned or Pinocchio's own residual above half the bound"  # note on values
 _CRASHES_WITHOUT_FREEDOMS = ("getFrameJacobian", "getFrameJacobianTimeVariation")  # seen with Pinocchio 4.1
 
@@ -123,7 +124,7 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
     times = times_of(call, model, peer, states) if timing and isinstance(call.peer, str) else None
     same = np.array_equal(single, ours[0], equal_nan=True)
     note = "" if same else "a single call and a batch of it differ"
-    if call.name in (*FORWARD, "minverse"):
+    if call.name in SOLVED:
         residual, bound = _residual(call, peer, states, ours)
         if bound > BOUND and not note:
             note = f"{RAISED}, for M is ill conditioned and rounding the exact answer costs a quarter of that"
@@ -138,7 +139,7 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
 
 def _missed(call: Call, peer: Peer, states: States, k: int, x: Array) -> tuple[float, float]:
     """How far an answer x of forward dynamics is from giving tau in Pinocchio's RNEA, in sample k; of minverse, from
-    M x = 1.
+    M x = 1; of its derivatives, from M x = -∂tau, and 1, at the acceleration.
 
     And what rounding the entries of x makes of that: eps |M| |x|, scaled alike.
     """
@@ -148,6 +149,11 @@ def _missed(call: Call, peer: Peer, states: States, k: int, x: Array) -> tuple[f
         accelerations = np.zeros_like(states.a)
         accelerations[k] = x
         left, right = peer(force, states._replace(a=accelerations), k), states.tau[k]
+    elif call.name == "aba_derivatives":
+        accelerations = np.zeros_like(states.a)
+        accelerations[k] = ours_of(BY_LABEL["aba"], peer.ours, (states.q[k], states.v[k], states.tau[k]))
+        by = peer(BY_LABEL["rnea_derivatives"], states._replace(a=accelerations), k)
+        left, right = M @ x, np.stack([-by[0], -by[1], np.eye(len(M))])
     else:
         left, right = M @ x, np.eye(len(M))
     return scaled_error(left, right, right.ndim), rounding(M, x, right)

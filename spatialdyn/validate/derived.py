@@ -81,6 +81,13 @@ def _by_joint(model: Any, parameters: int, found: Any) -> Array:
     return np.concatenate([np.zeros((*rows, 1, parameters)), parts], axis=-2)
 
 
+def center_of_mass_velocity_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """∂vc/∂q, which it has, and the Jacobian."""
+    pin.computeAllTerms(model, data, q, v)
+    by_q = np.array(pin.getCenterOfMassVelocityDerivatives(model, data), float).reshape(3, model.nv)
+    return np.stack([by_q, np.array(pin.jacobianCenterOfMass(model, data, q), float).reshape(3, model.nv)])
+
+
 def of_masses(data: Any, found: Any) -> Array:
     """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
     masses = np.array(data.mass)[:, None]

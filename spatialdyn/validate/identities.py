@@ -49,6 +49,18 @@ def _product(label: str, matrix: str) -> Sides:
     return lambda m, s: (_call(label, m, s.q, s.v), times_vector(_call(matrix, m, s.q), s.v))
 
 
+def _forward_derivatives(m: Model, s: States) -> tuple[Array, Array]:
+    """M (∂a/∂q, ∂a/∂v, ∂a/∂tau) = (-∂tau/∂q, -∂tau/∂v, 1), the right side at that a."""
+    by = _call("rnea_derivatives", m, s.q, s.v, _call("aba", m, s.q, s.v, s.tau))
+    right = np.concatenate([-by[:, :2], np.broadcast_to(np.eye(m.nv), by[:, 2:].shape)], 1)
+    return by[:, 2:] @ _call("aba_derivatives", m, s.q, s.v, s.tau), right
+
+
+def _inertia_forces(m: Model, s: States) -> Array:
+    """M a."""
+    return times_vector(_call("crba", m, s.q), s.a)
+
+
 # label -> the identity in words, and its two sides
 IDENTITIES: dict[str, tuple[str, Sides]] = {
     "rnea": (
@@ -132,6 +144,80 @@ IDENTITIES: dict[str, tuple[str, Sides]] = {
         lambda m, s: (
             times_vector(_call("mass_matrix_derivatives", m, s.q), s.v),
             _call("mass_matrix_dot", m, s.q, s.v),
+        ),
+    ),
+    "rnea_derivatives": (
+        "M a = ∂tau/∂a a, 2 C v = ∂tau/∂v v, ∂tau/∂q - ∂g/∂q = ∂M/∂q a at v = 0",
+        lambda m, s: (
+            np.stack(
+                [
+                    times_vector(_call("rnea_derivatives", m, s.q, s.v, s.a)[:, 2], s.a),
+                    times_vector(_call("rnea_derivatives", m, s.q, s.v, s.a)[:, 1], s.v),
+                    times_vector(
+                        _call("rnea_derivatives", m, s.q, 0.0 * s.v, s.a)[:, 0]
+                        - _call("generalized_gravity_derivatives", m, s.q),
+                        s.d,
+                    ),
+                ]
+            ),
+            np.stack(
+                [
+                    _inertia_forces(m, s),
+                    2.0 * _coriolis_forces(m, s),
+                    times_vector(times_vector(_call("mass_matrix_derivatives", m, s.q).swapaxes(2, 3), s.a), s.d),
+                ]
+            ),
+        ),
+    ),
+    "rnea_derivatives (fext)": (
+        "what fext adds = what it adds to the static torque's",
+        lambda m, s: (
+            _call("rnea_derivatives (fext)", m, s.q, s.v, s.a, s.fext)[:, 0]
+            - _call("rnea_derivatives", m, s.q, s.v, s.a)[:, 0],
+            _call("static_torque_derivatives", m, s.q, s.fext) - _call("generalized_gravity_derivatives", m, s.q),
+        ),
+    ),
+    "aba_derivatives": ("M ∂a = -∂tau, and 1", _forward_derivatives),
+    "generalized_gravity_derivatives": (
+        "∂g/∂q = ∂tau/∂q at v = a = 0",
+        lambda m, s: (
+            _call("generalized_gravity_derivatives", m, s.q),
+            _call("rnea_derivatives", m, s.q, 0.0 * s.v, 0.0 * s.a)[:, 0],
+        ),
+    ),
+    "static_torque_derivatives": (
+        "∂(static torque)/∂q = ∂tau/∂q at v = a = 0",
+        lambda m, s: (
+            _call("static_torque_derivatives", m, s.q, s.fext),
+            _call("rnea_derivatives", m, s.q, 0.0 * s.v, 0.0 * s.a, s.fext)[:, 0],
+        ),
+    ),
+    "center_of_mass_velocity_derivatives": (
+        "m ∂vc = linear part of ∂h",
+        lambda m, s: (
+            m.total_mass * _call("center_of_mass_velocity_derivatives", m, s.q, s.v),
+            _call("centroidal_dynamics_derivatives", m, s.q, s.v, s.a)[:, ::3, :3],
+        ),
+    ),
+    "centroidal_dynamics_derivatives": (
+        "∂(dh/dt)/∂v v = 2 dAg/dt v",
+        lambda m, s: (
+            times_vector(_call("centroidal_dynamics_derivatives", m, s.q, s.v, s.a)[:, 2], s.v),
+            2.0 * times_vector(_call("centroidal_map_dot", m, s.q, s.v), s.v),
+        ),
+    ),
+    "frame_velocity_derivatives": (
+        "∂V/∂v = J",
+        lambda m, s: (
+            _call("frame_velocity_derivatives", m, s.q, s.v)[..., 1, :, :],
+            _call("frame_jacobian", m, s.q)[:, :, :2],
+        ),
+    ),
+    "frame_acceleration_derivatives": (
+        "∂A/∂v v = 2 J̇ v, in local and world",
+        lambda m, s: (
+            times_vector(_call("frame_acceleration_derivatives", m, s.q, s.v, s.a)[:, :, :2, 1], s.v),
+            2.0 * _call("jacobian_dot_times_v", m, s.q, s.v)[:, :, :2],
         ),
     ),
     "kinetic_energy": ("T = ½ vᵀ M v", lambda m, s: IDENTITIES["crba"][1](m, s)[::-1]),

@@ -98,13 +98,15 @@ class Peer:
             found = _array(answer if call.result is None else call.result(self.data))
             return found.reshape(self._core(call)) if call.name in SPECS else found
         look = getattr(self.pin, call.frame)
-        references = [(code,) for code in self.references] if call.references else [()]
+        references: list[tuple[Any, ...]] = [(code,) for code in self.references[: len(call.references)]] or [()]
         all_found = np.array(
             [[_array(look(self.model, self.data, frame, *code)) for code in references] for frame in self.frames]
         )
         if call.name == "jacobian_dot_times_v":
             moved: Array = all_found.reshape((*all_found.shape[:2], 6, self.model.nv)) @ states.v[k]
             return moved
+        if call.name == "frame_acceleration_derivatives":  # those of the velocity come first
+            all_found = all_found[:, :, 1:]
         return all_found.reshape((*all_found.shape[:2], *self._core(call)))
 
     def _core(self, call: Call) -> tuple[int, ...]:

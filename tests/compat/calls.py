@@ -35,6 +35,12 @@ class Row:
     bound: float = BOUND
 
 
+SLOPES = "dtau_dq dtau_dv"
+TORQUE = f"tau M {SLOPES}"
+SWEPT = "J dJ oMi liMi ov v oa a oa_gf of oYcrb"
+SCRATCHED = "dFda dFdq dFdv"
+WEIGHED = "oa_gf of oYcrb Ag dFdq"
+PREPARED = "pin.computeForwardKinematicsDerivatives(model, data, q, v, a); pin.updateFramePlacements(model, data)"
 MASSES = "com mass oMi liMi"
 MAP = "Ag J oMi liMi oYcrb"
 # com holds the subtrees' centres here and only the robot's in Pinocchio; J, h and f are listed where they are the same
@@ -222,6 +228,60 @@ CALLS = (
     *(
         Row(f"pin.crba(model, data, q); pin.cholesky.decompose(model, data); pin.cholesky.{text}", fields, solves=True)
         for text, fields in (("solve(model, data, tau)", ""), ("computeMinv(model, data)", "Minv"))
+    ),
+    # --- derivatives; forces, momenta and inertias of subtrees are intermediate results in Pinocchio
+    Row("pin.computeRNEADerivatives(model, data, q, v, a)", f"{TORQUE} {SWEPT}", f"oh {SCRATCHED}", bound=DERIVED),
+    Row(
+        "pin.computeRNEADerivatives(model, data, q, v, a, fext)", f"{TORQUE} {SWEPT}", f"oh {SCRATCHED}", bound=DERIVED
+    ),
+    Row(
+        "pin.computeABADerivatives(model, data, q, v, tau)", f"ddq ddq_dq ddq_dv Minv {SLOPES} J dJ oMi liMi ov",
+        f"oa oa_gf of oh oYcrb {SCRATCHED}", solves=True,
+    ),
+    Row(
+        "pin.computeABADerivatives(model, data, q, v, tau, fext)", f"ddq ddq_dq ddq_dv Minv {SLOPES} J dJ oMi liMi ov",
+        f"oa oa_gf of oh oYcrb {SCRATCHED}", solves=True,
+    ),
+    Row(
+        "pin.aba(model, data, q, v, tau, pin.Convention.WORLD); pin.computeABADerivatives(model, data)",
+        "ddq_dq ddq_dv Minv", solves=True,
+    ),
+    Row("pin.computeGeneralizedGravityDerivatives(model, data, q)", "g J oMi liMi", f"{WEIGHED}", bound=DERIVED),
+    Row("pin.computeStaticTorqueDerivatives(model, data, q, fext)", "tau J oMi liMi", f"{WEIGHED}", bound=DERIVED),
+    Row("pin.computeForwardKinematicsDerivatives(model, data, q, v)", "J dJ oMi liMi ov v"),
+    Row("pin.computeForwardKinematicsDerivatives(model, data, q, v, a)", "J dJ oMi liMi ov v oa a"),
+    *(
+        Row(
+            f"{PREPARED}; [pin.{name}(model, data, k, {more}r) for k in {which} for r in both]", bound=DERIVED,
+            jacobian=True,
+        )
+        for name, which, more in (
+            ("getJointVelocityDerivatives", "joints", ""),
+            ("getJointAccelerationDerivatives", "joints", ""),
+            ("getFrameVelocityDerivatives", "frames", ""),
+            ("getFrameAccelerationDerivatives", "frames", ""),
+            ("getFrameVelocityDerivatives", "joints", "placement, "),
+            ("getFrameAccelerationDerivatives", "joints", "placement, "),
+        )
+    ),
+    *(
+        Row(
+            f"{PREPARED}; [pin.{name}(model, data, k, placement, r) for k in joints for r in both[::2]]",
+            bound=DERIVED, jacobian=True,
+        )
+        for name in ("getPointVelocityDerivatives", "getPointClassicAccelerationDerivatives")
+    ),
+    Row(
+        "pin.computeCentroidalDynamicsDerivatives(model, data, q, v, a)", "Ag Ig dhg hg J dJ oMi liMi ov v oa a",
+        f"com mass of oh oYcrb tau dHdq {SCRATCHED}", mass=True, bound=DERIVED,
+    ),
+    Row(
+        "pin.computeRNEADerivatives(model, data, q, v, a); pin.getCentroidalDynamicsDerivatives(model, data)", "Ag hg",
+        mass=True, bound=DERIVED,
+    ),
+    Row(
+        "pin.centerOfMass(model, data, q, v); pin.getCenterOfMassVelocityDerivatives(model, data)", mass=True,
+        bound=DERIVED,
     ),
     # --- configurations
     Row("pin.neutral(model)"),

@@ -76,6 +76,22 @@ from .containers import (
 )
 from .coverage import coverage, missing
 from .data import Data
+from .derivatives import (
+    computeABADerivatives,
+    computeCentroidalDynamicsDerivatives,
+    computeForwardKinematicsDerivatives,
+    computeGeneralizedGravityDerivatives,
+    computeRNEADerivatives,
+    computeStaticTorqueDerivatives,
+    getCenterOfMassVelocityDerivatives,
+    getCentroidalDynamicsDerivatives,
+    getFrameAccelerationDerivatives,
+    getFrameVelocityDerivatives,
+    getJointAccelerationDerivatives,
+    getJointVelocityDerivatives,
+    getPointClassicAccelerationDerivatives,
+    getPointVelocityDerivatives,
+)
 from .differences import differences
 from .dynamics import (
     aba,

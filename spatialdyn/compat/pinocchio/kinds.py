@@ -256,6 +256,31 @@ def by(name: str, *inputs: str) -> Recipe:
     return lambda run: called(name, run, *(getattr(run, x) for x in inputs))
 
 
+def part(k: int) -> Recipe:
+    """One of the arrays that the call returned."""
+    return lambda run: result(run)[k]
+
+
+def forces_of(run: Any) -> tuple[Array, ...]:
+    """External forces as a last argument, if the call was given some."""
+    return () if run.fext is None else (run.fext,)
+
+
+def ddq(run: Any) -> Array:
+    """Accelerations that the torques cause."""
+    return called("aba", run, run.q, run.v, run.tau, *forces_of(run))
+
+
+def at_ddq(k: int) -> Recipe:
+    """A derivative of the torques at those."""
+    return lambda run: called("rnea_derivatives", run, run.q, run.v, ddq(run), *forces_of(run))[k]
+
+
+def tau(run: Any) -> Array:
+    """Torques."""
+    return called("rnea", run, run.q, run.v, run.a, *forces_of(run))
+
+
 h_of_subtrees = subtrees(h, algebra.force_to_parent, np.add)
 Ycrb = subtrees(bodies, algebra.body_to_parent, algebra.add_body, world=False)
 _with_world = subtrees(bodies, algebra.body_to_parent, algebra.add_body)
@@ -275,6 +300,8 @@ ENERGIES = {
     "potential_energy": by("potential_energy", "q"),
     "mechanical_energy": mechanical_energy,
 }
+MOVING = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
+ACCELERATED = {**MOVING, "a": a, "oa": oa}
 KINDS: dict[str, Kind] = {
     "rnea": Kind("rnea", "q v a", {**CHAIN, "tau": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
     "aba": Kind("aba", "q v tau", {**CHAIN, "ddq": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
@@ -325,6 +352,35 @@ KINDS: dict[str, Kind] = {
         "centroidal_momentum_rate",
         "q v a",
         {**MASSES, "dhg": result, "hg": hg, "h": h_of_subtrees, "v": v, "vcom": vcom, "a": a, "f": net_forces},
+    ),
+    "rnea_derivatives": Kind(
+        "rnea_derivatives",
+        "q v a",
+        {
+            **ACCELERATED, "dtau_dq": part(0), "dtau_dv": part(1), "M": part(2), "tau": tau, "oa_gf": oa_gf,
+            "of": of, "oYcrb": zeroed(oYcrb),
+        },
+    ),
+    "aba_derivatives": Kind(
+        "aba_derivatives",
+        "q v tau",
+        {
+            **PLACES, "ddq_dq": part(0), "ddq_dv": part(1), "Minv": part(2), "ddq": ddq, "dtau_dq": at_ddq(0),
+            "dtau_dv": at_ddq(1), "J": J, "dJ": dJ, "ov": ov,
+        },
+    ),
+    "gravity_derivatives": Kind(
+        "generalized_gravity_derivatives", "q", {**PLACES, "g": by("generalized_gravity", "q"), "J": J}
+    ),
+    "static_derivatives": Kind("static_torque_derivatives", "q", {**PLACES, "tau": tau, "J": J}),
+    "kinematics_derivatives1": Kind("forward_kinematics", "q v", MOVING, 1),
+    "kinematics_derivatives2": Kind("forward_kinematics", "q v a", ACCELERATED, 2),
+    "centroidal_derivatives": Kind(
+        "centroidal_dynamics_derivatives",
+        "q v a",
+        {
+            **ACCELERATED, "Ag": part(3), "hg": hg, "dhg": by("centroidal_momentum_rate", "q", "v", "a"), "Ig": Ig,
+        },
     ),
     "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}),
     "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}),
