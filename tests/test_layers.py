@@ -29,6 +29,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "engines": ("recursions", "errors"),
     "layouts": ("recursions",),
     "algebra": ("layouts", "engines"),
+    "kept": ("algebra",),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -57,7 +58,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("algebra", "trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("kept", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
@@ -76,9 +77,7 @@ SHARED = {
     "factor", "derivatives",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {  # files of their own; a script they are asked about
-    "simulation.trajectory", "compat.pinocchio.stored", "commands.port",
-}  # fmt: skip
+SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}

@@ -92,8 +92,3 @@ def of_masses(data: Any, found: Any) -> Array:
     """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
     masses = np.array(data.mass)[:, None]
     return np.where(masses > 0.0, np.array([np.ravel(x) for x in found]), 0.0)
-
-
-def of_bodies(found: Any) -> Array:
-    """Its forces (n, 6), zero for the world, where other calls leave their sum."""
-    return np.array([np.zeros(6), *(force.vector for force in list(found)[1:])])

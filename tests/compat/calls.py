@@ -299,4 +299,8 @@ CALLS = (
     Row("pin.dDifference(model, q, q1)", bound=DERIVED),
     Row("pin.dDifference(model, q, q1, pin.ARG0), pin.dDifference(model, q, q1, pin.ARG1)", bound=DERIVED),
     Row("[pin.dIntegrateTransport(model, q, d, columns, x) for x in (pin.ARG0, pin.ARG1)]"),
+    Row("pin.tangentMap(model, q)"),
+    Row("pin.compactTangentMap(model, q)"),
+    Row("pin.tangentMapProduct(model, q, columns)"),
+    Row("pin.tangentMapTransposeProduct(model, q, pin.tangentMapProduct(model, q, columns))"),
 )  # fmt: skip

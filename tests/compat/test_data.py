@@ -272,6 +272,22 @@ def test_kinetic_energy_counts_every_rotor() -> None:
     assert theirs.computeKineticEnergy(peer, peer.createData(), q, v) == 0.0
 
 
+def test_a_joint_of_many_velocities_has_no_compact_tangent_map() -> None:
+    """Pinocchio writes over memory."""
+    composite = ours.JointModelComposite(ours.JointModelSpherical())
+    composite.addJoint(ours.JointModelFreeFlyer())
+    model = ours.Model()
+    model.addJoint(0, composite, ours.SE3.Identity(), "many")
+    q = ours.neutral(model)
+    assert ours.tangentMap(model, q).shape == (11, 9)
+    with pytest.raises(ShapeError, match='joint "many" has 9 velocities'):
+        ours.compactTangentMap(model, q)
+    with pytest.raises(ShapeError, match=r"expected \(9, n\)"):
+        ours.tangentMapProduct(model, q, np.zeros((8, 2)))
+    with pytest.raises(TypeError, match="expected a matrix"):
+        ours.tangentMapTransposeProduct(model, q, [1.0] * 11)
+
+
 def test_numbers_of_the_other_byte_order_are_read_as_what_they_are() -> None:
     """Pinocchio reads their bytes as they stand."""
     model = biped(ours)

@@ -7,7 +7,7 @@ is listed in ``differences``.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import cholesky, explog, liegroups, linalg, robot_wrapper, rpy, shortcuts, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
@@ -203,16 +203,7 @@ from .kinematics import (
     updateFramePlacements,
     updateGlobalPlacements,
 )
-from .liegroups import (
-    LieGroup,
-    compactTangentMap,
-    findCommonAncestor,
-    getTangentToConfigurationSparsitySegment,
-    lieGroup,
-    tangentMap,
-    tangentMapProduct,
-    tangentMapTransposeProduct,
-)
+from .liegroups import LieGroup, findCommonAncestor, getTangentToConfigurationSparsitySegment, lieGroup
 from .linalg import isOrthonormal, orthogonalization, orthonormalization
 from .model import Model
 from .motion import Force, Motion
@@ -234,6 +225,7 @@ from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, b
 from .se3 import SE3
 from .srdf import loadReferenceConfigurations, loadReferenceConfigurationsFromXML, loadRotorParameters
 from .symmetric import Symmetric3
+from .tangent import compactTangentMap, tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .versions import (
     PINOCCHIO_MAJOR_VERSION,
     PINOCCHIO_MINOR_VERSION,
@@ -251,7 +243,8 @@ from .versions import (
     printVersion,
 )
 
+if not TYPE_CHECKING:
 
-def __getattr__(name: str) -> Any:
-    """Names that are not here: NotImplementedError says what to use instead of one of Pinocchio's."""
-    return missing(name)
+    def __getattr__(name: str) -> Any:
+        """Say what to use instead of a name that Pinocchio has and this face has not."""
+        return missing(name)

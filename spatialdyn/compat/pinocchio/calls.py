@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ... import dynamics
 from ...errors import InertiaError, ShapeError
+from ...kept import kept
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
 from .data import Run, clock, prepared
 from .frame import Convention
-from .kept import kept
 from .kinds import KINDS
 from .motion import Force
 from .rows import Rows

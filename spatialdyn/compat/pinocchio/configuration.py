@@ -20,6 +20,10 @@ from .model import Model
 Array = NDArray[np.float64]
 
 
+_integrate = dynamics.calls["integrate"]
+F8 = np.dtype(np.float64)
+
+
 def _compiled(model: Any) -> Any:
     return made(expected(model, Model, "model")).model
 
@@ -37,7 +41,9 @@ def integrate(model: Any, q: Any, v: Any) -> Array:
     ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
     """
     compiled = _compiled(model)
-    found: Array = dynamics.calls["integrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    if not (type(q) is type(v) is np.ndarray and q.ndim == v.ndim == 1 and q.dtype is v.dtype is F8):
+        q, v = vector("q", q, model.nq), vector("v", v, model.nv)
+    found: Array = _integrate(compiled, q, v)
     return found
 
 

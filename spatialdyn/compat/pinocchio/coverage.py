@@ -74,8 +74,8 @@ INSTEAD: tuple[tuple[str, str], ...] = (
 MEMBERS = {"getFrameId", "getBodyId", "getJointId", "saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit"}
 
 
-class OutOfScopeError(SpatialDynError, NotImplementedError):
-    """A name of Pinocchio that the face does not have on purpose."""
+class OutOfScopeError(SpatialDynError, NotImplementedError, AttributeError):
+    """A name of Pinocchio that the face does not have on purpose; an AttributeError, so that hasattr is False."""
 
 
 class Entry(NamedTuple):

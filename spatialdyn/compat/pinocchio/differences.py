@@ -59,6 +59,42 @@ DIFFERENCES = (
         "memory is overwritten",
         "ModelError naming the index",
     ),
+    Difference(
+        "computeCentroidalMapTimeVariation",
+        "no derivative of Ag: the motion of the centre of mass is left out",
+        "it is",
+    ),
+    Difference(
+        "dJ, dAg, C of models with composite or universal joints or ZYX angles, dJ and C with mimic joints",
+        "wrong: the motion of their axes in the body is left out",
+        "derivatives of J and Ag, and a C with dM/dt = C + Cᵀ",
+    ),
+    Difference(
+        "computeKineticEnergy with armature on a JointModelRevoluteUnaligned", "that rotor is left out", "it counts"
+    ),
+    Difference(
+        "models with mimic joints: aba, computeMinverse, computeAllTerms, energies, dccrba", "an error", "the answer"
+    ),
+    Difference("computeJointJacobians, data.J with mimic joints", "a column for each follower as well", "(6, nv)"),
+    Difference(
+        "data: a after aba, com, vcom, acom, mass, J, Ag, h, f where a call leaves intermediate results",
+        "those",
+        "what the name says, or as before",
+    ),
+    Difference("centres of mass of joints that carry no mass", "NaN", "the joint's origin, at rest"),
+    Difference("data fields that are scratch: Yaba, Fcrb, U, D, joints ...", "there", "AttributeError saying so"),
+    Difference(
+        "getFrameJacobian, getJointJacobian before computeJointJacobians", "zeros", "an error that names what to call"
+    ),
+    Difference(
+        "getFrameJacobian after forwardKinematics at another q", "a mixture of both", "the Jacobian where data.J is"
+    ),
+    Difference("indices of joints and frames that are not there, in getters", "a crash or memory", "RangeError"),
+    Difference("quaternions and (cos, sin) pairs off their unit norm by more than 1e-6", "taken", "ConfigurationError"),
+    Difference("arrays of the other byte order", "read as they stand", "read as what they are"),
+    Difference("aba with too few external forces", "memory behind them", "ShapeError"),
+    Difference("compactTangentMap of a joint of more than six velocities", "memory is overwritten", "ShapeError"),
+    Difference("frame Jacobians of a model without freedoms", "a crash", "an array (6, 0)"),
     Difference("axes of unaligned joints that are not of unit length", "wrong joints", "normalised; an error if null"),
     Difference("gravity with an angular part", "an angular acceleration of the world", "ModelError"),
     Difference(

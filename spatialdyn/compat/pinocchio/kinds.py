@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import algebra, dynamics
-from . import kept
+from ... import algebra, dynamics, kept
 
 Array = NDArray[np.float64]
 Recipe = Callable[[Any], Any]

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import algebra, dynamics
+from ... import algebra, dynamics, kept
 from ...engines import jit
 from ...recursions import SPECS
 from ...recursions.spec import LOCAL as IN_FRAME
 from ...recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ...recursions.spec import WORLD as IN_WORLD
-from . import kept
 from .arguments import ArgumentError, RangeError, ValueRuntimeError, described
 from .calls import perform, quick, vector
 from .compiled import Made, placed
@@ -195,6 +194,12 @@ def getClassicalAcceleration(model: Any, data: Any, joint_id: int, reference_fra
 
 def _frame(model: Any, first: Any, rest: tuple[Any, ...], named: dict[str, Any]) -> tuple[int, Array, Any]:
     """Joint, placement and reference of (frame_id[, reference]) or (joint_id, placement[, reference])."""
+    here = model._placed
+    if type(first) is int and here is not None and model._made is not None and 0 <= first < len(here.joints):
+        if not (rest or named):
+            return here.joints[first], here.placements[first], LOCAL
+        if len(rest) == 1 and type(rest[0]) is ReferenceFrame:
+            return here.joints[first], here.placements[first], rest[0]
     if "placement" in named:
         rest = (named["placement"], *rest)
     if rest and isinstance(rest[0], SE3):
