@@ -61,11 +61,6 @@ class Call:
         return len(SPECS[self.name].output.shape) if self.name in SPECS else 0
 
 
-def _joint_forces(data: Any) -> list[Any]:
-    """The forces that rnea has left in a Data, the world's zero: rnea leaves there what another call wrote."""
-    return [0.0 * data.f[0], *list(data.f)[1:]]
-
-
 CALLS = (
     Call("rnea", "q v a", "rnea"),
     Call("rnea (fext)", "q v a fext", "rnea"),
@@ -92,8 +87,8 @@ CALLS = (
     Call("forward_kinematics", "q", "forwardKinematics", lambda data: list(data.oMi)),
     Call("joint_velocities", "q v", "forwardKinematics", lambda data: list(data.v)),
     Call("joint_accelerations", "q v a", "forwardKinematics", lambda data: list(data.a)),
-    Call("joint_forces", "q v a", "rnea", _joint_forces),
-    Call("joint_forces (fext)", "q v a fext", "rnea", _joint_forces),
+    Call("joint_forces", "q v a", "rnea", lambda data: derived.but_first(data.f)),
+    Call("joint_forces (fext)", "q v a fext", "rnea", lambda data: derived.but_first(data.f)),
     Call("frame_placement", "q", "forwardKinematics", frame="updateFramePlacement"),
     Call("frame_jacobian", "q", "computeJointJacobians", frame="getFrameJacobian"),
     Call("frame_jacobian_dot", "q v", "computeJointJacobiansTimeVariation", frame="getFrameJacobianTimeVariation"),

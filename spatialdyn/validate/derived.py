@@ -92,3 +92,10 @@ def of_masses(data: Any, found: Any) -> Array:
     """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
     masses = np.array(data.mass)[:, None]
     return np.where(masses > 0.0, np.array([np.ravel(x) for x in found]), 0.0)
+
+
+def but_first(forces: Any) -> Array:
+    """Forces (n, 6), zero for the world, where Pinocchio leaves what another call has written."""
+    found = np.array([force.vector for force in forces])
+    found[0] = 0.0
+    return found

@@ -210,6 +210,24 @@ def test_a_data_can_be_copied_and_pickled(case: Any) -> None:
         close(data.tau, before)
 
 
+def test_lists_of_a_data_are_lists_of_views(case: Any) -> None:
+    pin, model, data, (q, v, *_) = case
+    pin.forwardKinematics(model, data, q, v)
+    assert len(data.oMi) == model.njoints == len(list(data.oMi))
+    close(data.oMi[-1].homogeneous, data.oMi[model.njoints - 1].homogeneous)
+    assert len(data.oMi[1:3]) == 2
+    with pytest.raises(IndexError):
+        data.oMi[model.njoints]
+    data.oMi[2] = pin.SE3.Identity()
+    close(data.oMi[2].homogeneous, np.eye(4))
+    data.v[1].linear = np.ones(3)
+    close(data.v[1].linear, np.ones(3))
+    pin.centerOfMass(model, data, q)
+    data.com[0][:] = 1.0
+    close(data.com[0], np.ones(3))
+    assert isinstance(data.mass[0], float)
+
+
 def test_a_new_data_holds_zeros_and_identities(case: Any) -> None:
     _, model, data, _ = case
     for field in ("tau", "M", "J", "nle", "ddq", "Ag"):

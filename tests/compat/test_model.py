@@ -426,6 +426,8 @@ def test_a_stored_model_comes_back_bit_for_bit(robot: str, tmp_path: Path) -> No
     back.loadFromString(model.saveToString())
     assert back == model
     assert (made(back).model.bodies == made(model).model.bodies).all()
+    assert list(back.joints) == list(model.joints)
+    assert (np.array([frame.placement for frame in back.frames]) == [frame.placement for frame in model.frames]).all()
     assert pickle.loads(pickle.dumps(model)) == model
 
 

@@ -103,8 +103,8 @@ class Run:
     """
 
     __slots__ = (
-        "_a", "_v", "bodies", "cache", "fext", "kind", "made", "memory", "parents", "q", "result", "stamp", "table",
-        "tau",
+        "_a", "_v", "bodies", "cache", "fext", "kind", "made", "memory", "parents", "q", "result", "shape",
+        "stamp", "table", "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, compiled: Made, parents: NDArray[np.intp], shape: tuple[int, ...] | None) -> None:
@@ -121,6 +121,7 @@ class Run:
         at = math.prod(shape)
         self.memory = np.empty(at + sum(size for _, size in sizes))
         self.result = self.memory[:at].reshape(shape)
+        self.shape = self.result.shape
         self.q: Any = None
         self._v: Array | None = None
         self._a: Array | None = None

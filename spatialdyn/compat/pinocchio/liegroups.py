@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import algebra
 from ...errors import ShapeError
 from . import configuration
-from .arguments import ArgumentError, array, described, expected
+from .arguments import ArgumentError, described, expected
 from .containers import StdVec_Index
 from .frame import ARG0, ARG1, ArgumentPosition
 from .joint import JointModel
@@ -20,6 +19,7 @@ from .joints import JointModelPX, JointModelRUBX
 from .joints_many import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
 from .model import Model
 from .se3 import SE3 as Placement
+from .tangent import tangentMap, tangentMapProduct, tangentMapTransposeProduct
 
 Array = NDArray[np.float64]
 JOINTS: Mapping[str, type[JointModel]] = {
@@ -244,63 +244,6 @@ def _groups(joint: JointModel) -> list[str]:
         return [part for inner in joint.joints for part in _groups(inner)]
     kinds = [step.kind for step in joint.steps()] if joint.nv else []
     return [OF_KINDS[kinds[0]]] if kinds and kinds[0] in OF_KINDS else [f"R^{len(kinds)}"] * bool(kinds)
-
-
-def tangentMap(model: Model, q: Any) -> Array:
-    """The matrix T (nq, nv) that makes coordinate rates of joint velocities: q̇ = T v."""
-    q = array(q, (expected(model, Model, "model").nq,), "q")
-    T = np.zeros((model.nq, model.nv))
-    row = column = 0
-    for part in lieGroup(model)._parts:
-        block = _rates(part, q[row:])
-        T[row : row + len(block), column : column + block.shape[1]] = block
-        row, column = row + len(block), column + block.shape[1]
-    return T
-
-
-def _rates(part: str, q: Array) -> Array:
-    """The tangent map of one factor, at the first of the coordinates given."""
-    if part == "SO(2)":
-        return np.array([[-q[1]], [q[0]]])
-    if part == "SE(2)":
-        c, s = q[2:4].tolist()
-        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, -s], [0.0, 0.0, c]])
-    if part == "SO(3)":
-        T, turn = np.empty((4, 3)), np.empty(4)
-        for k in range(3):  # q̇ is half the product of q and the angular velocity
-            algebra.quat_product(q[:4], 0.5 * np.eye(4)[k], turn)
-            T[:, k] = turn
-        return T
-    if part == "SE(3)":
-        T, R = np.zeros((7, 6)), np.empty((3, 3))
-        algebra.quat_matrix(q[3:7].copy(), R)
-        T[:3, :3] = R
-        T[3:, 3:] = _rates("SO(3)", q[3:7].copy())
-        return T
-    return np.eye(int(part[2:]))
-
-
-def tangentMapProduct(model: Model, q: Any, mat_in: Any) -> Array:
-    """The tangent map T times a matrix (nv, n)."""
-    return tangentMap(model, q) @ _fitting(mat_in, 0, model.nv)
-
-
-def tangentMapTransposeProduct(model: Model, q: Any, mat_in: Any) -> Array:
-    """The transpose of the tangent map T times a matrix (nq, n)."""
-    return tangentMap(model, q).T @ _fitting(mat_in, 0, model.nq)
-
-
-def compactTangentMap(model: Model, q: Any) -> Array:
-    """The tangent map (nq, 6) with each row shifted to the first column of its joint.
-
-    ``getTangentToConfigurationSparsitySegment`` says where each row belongs.
-    """
-    T = tangentMap(model, q)
-    widths, starts = getTangentToConfigurationSparsitySegment(model)
-    compact = np.zeros((model.nq, max(6, *widths, 0)))
-    for k in range(model.nq):
-        compact[k, : widths[k]] = T[k, starts[k] : starts[k] + widths[k]]
-    return compact
 
 
 def getTangentToConfigurationSparsitySegment(model: Model) -> tuple[StdVec_Index, StdVec_Index]:

@@ -17,11 +17,11 @@ class Rows(Sequence[Any]):
     kind  SE3, Motion, Force or Inertia; None for plain arrays, which are numbers if the array has one axis
     """
 
-    __slots__ = ("_kind", "_over", "array")
+    __slots__ = ("_kind", "_made", "array")
 
     def __init__(self, array: Array, kind: Any = None) -> None:
         self.array, self._kind = array, kind
-        self._over: Any = None if kind is None else kind.over
+        self._made: list[Any] = [None] * len(array)  # the values that were asked for: views stay what they are
 
     def __len__(self) -> int:
         return len(self.array)
@@ -29,8 +29,12 @@ class Rows(Sequence[Any]):
     def __getitem__(self, at: Any) -> Any:
         if isinstance(at, slice):
             return [self[k] for k in range(*at.indices(len(self)))]
-        row = self.array[at]
-        return row if self._over is None else self._over(row)
+        if self._kind is None:
+            return self.array[at]
+        found = self._made[at]
+        if found is None:
+            found = self._made[at] = self._kind.over(self.array[at])
+        return found
 
     def __setitem__(self, at: int, value: Any) -> None:
         self.array[at] = value if self._kind is None else value._x
