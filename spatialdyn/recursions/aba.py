@@ -134,14 +134,9 @@ def articulated_outward(bodies: Any, work: Any, v: Any, gravity: Vec, a: Any) ->
 
 @inlined
 def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
-    """M⁻¹ column by column through one articulated sweep.
-
-    Inward, F_j is the force that a unit torque at row j leaves on the row it has reached; outward, P the
-    acceleration it causes. Only rows i <= j are computed, the rest is symmetry.
-    """
+    """M⁻¹ column by column through one articulated sweep."""
     n = len(bodies) - 1
     put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
-    put_motion(work[0].P, zero_motion())
     for i in range(1, n + 1):
         place_joint(bodies, i, q, work[i].X)
         put_articulated(work[i].IA, articulated(inertia_of(bodies[i].inertia)))
@@ -157,6 +152,21 @@ def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
         put_force(here.U, U)
         here.d = d
         pivots[i - 1] = D
+    inverse_columns(bodies, work, Minv)
+
+
+@inlined
+def inverse_columns(bodies: Any, work: Any, Minv: Any) -> None:
+    """M⁻¹ by the X, U and d = 1/D that an articulated sweep has left.
+
+    Inward, F_j is the force that a unit torque at row j leaves on the row it has reached; outward, P the
+    acceleration it causes. Only rows i <= j are computed, the rest is symmetry.
+    """
+    n = len(bodies) - 1
+    put_motion(work[0].P, zero_motion())
+    for i in range(n, 0, -1):
+        b, here = bodies[i], work[i]
+        X, S, U, d = pose_of(here.X), motion_of(b.S), force_of(here.U), here.d
         for j in range(1, n + 1):
             Minv[i - 1, j - 1] = 0.0
         Minv[i - 1, i - 1] = d
@@ -168,7 +178,10 @@ def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
             put_force(work[j].F, force_to_parent(X, add_force(F, scale_force(Mij, U))))
 
     for j in range(1, n + 1):
-        for i in range(1, j + 1):
+        root = j
+        while bodies[root].parent > 0:
+            root = bodies[root].parent
+        for i in range(root, j + 1):  # of another branch from the world it is zero
             here, parent = work[i], work[bodies[i].parent]
             P = motion_to_child(pose_of(here.X), motion_of(parent.P))
             Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))

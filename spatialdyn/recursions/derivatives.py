@@ -72,7 +72,7 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
-from .aba import aba, minverse
+from .aba import aba, inverse_columns
 from .coriolis import in_branch_axes
 from .joints import joint_motion, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
@@ -220,30 +220,34 @@ def static_torque_derivatives(bodies: Any, work: Any, q: Any, fext: Any, D: Any)
 
 @inlined
 def aba_derivatives(
-    bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, D: Any, pivots: Any, a: Any, R: Any
+    bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, D: Any, pivots: Any, a: Any, inverse: Any
 ) -> None:
     """-M⁻¹ ∂τ/∂q, -M⁻¹ ∂τ/∂v and M⁻¹ at the acceleration that tau causes; fext may be None, for zero.
 
-    a (nv), R (nv, nv), written: that acceleration, and ∂τ/∂v
+    a (nv), inverse (nv, nv), written: that acceleration and M⁻¹
     """
     n = len(bodies) - 1
     aba(bodies, work, q, v, tau, fext, a, pivots)
+    inverse_columns(bodies, work, inverse)
     rnea_derivatives(bodies, work, q, v, a, fext, D)
-    minverse(bodies, work, q, D[2], pivots)  # M is not needed
     for k in range(2):
+        by = D[2]  # M is not needed
         for i in range(n):
             for j in range(n):
-                R[i, j] = D[k, i, j]
+                by[i, j] = D[k, i, j]
                 D[k, i, j] = 0.0
         for m in range(1, n + 1):
             root = m
             while bodies[root].parent > 0:
                 root = bodies[root].parent
-            row = R[m - 1, root - 1 : bodies[m].last]  # of rows that carry m, and that it carries; a view from 0 on
+            row = by[m - 1, root - 1 : bodies[m].last]  # of rows that carry m, and that it carries; a view from 0 on
             for i in range(root, bodies[root].last + 1):  # becomes SIMD code
-                x, out = D[2, i - 1, m - 1], D[k, i - 1, root - 1 : bodies[m].last]
+                x, out = inverse[i - 1, m - 1], D[k, i - 1, root - 1 : bodies[m].last]
                 for j in range(len(row)):
                     out[j] = out[j] - x * row[j]
+    for i in range(n):
+        for j in range(n):
+            D[2, i, j] = inverse[i, j]
 
 
 _SOURCE = "Singh, Russell, Wensing, Efficient analytical derivatives of rigid-body dynamics (2022)."
@@ -265,7 +269,9 @@ SPECS = (
             "da", (3, "nv", "nv"), "1/s² | 1/(m s²) | m/s²; 1/s | 1/(m s) | m/s; 1/(kg m²) | 1/(kg m) | 1/kg",
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
         ),
-        "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.",
+        "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
+        "    A program of them grows with the cube of nv: of more than 25, batches run sample by sample unless\n"
+        "    ``specialize`` is asked for one, which is several times faster and takes half a minute to compile.",
         _SOURCE, pivots=True, regroup=True, terms=("nv",) * 3, spare=(("nv",), ("nv", "nv")),
     ),
     Spec(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,59 @@ def test_results_are_copies() -> None:
     ours.computeRNEADerivatives(model, data, q, 2 * v, v)
     np.testing.assert_array_equal(by_q, kept)
     assert data.M.any()
+
+
+STEP = 1e-5  # of central differences of sixth order, off by its sixth power and by eps over it
+DIFFERENCES = 1e-9  # of the largest entry
+
+
+def by_differences(call: Any, model: Any, q: np.ndarray) -> np.ndarray:
+    """∂/∂q along integrate, (..., nv)."""
+    columns = []
+    for e in np.eye(model.nv):
+        at = [call(ours.integrate(model, q, k * STEP * e)) for k in (1, -1, 2, -2, 3, -3)]
+        columns.append((45 * (at[0] - at[1]) - 9 * (at[2] - at[3]) + (at[4] - at[5])) / (60 * STEP))
+    return np.stack(columns, -1)
+
+
+def of_turning_axes() -> Any:
+    """A model of joints whose axes turn with their own coordinates, and of a spherical and a planar one."""
+    model, rng = ours.Model(), np.random.default_rng(5)
+    composite = ours.JointModelComposite(ours.JointModelRX())
+    composite.addJoint(ours.JointModelPY(), ours.SE3(ours.exp3(rng.normal(size=3)), rng.normal(size=3)))
+    kinds = [
+        ours.JointModelRZ(), ours.JointModelSphericalZYX(), composite, ours.JointModelSpherical(),
+        ours.JointModelUniversal(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8])), ours.JointModelPlanar(),
+    ]  # fmt: skip
+    for k, kind in enumerate(kinds):
+        place = ours.SE3(ours.exp3(rng.normal(size=3)), rng.normal(size=3))
+        joint = model.addJoint(k, kind, place, f"joint{k}")
+        model.appendBodyToJoint(joint, ours.Inertia(1.0 + k, rng.normal(size=3), np.diag([0.1, 0.2, 0.25])), place)
+    return model
+
+
+def test_derivatives_are_those_of_the_calls_where_the_wheels_are_not() -> None:
+    model = of_turning_axes()
+    data, rng = model.createData(), np.random.default_rng(0)
+    q = ours.integrate(model, ours.neutral(model), rng.normal(size=model.nv))
+    v, a = rng.normal(size=(2, model.nv))
+
+    def near(x: np.ndarray, y: np.ndarray) -> bool:
+        return bool(abs(x - y).max() <= DIFFERENCES * abs(y).max())
+
+    by_q, by_v, M = ours.computeRNEADerivatives(model, data, q, v, a)
+    assert near(by_q, by_differences(lambda x: ours.rnea(model, data, x, v, a), model, q))
+    assert near(by_v @ v, 2.0 * (ours.nle(model, data, q, v) - ours.computeGeneralizedGravity(model, data, q)))
+    assert near(M, ours.crba(model, data, q))
+
+    def acceleration(x: np.ndarray, frame: Any) -> np.ndarray:
+        ours.forwardKinematics(model, data, x, v, a)
+        return np.array(ours.getAcceleration(model, data, model.njoints - 1, frame).vector)
+
+    for frame in (ours.LOCAL, ours.WORLD):
+        ours.computeForwardKinematicsDerivatives(model, data, q, v, a)
+        found = ours.getJointAccelerationDerivatives(model, data, model.njoints - 1, frame)
+        assert near(found[1], by_differences(lambda x, frame=frame: acceleration(x, frame), model, q))
 
 
 def test_what_has_to_come_before_is_asked_for() -> None:

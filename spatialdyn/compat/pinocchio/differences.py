@@ -156,6 +156,22 @@ DIFFERENCES = (
     Difference("pickling Quaternion, AngleAxis, Symmetric3", "refused", "works"),
     Difference("rpy.matrixToRpy at a right angle of pitch", "some roll and yaw that fit", "roll 0"),
     Difference("operations of a LieGroup on arrays of a wrong size", "memory is overwritten", "ShapeError"),
+    Difference(
+        "derivatives of models with composite or universal joints or ZYX angles",
+        "wrong by what their axes turn",
+        "right",
+    ),
+    Difference(
+        "getJointAccelerationDerivatives, getFrameAccelerationDerivatives by q in WORLD, of what spherical and planar "
+        "joints carry that hang on others",
+        "not the derivatives of its own accelerations",
+        "those",
+    ),
+    Difference(
+        "derivatives of frames, centroidal dynamics and centres of mass without the call that has to come before",
+        "zeros, or what was before",
+        "an error that names the call",
+    ),
     Difference("utils.mprint", "prints", "NotImplementedError; nothing here writes to the terminal"),
     Difference("Random, setRandom, sample models", "Eigen's random numbers", "NumPy's; pin.seed starts them"),
 )
