@@ -32,6 +32,11 @@ def test_what_is_supported_is_there_and_what_is_out_of_scope_is_not() -> None:
         assert (name in vars(face)) == (x.status != OUT_OF_SCOPE), name
 
 
+def test_a_star_import_brings_every_supported_name() -> None:
+    there = {x.name for x in face.coverage().values() if x.status != OUT_OF_SCOPE}
+    assert {*face.__all__} - {"coverage", "differences"} == there
+
+
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
     for name in ("computeCollisions", "GeometryObject", "constraintDynamics", "buildModelFromMJCF"):
         with pytest.raises(NotImplementedError, match=rf"pinocchio\.{name} is not supported: .*: "):
