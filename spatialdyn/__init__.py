@@ -16,10 +16,12 @@ from __future__ import annotations
 
 from . import dynamics as _dynamics
 from .builder import ModelBuilder
+from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
 from .dynamics import *
 from .engines.jit import kernels
 from .errors import (
     ConfigurationError,
+    ConstraintError,
     InertiaError,
     ModelError,
     NonFiniteError,
@@ -52,11 +54,12 @@ from .validate import compare_with_pinocchio
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Diagnosis", "Exact", "Finding", "Frame", "InertiaError", "Joint", "Model",
-    "ModelBuilder", "ModelError", "NonFiniteError", "Option", "PD", "Recommendation", "Robot", "Rollout", "ShapeError",
-    "SimulationError", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError",
-    "assemble", "check_conservation", "compare_with_pinocchio", "conserved_quantities", "diagnose", "exact",
-    "forward_dynamics", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "integrators", "kernels", "load_urdf", "poisson_bracket", "random_configuration", "recommend", "rollout",
-    "simplify", "simulate", "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "wrench_at",
+    "ChristoffelC", "ConfigurationError", "Constrained", "ConstraintError", "Diagnosis", "Exact", "Finding", "Frame",
+    "Impact", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError", "Option", "PD",
+    "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
+    "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "assemble", "check_conservation",
+    "compare_with_pinocchio", "conserved_quantities", "constrained_dynamics", "diagnose", "exact", "forward_dynamics",
+    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "integrators",
+    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "recommend", "rollout", "simplify", "simulate",
+    "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip

@@ -1,7 +1,8 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
 ``check ROBOT``, ``trade ROBOT``, ``port SCRIPT``.
 
-Exit status: 0 all is well, 1 disagreement with Pinocchio, 2 bad input, which is said on stderr in one line.
+Exit status: 0 all is well, 1 disagreement with Pinocchio, or a script uses what is not there, 2 bad input, which is
+said on stderr in one line.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ __all__ = [
     "aba_derivatives",
     "aba_refined",
     "aba_square_root",
+    "body_regressor",
     "center_of_mass",
     "center_of_mass_acceleration",
     "center_of_mass_velocity",
@@ -45,6 +46,7 @@ __all__ = [
     "generalized_gravity_derivatives",
     "hamilton_field",
     "hamiltonian",
+    "inertial_parameters",
     "integrate",
     "interpolate",
     "jacobian_dot_times_v",
@@ -52,8 +54,10 @@ __all__ = [
     "joint_forces",
     "joint_jacobians",
     "joint_jacobians_dot",
+    "joint_torque_regressor",
     "joint_velocities",
     "kinetic_energy",
+    "kinetic_energy_regressor",
     "mass_matrix_derivatives",
     "mass_matrix_dot",
     "minverse",
@@ -64,9 +68,11 @@ __all__ = [
     "nonlinear_effects",
     "normalize",
     "potential_energy",
+    "potential_energy_regressor",
     "rnea",
     "rnea_derivatives",
     "set_num_threads",
+    "static_regressor",
     "static_torque",
     "static_torque_derivatives",
     "subtree_centers_of_mass",
@@ -184,6 +190,16 @@ def joint_forces(
 def aba_refined(
     model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, fext: ArrayLike | None = ..., out: Array | None = ...
 ) -> Array: ...
+def inertial_parameters(model: Model, out: Array | None = ...) -> Array: ...
+def joint_torque_regressor(
+    model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = ...
+) -> Array: ...
+def body_regressor(
+    model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, frame: str | Frame, out: Array | None = ...
+) -> Array: ...
+def kinetic_energy_regressor(model: Model, q: ArrayLike, v: ArrayLike, out: Array | None = ...) -> Array: ...
+def potential_energy_regressor(model: Model, q: ArrayLike, out: Array | None = ...) -> Array: ...
+def static_regressor(model: Model, q: ArrayLike, out: Array | None = ...) -> Array: ...
 def rnea(
     model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, fext: ArrayLike | None = ..., out: Array | None = ...
 ) -> Array: ...

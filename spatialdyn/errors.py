@@ -29,6 +29,10 @@ class ConfigurationError(SpatialDynError):
     """A quaternion or (cos, sin) pair that is not of unit norm; ``sd.normalize`` is the cure."""
 
 
+class ConstraintError(SpatialDynError):
+    """Constraints that do not determine their forces, or a number that no contact has."""
+
+
 class NonFiniteError(SpatialDynError):
     """Finite input whose result is not finite."""
 

@@ -202,6 +202,21 @@ def public_force(out: Any, f: Force) -> None:
 
 
 @inlined
+def public_inertia(out: Any, I: Inertia) -> None:
+    """Write ten numbers to a public array (10,): m, h, and of Ī xx xy yy xz yz zz."""
+    out[0] = I.m
+    out[1] = I.h.x
+    out[2] = I.h.y
+    out[3] = I.h.z
+    out[4] = I.I.xx
+    out[5] = I.I.xy
+    out[6] = I.I.yy
+    out[7] = I.I.xz
+    out[8] = I.I.yz
+    out[9] = I.I.zz
+
+
+@inlined
 def force_from(a: Any) -> Force:
     """Read a force from a public array (6,): linear first."""
     return Force(Vec(a[3], a[4], a[5]), Vec(a[0], a[1], a[2]))

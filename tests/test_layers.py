@@ -53,7 +53,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "truth": ("choices",),
     "lagrangian": ("states", "specialize"),
     "states": ("dynamics",),
-    "simulation": ("lagrangian",),
+    "constraints": ("dynamics",),
+    "simulation": ("lagrangian", "constraints"),
     "trade": ("simulation", "forward", "truth"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
@@ -72,8 +73,8 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 
 # what recursions import of their own room
 SHARED = {
-    "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "centroidal", "derivatives",
-    "kinematics",
+    "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal",
+    "factor", "derivatives",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script

@@ -1,46 +1,66 @@
-"""``spatialdyn port SCRIPT``: what a script uses of Pinocchio, and whether ``spatialdyn.compat.pinocchio`` has it."""
+"""``spatialdyn port SCRIPT.py``: which of Pinocchio's names a script uses, and which of them are to be had here."""
 
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from ..compat.pinocchio.coverage import DIFFERENT, SUPPORTED
+from ..compat.pinocchio.porting import Use, uses
 from ..errors import SpatialDynError
 from .printing import Column, print_table
 
-MOST = 6  # lines of a script that are named
+CHANGE = "import spatialdyn.compat.pinocchio as pin"
+SHOWN = 6  # lines of the script named for one name
 
 
 def add(commands: Any) -> None:
     """Register the command with what argparse's ``add_subparsers`` has given."""
-    parser = commands.add_parser("port", help="what a script uses of Pinocchio, and what of it is here")
-    parser.add_argument("script", metavar="SCRIPT", help="path of a Python script; it is read, not run")
+    parser = commands.add_parser("port", help="which of Pinocchio's names a script uses, and what is here for them")
+    parser.add_argument("script", nargs="+", help="a Python file")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """1 if something is missing, else 0. Raises SpatialDynError for a file that is no script."""
-    from ..compat.pinocchio.port import FACE, uses
+    """1 if a script uses a name that is not here, else 0."""
+    found = {script: _uses_of(script) for script in arguments.script}
+    if arguments.json:
+        print(json.dumps({script: [use._asdict() for use in used] for script, used in found.items()}, indent=2))
+    else:
+        for script, used in found.items():
+            _print(script, used)
+    return int(any(_missing(use) for used in found.values() for use in used))
 
-    path = Path(arguments.script)
+
+def _uses_of(script: str) -> list[Use]:
     try:
-        script = path.read_text(encoding="utf-8")
+        return uses(Path(script).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"{path} cannot be read ({error}), expected a Python script") from None
-    found = uses(script, path.name)
-    if not found:
-        print(f"{path.name} uses nothing of pinocchio")
-        return 0
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
+        raise SpatialDynError(f'script "{script}": {reason}, expected a Python file') from None
+    except SpatialDynError as error:
+        raise SpatialDynError(f'script "{script}": {error}') from None
+
+
+def _missing(use: Use) -> bool:
+    return use.status not in (SUPPORTED, DIFFERENT)
+
+
+def _print(script: str, used: list[Use]) -> None:
+    if not used:
+        print(f"{script}: uses nothing of Pinocchio")
+        return
     rows = []
-    for use in found:
-        lines = ", ".join(map(str, use.lines[:MOST])) + (" ..." if len(use.lines) > MOST else "")
+    for use in used:
+        lines = ", ".join(map(str, use.lines[:SHOWN])) + (", ..." if len(use.lines) > SHOWN else "")
         rows.append((use.name, use.status, lines, use.note))
-    missing = [k for k, use in enumerate(found) if use.status == "out of scope"]
-    print_table([Column("name"), Column("status"), Column("lines"), Column("note")], rows, bad=missing)
-    counts = Counter(use.status for use in found)
-    print(", ".join(f"{n} {status}" for status, n in counts.items()))
-    if not missing:
-        print(f"change the import to: import {FACE} as pin")
-    return 1 if missing else 0
+    columns = (Column("name"), Column("status"), Column("lines"), Column("note"))
+    print_table(columns, rows, [k for k, use in enumerate(used) if _missing(use)])
+    counts = Counter("missing" if _missing(use) else use.status for use in used)
+    print(f"{script}: {', '.join(f'{n} {what}' for what, n in counts.items())}")
+    if not counts["missing"]:
+        print(f"change one line: {CHANGE}")

@@ -55,13 +55,26 @@ def factor_tree(bodies: Any, M: Any) -> None:
 @inlined
 def solve_tree(bodies: Any, L: Any, x: Any) -> None:
     """x = (LᵀD L)⁻¹ x in place."""
+    solve_inward(bodies, L, x)
+    for i in range(len(bodies) - 1):
+        x[i] = x[i] / L[i, i]
+    solve_outward(bodies, L, x)
+
+
+@inlined
+def solve_inward(bodies: Any, L: Any, x: Any) -> None:
+    """x = L⁻ᵀ x in place."""
     for i in range(len(bodies) - 1, 0, -1):
         j = bodies[i].parent
         while j > 0:
             x[j - 1] = x[j - 1] - L[i - 1, j - 1] * x[i - 1]
             j = bodies[j].parent
+
+
+@inlined
+def solve_outward(bodies: Any, L: Any, x: Any) -> None:
+    """x = L⁻¹ x in place."""
     for i in range(1, len(bodies)):
-        x[i - 1] = x[i - 1] / L[i - 1, i - 1]
         j = bodies[i].parent
         while j > 0:
             x[i - 1] = x[i - 1] - L[i - 1, j - 1] * x[j - 1]

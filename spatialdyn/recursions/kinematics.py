@@ -140,12 +140,10 @@ def frame_velocity(bodies: Any, work: Any, q: Any, v: Any, row: int, placement: 
 
 
 @inlined
-def frame_acceleration(
-    bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any, reference: int, classical: int, out: Any
-) -> None:
-    """d/dt of the frame's velocity in its own coordinates: Σ S a - u × S v, u the frame's velocity seen from the row.
+def carried(bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any) -> tuple[Pose, Motion, Motion]:
+    """Pose of the frame in the world, and its velocity and spatial acceleration in its own coordinates.
 
-    A spatial acceleration, unless ``classical``: then ω × v is added to its linear part. a may be None, for zero.
+    The acceleration is Σ S a - u × S v, u the frame's velocity seen from the row. a may be None, for zero.
     """
     X = pose_from(placement)
     seen = zero_motion()
@@ -160,6 +158,18 @@ def frame_acceleration(
         place_joint(bodies, i, q, work[i].X)
         X = compose(pose_of(work[i].X), X)
         i = bodies[i].parent
+    return X, seen, total
+
+
+@inlined
+def frame_acceleration(
+    bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any, reference: int, classical: int, out: Any
+) -> None:
+    """d/dt of the frame's velocity in its own coordinates.
+
+    A spatial acceleration, unless ``classical``: then ω × v is added to its linear part. a may be None, for zero.
+    """
+    X, seen, total = carried(bodies, work, q, v, a, row, placement)
     total = referred(X, total, reference)
     if classical == 1:
         u = referred(X, seen, reference)

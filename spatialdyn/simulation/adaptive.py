@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
 from ..dynamics import calls
 from ..engines import jit
+from ..engines.small import kernel
 from ..errors import NonFiniteError, SimulationError, SpatialDynError
 from ..recursions.configuration import twist
 from ..recursions.lie import Quat, matrix, product
 from ..scalars import cos, inlined, sin
 from ..spatial import rotate
-from .compiled import kernel
 from .recorder import Recorder
 from .torques import Torque
 

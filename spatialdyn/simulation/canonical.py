@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 from numba.extending import register_jitable
 
 from ..engines import jit
+from ..engines.small import kernel
 from ..recursions import SPECS
 from ..recursions.checks import EPS
 from .charts import chart_rate, enter, leave, recentre
-from .compiled import kernel
 from .system import NONFINITE, STALLED, TORQUE, State, System, copy, note
 
 ROWS = 13

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from ..bodies import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
 from ..engines import jit
+from ..engines.small import kernel
 from ..recursions import SPECS
 from ..recursions.checks import all_finite
 from ..recursions.configuration import put_twist, twist
@@ -21,7 +22,6 @@ from ..spatial import (
     plus,
     rotate,
 )
-from .compiled import kernel
 from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 
 HALF_TURN = 9.8696  # π² [rad²]

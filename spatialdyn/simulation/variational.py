@@ -27,6 +27,7 @@ from numba.extending import register_jitable
 
 from ..bodies import FOLLOW
 from ..engines import jit
+from ..engines.small import kernel
 from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
 from ..recursions.joints import joint_motion, place_joint
@@ -59,7 +60,6 @@ from ..tables import (
     vec_of,
 )
 from .canonical import LARGEST, SLOW, SWEEPS, quicken, relative, settled
-from .compiled import kernel
 from .system import OK, TURNED, State, System, copy, note
 
 ROWS = 18

@@ -1,4 +1,4 @@
-"""What Pinocchio has no call for, of calls that it has: functions of (pin, model, data, inputs...)."""
+"""What Pinocchio has no call for, or in another shape, of calls that it has: functions of (pin, model, data, ...)."""
 
 from __future__ import annotations
 
@@ -46,6 +46,39 @@ def mass_matrix_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array) ->
     """Γ_ijk + Γ_jik."""
     symbols = christoffel_symbols_by_pin(pin, model, data, q)
     return symbols + symbols.transpose(1, 0, 2)
+
+
+def inertial_parameters_by_pin(pin: Any, model: Any, data: Any) -> Array:
+    """Of each joint's inertia; the world's is 0, whatever hangs on it."""
+    return np.array([np.zeros(10), *(inertia.toDynamicParameters() for inertia in list(model.inertias)[1:])])
+
+
+def joint_torque_regressor_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array, a: Array) -> Array:
+    """Columns by joint, those of the world 0."""
+    return _by_joint(model, 10, pin.computeJointTorqueRegressor(model, data, q, v, a))
+
+
+def kinetic_energy_regressor_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
+    """Entries by joint, those of the world 0."""
+    return _by_joint(model, 10, pin.computeKineticEnergyRegressor(model, data, q, v))
+
+
+def potential_energy_regressor_by_pin(pin: Any, model: Any, data: Any, q: Array) -> Array:
+    """Entries by joint, those of the world 0."""
+    return _by_joint(model, 10, pin.computePotentialEnergyRegressor(model, data, q))
+
+
+def static_regressor_by_pin(pin: Any, model: Any, data: Any, q: Array) -> Array:
+    """Columns by joint, those of the world 0."""
+    return _by_joint(model, 4, pin.computeStaticRegressor(model, data, q))
+
+
+def _by_joint(model: Any, parameters: int, found: Any) -> Array:
+    """Regressors (..., n parameters) of the joints below the world as (..., njoints, parameters)."""
+    found = np.array(found, float)
+    rows = found.shape[:-1] if found.shape[-1:] == (parameters * (model.njoints - 1),) else (found.shape[0],)
+    parts = found.reshape((*rows, model.njoints - 1, parameters))
+    return np.concatenate([np.zeros((*rows, 1, parameters)), parts], axis=-2)
 
 
 def center_of_mass_velocity_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:

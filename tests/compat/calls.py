@@ -194,6 +194,41 @@ CALLS = (
         "pin.rnea(model, data, q, v, a); pin.forwardKinematics(model, data, q, v, a); "
         "[pin.computeSupportedForceByFrame(model, data, k) for k in carried]"
     ),
+    # --- regressors
+    Row("pin.computeJointTorqueRegressor(model, data, q, v, a)", "jointTorqueRegressor v a_gf liMi"),
+    Row("pin.computeStaticRegressor(model, data, q)", "staticRegressor oMi liMi", mass=True),
+    Row("pin.computeKineticEnergyRegressor(model, data, q, v)", "kineticEnergyRegressor v oMi liMi"),
+    Row("pin.computePotentialEnergyRegressor(model, data, q)", "potentialEnergyRegressor oMi liMi"),
+    Row("pin.rnea(model, data, q, v, a); [pin.jointBodyRegressor(model, data, k) for k in joints]"),
+    # of frames in the world Pinocchio reads a_gf[0], which rnea does not write
+    Row(
+        "pin.rnea(model, data, q, v, a); "
+        "[pin.frameBodyRegressor(model, data, k) for k in frames if model.frames[k].parentJoint]"
+    ),
+    # --- contacts; of M Pinocchio fills the upper triangle, of com and mass the robot's entry
+    Row(
+        "pin.forwardDynamics(model, data, q, v, tau, J, gamma, 1e-6)",
+        "Ag D Ig J Jcom U a a_gf com dAg dJ ddq dhg f g h hg kinetic_energy lambda_c liMi mass mechanical_energy nle "
+        "oMi oYcrb ov potential_energy v vcom",
+        "M", solves=True, mass=True,
+    ),
+    Row(
+        "pin.computeAllTerms(model, data, q, v); pin.forwardDynamics(model, data, tau, J, gamma, 1e-6)",
+        "D U ddq lambda_c", solves=True, mass=True,
+    ),
+    Row(
+        "pin.impulseDynamics(model, data, q, v, J, 0.5, 1e-6)", f"{MAP} D U dq_after impulse_c", "M com mass",
+        solves=True, mass=True,
+    ),
+    Row(
+        "pin.computeKKTContactDynamicMatrixInverse(model, data, q, J, 1e-3)", f"{MAP} D U", "M com mass",
+        solves=True, mass=True,
+    ),
+    Row("pin.crba(model, data, q); pin.cholesky.decompose(model, data)", "D U", solves=True),
+    *(
+        Row(f"pin.crba(model, data, q); pin.cholesky.decompose(model, data); pin.cholesky.{text}", fields, solves=True)
+        for text, fields in (("solve(model, data, tau)", ""), ("computeMinv(model, data)", "Minv"))
+    ),
     # --- derivatives; forces, momenta and inertias of subtrees are intermediate results in Pinocchio
     Row("pin.computeRNEADerivatives(model, data, q, v, a)", f"{TORQUE} {SWEPT}", f"oh {SCRATCHED}", bound=DERIVED),
     Row(

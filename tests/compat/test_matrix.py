@@ -76,6 +76,7 @@ class Side:
             "carried": [k for k in some(model.nframes) if model.frames[k].parentJoint],
             "heavy": [k for k in some(model.njoints) if sum(masses[i] for i in [*model.subtrees[k]] if i) > 0.0],
             "both": (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED),
+            "J": rng.normal(size=(min(3, model.nv), model.nv)), "gamma": rng.normal(size=min(3, model.nv)),
         }  # fmt: skip
 
     def run(self, row: Row, data: Any, **values: Any) -> Any:

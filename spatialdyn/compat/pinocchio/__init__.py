@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from . import explog, liegroups, linalg, rpy, utils
+from . import cholesky, explog, liegroups, linalg, robot_wrapper, rpy, shortcuts, utils
 from .builders import buildModelFromUrdf, buildModelFromXML
 from .centroidal import (
     ccrba,
@@ -43,6 +43,12 @@ from .configuration import (
     randomConfiguration,
     squaredDistance,
 )
+from .contact import (
+    computeKKTContactDynamicMatrixInverse,
+    forwardDynamics,
+    getKKTContactDynamicMatrixInverse,
+    impulseDynamics,
+)
 from .containers import (
     StdMap_String_VectorXd,
     StdVec_Bool,
@@ -68,7 +74,7 @@ from .containers import (
     StdVec_Vec3s,
     StdVec_Vector3,
 )
-from .coverage import absent, coverage
+from .coverage import coverage, missing
 from .data import Data
 from .derivatives import (
     computeABADerivatives,
@@ -197,17 +203,22 @@ from .kinematics import (
     updateFramePlacements,
     updateGlobalPlacements,
 )
-from .liegroups import (
-    LieGroup,
-    findCommonAncestor,
-    getTangentToConfigurationSparsitySegment,
-    lieGroup,
-)
+from .liegroups import LieGroup, findCommonAncestor, getTangentToConfigurationSparsitySegment, lieGroup
 from .linalg import isOrthonormal, orthogonalization, orthonormalization
 from .model import Model
 from .motion import Force, Motion
+from .parallel import ModelPool, abaInParallel, omp_get_max_threads, rneaInParallel
 from .pseudo import LogCholeskyParameters, PseudoInertia
 from .rebuilt import appendModel, buildReducedModel, transformJointIntoMimic
+from .regressors import (
+    bodyRegressor,
+    computeJointTorqueRegressor,
+    computeKineticEnergyRegressor,
+    computePotentialEnergyRegressor,
+    computeStaticRegressor,
+    frameBodyRegressor,
+    jointBodyRegressor,
+)
 from .robot_wrapper import RobotWrapper
 from .rotations import AngleAxis, Quaternion, XAxis, YAxis, ZAxis, skew, skewSquare, unSkew
 from .samples import buildSampleModelHumanoid, buildSampleModelHumanoidRandom, buildSampleModelManipulator
@@ -303,6 +314,7 @@ __all__ = [
     "LieGroup",
     "LogCholeskyParameters",
     "Model",
+    "ModelPool",
     "Motion",
     "PseudoInertia",
     "Quaternion",
@@ -340,7 +352,9 @@ __all__ = [
     "YAxis",
     "ZAxis",
     "aba",
+    "abaInParallel",
     "appendModel",
+    "bodyRegressor",
     "buildModelFromUrdf",
     "buildModelFromXML",
     "buildModelsFromUrdf",
@@ -351,24 +365,36 @@ __all__ = [
     "ccrba",
     "centerOfMass",
     "checkVersionAtLeast",
+    "cholesky",
     "classicAcceleration",
     "compactTangentMap",
+    "computeABADerivatives",
     "computeAllTerms",
+    "computeCentroidalDynamicsDerivatives",
     "computeCentroidalMap",
     "computeCentroidalMapTimeVariation",
     "computeCentroidalMomentum",
     "computeCentroidalMomentumTimeVariation",
     "computeCoriolisMatrix",
+    "computeForwardKinematicsDerivatives",
     "computeFrameJacobian",
     "computeGeneralizedGravity",
+    "computeGeneralizedGravityDerivatives",
     "computeJointJacobian",
     "computeJointJacobians",
     "computeJointJacobiansTimeVariation",
+    "computeJointTorqueRegressor",
+    "computeKKTContactDynamicMatrixInverse",
     "computeKineticEnergy",
+    "computeKineticEnergyRegressor",
     "computeMechanicalEnergy",
     "computeMinverse",
     "computePotentialEnergy",
+    "computePotentialEnergyRegressor",
+    "computeRNEADerivatives",
+    "computeStaticRegressor",
     "computeStaticTorque",
+    "computeStaticTorqueDerivatives",
     "computeSubtreeMasses",
     "computeSupportedForceByFrame",
     "computeSupportedInertiaByFrame",
@@ -390,22 +416,34 @@ __all__ = [
     "exp6_quat",
     "explog",
     "findCommonAncestor",
+    "forwardDynamics",
     "forwardKinematics",
+    "frameBodyRegressor",
     "frameJacobianTimeVariation",
     "framesForwardKinematics",
     "getAcceleration",
+    "getCenterOfMassVelocityDerivatives",
+    "getCentroidalDynamicsDerivatives",
     "getClassicalAcceleration",
     "getCoriolisMatrix",
     "getFrameAcceleration",
+    "getFrameAccelerationDerivatives",
     "getFrameClassicalAcceleration",
     "getFrameJacobian",
     "getFrameJacobianTimeVariation",
     "getFrameVelocity",
+    "getFrameVelocityDerivatives",
     "getJacobianSubtreeCenterOfMass",
+    "getJointAccelerationDerivatives",
     "getJointJacobian",
     "getJointJacobianTimeVariation",
+    "getJointVelocityDerivatives",
+    "getKKTContactDynamicMatrixInverse",
+    "getPointClassicAccelerationDerivatives",
+    "getPointVelocityDerivatives",
     "getTangentToConfigurationSparsitySegment",
     "getVelocity",
+    "impulseDynamics",
     "integrate",
     "interpolate",
     "isNormalized",
@@ -413,6 +451,7 @@ __all__ = [
     "isSameConfiguration",
     "jacobianCenterOfMass",
     "jacobianSubtreeCenterOfMass",
+    "jointBodyRegressor",
     "lieGroup",
     "liegroups",
     "linalg",
@@ -427,13 +466,17 @@ __all__ = [
     "nle",
     "nonLinearEffects",
     "normalize",
+    "omp_get_max_threads",
     "orthogonalization",
     "orthonormalization",
     "printVersion",
     "randomConfiguration",
     "rnea",
+    "rneaInParallel",
+    "robot_wrapper",
     "rpy",
     "seed",
+    "shortcuts",
     "skew",
     "skewSquare",
     "squaredDistance",
@@ -452,4 +495,4 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         """Say what to use instead of a name that Pinocchio has and this face has not."""
-        raise absent(name)
+        return missing(name)

@@ -1,97 +1,166 @@
-"""Which of Pinocchio's names this face has, and what to use instead of the others."""
+"""What of Pinocchio the face has: every public name is supported, supported with a difference, or out of scope.
+
+A name that is out of scope raises ``OutOfScopeError``, a NotImplementedError that says what to use instead; nothing is
+silently missing. ``coverage()`` lists them all.
+"""
 
 from __future__ import annotations
 
+import difflib
+import importlib
 import re
-import sys
-from typing import NamedTuple
+import types
+from fnmatch import fnmatchcase
+from functools import cache
+from typing import Any, NamedTuple
 
+from ...errors import SpatialDynError
 from .differences import DIFFERENCES
 from .names import NAMES
 
-SUPPORTED, DIFFERENT, MISSING = "supported", "different", "out of scope"
-COLLISIONS = "geometry and collisions are out of scope; coal, trimesh or pinocchio itself have them"
-CONSTRAINTS = (
-    "constraint models and their solvers are out of scope; spatialdyn.crba, nonlinear_effects and frame Jacobians give "
-    "the KKT system of a contact"
+SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a difference", "out of scope", "unknown"
+
+_GEOMETRY = "geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements"
+_CONSTRAINTS = (
+    "constraint solvers: forwardDynamics or impulseDynamics with the constraints' Jacobian, "
+    "computeKKTContactDynamicMatrixInverse for the matrix"
 )
-# names of one kind, and what to do without them; the first that matches counts
-INSTEAD = (
-    (r"Mjcf|MJCF|Sdf", "MJCF and SDF are out of scope; convert the file to URDF"),
-    (r"coal|hppfcl|Collision|Distance|Geom|BroadPhase|Mesh|ContactPatch|BodyRadius|\bContact$|_Contact$", COLLISIONS),
+_MJCF = "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF"
+_HELICAL = "a joint that URDF does not have: JointModelComposite of those there are"
+_NOT_ITS = "a module that the wheel happens to show: import it by its own name"
+_CONTAINER = "a container of C++: a list or dict of Python"
+
+INSTEAD: tuple[tuple[str, str], ...] = (
     (
-        r"JointModelH|JointModelEllipsoid",
-        "helical and ellipsoid joints are out of scope; a rotation and a translation that mimics it are a screw",
+        "ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDelassusMatrix computeDampedDelassusMatrixInverse",
+        _CONSTRAINTS,
     ),
-    (r"StdVec_(Data|Model)$", "a list holds several"),
-    (r"KinematicHessian", "kinematic Hessians are out of scope; difference the Jacobians along integrate"),
-    (r"MinimalOrdering|graph", "joint order is that of the model; appendModel and addJoint build trees"),
-    (r"PhysicsMaterial|ICE|METAL|PLASTIC|WOOD|CONCRETE|FrictionCoefficient", "materials are out of scope"),
+    ("Constraint* Contact Contact?* *ConstraintModel *ConstraintData", _CONSTRAINTS),
+    ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* RigidConstraint* Baumgarte*", _CONSTRAINTS),
     (
-        r"Constraint|Contact|Cone|ADMM|PGS|Delassus|Friction|Baumgarte|BoxSet|Proximal|Lanczos|Tridiagonal|lcaba|KKT"
-        r"|(forward|impulse|Impulse|constraint)Dynamics|contactInverse|AUTOMATIC|CONSTANT|LINEAR|MANUAL|OSQP|SPECTRAL",
-        CONSTRAINTS,
+        "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone",
+        _CONSTRAINTS,
     ),
-    (r"JointData|StdVec_Joint", "joint.createData() makes the JointData of any joint; a list holds several"),
-    (
-        r"RNEADerivatives|ABADerivatives|Derivatives$",
-        "derivatives are not in this face yet; difference the calls along integrate",
-    ),
-    (r"Regressor", "regressors are not in this face yet; results are linear in masses, first moments and inertias"),
-    (
-        r"InParallel|ModelPool|omp_get|sharedMemory|cholesky",
-        "spatialdyn's own calls take batches and share them between threads: spatialdyn.rnea with q (n, nq)",
-    ),
-    (r"serialization", "a Model has saveToText, saveToXML, saveToBinary and pickles"),
-    (r"Exception", "errors are spatialdyn.SpatialDynError, a ValueError"),
-    (
-        r"boost_type|std_type|DeprecatedBool|LogLevel|deprecated|inspect|numpy|^pin$|pywrap|shortcuts|^sys$|module_info"
-        r"|submodules|map_indexing",
-        "it belongs to the binding of Pinocchio, not to its functions",
-    ),
+    ("NonNegativeOrthantCone ProximalSettings constraintDynamics initConstraintDynamics lcaba", _CONSTRAINTS),
+    ("computeConstraintDynamicsDerivatives computeImpulseDynamicsDerivatives contactInverseDynamics", _CONSTRAINTS),
+    ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel getConstraint*", _CONSTRAINTS),
+    ("computeJointMinimalOrdering StdVec_Contact", _CONSTRAINTS),
+    ("buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*", _MJCF),
+    ("JointModelH? JointDataH? JointModelHelical* JointDataHelical* JointModelEllipsoid JointDataEllipsoid", _HELICAL),
+    ("BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Collision* Distance*", _GEOMETRY),
+    ("StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* Compute*", _GEOMETRY),
+    ("GeometryObject GeometryData GeometryNo* GeometryPhong* GeometryPool Mesh* CachedMeshLoader Physics*", _GEOMETRY),
+    ("buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
+    ("computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision*", _GEOMETRY),
+    ("updateGeometryPlacements coal hppfcl", _GEOMETRY),
+    ("*KinematicHessian *KinematicHessians", "second derivatives of kinematics: differences of getJointJacobian"),
+    ("*KinematicRegressor", "regressors of placement errors: columns of getJointJacobian, moved by SE3.actInv"),
+    ("CONCRETE ICE METAL PLASTIC WOOD", _GEOMETRY),
+    ("AUTOMATIC MANUAL CONSTANT LINEAR OSQP SPECTRAL", _CONSTRAINTS),
+    ("JointData?*", "one class of joint data for all kinds: JointData"),
+    ("StdVec_Data StdVec_Model StdVec_JointDataVector StdVec_JointModelVector", _CONTAINER),
+    ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
+    ("sharedMemory", "a switch for the binding's arrays: results are copies, fields of Data live"),
+    ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
+    ("visualize", "viewers: spatialdyn.simulate gives a Trajectory, MeshCat or viser draw it"),
+    ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
+    ("romeo_wrapper windows_dll_manager deprecation", "parts of the wheel that nobody imports"),
+    ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
+    ("boost_type_index std_type_index map_indexing_suite_* deprecated", _CONTAINER),
+    ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
 )
+
+
+MEMBERS = {"getFrameId", "getBodyId", "getJointId", "saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit"}
+
+
+class OutOfScopeError(SpatialDynError, NotImplementedError, AttributeError):
+    """A name of Pinocchio that the face does not have on purpose; an AttributeError, so that hasattr is False."""
 
 
 class Entry(NamedTuple):
-    """A name of Pinocchio's, whether it is supported, different or out of scope, and why or what to use instead."""
+    """What the face makes of a name: ``supported``, ``supported with a difference``, ``out of scope``, and why.
+
+    A name that Pinocchio 4.1 does not have either is ``unknown``.
+    """
 
     name: str
     status: str
     note: str = ""
 
 
-class OutOfScope(NotImplementedError, AttributeError):
-    """A name of Pinocchio's that this face has not; the message says what to use instead."""
-
-
-def coverage() -> tuple[Entry, ...]:
-    """Every public name of Pinocchio 4.1: supported, different (and how) or out of scope (and what to use instead)."""
-    return tuple(entry(name) for name in NAMES)
-
-
-def entry(name: str) -> Entry:
-    """What there is to say of a name of Pinocchio's, or of an attribute of one: ``rpy.matrixToRpy``."""
-    first, _, attribute = name.partition(".")
-    module = vars(sys.modules[__package__ or ""])
-    if first not in module:
-        return Entry(name, MISSING, instead(first))
-    if attribute and not hasattr(module[first], attribute):
-        return Entry(name, MISSING, f"{first} has no {attribute} here")
-    notes = [
-        f"{found.what}: here {found.here} (Pinocchio: {found.pinocchio})"
-        for found in DIFFERENCES
-        if {name, first} & {*re.findall(r"[\w.]+", found.what)}
-    ]
-    return Entry(name, DIFFERENT, "; ".join(notes)) if notes else Entry(name, SUPPORTED)
+def face() -> types.ModuleType:
+    """The package itself, imported when asked for: it imports this module."""
+    return importlib.import_module(__package__)
 
 
 def instead(name: str) -> str:
-    """What to use instead of a name that is out of scope."""
-    return next((advice for pattern, advice in INSTEAD if re.search(pattern, name)), "it is not in this face")
+    """What to use in place of a name that is out of scope; empty if none is."""
+    for patterns, what in INSTEAD:
+        if any(fnmatchcase(name, pattern) for pattern in patterns.split()):
+            return what
+    return ""
 
 
-def absent(name: str) -> AttributeError:
-    """The error for a name that this face has not."""
-    if name in NAMES:
-        return OutOfScope(f"pinocchio's {name} is not in spatialdyn.compat.pinocchio: {instead(name)}")
-    return AttributeError(f"module 'spatialdyn.compat.pinocchio' has no attribute {name!r}, nor has pinocchio 4.1")
+def coverage() -> dict[str, Entry]:
+    """Every public name of Pinocchio 4.1, and what the face makes of it.
+
+    >>> import spatialdyn.compat.pinocchio as pin
+    >>> pin.coverage()["rnea"].status
+    'supported'
+    >>> print(pin.coverage()["computeCollisions"].note)
+    geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements
+    """
+    return {name: entry(name) for name in sorted(NAMES)}
+
+
+def entry(name: str) -> Entry:
+    """What the face makes of one name, dotted for a module's or a class's own."""
+    first, *rest = name.split(".")
+    package = face()
+    if first in vars(package):
+        at = getattr(package, first)
+        for k, member in enumerate(rest):
+            if not hasattr(at, member):
+                where = ".".join([first, *rest[:k]])
+                return Entry(name, OUT_OF_SCOPE, f"{where} has no {member}")
+            at = getattr(at, member)
+        note = difference(name)
+        return Entry(name, DIFFERENT if note else SUPPORTED, note)
+    note = instead(first)
+    if note:
+        return Entry(name, OUT_OF_SCOPE, note)
+    if first in NAMES:
+        return Entry(name, OUT_OF_SCOPE, "not written yet")
+    return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _meant(first))
+
+
+def missing(name: str) -> Any:
+    """What the package raises for a name it does not have.
+
+    Raises OutOfScopeError for one of Pinocchio's, AttributeError for any other
+    """
+    if name in NAMES or instead(name):
+        raise OutOfScopeError(f"pinocchio.{name} is not supported: {entry(name).note}")
+    raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_meant(name)}")
+
+
+def _meant(name: str) -> str:
+    near = difflib.get_close_matches(name, NAMES, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def difference(name: str) -> str:
+    """What is different about a name, or a dotted one's last part; empty if nothing is."""
+    return _differences().get(name) or _differences().get(name.rpartition(".")[2], "")
+
+
+@cache
+def _differences() -> dict[str, str]:
+    """What is different about names that the table of differences mentions."""
+    found: dict[str, list[str]] = {}
+    for x in DIFFERENCES:
+        for name in re.findall(r"[\w.]+", x.what):
+            if name.split(".")[0] in NAMES or name in MEMBERS:
+                found.setdefault(name, []).append(f"{x.what}: {x.here}, in Pinocchio {x.pinocchio}")
+    return {name: "; ".join(notes) for name, notes in found.items()}

@@ -8,6 +8,7 @@ what is written to them stays until then.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import count
 from typing import Any
 
@@ -38,10 +39,18 @@ _JOINTS = {
     Force: "f h of oh",
     Inertia: "Ycrb oYcrb",
 }
+Size = str | int | Callable[[Any], int]
 _WIDTH: dict[Any, tuple[int, ...]] = {SE3: (4, 4), Motion: (6,), Force: (6,), Inertia: (10,)}
-# field -> sizes as attributes of a model or numbers, and what shows it: None for an array, a type for one value of it,
-# a list of a type (or of None, for vectors and numbers) for a list
-FIELDS: dict[str, tuple[tuple[str | int, ...], Any]] = {
+
+
+def _parameters(model: Any) -> int:
+    """Ten for each joint below the universe."""
+    return 10 * (int(model.njoints) - 1)
+
+
+# field -> sizes as attributes of a model, numbers or functions of a model, and what shows it: None for an array, a type
+# for one value of it, a list of a type (or of None, for vectors and numbers) for a list
+FIELDS: dict[str, tuple[tuple[Size, ...], Any]] = {
     **{name: (("njoints", *_WIDTH[kind]), [kind]) for kind, names in _JOINTS.items() for name in names.split()},
     "oMf": (("nframes", 4, 4), [SE3]),
     **{name: (("njoints", 3), [None]) for name in ("com", "vcom", "acom")},
@@ -52,6 +61,12 @@ FIELDS: dict[str, tuple[tuple[str | int, ...], Any]] = {
     **{name: (("nv", "nv"), None) for name in ("M", "Minv", "C", "dtau_dq", "dtau_dv", "ddq_dq", "ddq_dv", "ddq_dtau")},
     **{name: ((6, "nv"), None) for name in ("J", "dJ", "Ag", "dAg", "dHdq", "dFdq", "dFdv", "dFda")},
     "Jcom": ((3, "nv"), None),
+    "U": (("nv", "nv"), None),
+    "D": (("nv",), None),
+    "jointTorqueRegressor": (("nv", _parameters), None),
+    "kineticEnergyRegressor": ((_parameters,), None),
+    "potentialEnergyRegressor": ((_parameters,), None),
+    "staticRegressor": ((3, lambda model: 4 * (model.njoints - 1)), None),
     **{name: ((0,), None) for name in ("lambda_c", "impulse_c")},
     **{name: ((), float) for name in ("kinetic_energy", "potential_energy", "mechanical_energy")},
 }
@@ -60,7 +75,7 @@ FIELDS: dict[str, tuple[tuple[str | int, ...], Any]] = {
 def _initial(model: Any, name: str) -> Array:
     """What a field holds before any call: zeros, identities, and masses of -1, as in Pinocchio."""
     sizes, kind = FIELDS[name]
-    x = np.zeros(tuple(getattr(model, size) if isinstance(size, str) else size for size in sizes))
+    x = np.zeros([getattr(model, n) if isinstance(n, str) else n if isinstance(n, int) else n(model) for n in sizes])
     if kind == [SE3]:
         x[:] = np.eye(4)
     elif name == "mass":
@@ -285,7 +300,7 @@ def _restored(model: Any, fields: dict[str, Array]) -> Data:
 
 
 SCRATCH = """
-    B D Fcrb Ivx U Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau
+    B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau
     dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
     mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba
     oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in

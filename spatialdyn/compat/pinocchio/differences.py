@@ -109,6 +109,31 @@ DIFFERENCES = (
     Difference("negative effort or velocity limits of a URDF", "kept", "no limit"),
     Difference("appendModel: gravity, name and armature", "defaults", "gravity and name of A, armature of both"),
     Difference("buildReducedModel: parent frame of a locked joint's frame", "the frame itself", "the frame before it"),
+    Difference(
+        "forwardDynamics, impulseDynamics with constraints that depend on each other, undamped",
+        "what rounding makes of it",
+        "ConstraintError naming the rank",
+    ),
+    Difference(
+        "forwardDynamics, impulseDynamics with a damping below 0 or a restitution not from 0 to 1",
+        "accepted",
+        "ConstraintError",
+    ),
+    Difference(
+        "data.M behind forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse",
+        "its lower triangle holds what was there before",
+        "both triangles are filled",
+    ),
+    Difference("GeometryModel, buildModelsFromUrdf", "the shapes of the URDF", "what stands for them and is empty"),
+    Difference("cholesky.solve, cholesky.computeMinv before cholesky.decompose", "zeros", "InertiaError"),
+    Difference(
+        "computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic joints",
+        "an error",
+        "columns for each joint, rows for the independent velocities",
+    ),
+    Difference(
+        "jointBodyRegressor, frameBodyRegressor of an index that is not there", "memory is read", "ModelError naming it"
+    ),
     Difference("loadRotorParameters called twice", "adds the rotors to the armature twice", "once"),
     Difference(
         "saveToText, saveToXML, saveToBinary", "Boost archives", "files of this face, which Pinocchio does not read"

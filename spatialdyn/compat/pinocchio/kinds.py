@@ -151,6 +151,16 @@ def zeroed(recipe: Recipe) -> Recipe:
     return recipe_but_world
 
 
+# --- regressors ------------------------------------------------------------------------------------------
+
+
+def columns(run: Any) -> Array:
+    """Those of the joints below the universe, side by side; a new array."""
+    Y, joints = run.result, run.made.joints
+    found = Y[..., 1:, :] if joints is None else Y[..., joints[1:], :]
+    return np.array(found.reshape((*Y.shape[:-2], found.shape[-2] * found.shape[-1])), order="C")
+
+
 # --- the robot as a whole --------------------------------------------------------------------------------
 
 
@@ -375,4 +385,12 @@ KINDS: dict[str, Kind] = {
     "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}),
     "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}),
     "total_mass": Kind("", "", {"mass": mass}),
+    "torque_regressor": Kind(
+        "joint_torque_regressor", "q v a", {**CHAIN, "jointTorqueRegressor": columns, "v": v, "a_gf": a_gf}
+    ),
+    "static_regressor": Kind("static_regressor", "q", {**PLACES, "staticRegressor": columns}),
+    "kinetic_regressor": Kind(
+        "kinetic_energy_regressor", "q v", {**PLACES, "kineticEnergyRegressor": columns, "v": v}
+    ),
+    "potential_regressor": Kind("potential_energy_regressor", "q", {**PLACES, "potentialEnergyRegressor": columns}),
 }  # fmt: skip

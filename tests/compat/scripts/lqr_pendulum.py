@@ -47,4 +47,12 @@ for _ in range(300):
     states.append(np.concatenate([q, v]))
 
 dtau_dq, dtau_dv, M = pin.computeRNEADerivatives(model, data, q, v, a)
-results = {"A": A, "B": B, "K": K, "states": np.array(states), "tips": np.array(tips), "dtau_dq": dtau_dq, "M": M}
+results = {
+    "A": A,
+    "B": B,
+    "K": K,
+    "states": np.array(states),
+    "tips": np.array(tips),
+    "dtau_dq": dtau_dq.copy(),
+    "M": M.copy(),
+}

@@ -10,7 +10,7 @@ model = pin.buildModelFromUrdf(str(Path(sys.argv[1]) / "ur_description/urdf/ur5_
 data = model.createData()
 n, dt, steps = model.nv, 0.01, 25
 goal = np.array([0.4, -1.0, 0.8, -0.2, 0.1, 0.0])
-R, Q, final = 1e-4 * np.eye(n), np.diag([1e-2] * n + [1e-3] * n), np.diag([1e2] * n + [1.0] * n)
+R, Q, final = 1e-2 * np.eye(n), np.diag([1e-2] * n + [1e-3] * n), np.diag([1e2] * n + [1.0] * n)
 
 
 def step(x, u):

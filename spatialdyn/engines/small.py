@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from ..engines import jit
+from . import jit
 
 
 @cache
@@ -28,6 +28,6 @@ def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = No
         "WORK": work,
         "empty": np.empty,
     }
-    made = jit.define(f"simulation_{function.__name__}", ["table", *names], body, scope)
+    made = jit.define(f"small_{function.__name__}", ["table", *names], body, scope)
     array: Any = types.Array
     return jit.compiled(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))

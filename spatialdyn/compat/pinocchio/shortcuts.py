@@ -1,0 +1,8 @@
+"""What Pinocchio's module of this name offers: models and data in one call."""
+
+from __future__ import annotations
+
+from .dynamics import nle
+from .geometry import buildModelsFromUrdf, createDatas
+
+__all__ = ["buildModelsFromUrdf", "createDatas", "nle"]

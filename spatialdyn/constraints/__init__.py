@@ -1,0 +1,1 @@
+"""Motion under constraints: contacts that hold, and impacts."""

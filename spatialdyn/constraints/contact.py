@@ -1,0 +1,191 @@
+"""Forward dynamics and impacts under constraints J a + γ = 0, given by their Jacobian."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..border import as_array, broadcast, check_model
+from ..diagnosis import refuse_singular
+from ..dynamics import calls
+from ..engines import jit
+from ..engines.small import kernel
+from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
+from ..model import Model
+from ..recursions.contact import constrained_samples, factored
+from ..recursions.factor import solve_tree
+from ..scalars import inlined
+
+Array = NDArray[np.float64]
+RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
+
+
+class Constrained(NamedTuple):
+    """Accelerations a (..., nv) under constraints, and their forces (..., m)."""
+
+    a: Array
+    force: Array
+
+
+class Impact(NamedTuple):
+    """Velocities v (..., nv) behind an impact, and the constraints' impulses (..., m)."""
+
+    v: Array
+    impulse: Array
+
+
+class Solved(NamedTuple):
+    """x and λ of M x = r + Jᵀ λ, J x + γ = -μ λ; of the last sample L (D on the diagonal), Y = J L⁻¹ and C."""
+
+    x: Array
+    force: Array
+    L: Array
+    Y: Array
+    C: Array
+
+
+def constrained_dynamics(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    J: ArrayLike,
+    drift: ArrayLike,
+    damping: float = 0.0,
+) -> Constrained:
+    """Forward dynamics under constraints: M a + C v + g = tau + Jᵀ force and J a + drift = -damping force.
+
+    Source: after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree.
+
+    q        (..., nq)     joint positions [rad | m]
+    v        (..., nv)     joint velocities [rad/s | m/s]
+    tau      (..., nv)     joint torques [N m | N]
+    J        (..., m, nv)  Jacobian of the constraints, such as rows of ``frame_jacobian`` at the feet
+    drift    (..., m)      J̇ v and what is to correct positions and velocities, ``jacobian_dot_times_v`` for feet
+    damping                0 or more; above 0, constraints may depend on each other, and give way
+
+    Returns Constrained (a, force): (..., nv) and (..., m).
+    Raises
+        ConstraintError naming the rank if rows of J depend on each other and there is no damping
+        InertiaError for a singular M, ModelError for mimic joints, ShapeError
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], [1.0, 2.0]
+    >>> J = sd.frame_jacobian(model, q, "tip", "local_world_aligned")[[0, 2]]
+    >>> drift = sd.jacobian_dot_times_v(model, q, v, "tip", "local_world_aligned")[[0, 2]]
+    >>> a, force = sd.constrained_dynamics(model, q, v, [0.0, 0.0], J, drift)
+    >>> bool(abs(J @ a + drift).max() < 1e-12)
+    True
+    """
+    M, bias = calls["crba"](model, q), calls["nonlinear_effects"](model, q, v)
+    solved = solve(model, M, as_array("tau", tau) - bias, as_array("J", J), as_array("drift", drift), damping)
+    return Constrained(solved.x, solved.force)
+
+
+def impact(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    J: ArrayLike,
+    restitution: float = 0.0,
+    damping: float = 0.0,
+) -> Impact:
+    """Velocities behind an impact: M (v⁺ - v) = Jᵀ impulse and J v⁺ = -restitution J v - damping impulse.
+
+    q            (..., nq)     joint positions [rad | m]
+    v            (..., nv)     joint velocities before it [rad/s | m/s]
+    J            (..., m, nv)  Jacobian of what comes to rest
+    restitution                from 0, the constraints hold at once, to 1, no energy is lost
+    damping                    0 or more, as in ``constrained_dynamics``
+
+    Returns Impact (v, impulse): (..., nv) and (..., m).
+    Raises as ``constrained_dynamics``, and ConstraintError for a restitution that is not from 0 to 1
+
+    >>> import spatialdyn as sd
+    >>> model, q = sd.load_urdf("two_link"), [0.5, -0.3]
+    >>> J = sd.frame_jacobian(model, q, "tip", "local_world_aligned")[[0, 2]]
+    >>> after, impulse = sd.impact(model, q, [1.0, 2.0], J)
+    >>> bool(abs(after).max() < 1e-12)
+    True
+    """
+    if not 0.0 <= restitution <= 1.0:
+        raise ConstraintError(f"restitution is {restitution}, expected 0 to 1")
+    M, J, v = calls["crba"](model, q), as_array("J", J), as_array("v", v)
+    if J.ndim < 2 or v.ndim < 1 or J.shape[-1] != v.shape[-1]:
+        raise ShapeError(f"v has shape {v.shape} and J {J.shape}, expected (..., {model.nv}) and (..., m, {model.nv})")
+    gamma = (1.0 + restitution) * (J @ v[..., None])[..., 0]
+    solved = solve(model, M, np.zeros(model.nv), J, gamma, damping)
+    return Impact(v + solved.x, solved.force)
+
+
+def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: float = 0.0) -> Solved:
+    """x (..., nv) and λ (..., m) of M x = r + Jᵀ λ, J x + γ = -damping λ. Raises as ``constrained_dynamics``."""
+    if not damping >= 0.0:
+        raise ConstraintError(f"damping is {damping}, expected 0 or more")
+    n, m = model.nv, J.shape[-2] if J.ndim > 1 else 0
+    cores = {"M": (M, (n, n)), "r": (r, (n,)), "J": (J, (m, n)), "drift": (gamma, (m,))}
+    for name, (x, core) in cores.items():
+        if x.ndim < len(core) or x.shape[x.ndim - len(core) :] != core:
+            wanted = "m, " * (name == "J") + ("m" if name == "drift" else str(n))
+            raise ShapeError(f"{name} has shape {x.shape}, expected (..., {wanted})")
+    leads = [x.shape[: x.ndim - len(core)] for x, core in cores.values()]
+    batch = broadcast(list(cores), leads) if any(leads) else ()
+    count = math.prod(batch)
+    Ms, rs, Js, gammas = (_samples(x, batch, core) for x, core in cores.values())
+    out, force, rank = np.empty((count, n)), np.empty((count, m)), np.empty(count)
+    factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
+    run = kernel(constrained_samples, *RANKS)
+    run(getattr(_free(model), jit.TABLE), Ms, Js, rs, gammas, np.array([float(damping)]), *factors, out, force, rank)
+    if (rank != m).any():
+        _refuse(model, Ms, m, rank, batch)
+    return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)
+
+
+def factor(model: Model, M: Array) -> Array:
+    """L (nv, nv) of M = LᵀD L, of the lower triangle of M: D on its diagonal, zeros above. Raises InertiaError."""
+    L = np.empty(M.shape)
+    if kernel(factored, 2, 2)(getattr(_free(model), jit.TABLE), np.array(M, order="C"), L) < 0:
+        _refuse(model, M[None], 0, np.array([-1.0]), ())
+    return np.tril(L)
+
+
+def back(model: Model, L: Array, y: Array) -> Array:
+    """M⁻¹ y (nv) by such an L."""
+    x = np.array(y)
+    kernel(_back, 2, 1)(getattr(_free(model), jit.TABLE), L, x)
+    return x
+
+
+@inlined
+def _back(bodies: Any, L: Any, x: Any) -> int:
+    solve_tree(bodies, L, x)
+    return 0
+
+
+def _free(model: Model) -> Model:
+    """The model, if no joint mimics another: then the tree says where M has zeros."""
+    if check_model(model).mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+    return model
+
+
+def _samples(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
+    """A copy of an input with samples along its first axis."""
+    whole = np.empty(batch + core)
+    whole[...] = x
+    return whole.reshape((-1, *core)) if whole.size else np.empty((math.prod(batch), *core))
+
+
+def _refuse(model: Model, M: Array, m: int, rank: Array, batch: tuple[int, ...]) -> None:
+    """Say what is wrong with the first sample whose rank is not m."""
+    k = int(np.flatnonzero(rank != m)[0])
+    where = "" if not batch else f"sample {tuple(int(i) for i in np.unravel_index(k, batch))}: "
+    if rank[k] < 0:
+        refuse_singular(model, M[k])
+        raise InertiaError(f'{where}the mass matrix of "{model.name}" is not positive definite')
+    raise ConstraintError(
+        f"{where}J has rank {int(rank[k])}, expected its {m} rows to be independent, or a larger damping"
+    )
