@@ -131,8 +131,10 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
         for duration, steps in horizons.items():
             for method in METHODS:
                 _warm(model, q0, v0, method)
-                rows += list(_runs(model, q0, v0, duration, steps, method, truth if duration == 1.0 else None, seconds))
-                print(*(_line(row) for row in rows[-1:]), flush=True)
+                wanted = truth if duration == 1.0 else None
+                made = list(_runs(model, q0, v0, duration, steps, method, wanted, seconds))
+                rows += made
+                print(*(_line(row) for row in made[-1:]), flush=True)
         found[name] = {"certainty": float(truth.error.max()), "runs": rows}
         yield {name: found[name] for name in (*ROBOTS, *EXTREMES) if name in found}
 
@@ -157,7 +159,7 @@ def _runs(
         words = {"rtol": RTOL[k], "atol": 1e-3 * RTOL[k], "dt": duration / SAMPLES} if adaptive else {"dt": dt}
         if not k and duration > 1.0 and _expected(model, q0, v0, method, words) * duration > seconds:
             return
-        row = _run(model, q0, v0, duration, method, words, truth)
+        row = _run(model, q0, v0, duration, method, words, truth, 2.0 * seconds)
         yield row
         last = row["seconds"]
         if last * (2 if adaptive else FINER) > (min(seconds, 1.0) if duration == 1.0 else seconds):
@@ -170,7 +172,9 @@ def _expected(model: sd.Model, q0: Any, v0: Any, method: str, words: dict[str, A
     return float(row["seconds"] / row["duration"])
 
 
-def _run(model: sd.Model, q0: Any, v0: Any, duration: float, method: str, words: Any, truth: Any) -> dict[str, Any]:
+def _run(
+    model: sd.Model, q0: Any, v0: Any, duration: float, method: str, words: Any, truth: Any, limit: float = 10.0
+) -> dict[str, Any]:  # fmt: skip
     """One run: its cost, errors of energy and state, and what went wrong."""
     count = max(1, round(duration / words["dt"]))
     samples = motions.SAMPLES if truth is not None else SAMPLES
@@ -180,8 +184,15 @@ def _run(model: sd.Model, q0: Any, v0: Any, duration: float, method: str, words:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         began = time.process_time()
+
+        def watch(done: int, total: int) -> None:
+            if time.process_time() - began > limit:
+                raise TimeoutError
+
         try:
-            run = sd.simulate(model, q0, v0, duration, method=method, record=record, **words)
+            run = sd.simulate(model, q0, v0, duration, method=method, record=record, progress=watch, **words)
+        except TimeoutError:
+            return {**row, "seconds": limit, "energy": None, "state": None, "note": f"stopped after {limit:g} s"}
         except sd.SimulationError as error:
             run, row["note"] = error.trajectory, str(error)
         except sd.SpatialDynError as error:
