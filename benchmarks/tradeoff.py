@@ -128,9 +128,8 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
         v0 = rng.normal(size=model.nv) if floats else np.zeros(model.nv)
         began, second = time.perf_counter(), SECOND.get(name, 1.0)
         truth = exact_motion(model, q0[None], v0[None], np.linspace(0.0, second, motions.SAMPLES + 1))
-        print(
-            f"\n{name}: truth of {second:g} s in {time.perf_counter() - began:.1f} s, certain to {truth.error.max():.0e}"
-        )
+        spent, certain = time.perf_counter() - began, truth.error.max()
+        print(f"\n{name}: truth of {second:g} s in {spent:.1f} s, certain to {certain:.0e}")
         rows = []
         for duration, steps in horizons.items():
             for method in METHODS:
@@ -144,10 +143,12 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
 
 
 def _warm(model: sd.Model, q0: Any, v0: Any, method: str) -> None:
-    """Have compiled what a method needs, the program of a long run too."""
+    """Have compiled what a method needs: the loop of a short run, and the program of a long one."""
+    steps = (2, LONG) if sd.integrators[method].family else (1,)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        sd.simulate(model, q0, v0, LONG * 1e-9 if sd.integrators[method].family else 1e-9, 1e-9, method, record=LONG)
+        for count in steps:
+            sd.simulate(model, q0, v0, count * 1e-9, 1e-9, method, record=count)
 
 
 def _runs(
@@ -239,7 +240,10 @@ def of_promises(quick: bool) -> dict[str, Any]:
             wrong: dict[str, float] = {}
             for x in found.options:
                 assert x.run is not None
-                wrong[x.name] = float(truths.of_calls(first, np.asarray(x.run(*fresh)), truth).max())
+                try:
+                    wrong[x.name] = float(truths.of_calls(first, np.asarray(x.run(*fresh)), truth).max())
+                except sd.SpatialDynError:  # a pivot that float32 has lost
+                    wrong[x.name] = math.inf
             again = {x.name: x.ns for x in sd.trade(model, task, states=32).options}
             for tolerance in TOLERANCES:
                 try:
@@ -376,7 +380,7 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
             engine, _, call = x["name"].rpartition(" ")
             words = f"{call}{', float32' if '32' in engine else ', untraced' if engine.startswith('untraced') else ''}"
             left.annotate(words, (x["ns"], x["error"]), xytext=(5, 4), textcoords="offset points", fontsize=8)
-        left.set_xlim(right=6 * max(x["ns"] for x in ways["panda"]["options"]))
+        left.set_xlim(right=40 * max(x["ns"] for x in ways["panda"]["options"]))
         rows = [row for row in runs["panda"]["runs"] if row["duration"] == 1.0]
         runs_panel(right, rows, "state", "panda: a second of free motion")
         right.set(xlabel="ns a simulated second", ylabel="largest relative error of q and v")
