@@ -347,7 +347,7 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
             axes.set_xlabel("ns a sample")
         for axes in panels[:, 0]:
             axes.set_ylabel("largest error / largest acceleration")
-        figure.suptitle("Forward dynamics: error against cost, of 1024 random states")
+        figure.suptitle(f"Forward dynamics: error against cost, of {ways['panda']['states']} random states")
         legends(figure, "ways")
         written.append(_saved(figure, out / "tradeoff_evaluations.png"))
     if runs:
