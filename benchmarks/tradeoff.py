@@ -19,6 +19,7 @@ tradeoff_extremes.png; what is not run is kept from the file that is there.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import time
@@ -145,7 +146,7 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
 def _warm(model: sd.Model, q0: Any, v0: Any, method: str) -> None:
     """Have compiled what a method needs: the loop of a short run, and the program of a long one."""
     steps = (2, LONG) if sd.integrators[method].family else (1,)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), contextlib.suppress(sd.SpatialDynError):
         warnings.simplefilter("ignore")
         for count in steps:
             sd.simulate(model, q0, v0, count * 1e-9, 1e-9, method, record=count)
