@@ -368,6 +368,8 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
                     here = [r for r in rows if r["duration"] == duration]
                     runs_panel(axes, here, "energy", f"{name}: energy, {duration:g} s")
                 column[-1].set_xlabel("ns a simulated second")
+            for axes in panels.ravel():
+                axes.set_visible(bool(axes.lines))
             for axes, what in zip(panels[:, 0], ["state"] + ["energy"] * count, strict=True):
                 axes.set_ylabel(f"largest relative error of {what}")
             legends(figure, "runs")
@@ -380,7 +382,13 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
         for x in ways["panda"]["options"]:
             engine, _, call = x["name"].rpartition(" ")
             words = f"{call}{', float32' if '32' in engine else ', untraced' if engine.startswith('untraced') else ''}"
-            left.annotate(words, (x["ns"], x["error"]), xytext=(5, 4), textcoords="offset points", fontsize=8)
+            left.annotate(
+                words,
+                (x["ns"], x["error"]),
+                xytext=(6, -9 if "refined" in call else 5),
+                textcoords="offset points",
+                fontsize=8,
+            )
         left.set_xlim(right=40 * max(x["ns"] for x in ways["panda"]["options"]))
         rows = [row for row in runs["panda"]["runs"] if row["duration"] == 1.0]
         runs_panel(right, rows, "state", "panda: a second of free motion")
