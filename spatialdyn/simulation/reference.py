@@ -35,6 +35,7 @@ STAGES = 16
 SWEEPS = 60  # at most; more would cost less in shorter steps
 SETTLED = 1e-26  # of the largest rate: changes this small end the iteration, which then leaves less
 GOAL = 1e-13  # relative: the finer of two runs that agree to this is far nearer still, by 32 orders of the step
+ROUNDED = 1e-14  # and changes this small that no longer shrink are rounding, which a lopsided robot enlarges
 HALVINGS = 10
 FINE = 2**200  # denominator of the fractions that stand for irrational nodes
 
@@ -233,7 +234,7 @@ def advance(
                     slopes[0, i, e], slopes[1, i, e] = fh, fl
         if not finite or (sweep > 3 and change > 1e3 * largest):
             return False
-        if change <= SETTLED * largest:
+        if change <= SETTLED * largest or (change <= ROUNDED * largest and not change < 0.5 * before):
             weigh(A, STAGES, hh, hl, y, slopes, sums)
             y[:] = sums
             return True

@@ -43,7 +43,7 @@ def trade(
 
               Calls run as programs on SIMD lanes in float64 and float32 (whose inputs are rounded to float32 too), and
               by the kernel for any model, "untraced".
-    states    in which errors are measured: a number of random ones, 1024 by default, or a tuple of arrays (n, ...): (q,
+    states    in which errors are measured: a number of random ones, 4096 by default, or a tuple of arrays (n, ...): (q,
               v, tau), (q, v, a), (q,). Of simulations (q0, v0), by default 4 random configurations at rest
     batch     samples of a call whose time is taken; 1 for calls of one sample
     duration  of a simulation [s], without torques
