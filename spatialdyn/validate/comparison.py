@@ -118,6 +118,7 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
     try:
         single = ours_of(call, model, first)
         ours = ours_of(call, model, inputs) if batched else single[None]
+        residual, bound = _residual(call, peer, states, ours) if call.name in SOLVED else (0.0, BOUND)
     except (InertiaError, NonFiniteError) as error:
         yield _refused(call, model, peer, states, theirs, error)
         return
@@ -125,7 +126,6 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
     same = np.array_equal(single, ours[0], equal_nan=True)
     note = "" if same else "a single call and a batch of it differ"
     if call.name in SOLVED:
-        residual, bound = _residual(call, peer, states, ours)
         if bound > BOUND and not note:
             note = f"{RAISED}, for M is ill conditioned and rounding the exact answer costs a quarter of that"
         yield judged(call.label, residual if same else float("inf"), bound, note, times)
