@@ -108,7 +108,7 @@ def test_a_model_without_freedom_has_answers_without_entries(name: str) -> None:
     known = {"nq": 0, "nv": 0, "njoints": 1}
     for batch in ((), (3,)):
         values = random_inputs(model, spec, 0, batch)
-        if name.startswith(("center_of_mass", "centroidal_momentum")):
+        if name.startswith(("center_of_mass", "centroidal_momentum")) and "nv" not in spec.output.shape:
             assert "not finite" in refusal(lambda values=values: public(model, spec, values), sd.NonFiniteError)
             continue  # nothing moves, so no mass has a centre
         found = np.asarray(public(model, spec, values))

@@ -136,7 +136,7 @@ def spread(
     found = []
     if bits == SINGLE and spec.regroup:  # as a program has it, whose constants are rounded after that
         bodies = bodies.copy()
-        regroup(bodies)
+        regroup(bodies, spec.pivots)
     for run in range(runs):
         coin = Coin(bits, seed + run)
         given = {name: _numbers(coin, x) for name, x in inputs.items()}
