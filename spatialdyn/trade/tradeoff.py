@@ -41,6 +41,7 @@ def trade(
                                                                                       largest, at 10 times
               ==================  ==================================================  ==============================
 
+              A state whose largest entry is below a tenth of their median is measured by that instead.
               Calls run as programs on SIMD lanes in float64 and float32 (whose inputs are rounded to float32 too), and
               by the kernel for any model, "untraced".
     states    in which errors are measured: a number of random ones, 4096 by default, or a tuple of arrays (n, ...): (q,

@@ -24,6 +24,7 @@ LEAST = 2.0  # margin
 FEW = 32  # errors that are too few to say how they scatter
 FEW_LEAST = 4.0
 TAIL = 0.95
+SMALL = 0.1
 
 
 def truths(model: Model, name: str, arrays: list[Array]) -> tuple[Array, float]:
@@ -54,14 +55,19 @@ def truths(model: Model, name: str, arrays: list[Array]) -> tuple[Array, float]:
 
 
 def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
-    """(n,) errors of samples: of M each entry over √(M_ii M_jj), else over the sample's largest entry."""
+    """(n,) errors of samples: of M each entry over √(M_ii M_jj), else over the sample's largest entry.
+
+    A sample all of whose entries happen to be next to 0, below SMALL of the median of all samples, is measured by that:
+    a bound would have to be that of the rarest such sample.
+    """
     off = abs(found.astype(np.float64) - truth)
     with np.errstate(invalid="ignore", divide="ignore"):
         if name == "crba":
             scale = np.sqrt(np.einsum("nii->ni", truth))
             off = off / (scale[:, :, None] * scale[:, None, :])
         else:
-            off = off / abs(truth).max(axis=1, initial=0.0)[:, None]
+            largest = abs(truth).max(axis=1, initial=0.0)
+            off = off / np.maximum(largest, SMALL * np.median(largest))[:, None]
     off = np.where(found == truth, 0.0, off).reshape(len(truth), -1)
     return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=1, initial=0.0))
 
