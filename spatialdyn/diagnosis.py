@@ -97,10 +97,11 @@ def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
             continue
         norm = math.hypot(*q[part].tolist())  # which does not overflow on the way
         if abs(norm * norm - 1.0) > 2e-6:
+            cure = "; normalize(model, q) is the cure" if 0.0 < norm < math.inf else ""
             what = "quaternion" if len(q[part]) == 4 else "(cos, sin) pair"
             raise ConfigurationError(
-                f'{name} holds a {what} of norm {norm:.9g} for joint "{joint.name}"{where}, expected 1 within 1e-6; '
-                "normalize(model, q) is the cure"
+                f'{name} holds a {what} of norm {norm:.9g} for joint "{joint.name}"{where}, '
+                f"expected 1 within 1e-6{cure}"
             )
 
 

@@ -406,7 +406,9 @@ def test_normalize_takes_any_norm_but_zero(model: sd.Model) -> None:
     for _, part in unit_joints(model):
         null = q.copy()
         null[part] = 0.0
-        assert "of norm 0" in refusal(lambda null=null: sd.normalize(model, null), sd.ConfigurationError)
+        message = refusal(lambda null=null: sd.normalize(model, null), sd.ConfigurationError)
+        assert "of norm 0" in message
+        assert "is the cure" not in message  # it was what was called
 
 
 # --- numbers that are not finite ------------------------------------------------------------------------

@@ -88,6 +88,7 @@ CALLS = (
     Row("pin.forwardKinematics(model, data, q); pin.updateFramePlacements(model, data)", "oMf"),
     Row("pin.forwardKinematics(model, data, q); [pin.updateFramePlacement(model, data, k) for k in frames]"),
     Row("pin.forwardKinematics(model, data, q); pin.updateGlobalPlacements(model, data)", "oMi"),
+    Row("pin.rnea(model, data, q, v, a); pin.updateGlobalPlacements(model, data)", "oMi liMi"),
     *(
         Row(
             "pin.forwardKinematics(model, data, q, v, a); "
@@ -114,13 +115,19 @@ CALLS = (
         "[pin.getJointJacobian(model, data, k, r) for k in joints for r in both]",
         jacobian=True,
     ),
-    # only the joints that carry the joint are placed there, and none is in the face
-    Row("[pin.computeJointJacobian(model, data, q, k) for k in joints]", "", "iMf liMi", jacobian=True),
+    # iMf is scratch: joints in the frame. Pinocchio places the joints that carry it alone, hence all frames and joints
     Row(
-        "[pin.computeFrameJacobian(model, data, q, k, r) for k in frames for r in both]", "", "iMf liMi oMi oMf",
+        "[pin.computeJointJacobian(model, data, q, k) for k in range(1, model.njoints)]", "liMi", "iMf", jacobian=True
+    ),
+    Row(
+        "[pin.computeFrameJacobian(model, data, q, k, r) for k in range(model.nframes) for r in both]",
+        "liMi oMi oMf", "iMf", jacobian=True,
+    ),
+    Row(
+        "[pin.computeFrameJacobian(model, data, q, k, pin.WORLD) for k in range(model.nframes)]", "liMi oMi", "iMf",
         jacobian=True,
     ),
-    Row("[pin.computeFrameJacobian(model, data, q, k) for k in frames]", "", "iMf liMi", jacobian=True),
+    Row("[pin.computeFrameJacobian(model, data, q, k) for k in range(model.nframes)]", "liMi", "iMf", jacobian=True),
     Row(
         "pin.computeJointJacobians(model, data, q); "
         "[pin.getFrameJacobian(model, data, k, r) for k in frames for r in both]",
@@ -142,7 +149,7 @@ CALLS = (
     ),
     Row(
         "[pin.frameJacobianTimeVariation(model, data, q, v, k, r) for k in frames for r in both]",
-        "J dJ oMi liMi ov v", "oMf", jacobian=True,
+        "J dJ oMi liMi oMf ov v", jacobian=True,
     ),
     # --- the robot as a whole
     Row("pin.centerOfMass(model, data, q)", MASSES, mass=True),
@@ -170,10 +177,10 @@ CALLS = (
     Row("pin.computeTotalMass(model, data)", "mass"),
     Row("pin.computeSubtreeMasses(model, data)", "mass"),
     Row("pin.ccrba(model, data, q, v)", f"{MAP} Ig hg", "com", mass=True),
-    Row("pin.dccrba(model, data, q, v)", f"{MAP} Ig hg dAg dJ ov", "com vcom v", mass=True),
+    Row("pin.dccrba(model, data, q, v)", f"{MAP} Ig hg dAg dJ ov v", "com vcom", mass=True),
     Row("pin.computeCentroidalMap(model, data, q)", MAP, "com", mass=True),
     # Pinocchio 4.1 leaves out that the centre of mass moves: its dAg is no derivative of Ag, see test_data
-    Row("(pin.computeCentroidalMapTimeVariation(model, data, q, v), 0)[1]", f"{MAP} dJ ov", "com dAg v", mass=True),
+    Row("(pin.computeCentroidalMapTimeVariation(model, data, q, v), 0)[1]", f"{MAP} dJ ov v", "com dAg", mass=True),
     # com and vcom of subtrees are intermediate results in Pinocchio
     Row("pin.computeCentroidalMomentum(model, data, q, v)", "hg h mass oMi liMi v", "com vcom", mass=True),
     Row("pin.forwardKinematics(model, data, q, v); pin.computeCentroidalMomentum(model, data)", "hg", mass=True),
@@ -272,8 +279,8 @@ CALLS = (
         for name in ("getPointVelocityDerivatives", "getPointClassicAccelerationDerivatives")
     ),
     Row(
-        "pin.computeCentroidalDynamicsDerivatives(model, data, q, v, a)", "Ag Ig dhg hg J dJ oMi liMi ov v oa a",
-        f"com mass of oh oYcrb tau dHdq {SCRATCHED}", mass=True, bound=DERIVED,
+        "pin.computeCentroidalDynamicsDerivatives(model, data, q, v, a)", "Ag Ig dhg hg J dJ oMi liMi ov v oa a tau",
+        f"com mass of oh oYcrb dHdq {SCRATCHED}", mass=True, bound=DERIVED,
     ),
     Row(
         "pin.computeRNEADerivatives(model, data, q, v, a); pin.getCentroidalDynamicsDerivatives(model, data)", "Ag hg",

@@ -56,6 +56,78 @@ def close(x: Any, y: Any, bound: float = ORACLE) -> None:
     assert np.max(abs(np.subtract(x, y)), initial=0.0) <= bound * np.max(abs(np.asarray(y)), initial=1.0)
 
 
+def test_centroidal_derivatives_leave_the_centre_and_torques_without_weight_and_rotors() -> None:
+    left, right = [], []
+    for pin, found in ((ours, left), (theirs, right)):
+        model = biped(pin)
+        model.armature = np.linspace(0.1, 0.9, model.nv)
+        data = model.createData()
+        pin.computeCentroidalDynamicsDerivatives(model, data, *state(model)[:3])
+        found += [np.array(data.com[0]), np.array(data.mass[0]), np.array(data.tau)]
+    for x, y in zip(left, right, strict=True):
+        close(x, y)
+
+
+def test_places_in_the_parents_are_composed_to_places_in_the_world(case: Any) -> None:
+    pin, model, data, (q, v, a, _) = case
+    pin.rnea(model, data, q, v, a)
+    data.liMi[3] = moved = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    pin.updateGlobalPlacements(model, data)
+    close(data.oMi[3].homogeneous, (data.oMi[2] * moved).homogeneous)
+    fresh = model.createData()
+    pin.updateGlobalPlacements(model, fresh)
+    close(fresh.oMi[4].homogeneous, np.eye(4))
+
+
+def test_a_frames_jacobian_leaves_the_places_its_reference_takes(case: Any) -> None:
+    pin, model, _, (q, *_) = case
+    k = model.nframes - 1
+    joint, placed = model.frames[k].parentJoint, model.createData()
+    pin.framesForwardKinematics(model, placed, q)
+    lists = {"liMi": joint, "oMi": joint, "oMf": k}
+    for reference, count in ((pin.LOCAL, 1), (pin.WORLD, 2), (pin.LOCAL_WORLD_ALIGNED, 3)):
+        data = model.createData()
+        pin.computeFrameJacobian(model, data, q, k, reference)
+        for n, (name, at) in enumerate(lists.items()):
+            expected = getattr(placed, name)[at].homogeneous if n < count else np.eye(4)
+            close(getattr(data, name)[at].homogeneous, expected)
+
+
+def test_places_that_somebody_holds_follow_a_frames_jacobian(case: Any) -> None:
+    pin, model, data, (q, *_) = case
+    k = model.nframes - 1
+    held, joints = data.oMf[k], data.oMi
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    pin.computeFrameJacobian(model, data, q, k, pin.LOCAL_WORLD_ALIGNED)
+    fresh = model.createData()
+    pin.framesForwardKinematics(model, fresh, q)
+    close(held.homogeneous, fresh.oMf[k].homogeneous)
+    close(joints[4].homogeneous, fresh.oMi[4].homogeneous)
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    pin.framesForwardKinematics(model, fresh, pin.neutral(model))
+    close(held.homogeneous, fresh.oMf[k].homogeneous)
+
+
+@pytest.mark.parametrize("read", [False, True])
+def test_a_data_made_before_a_frame_was_added_is_refused(read: bool) -> None:
+    model = biped(ours)
+    data, (q, *_) = model.createData(), state(model)
+    if read:
+        ours.framesForwardKinematics(model, data, q)
+        assert data.oMf
+    count = model.nframes
+    at = model.addFrame(ours.Frame("late", 3, 0, ours.SE3.Identity(), ours.FrameType.OP_FRAME))
+    for call in (
+        lambda: ours.framesForwardKinematics(model, data, q),
+        lambda: ours.updateFramePlacements(model, data),
+        lambda: ours.updateFramePlacement(model, data, at),
+        lambda: ours.computeFrameJacobian(model, data, q, at, ours.LOCAL_WORLD_ALIGNED),
+    ):
+        with pytest.raises(ShapeError, match=f"data was made for a model of {count} frames, expected {count + 1}"):
+            call()
+    assert ours.computeFrameJacobian(model, data, q, at).shape == (6, model.nv)
+
+
 def test_an_array_once_read_follows_the_calls(case: Any) -> None:
     pin, model, data, (q, v, a, _) = case
     tau, M, X, v1 = data.tau, data.M, data.oMi[2], data.v[2]

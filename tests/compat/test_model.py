@@ -138,6 +138,34 @@ def test_names_are_found_and_a_miss_is_an_error() -> None:
             call(9)
 
 
+def test_a_name_of_several_frames_needs_its_type() -> None:
+    mine, other = both(arm)
+    for pin, model in ((ours, mine), (theirs, other)):
+        for kind in (pin.FrameType.OP_FRAME, pin.FrameType.BODY, pin.FrameType.SENSOR):
+            model.addFrame(pin.Frame("twice", 2, 0, pin.SE3.Identity(), kind))
+        with pytest.raises(ValueError, match="twice"):
+            model.getFrameId("twice")
+        assert model.getFrameId("twice", pin.FrameType.OP_FRAME) == model.nframes - 3
+        assert model.getBodyId("twice") == model.nframes - 2
+        assert model.existFrame("twice")
+        model.frames.append(model.frames[model.nframes - 2])
+        assert model.existBodyName("twice")
+        with pytest.raises(ValueError, match="twice"):
+            model.getBodyId("twice")
+    n = mine.nframes
+    says = f'frame "twice" is frame {n - 3} of type BODY and {n - 1} of type BODY, expected a FrameType'
+    with pytest.raises(sd.ModelError, match=says):
+        mine.getBodyId("twice")
+
+
+def test_a_frame_of_another_type_is_named_with_its_type() -> None:
+    mine, _ = both(arm)
+    with pytest.raises(sd.ModelError, match='frame "j1" is of type JOINT, expected type BODY'):
+        mine.getBodyId("j1")
+    with pytest.raises(sd.ModelError, match="did you mean b1"):
+        mine.getBodyId("b11")
+
+
 def test_strict_false_gives_the_numbers_pinocchio_gives() -> None:
     mine, other = both(arm)
     mine.strict = False

@@ -99,11 +99,12 @@ class Run:
     fext    forces on the library's joints (njoints, 6), or None
     bodies  inertias (njoints, 10) of the model then; parents of its joints
     table   what compiled kernels take of the model
+    frames  where the frames were on their joints then, of a kind that places them
     cache   fields that were asked for, with the stamp of then
     """
 
     __slots__ = (
-        "_a", "_v", "bodies", "cache", "fext", "kind", "made", "memory", "parents", "q", "result", "shape",
+        "_a", "_v", "bodies", "cache", "fext", "frames", "kind", "made", "memory", "parents", "q", "result", "shape",
         "stamp", "table", "tau",
     )  # fmt: skip
 
@@ -111,6 +112,7 @@ class Run:
         self.kind = KINDS[name]
         self.stamp, self.made, self.parents = 0, compiled, parents
         self.fext: Array | None = None
+        self.frames: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
         self.bodies: Array = np.empty((0, 10))
         model = compiled.model
@@ -167,6 +169,7 @@ class Data:
         own = self.__dict__
         own["model"] = model
         own["_sizes"] = (model.nq, model.nv, model.njoints)
+        own["_nframes"] = model.nframes
         own["_runs"] = {}  # kind -> Run
         own["_filling"] = {}  # field -> the runs that fill it
         own["_given"] = {}  # field -> (stamp, array), of fields written whole by a call or by a user
@@ -188,6 +191,11 @@ class Data:
                 field: [run for run in self._runs.values() if field in run.kind.fills] for field in FIELDS
             }
         return run
+
+    def check_frames(self, model: Any) -> None:
+        """Raise ShapeError if the data was made for a model of another number of frames."""
+        if model.nframes != self._nframes:
+            raise ShapeError(f"data was made for a model of {self._nframes} frames, expected {model.nframes}")
 
     def ran(self, run: Run) -> None:
         """Note that a call was made just now."""
@@ -243,7 +251,7 @@ class Data:
         x = self.array(name)
         if kind is float:
             return float(x.ravel()[0])
-        if name != "oMf" or name in self._given:  # which one kind alone fills: its result is the field
+        if name != "oMf" or name in self._given:  # its array is that of a run: the next call then fills it in place
             x = np.array(x)
         self._shown[name] = x
         shown = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)

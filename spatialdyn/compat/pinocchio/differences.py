@@ -134,6 +134,26 @@ DIFFERENCES = (
     Difference(
         "jointBodyRegressor, frameBodyRegressor of an index that is not there", "memory is read", "ModelError naming it"
     ),
+    Difference(
+        "appendModel where the name of a frame's parent is that of several frames",
+        "an error",
+        "the answer: frames are known by their index",
+    ),
+    Difference(
+        "computeJointJacobian, computeFrameJacobian: the joints and frames that do not carry the one asked for",
+        "liMi, oMi, oMf stay as they were",
+        "they are placed at q as well",
+    ),
+    Difference(
+        "framesForwardKinematics, updateFramePlacements with a data made before a frame was added",
+        "memory is overwritten",
+        "ShapeError",
+    ),
+    Difference(
+        "writing into data what a later call starts from: J, dJ before getFrameJacobian, v before computeKineticEnergy",
+        "what was written counts",
+        "what the last call was given counts; oMi, liMi, v, a count where frames, velocities, accelerations are read",
+    ),
     Difference("loadRotorParameters called twice", "adds the rotors to the armature twice", "once"),
     Difference(
         "saveToText, saveToXML, saveToBinary", "Boost archives", "files of this face, which Pinocchio does not read"

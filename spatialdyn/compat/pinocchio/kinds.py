@@ -63,6 +63,13 @@ def oMi(run: Any) -> Array:
     return of_joints("forward_kinematics", run, run.q)
 
 
+def oMf(run: Any) -> Array:
+    """Poses of the frames in the world."""
+    out: Array = np.empty_like(run.frames.placements)
+    kept.compose_all(np.ascontiguousarray(oMi(run)), run.frames.joints, run.frames.placements, out)
+    return out
+
+
 def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = np.ascontiguousarray(oMi(run))
@@ -280,6 +287,13 @@ def tau(run: Any) -> Array:
     return called("rnea", run, run.q, run.v, run.a, *forces_of(run))
 
 
+def tau_without_weight(run: Any) -> Array:
+    """Torques that move the bodies alone: without gravity and rotors."""
+    weight = called("generalized_gravity", run, run.q)
+    found: Array = tau(run) - weight - run.made.model.armature * run.a
+    return found
+
+
 h_of_subtrees = subtrees(h, algebra.force_to_parent, np.add)
 Ycrb = subtrees(bodies, algebra.body_to_parent, algebra.add_body, world=False)
 _with_world = subtrees(bodies, algebra.body_to_parent, algebra.add_body)
@@ -336,6 +350,10 @@ KINDS: dict[str, Kind] = {
     "kinematics1": Kind("forward_kinematics", "q v", {**PLACES, "v": v}, 1),
     "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2),
     "frames": Kind("", "", {"oMf": result}),
+    "global_placements": Kind("", "q", {"oMi": result}),
+    "frame_jacobian_local": Kind("", "q", CHAIN),
+    "frame_jacobian_world": Kind("", "q", PLACES),
+    "frame_jacobian_aligned": Kind("", "q", {**PLACES, "oMf": oMf}),
     "jacobians": Kind("joint_jacobians", "q", {**PLACES, "J": result}),
     "jacobians_dot": Kind("joint_jacobians_dot", "q v", {**PLACES, "J": J, "dJ": result, "v": v, "ov": ov}),
     "com0": Kind("center_of_mass", "q", MASSES),
@@ -343,9 +361,9 @@ KINDS: dict[str, Kind] = {
     "com2": Kind("center_of_mass", "q v a", {**MASSES, "v": v, "vcom": vcom, "a": a, "acom": acom}, 2),
     "com_jacobian": Kind("com_jacobian", "q", {**MASSES, "Jcom": result, "J": J, "com": com_in_world}),
     "ccrba": Kind("centroidal_map", "q v", {**MAP, "Ag": result, "Ig": Ig, "hg": hg}, 1),
-    "dccrba": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "Ig": Ig, "hg": hg, "vcom": vcom}),
+    "dccrba": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "Ig": Ig, "hg": hg, "v": v, "vcom": vcom}),
     "map": Kind("centroidal_map", "q", {**MAP, "Ag": result}),
-    "map_dot": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result}),
+    "map_dot": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "v": v}),
     "momentum": Kind("centroidal_momentum", "q v", {**MASSES, "hg": result, "h": h_of_subtrees, "v": v, "vcom": vcom}),
     "momentum_dot": Kind(
         "centroidal_momentum_rate",
@@ -379,6 +397,7 @@ KINDS: dict[str, Kind] = {
         "q v a",
         {
             **ACCELERATED, "Ag": part(3), "hg": hg, "dhg": by("centroidal_momentum_rate", "q", "v", "a"), "Ig": Ig,
+            "com": com, "mass": mass, "tau": tau_without_weight,
         },
     ),
     "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}),

@@ -25,6 +25,11 @@ from .se3 import SE3
 
 Array = NDArray[np.float64]
 CODES = {LOCAL: IN_FRAME, WORLD: IN_WORLD, LOCAL_WORLD_ALIGNED: ALIGNED}
+PLACING = {
+    IN_FRAME: "frame_jacobian_local",
+    IN_WORLD: "frame_jacobian_world",
+    ALIGNED: "frame_jacobian_aligned",
+}
 IDENTITY = np.eye(4)
 F8 = np.dtype(np.float64)
 _dynamics: Any = dynamics  # whose stub names the calls only
@@ -95,13 +100,25 @@ _kinematics2 = quick(_accelerations, "kinematics2", result=False)
 
 
 def updateGlobalPlacements(model: Any, data: Any) -> None:
-    """Nothing: ``data.oMi`` always goes with ``data.liMi``."""
-    prepared(model, data)
+    """Place the joints by their places in their parents: ``data.oMi`` of ``data.liMi``."""
+    compiled, X, source = prepared(model, data), data.array("liMi"), data.latest("liMi")
+    out = np.empty_like(X)
+    out[0] = IDENTITY
+    for k in range(1, len(X)):
+        algebra.compose(out[model.parents[k]], X[k], out[k])
+    if source is None:
+        data.put("oMi", out)
+        return
+    run: Run = data.run_of("global_placements", model, compiled, X.shape)
+    run.result[...] = out
+    run.keep(source.q)
+    data.ran(run)
 
 
 def updateFramePlacements(model: Any, data: Any) -> None:
-    """Place all frames by the joints' places: ``data.oMf``."""
+    """Place all frames by the joints' places: ``data.oMf``. Raises ShapeError if frames were added since."""
     compiled, frames = prepared(model, data), placed(model)
+    data.check_frames(model)
     run: Run = data.run_of("frames", model, compiled, frames.placements.shape)
     kept.compose_all(data.array("oMi"), frames.joints, frames.placements, run.result)
     data.ran(run)
@@ -111,6 +128,7 @@ def updateFramePlacement(model: Any, data: Any, frame_id: int) -> SE3:
     """Place one frame by its joint's place; returns ``data.oMf[frame_id]``."""
     prepared(model, data)
     k, frames = frame_index(model, frame_id), placed(model)
+    data.check_frames(model)
     found: SE3 = data.oMf[k]
     algebra.compose(data.array("oMi")[frames.joints[k]], frames.placements[k], found._x)
     return found
@@ -281,11 +299,22 @@ def _filled(model: Any, data: Any, field: str, before: str) -> Run:
     return run
 
 
+def _placing(model: Any, data: Any, compiled: Made, q: Array, kind: str) -> Run:
+    """Note that a call places what a kind says at q: it is placed when it is read."""
+    run: Run | None = data._runs.get(kind)
+    if run is None or run.made is not compiled:
+        run = data.run_of(kind, model, compiled)
+    run.memory[:] = q
+    return run
+
+
 def computeJointJacobian(model: Any, data: Any, q: Any, joint_id: int) -> Array:
-    """Jacobian (6, nv) of a joint at q in its own frame."""
+    """Jacobian (6, nv) of a joint at q in its own frame; it leaves ``data.liMi``."""
     compiled = prepared(model, data)
-    q = vector("q", q, model.nq)
-    return of_frame("frame_jacobian", compiled, (q,), joint_index(model, joint_id), IDENTITY, IN_FRAME)
+    q, k = vector("q", q, model.nq), joint_index(model, joint_id)
+    found = of_frame("frame_jacobian", compiled, (q,), k, IDENTITY, IN_FRAME)
+    data.ran(_placing(model, data, compiled, q, "frame_jacobian_local"))
+    return found
 
 
 def getJointJacobian(model: Any, data: Any, joint_id: int, reference_frame: Any) -> Array:
@@ -296,10 +325,19 @@ def getJointJacobian(model: Any, data: Any, joint_id: int, reference_frame: Any)
 
 
 def computeFrameJacobian(model: Any, data: Any, q: Any, frame_id: int, reference_frame: Any = LOCAL) -> Array:
-    """Jacobian (6, nv) of a frame at q."""
+    """Jacobian (6, nv) of a frame at q.
+
+    It leaves ``data.liMi``; in WORLD and LOCAL_WORLD_ALIGNED ``data.oMi`` too; in the latter ``data.oMf`` as well.
+    """
     compiled, frames = prepared(model, data), placed(model)
     q, k, code = vector("q", q, model.nq), frame_index(model, frame_id), code_of(reference_frame)
-    return of_frame("frame_jacobian", compiled, (q,), frames.joints[k], frames.placements[k], code)
+    found = of_frame("frame_jacobian", compiled, (q,), frames.joints[k], frames.placements[k], code)
+    if code == ALIGNED:
+        data.check_frames(model)
+    run = _placing(model, data, compiled, q, PLACING[code])
+    run.frames = frames
+    data.ran(run)
+    return found
 
 
 def getFrameJacobian(model: Any, data: Any, *frame: Any, **named: Any) -> Array:
@@ -333,7 +371,7 @@ def getFrameJacobianTimeVariation(model: Any, data: Any, frame_id: int, referenc
 def frameJacobianTimeVariation(model: Any, data: Any, q: Any, v: Any, frame_id: int, reference_frame: Any) -> Array:
     """Time derivative (6, nv) of a frame's Jacobian at q, v."""
     computeJointJacobiansTimeVariation(model, data, q, v)
-    updateFramePlacement(model, data, frame_id)
+    updateFramePlacements(model, data)
     return getFrameJacobianTimeVariation(model, data, frame_id, reference_frame)
 
 

@@ -13,7 +13,7 @@ from ...model import missing
 from .arguments import ArgumentError, expected
 from .arrays import ARRAYS, LIMITS, PLACES, Arrays, limit
 from .containers import StdMap_String_VectorXd
-from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame
+from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from .joint import JointModel
 from .owned import Owned
 from .se3 import SE3
@@ -161,26 +161,38 @@ class Model(Tree, Arrays, Stored):
 
     # --- names ---------------------------------------------------------------------------------------------
 
+    def _frames(self, name: str, kinds: int) -> list[int]:
+        return [k for k, frame in enumerate(self.frames) if frame.name == name and frame.type & kinds]
+
     def _frame(self, name: str, kinds: int) -> int | None:
-        for k, frame in enumerate(self.frames):
-            if frame.name == name and frame.type & kinds:
-                return k
-        return None
+        found = self._frames(name, kinds)
+        if len(found) > 1:
+            listed = " and ".join(f"{k} of type {self.frames[k].type.name}" for k in found)
+            raise ModelError(f'frame "{name}" is frame {listed}, expected a FrameType that leaves one of them')
+        return found[0] if found else None
 
     def getFrameId(self, name: str, type: int = ANY_FRAME) -> int:
-        """Index of the frame of that name and type. Raises ModelError if none is (nframes if not ``strict``)."""
+        """Index of the frame of that name and type.
+
+        Raises ModelError, a ValueError, if there are several, and if there is none (nframes if not ``strict``).
+        """
         found = self._frame(expected(name, str, "frame name"), type)
         if found is None and self.strict:
-            raise ModelError(missing("frame", name, self.name, [frame.name for frame in self.frames]))
+            others = [self.frames[k].type.name for k in self._frames(name, ANY_FRAME)]
+            if others:
+                kinds = " or ".join(kind.name for kind in FrameType if kind & type)
+                raise ModelError(f'frame "{name}" is of type {" and ".join(others)}, expected type {kinds}')
+            names = [frame.name for frame in self.frames if frame.type & type]
+            raise ModelError(missing("frame", name, self.name, names))
         return self.nframes if found is None else found
 
     def getBodyId(self, name: str) -> int:
-        """Index of the body's frame of that name. Raises ModelError if there is none (nframes if not ``strict``)."""
+        """Index of the body's frame of that name. Raises ModelError as getFrameId does."""
         return self.getFrameId(name, BODY)
 
     def existFrame(self, name: str, type: int = ANY_FRAME) -> bool:
         """Whether a frame has that name and type."""
-        return self._frame(expected(name, str, "frame name"), type) is not None
+        return bool(self._frames(expected(name, str, "frame name"), type))
 
     def existBodyName(self, name: str) -> bool:
         """Whether a body's frame has that name."""
