@@ -45,8 +45,39 @@ def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
 
 def test_a_name_out_of_scope_can_be_asked_for() -> None:
     assert not hasattr(face, "GeometryObject")
+    assert getattr(face, "visualize", None) is None
     with pytest.raises(ImportError):
         from spatialdyn.compat.pinocchio import visualize  # noqa: F401
+
+
+@pytest.mark.parametrize(
+    ("line", "advice"),
+    [
+        ("from spatialdyn.compat.pinocchio import computeCollisions", "computeCollisions is not supported: .*coal"),
+        (
+            "from spatialdyn.compat.pinocchio import rnea, GeometryObject as G",
+            "GeometryObject is not supported: .*coal",
+        ),
+        ("from spatialdyn.compat.pinocchio import visualize", "visualize is not supported: .*MeshCat"),
+        ("from spatialdyn.compat.pinocchio.visualize import MeshcatVisualizer", "visualize is .*MeshCat"),
+        ("import spatialdyn.compat.pinocchio.visualize", "visualize is not supported: .*MeshCat"),
+        ("import spatialdyn.compat.pinocchio.visualize.meshcat_visualizer", "visualize is .*MeshCat"),
+        ("import spatialdyn.compat.pinocchio.casadi as cpin", "casadi is not supported: .*specialize"),
+        ("from spatialdyn.compat.pinocchio import casadi", "casadi is not supported: .*specialize"),
+        ("import spatialdyn.compat.pinocchio.serialization", "serialization is not supported: .*pickle"),
+    ],
+)
+def test_importing_what_is_out_of_scope_says_what_to_use_instead(line: str, advice: str) -> None:
+    for kind in (NotImplementedError, ImportError):
+        with pytest.raises(kind, match=advice):
+            exec(line, {})
+    assert not hasattr(face, "visualize")
+
+
+def test_importing_what_nobody_has_is_an_import_error() -> None:
+    with pytest.raises(ImportError, match="cannot import name 'frobnicate'") as raised:
+        exec("from spatialdyn.compat.pinocchio import frobnicate", {})
+    assert not isinstance(raised.value, NotImplementedError)
 
 
 def test_a_name_that_nobody_has_is_an_attribute_error() -> None:

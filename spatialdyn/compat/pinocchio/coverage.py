@@ -1,7 +1,8 @@
 """What of Pinocchio the face has: every public name is supported, supported with a difference, or out of scope.
 
 A name that is out of scope raises ``OutOfScopeError``, a NotImplementedError that says what to use instead; nothing is
-silently missing. ``coverage()`` lists them all.
+silently missing. Asked for as an attribute it is an AttributeError too, so that hasattr is False; imported it is an
+ImportError. ``coverage()`` lists them all.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 import difflib
 import importlib
 import re
+import sys
 import types
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple, NoReturn
 
 from ...errors import SpatialDynError
 from .differences import DIFFERENCES
@@ -74,8 +76,16 @@ INSTEAD: tuple[tuple[str, str], ...] = (
 MEMBERS = {"getFrameId", "getBodyId", "getJointId", "saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit"}
 
 
-class OutOfScopeError(SpatialDynError, NotImplementedError, AttributeError):
-    """A name of Pinocchio that the face does not have on purpose; an AttributeError, so that hasattr is False."""
+class OutOfScopeError(SpatialDynError, NotImplementedError):
+    """A name of Pinocchio that the face does not have on purpose."""
+
+
+class OutOfScopeAttributeError(OutOfScopeError, AttributeError):
+    """The same of an attribute; hasattr is False."""
+
+
+class OutOfScopeImportError(OutOfScopeError, ImportError):
+    """The same of an import; Python would put an error of its own, without advice, in place of an AttributeError."""
 
 
 class Entry(NamedTuple):
@@ -135,14 +145,27 @@ def entry(name: str) -> Entry:
     return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _meant(first))
 
 
-def missing(name: str) -> Any:
+def missing(name: str) -> NoReturn:
     """What the package raises for a name it does not have.
 
     Raises OutOfScopeError for one of Pinocchio's, AttributeError for any other
     """
     if name in NAMES or instead(name):
-        raise OutOfScopeError(f"pinocchio.{name} is not supported: {entry(name).note}")
+        kind = OutOfScopeImportError if _imported() else OutOfScopeAttributeError
+        raise kind(f"pinocchio.{name} is not supported: {entry(name).note}")
     raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_meant(name)}")
+
+
+def missing_module(name: str) -> NoReturn:
+    """What a module raises that stands for one of Pinocchio's, ``pinocchio.visualize`` say. Raises OutOfScopeError."""
+    last = name.rpartition(".")[2]
+    raise OutOfScopeImportError(f"pinocchio.{last} is not supported: {instead(last)}")
+
+
+def _imported() -> bool:
+    """Whether a package's ``__getattr__``, which asks ``missing``, was called for ``from package import name``."""
+    caller = sys._getframe(3).f_code
+    return caller.co_name == "_handle_fromlist" and "importlib" in caller.co_filename
 
 
 def _meant(name: str) -> str:
