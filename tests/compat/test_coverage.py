@@ -97,6 +97,7 @@ def test_every_pattern_of_what_is_out_of_scope_is_needed() -> None:
         "romeo_wrapper",
         "windows_dll_manager",
         "deprecation",
+        "derivative",
     }  # files of the wheel
     for patterns, _ in INSTEAD:
         for pattern in patterns.split():
@@ -105,4 +106,18 @@ def test_every_pattern_of_what_is_out_of_scope_is_needed() -> None:
 
 def test_members_are_looked_up() -> None:
     assert entry("SE3.Identity").status == SUPPORTED
+    assert entry("robot_wrapper.RobotWrapper.BuildFromURDF").status == SUPPORTED
     assert entry("SE3.nonsense").status == OUT_OF_SCOPE
+
+
+@pytest.mark.parametrize(
+    "name", ["Model.nq", "Model.frames", "Data.M", "RobotWrapper.model", "robot_wrapper.RobotWrapper.q0"]
+)
+def test_what_only_objects_have_is_looked_up_too(name: str) -> None:
+    assert entry(name).status == SUPPORTED
+
+
+@pytest.mark.parametrize("name", ["RobotWrapper.initViewer", "robot_wrapper.RobotWrapper.display"])
+def test_members_out_of_scope_say_what_to_use_instead(name: str) -> None:
+    assert entry(name).status == OUT_OF_SCOPE
+    assert "meshcat" in entry(name).note

@@ -14,7 +14,7 @@ import sys
 import types
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from ...errors import SpatialDynError
 from .differences import DIFFERENCES
@@ -66,7 +66,7 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
     ("visualize", "viewers: spatialdyn.simulate gives a Trajectory, MeshCat or viser draw it"),
     ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
-    ("romeo_wrapper windows_dll_manager deprecation", "parts of the wheel that nobody imports"),
+    ("romeo_wrapper windows_dll_manager deprecation derivative", "parts of the wheel that nobody imports"),
     ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
     ("boost_type_index std_type_index map_indexing_suite_* deprecated", _CONTAINER),
     ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
@@ -131,10 +131,11 @@ def entry(name: str) -> Entry:
     if first in vars(package):
         at = getattr(package, first)
         for k, member in enumerate(rest):
-            if not hasattr(at, member):
-                where = ".".join([first, *rest[:k]])
-                return Entry(name, OUT_OF_SCOPE, f"{where} has no {member}")
-            at = getattr(at, member)
+            if not _there(at, member):
+                where = ("a " if isinstance(at, type) else "") + ".".join([first, *rest[:k]])
+                note = getattr(at, "_instead", {}).get(member) or f"{where} has no {member}"
+                return Entry(name, OUT_OF_SCOPE, note)
+            at = getattr(at, member, None)
         note = difference(name)
         return Entry(name, DIFFERENT if note else SUPPORTED, note)
     note = instead(first)
@@ -143,6 +144,16 @@ def entry(name: str) -> Entry:
     if first in NAMES:
         return Entry(name, OUT_OF_SCOPE, "not written yet")
     return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _meant(first))
+
+
+def _there(at: Any, member: str) -> bool:
+    """Whether something has a member; of a class that is enough which a fresh object of it has."""
+    if hasattr(at, member) or not isinstance(at, type):
+        return hasattr(at, member)
+    try:
+        return hasattr(at(), member)
+    except (TypeError, NotImplementedError, SpatialDynError):
+        return False
 
 
 def missing(name: str) -> NoReturn:
