@@ -457,7 +457,7 @@ def test_what_is_no_stored_model_is_refused(tmp_path: Path) -> None:
         (model.loadFromText, "text", "holds no model"),
         (model.loadFromText, "list", "holds no model"),
         (model.loadFromText, "missing", "cannot be read"),
-        (model.loadFromBinary, "text", "no model written by saveToBinary"),
+        (model.loadFromBinary, "text", "not written by saveToBinary"),
     ):
         with pytest.raises(sd.SpatialDynError, match=what):
             load(str(tmp_path / file))

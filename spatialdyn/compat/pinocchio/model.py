@@ -17,7 +17,7 @@ from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame
 from .joint import JointModel
 from .owned import Owned
 from .se3 import SE3
-from .stored import Stored, fill, state
+from .stored import FORMAT, Stored, fill, state
 from .tree import Listener, Tree
 
 Array = NDArray[np.float64]
@@ -58,6 +58,7 @@ class Model(Tree, Arrays, Stored):
     referenceConfigurations  configurations by name
     """
 
+    _format = FORMAT
     createData: Any  # given by the module of Data, which stands on this one
 
     def __init__(self, clone: Model | None = None) -> None:
@@ -185,6 +186,12 @@ class Model(Tree, Arrays, Stored):
     def existBodyName(self, name: str) -> bool:
         """Whether a body's frame has that name."""
         return self.existFrame(name, BODY)
+
+    def _state(self) -> dict[str, Any]:
+        return state(self)
+
+    def _become(self, given: Mapping[str, Any]) -> None:
+        fill(self, given)
 
     # --- the whole -----------------------------------------------------------------------------------------
 
