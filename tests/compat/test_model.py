@@ -475,3 +475,33 @@ def test_a_model_takes_attributes_of_its_users() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert model.friction is model.upperDryFrictionLimit
+
+
+@pytest.mark.parametrize("pin", [ours, pytest.param("pinocchio", id="wheel")])
+def test_what_is_held_goes_on_being_the_models_when_it_is_assigned(pin: Any) -> None:
+    pin = pytest.importorskip(pin) if isinstance(pin, str) else pin
+    model = pin.buildSampleModelManipulator()
+    q = pin.neutral(model)
+    armature, placement, gravity = model.armature, model.jointPlacements[2], model.gravity
+    limit, inertia = model.upperPositionLimit, model.inertias[2]
+    model.armature = np.full(6, 2.0)
+    model.upperPositionLimit = np.full(6, 3.0)
+    model.jointPlacements[2] = pin.SE3(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    model.inertias[2] = pin.Inertia(4.0, np.zeros(3), np.eye(3))
+    model.gravity = pin.Motion.Zero()
+    assert (armature == 2.0).all()
+    assert (limit == 3.0).all()
+    assert placement.translation[1] == 2.0
+    assert inertia.mass == 4.0
+    assert gravity == pin.Motion.Zero()
+    M = pin.crba(model, model.createData(), q).copy()
+    armature[0] += 5.0
+    inertia.mass = 40.0
+    placement.translation[0] = 7.0
+    gravity.linear[0] = 1.0
+    limit[0] = 8.0
+    data = model.createData()
+    assert pin.crba(model, data, q)[0, 0] > M[0, 0] + 5.0
+    assert pin.computeGeneralizedGravity(model, data, q).any()
+    assert model.jointPlacements[2].translation[0] == 7.0
+    assert model.upperPositionLimit[0] == 8.0
