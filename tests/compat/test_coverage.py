@@ -121,3 +121,9 @@ def test_what_only_objects_have_is_looked_up_too(name: str) -> None:
 def test_members_out_of_scope_say_what_to_use_instead(name: str) -> None:
     assert entry(name).status == OUT_OF_SCOPE
     assert "meshcat" in entry(name).note
+
+
+def test_differences_name_what_they_concern() -> None:
+    for name in ("RobotWrapper.com", "Model.armature", "buildReducedModel", "computeMinverse", "Data.saveToText"):
+        assert entry(name).status == DIFFERENT, name
+        assert entry(name).note

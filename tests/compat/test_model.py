@@ -505,3 +505,32 @@ def test_what_is_held_goes_on_being_the_models_when_it_is_assigned(pin: Any) -> 
     assert pin.computeGeneralizedGravity(model, data, q).any()
     assert model.jointPlacements[2].translation[0] == 7.0
     assert model.upperPositionLimit[0] == 8.0
+
+
+def test_what_was_read_before_a_joint_was_added_is_no_longer_the_models() -> None:
+    model = ours.buildSampleModelManipulator()
+    held = model.armature
+    model.addJoint(6, ours.JointModelRX(), ours.SE3.Identity(), "more")
+    held[0] = 5.0
+    assert model.armature[0] == 0.0
+    model.armature[0] = 5.0
+    assert model.armature[0] == 5.0
+
+
+def test_a_copy_that_others_wrote_to_is_assigned() -> None:
+    model = ours.buildSampleModelManipulator()
+    q = ours.neutral(model)
+    M = ours.crba(model, model.createData(), q)
+    with pytest.raises(ValueError, match="read-only"):
+        np.asarray(model.armature)[0] = 1.0
+    x = model.armature.copy()
+    np.asarray(x)[0] = 1.0
+    model.armature = x
+    assert ours.crba(model, model.createData(), q)[0, 0] == pytest.approx(M[0, 0] + 1.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("joint", [0, 7, -1])
+def test_a_joint_that_is_not_there_cannot_be_locked(joint: int) -> None:
+    model = ours.buildSampleModelManipulator()
+    with pytest.raises(sd.SpatialDynError, match=f"joint index (is )?{joint}"):
+        ours.buildReducedModel(model, [joint], ours.neutral(model))

@@ -56,6 +56,11 @@ class Model(Tree, Arrays, Stored):
     frames                   list of Frame
     nframes, nbodies         numbers of frames, and of bodies appended with the universe
     referenceConfigurations  configurations by name
+
+    A model may be edited at any time, and the next call knows: ``model.armature[0] = 1``, ``model.armature = x``,
+    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Its arrays are read-only to what
+    would write past them, such as ``np.asarray(model.armature)[0] = 1``: write to a copy and assign that. What was read
+    before ``addJoint``, and a frame or a joint that was replaced, is no longer the model's: read it again.
     """
 
     _format = FORMAT
