@@ -45,8 +45,39 @@ def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
 
 def test_a_name_out_of_scope_can_be_asked_for() -> None:
     assert not hasattr(face, "GeometryObject")
+    assert getattr(face, "visualize", None) is None
     with pytest.raises(ImportError):
         from spatialdyn.compat.pinocchio import visualize  # noqa: F401
+
+
+@pytest.mark.parametrize(
+    ("line", "advice"),
+    [
+        ("from spatialdyn.compat.pinocchio import computeCollisions", "computeCollisions is not supported: .*coal"),
+        (
+            "from spatialdyn.compat.pinocchio import rnea, GeometryObject as G",
+            "GeometryObject is not supported: .*coal",
+        ),
+        ("from spatialdyn.compat.pinocchio import visualize", "visualize is not supported: .*MeshCat"),
+        ("from spatialdyn.compat.pinocchio.visualize import MeshcatVisualizer", "visualize is .*MeshCat"),
+        ("import spatialdyn.compat.pinocchio.visualize", "visualize is not supported: .*MeshCat"),
+        ("import spatialdyn.compat.pinocchio.visualize.meshcat_visualizer", "visualize is .*MeshCat"),
+        ("import spatialdyn.compat.pinocchio.casadi as cpin", "casadi is not supported: .*specialize"),
+        ("from spatialdyn.compat.pinocchio import casadi", "casadi is not supported: .*specialize"),
+        ("import spatialdyn.compat.pinocchio.serialization", "serialization is not supported: .*pickle"),
+    ],
+)
+def test_importing_what_is_out_of_scope_says_what_to_use_instead(line: str, advice: str) -> None:
+    for kind in (NotImplementedError, ImportError):
+        with pytest.raises(kind, match=advice):
+            exec(line, {})
+    assert not hasattr(face, "visualize")
+
+
+def test_importing_what_nobody_has_is_an_import_error() -> None:
+    with pytest.raises(ImportError, match="cannot import name 'frobnicate'") as raised:
+        exec("from spatialdyn.compat.pinocchio import frobnicate", {})
+    assert not isinstance(raised.value, NotImplementedError)
 
 
 def test_a_name_that_nobody_has_is_an_attribute_error() -> None:
@@ -66,6 +97,7 @@ def test_every_pattern_of_what_is_out_of_scope_is_needed() -> None:
         "romeo_wrapper",
         "windows_dll_manager",
         "deprecation",
+        "derivative",
     }  # files of the wheel
     for patterns, _ in INSTEAD:
         for pattern in patterns.split():
@@ -74,4 +106,24 @@ def test_every_pattern_of_what_is_out_of_scope_is_needed() -> None:
 
 def test_members_are_looked_up() -> None:
     assert entry("SE3.Identity").status == SUPPORTED
+    assert entry("robot_wrapper.RobotWrapper.BuildFromURDF").status == SUPPORTED
     assert entry("SE3.nonsense").status == OUT_OF_SCOPE
+
+
+@pytest.mark.parametrize(
+    "name", ["Model.nq", "Model.frames", "Data.M", "RobotWrapper.model", "robot_wrapper.RobotWrapper.q0"]
+)
+def test_what_only_objects_have_is_looked_up_too(name: str) -> None:
+    assert entry(name).status == SUPPORTED
+
+
+@pytest.mark.parametrize("name", ["RobotWrapper.initViewer", "robot_wrapper.RobotWrapper.display"])
+def test_members_out_of_scope_say_what_to_use_instead(name: str) -> None:
+    assert entry(name).status == OUT_OF_SCOPE
+    assert "meshcat" in entry(name).note
+
+
+def test_differences_name_what_they_concern() -> None:
+    for name in ("RobotWrapper.com", "Model.armature", "buildReducedModel", "computeMinverse", "Data.saveToText"):
+        assert entry(name).status == DIFFERENT, name
+        assert entry(name).note

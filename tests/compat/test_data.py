@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -433,3 +434,61 @@ def test_random_configurations_are_finite_and_can_be_seeded() -> None:
     low, high = np.full(model.nq, 0.25), np.full(model.nq, 0.5)
     q = ours.randomConfiguration(model, low, high)
     assert ((q[[0, 1, 2, 7, 8]] >= 0.25) & (q[[0, 1, 2, 7, 8]] <= 0.5)).all()
+
+
+def test_what_is_stored_is_read_again(tmp_path: Path) -> None:
+    model = biped(ours)
+    data = model.createData()
+    q, v, a = state(model)[:3]
+    ours.computeAllTerms(model, data, q, v)
+    ours.rnea(model, data, q, v, a)
+    data.tau[0] = 7.0
+    data.saveToText(tmp_path / "text")
+    data.saveToXML(tmp_path / "xml", "data")
+    data.saveToBinary(str(tmp_path / "binary"))
+    others = [model.createData() for _ in range(4)]
+    others[0].loadFromText(tmp_path / "text")
+    others[1].loadFromXML(tmp_path / "xml", "data")
+    others[2].loadFromBinary(str(tmp_path / "binary"))
+    others[3].loadFromString(data.saveToString())
+    for other in others:
+        assert other == data
+        assert other.model is model
+        assert other.tau[0] == 7.0
+        assert (ours.rnea(model, other, q, v, 0 * a) == other.tau).all()
+
+
+def test_data_of_another_model_are_read_with_it() -> None:
+    model = biped(ours)
+    data = model.createData()
+    ours.crba(model, data, state(model)[0])
+    other = ours.Data()
+    other.loadFromString(data.saveToString())
+    assert other == data
+    assert other.model == model
+    assert (ours.crba(other.model, other, state(model)[0]) == data.M).all()
+
+
+def test_arrays_that_are_held_are_written_by_reading() -> None:
+    model = biped(ours)
+    data, fresh = model.createData(), model.createData()
+    ours.crba(model, data, state(model)[0])
+    held, poses = data.M, fresh.saveToString()
+    data.loadFromString(poses)
+    assert held is data.M
+    assert not held.any()
+    assert data == fresh
+
+
+def test_data_that_are_none_are_refused_and_change_nothing(tmp_path: Path) -> None:
+    model = biped(ours)
+    data = model.createData()
+    ours.crba(model, data, state(model)[0])
+    M = data.M.copy()
+    with pytest.raises(ValueError, match="holds no data written"):
+        data.loadFromString(model.saveToString())
+    with pytest.raises(ValueError, match="holds no model written"):
+        model.loadFromString(data.saveToString())
+    with pytest.raises(ValueError, match="cannot be read"):
+        data.loadFromText(tmp_path / "none")
+    assert (data.M == M).all()

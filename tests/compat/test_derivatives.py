@@ -110,3 +110,24 @@ def test_a_joint_that_moves_nothing_is_named() -> None:
     model.addJoint(0, ours.JointModelRZ(), ours.SE3.Identity(), "idle")
     with pytest.raises(InertiaError, match='joint "idle" moves no inertia'):
         ours.computeABADerivatives(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+def test_derivatives_of_models_with_mimic_joints_are_those_of_the_calls() -> None:
+    model = ours.transformJointIntoMimic(ours.buildSampleModelManipulator(), 2, 3, 2.0, 0.1)
+    data, other = model.createData(), model.createData()
+    q, v, a = np.random.default_rng(0).normal(size=(3, model.nv))
+    found = [
+        (ours.computeRNEADerivatives(model, data, q, v, a)[0], lambda q: ours.rnea(model, other, q, v, a)),
+        (ours.computeABADerivatives(model, data, q, v, a)[0], lambda q: ours.aba(model, other, q, v, a)),
+        (
+            ours.computeGeneralizedGravityDerivatives(model, data, q),
+            lambda q: ours.computeGeneralizedGravity(model, other, q),
+        ),
+        (
+            ours.computeCentroidalDynamicsDerivatives(model, data, q, v, a)[1],
+            lambda q: ours.computeCentroidalMomentumTimeVariation(model, other, q, v, a).vector.copy(),
+        ),
+    ]
+    for derivative, call in found:
+        expected = by_differences(call, model, q)
+        assert abs(derivative - expected).max() <= DIFFERENCES * abs(expected).max()

@@ -485,7 +485,7 @@ def test_what_is_no_stored_model_is_refused(tmp_path: Path) -> None:
         (model.loadFromText, "text", "holds no model"),
         (model.loadFromText, "list", "holds no model"),
         (model.loadFromText, "missing", "cannot be read"),
-        (model.loadFromBinary, "text", "no model written by saveToBinary"),
+        (model.loadFromBinary, "text", "not written by saveToBinary"),
     ):
         with pytest.raises(sd.SpatialDynError, match=what):
             load(str(tmp_path / file))
@@ -503,3 +503,62 @@ def test_a_model_takes_attributes_of_its_users() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert model.friction is model.upperDryFrictionLimit
+
+
+@pytest.mark.parametrize("pin", [ours, pytest.param("pinocchio", id="wheel")])
+def test_what_is_held_goes_on_being_the_models_when_it_is_assigned(pin: Any) -> None:
+    pin = pytest.importorskip(pin) if isinstance(pin, str) else pin
+    model = pin.buildSampleModelManipulator()
+    q = pin.neutral(model)
+    armature, placement, gravity = model.armature, model.jointPlacements[2], model.gravity
+    limit, inertia = model.upperPositionLimit, model.inertias[2]
+    model.armature = np.full(6, 2.0)
+    model.upperPositionLimit = np.full(6, 3.0)
+    model.jointPlacements[2] = pin.SE3(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    model.inertias[2] = pin.Inertia(4.0, np.zeros(3), np.eye(3))
+    model.gravity = pin.Motion.Zero()
+    assert (armature == 2.0).all()
+    assert (limit == 3.0).all()
+    assert placement.translation[1] == 2.0
+    assert inertia.mass == 4.0
+    assert gravity == pin.Motion.Zero()
+    M = pin.crba(model, model.createData(), q).copy()
+    armature[0] += 5.0
+    inertia.mass = 40.0
+    placement.translation[0] = 7.0
+    gravity.linear[0] = 1.0
+    limit[0] = 8.0
+    data = model.createData()
+    assert pin.crba(model, data, q)[0, 0] > M[0, 0] + 5.0
+    assert pin.computeGeneralizedGravity(model, data, q).any()
+    assert model.jointPlacements[2].translation[0] == 7.0
+    assert model.upperPositionLimit[0] == 8.0
+
+
+def test_what_was_read_before_a_joint_was_added_is_no_longer_the_models() -> None:
+    model = ours.buildSampleModelManipulator()
+    held = model.armature
+    model.addJoint(6, ours.JointModelRX(), ours.SE3.Identity(), "more")
+    held[0] = 5.0
+    assert model.armature[0] == 0.0
+    model.armature[0] = 5.0
+    assert model.armature[0] == 5.0
+
+
+def test_a_copy_that_others_wrote_to_is_assigned() -> None:
+    model = ours.buildSampleModelManipulator()
+    q = ours.neutral(model)
+    M = ours.crba(model, model.createData(), q)
+    with pytest.raises(ValueError, match="read-only"):
+        np.asarray(model.armature)[0] = 1.0
+    x = model.armature.copy()
+    np.asarray(x)[0] = 1.0
+    model.armature = x
+    assert ours.crba(model, model.createData(), q)[0, 0] == pytest.approx(M[0, 0] + 1.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("joint", [0, 7, -1])
+def test_a_joint_that_is_not_there_cannot_be_locked(joint: int) -> None:
+    model = ours.buildSampleModelManipulator()
+    with pytest.raises(sd.SpatialDynError, match=f"joint index (is )?{joint}"):
+        ours.buildReducedModel(model, [joint], ours.neutral(model))

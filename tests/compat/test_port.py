@@ -38,6 +38,13 @@ def found(source: str) -> dict[str, Use]:
         ("from pinocchio.robot_wrapper import RobotWrapper", "RobotWrapper"),
         ("from pinocchio import rpy\nrpy.rpyToMatrix(1)", "rpy.rpyToMatrix"),
         ("import pinocchio\npinocchio.SE3.Identity().act", "SE3.Identity"),
+        ("import pinocchio as pin\npin.robot_wrapper.RobotWrapper.BuildFromURDF", "RobotWrapper.BuildFromURDF"),
+        ("import pinocchio\npin = pinocchio\npin.rnea", "rnea"),
+        ("import pinocchio\npin: object = pinocchio\npin.rnea", "rnea"),
+        ("import pinocchio\nself.pin = pinocchio\nself.pin.SE3.Random", "SE3.Random"),
+        ("import pinocchio\nmove = pinocchio.SE3\nmove.Random", "SE3.Random"),
+        ("try:\n    import pinocchio as pin\nexcept ImportError:\n    pin = None\npin.rnea", "rnea"),
+        ("import pinocchio as pin\nm, c, v = pin.buildModelsFromUrdf('a')\nm.nq", "Model.nq"),
         ("def f():\n    import pinocchio as pin\n    return pin.rnea", "rnea"),
     ],
 )
@@ -81,6 +88,25 @@ class Arm:
 
 def test_a_name_given_anew_is_forgotten() -> None:
     assert "Data.wrong" not in found("import pinocchio as pin\nd = pin.Data()\nd = 3\nd.wrong")
+
+
+def test_an_alias_given_anew_is_forgotten() -> None:
+    assert "rnea" not in found("import pinocchio\npin = pinocchio\npin = other\npin.rnea")
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'robot = pin.RobotWrapper.BuildFromURDF("a.urdf")',
+        'robot = pin.robot_wrapper.RobotWrapper.BuildFromURDF("a.urdf")',
+        "robot = pin.robot_wrapper.RobotWrapper(model)",
+    ],
+)
+def test_viewing_a_robot_is_listed_with_advice(source: str) -> None:
+    used = found(f"import pinocchio as pin\n{source}\nrobot.initViewer()\nrobot.nq")
+    assert used["RobotWrapper.initViewer"].status == OUT_OF_SCOPE
+    assert "meshcat" in used["RobotWrapper.initViewer"].note
+    assert used["RobotWrapper.nq"].status == SUPPORTED
 
 
 def test_others_names_are_left_alone() -> None:

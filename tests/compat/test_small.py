@@ -88,3 +88,25 @@ def test_common_ancestors_are_the_wheels() -> None:
     for a in range(mine.njoints):
         for b in range(mine.njoints):
             assert ours.findCommonAncestor(mine, a, b) == tuple(pin.findCommonAncestor(theirs, a, b))
+
+
+def test_columns_may_be_matrices() -> None:
+    """Those of NumPy's that keep two axes whatever is taken of them."""
+    model = ours.buildSampleModelManipulator()
+    data, other = model.createData(), model.createData()
+    q, p = np.linspace(0.1, 0.6, 6), np.array([1.0, 2.0, 3.0])
+
+    def column(x: np.ndarray) -> Any:
+        return np.ones((x.size, 1)).view(np.matrix) * 0.0 + x.reshape(-1, 1)
+
+    Q, X = column(q), column(p)
+    assert isinstance(Q, np.matrix)
+    assert (ours.rnea(model, data, Q, Q, Q) == ours.rnea(model, other, q, q, q)).all()
+    assert (ours.crba(model, data, Q) == ours.crba(model, other, q)).all()
+    assert (ours.integrate(model, Q, Q) == ours.integrate(model, q, q)).all()
+    assert (ours.centerOfMass(model, data, Q) == ours.centerOfMass(model, other, q)).all()
+    assert ours.SE3(np.eye(3).view(np.matrix), X) == ours.SE3(np.eye(3), p)
+    assert (ours.exp3(X) == ours.exp3(p)).all()
+    assert ours.Motion(X, X) == ours.Motion(p, p)
+    with pytest.raises(TypeError, match=r"q is an array of shape \(1, 6\)"):
+        ours.crba(model, data, Q.T)

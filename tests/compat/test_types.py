@@ -538,6 +538,21 @@ np.atleast_2d(x)[0, 1] = 3.0
 x.T[0] = 3.0
 x.flat[0] = 3.0
 x[::-1] -= 1.0
+x.real[0] = 3.0
+np.einsum("i->i", x)[0] = 3.0
+np.einsum("ij->ji", x.reshape(3, 1))[0] = 3.0
+np.ones(3).cumsum(out=x)
+np.fill_diagonal(x.reshape(3, 1), 4.0)
+"""
+UNHEARD = """
+np.asarray(x)[0] = 1.0
+x.view(np.ndarray)[0] = 1.0
+memoryview(x)[0] = 1.0
+np.random.default_rng(0).random(out=x)
+np.zeros(3).take([0, 1, 2], out=x)
+np.frombuffer(x)[0] = 1.0
+[y.__setitem__(..., 1.0) for y in np.nditer(x, op_flags=["readwrite"])]
+np.lib.stride_tricks.as_strided(np.asarray(x), (3,), (8,))[0] = 1.0
 """
 READS = """
 x + 1.0
@@ -568,6 +583,14 @@ def test_the_owner_hears_of_every_write(write: str) -> None:
     exec(write, {"x": plain_array, "np": np})
     assert owner.count > 0
     assert np.array_equal(base, plain_array)
+
+
+@pytest.mark.parametrize("write", statements(UNHEARD))
+def test_a_write_that_the_owner_would_not_hear_of_is_refused(write: str) -> None:
+    base = np.array([1.0, 2.0, 3.0])
+    with pytest.raises((ValueError, TypeError), match=r"read-?only|not writeable|contiguous, writable"):
+        exec(write, {"x": live(base, Counter()), "np": np})
+    assert np.array_equal(base, [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize("read", statements(READS))

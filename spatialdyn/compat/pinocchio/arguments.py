@@ -29,6 +29,7 @@ def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
     """A new float64 array of that shape; a column (n, 1) passes for (n,)."""
     if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS:
         made = np.empty(shape)
+        value = np.asarray(value)  # an np.matrix keeps two axes whatever is taken of it
         if value.shape == shape:
             made[...] = value
             return made

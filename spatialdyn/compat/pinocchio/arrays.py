@@ -66,7 +66,7 @@ def _array(name: str, meaning: str) -> Any:
         n = self.nq if name in POSITIONS else self.nv
         if value.shape not in ((n,), (n, 1)):
             raise ShapeError(f"{name} has shape {value.shape}, expected ({n},)")
-        self._arrays[name] = np.array(value, dtype=float).reshape(n)
+        self._arrays[name][...] = np.asarray(value).reshape(n)  # where those stand who hold it, as in Pinocchio
         if name == "armature":
             self._made = None
 

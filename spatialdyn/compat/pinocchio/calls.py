@@ -27,6 +27,7 @@ def vector(name: str, value: Any, size: int) -> Array:
     """A float64 vector of an argument; a column (n, 1) passes. Raises ArgumentError for another type, ShapeError."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
         raise ArgumentError(f"{name} is {described(value)}, expected an array of numbers")
+    value = np.asarray(value)  # an np.matrix keeps two axes whatever is taken of it
     if value.ndim == 2 and value.shape[1] == 1:
         value = value[:, 0]
     if value.ndim != 1:

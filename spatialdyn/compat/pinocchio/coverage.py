@@ -1,7 +1,8 @@
 """What of Pinocchio the face has: every public name is supported, supported with a difference, or out of scope.
 
 A name that is out of scope raises ``OutOfScopeError``, a NotImplementedError that says what to use instead; nothing is
-silently missing. ``coverage()`` lists them all.
+silently missing. Asked for as an attribute it is an AttributeError too, so that hasattr is False; imported it is an
+ImportError. ``coverage()`` lists them all.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 import difflib
 import importlib
 import re
+import sys
 import types
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from ...errors import SpatialDynError
 from .differences import DIFFERENCES
@@ -64,7 +66,7 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
     ("visualize", "viewers: spatialdyn.simulate gives a Trajectory, MeshCat or viser draw it"),
     ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
-    ("romeo_wrapper windows_dll_manager deprecation", "parts of the wheel that nobody imports"),
+    ("romeo_wrapper windows_dll_manager deprecation derivative", "parts of the wheel that nobody imports"),
     ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
     ("boost_type_index std_type_index map_indexing_suite_* deprecated", _CONTAINER),
     ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
@@ -74,8 +76,16 @@ INSTEAD: tuple[tuple[str, str], ...] = (
 MEMBERS = {"getFrameId", "getBodyId", "getJointId", "saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit"}
 
 
-class OutOfScopeError(SpatialDynError, NotImplementedError, AttributeError):
-    """A name of Pinocchio that the face does not have on purpose; an AttributeError, so that hasattr is False."""
+class OutOfScopeError(SpatialDynError, NotImplementedError):
+    """A name of Pinocchio that the face does not have on purpose."""
+
+
+class OutOfScopeAttributeError(OutOfScopeError, AttributeError):
+    """The same of an attribute; hasattr is False."""
+
+
+class OutOfScopeImportError(OutOfScopeError, ImportError):
+    """The same of an import; Python would put an error of its own, without advice, in place of an AttributeError."""
 
 
 class Entry(NamedTuple):
@@ -121,10 +131,11 @@ def entry(name: str) -> Entry:
     if first in vars(package):
         at = getattr(package, first)
         for k, member in enumerate(rest):
-            if not hasattr(at, member):
-                where = ".".join([first, *rest[:k]])
-                return Entry(name, OUT_OF_SCOPE, f"{where} has no {member}")
-            at = getattr(at, member)
+            if not _there(at, member):
+                where = ("a " if isinstance(at, type) else "") + ".".join([first, *rest[:k]])
+                note = getattr(at, "_instead", {}).get(member) or f"{where} has no {member}"
+                return Entry(name, OUT_OF_SCOPE, note)
+            at = getattr(at, member, None)
         note = difference(name)
         return Entry(name, DIFFERENT if note else SUPPORTED, note)
     note = instead(first)
@@ -135,14 +146,37 @@ def entry(name: str) -> Entry:
     return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _meant(first))
 
 
-def missing(name: str) -> Any:
+def _there(at: Any, member: str) -> bool:
+    """Whether something has a member; of a class that is enough which a fresh object of it has."""
+    if hasattr(at, member) or not isinstance(at, type):
+        return hasattr(at, member)
+    try:
+        return hasattr(at(), member)
+    except (TypeError, NotImplementedError, SpatialDynError):
+        return False
+
+
+def missing(name: str) -> NoReturn:
     """What the package raises for a name it does not have.
 
     Raises OutOfScopeError for one of Pinocchio's, AttributeError for any other
     """
     if name in NAMES or instead(name):
-        raise OutOfScopeError(f"pinocchio.{name} is not supported: {entry(name).note}")
+        kind = OutOfScopeImportError if _imported() else OutOfScopeAttributeError
+        raise kind(f"pinocchio.{name} is not supported: {entry(name).note}")
     raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_meant(name)}")
+
+
+def missing_module(name: str) -> NoReturn:
+    """What a module raises that stands for one of Pinocchio's, ``pinocchio.visualize`` say. Raises OutOfScopeError."""
+    last = name.rpartition(".")[2]
+    raise OutOfScopeImportError(f"pinocchio.{last} is not supported: {instead(last)}")
+
+
+def _imported() -> bool:
+    """Whether a package's ``__getattr__``, which asks ``missing``, was called for ``from package import name``."""
+    caller = sys._getframe(3).f_code
+    return caller.co_name == "_handle_fromlist" and "importlib" in caller.co_filename
 
 
 def _meant(name: str) -> str:

@@ -8,7 +8,7 @@ what is written to them stays until then.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import count
 from typing import Any
 
@@ -27,6 +27,7 @@ from .model import Model
 from .motion import Force, Motion
 from .rows import Rows
 from .se3 import SE3
+from .stored import Stored, fill, state
 
 Array = NDArray[np.float64]
 clock = count(1).__next__  # which of two calls was the later
@@ -154,7 +155,7 @@ class Run:
 # --- the data --------------------------------------------------------------------------------------------
 
 
-class Data:
+class Data(Stored):
     """Results of the algorithms for a Model; ``model.createData()`` makes one. One for each thread.
 
     Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... Scratch of Pinocchio's algorithms is no
@@ -162,6 +163,7 @@ class Data:
     """
 
     model: Any
+    _format = "spatialdyn.compat.pinocchio data 1"
 
     def __init__(self, model: Any = None) -> None:
         if model is None:
@@ -279,6 +281,26 @@ class Data:
             if name in self._shown or name in self._given or self.latest(name) is not None:
                 made_._given[name] = clock(), np.array(self.array(name))
         return made_
+
+    def _state(self) -> dict[str, Any]:
+        fields = {name: x.tolist() for name, (_, x) in self.copy()._given.items()}
+        return {"format": self._format, "model": state(self.model), "strict": self.model.strict, "fields": fields}
+
+    def _become(self, given: Mapping[str, Any]) -> None:
+        """Hold the fields of a state and nothing else; its model is made anew unless it is this one's."""
+        if state(self.model) != given["model"]:
+            model = Model()
+            fill(model, given["model"])
+            model.strict = given["strict"]
+            self.__dict__.clear()
+            Data.__init__(self, model)
+        self.__dict__.update(_runs={}, _filling={}, _given={})
+        for name, x in self._shown.items():
+            if name not in given["fields"]:
+                x[...] = _initial(self.model, name)
+        for name, listed in given["fields"].items():
+            x = np.array(listed, float)
+            self.put(name, x if x.size else x.reshape(_initial(self.model, name).shape))
 
     __copy__ = copy
 

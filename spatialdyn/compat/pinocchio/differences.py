@@ -193,6 +193,48 @@ DIFFERENCES = (
         "an error that names the call",
     ),
     Difference("utils.mprint", "prints", "NotImplementedError; nothing here writes to the terminal"),
+    Difference(
+        "RobotWrapper.com() before forwardKinematics",
+        "the centre of mass with every joint placed at the origin",
+        "an error that names what to call",
+    ),
+    Difference(
+        "computeRNEADerivatives, computeABADerivatives, computeForwardKinematicsDerivatives, "
+        "computeGeneralizedGravityDerivatives, computeCentroidalDynamicsDerivatives of models with mimic joints",
+        "an error",
+        "derivatives by the independent coordinates and velocities",
+    ),
+    Difference(
+        "computeMinverse(model, data), computeABADerivatives(model, data) after aba in its LOCAL convention",
+        "wrong numbers",
+        "those at what aba was given",
+    ),
+    Difference(
+        "computeMinverse(model, data), computeABADerivatives(model, data) without an aba before",
+        "zeros or wrong numbers",
+        "an error that says so",
+    ),
+    Difference(
+        "buildReducedModel of joint 0 or of one that is not there",
+        "left out of the list, without a word",
+        "ModelError naming the index",
+    ),
+    Difference(
+        "the first call after an edit of a model",
+        "costs what any call does",
+        "makes the library's model anew first, which takes some 2 ms at nine joints",
+    ),
+    Difference(
+        "np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where x is Model.armature or an "
+        "array of a Model's placement, inertia or gravity",
+        "write",
+        "an error: x is read-only to them; x[0] = 1 or Model.armature = y write",
+    ),
+    Difference(
+        "what is held of Model.armature across addJoint, or of a frame or joint across its replacement",
+        "memory that was freed, or the new one",
+        "the old one, no longer the model's; read it from the model again",
+    ),
     Difference("Random, setRandom, sample models", "Eigen's random numbers", "NumPy's; pin.seed starts them"),
 )
 

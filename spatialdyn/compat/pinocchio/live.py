@@ -2,7 +2,8 @@
 
 A ``Live`` array calls ``changed()`` of its owner after every write through it or a view of it: item assignment,
 in-place operators, ``out=``, ``np.copyto`` and its like, methods such as ``fill``. What is computed from one is a plain
-array. Only a write through a base-class view that the caller makes of it, ``np.asarray(x)[0] = 1``, goes unnoticed.
+array. Towards everything else it is read-only, so that a write that its owner would not hear of raises ValueError:
+``np.asarray(x)[0] = 1``, a memoryview, ``np.nditer``, ``out=`` of a method or of a generator of random numbers.
 """
 
 from __future__ import annotations
@@ -33,14 +34,17 @@ class Live(np.ndarray):
             self._owner.changed()
 
     def __setitem__(self, at: Any, value: Any) -> None:
-        super().__setitem__(at, value)
+        _writable(self)[at] = bare(value)
         self._changed()
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
         """Compute on plain arrays; what was written with ``out=`` or in place tells its owner."""
         if out is not None:
-            options["out"] = tuple(bare(x) for x in out)
-        result = getattr(ufunc, method)(*[bare(x) for x in inputs], **options)
+            options["out"] = tuple(_writable(x) for x in out)
+        given = [bare(x) for x in inputs]
+        if method == "at":
+            given[0] = _writable(inputs[0])
+        result = getattr(ufunc, method)(*given, **options)
         written = out if out is not None else inputs[:1] if method == "at" else ()
         for x in written:
             if isinstance(x, Live):
@@ -50,8 +54,12 @@ class Live(np.ndarray):
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
         """NumPy's functions on plain arrays."""
         out = options.get("out")
-        result = function(*[_bare(x) for x in arguments], **{key: _bare(x) for key, x in options.items()})
         written = list(arguments[:1]) if function in WRITERS else []
+        given = [_writable(x) for x in written] + [_bare(x) for x in arguments[len(written) :]]
+        named = {key: _bare(x) for key, x in options.items()}
+        if out is not None:
+            named["out"] = tuple(_writable(x) for x in out) if isinstance(out, tuple) else _writable(out)
+        result = function(*given, **named)
         for x in [*written, *(out if isinstance(out, tuple) else (out,))]:
             if isinstance(x, Live):
                 x._changed()
@@ -83,20 +91,20 @@ class Live(np.ndarray):
         return self.copy()
 
     def __reduce__(self) -> Any:
-        return bare(self).__reduce__()
+        return self.copy().__reduce__()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        return bare(self).__reduce_ex__(protocol)
+        return self.copy().__reduce_ex__(protocol)
 
     @property
     def flat(self) -> Any:
         """An iterator that can write; the owner counts it as a write."""
         self._changed()
-        return bare(self).flat
+        return _writable(self).flat
 
     @flat.setter
     def flat(self, value: Any) -> None:
-        bare(self).flat = value
+        _writable(self).flat = value
         self._changed()
 
 
@@ -104,7 +112,7 @@ def _writing(name: str) -> Any:
     plain = getattr(np.ndarray, name)
 
     def method(self: Live, *arguments: Any, **options: Any) -> Any:
-        result = plain(bare(self), *arguments, **options)
+        result = plain(_writable(self), *arguments, **options)
         self._changed()
         return result
 
@@ -122,13 +130,23 @@ def live(x: Array, owner: Any) -> Array:
     if owner is None:
         return x
     view = x.view(Live)
+    view.flags.writeable = False
     view._owner = owner
     return view
 
 
 def bare(x: Any) -> Any:
-    """A plain view of a Live array; anything else as it is."""
+    """A plain view of a Live array, to be read; anything else as it is."""
     return x.view(np.ndarray) if isinstance(x, Live) else x
+
+
+def _writable(x: Any) -> Any:
+    """A plain view of a Live array, to be written; anything else as it is."""
+    if not isinstance(x, Live):
+        return x
+    view = x.view(np.ndarray)
+    view.flags.writeable = True  # as what it is a view of
+    return view
 
 
 def _bare(x: Any) -> Any:

@@ -17,7 +17,7 @@ from .frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from .joint import JointModel
 from .owned import Owned
 from .se3 import SE3
-from .stored import Stored, fill, state
+from .stored import FORMAT, Stored, fill, state
 from .tree import Listener, Tree
 
 Array = NDArray[np.float64]
@@ -56,8 +56,14 @@ class Model(Tree, Arrays, Stored):
     frames                   list of Frame
     nframes, nbodies         numbers of frames, and of bodies appended with the universe
     referenceConfigurations  configurations by name
+
+    A model may be edited at any time, and the next call knows: ``model.armature[0] = 1``, ``model.armature = x``,
+    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Its arrays are read-only to what
+    would write past them, such as ``np.asarray(model.armature)[0] = 1``: write to a copy and assign that. What was read
+    before ``addJoint``, and a frame or a joint that was replaced, is no longer the model's: read it again.
     """
 
+    _format = FORMAT
     createData: Any  # given by the module of Data, which stands on this one
 
     def __init__(self, clone: Model | None = None) -> None:
@@ -197,6 +203,12 @@ class Model(Tree, Arrays, Stored):
     def existBodyName(self, name: str) -> bool:
         """Whether a body's frame has that name."""
         return self.existFrame(name, BODY)
+
+    def _state(self) -> dict[str, Any]:
+        return state(self)
+
+    def _become(self, given: Mapping[str, Any]) -> None:
+        fill(self, given)
 
     # --- the whole -----------------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from .arguments import ArgumentError
+from .live import Value as Numbers
 
 Value = TypeVar("Value")
 
@@ -46,8 +47,16 @@ class Owned(list[Value]):
         if isinstance(at, slice):
             super().__setitem__(at, [self._own(x) for x in value])
         else:
-            super().__setitem__(at, self._own(value))
+            self._replace(at, value)
         self._owner.changed()
+
+    def _replace(self, at: Any, value: Any) -> None:
+        """Put a value in place of another: into it if it is a Value, so that those who hold it go on holding it."""
+        there = self[at]
+        if isinstance(there, Numbers) and type(there) is type(value):
+            there._x[...] = value._x
+        else:
+            super().__setitem__(at, self._own(value))
 
     def __delitem__(self, at: Any) -> None:
         super().__delitem__(at)

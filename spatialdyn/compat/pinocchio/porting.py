@@ -7,10 +7,10 @@ was made by buildModelFrom..., createData, RobotWrapper or a class is one of tho
 from __future__ import annotations
 
 import ast
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ...errors import SpatialDynError
-from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, UNKNOWN, difference, entry, face
+from .coverage import OUT_OF_SCOPE, SUPPORTED, UNKNOWN, entry, face
 from .names import NAMES
 
 ROOT = "pinocchio"
@@ -26,6 +26,7 @@ MAKERS = {  # what calls of these names make
     "BuildFromURDF": "RobotWrapper",
     "buildReducedRobot": "RobotWrapper",
 }
+FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # the first of what calls of these names make
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
 STATIC = {"", "Identity", "Random", "Zero"}  # what a class makes objects of itself by; "" is calling it
 CLASSES = {"Model", "Data", "RobotWrapper", "SE3", "Motion", "Force", "Inertia", "Symmetric3", "Quaternion", "Frame"}
@@ -55,38 +56,11 @@ def uses(source: str) -> list[Use]:
     reader = _Reader()
     reader.visit(tree)
     found = [
-        Use(name.replace("#", "."), tuple(sorted(set(lines))), *_judged(name)) for name, lines in reader.found.items()
+        Use(name.replace("#", "."), tuple(sorted(set(lines))), *entry(name.replace("#", "."))[1:])
+        for name, lines in reader.found.items()
     ]
     order = (UNKNOWN, OUT_OF_SCOPE)
     return sorted(found, key=lambda use: (use.status not in order, use.status == SUPPORTED, use.lines, use.name))
-
-
-def _judged(name: str) -> tuple[str, str]:
-    """Status and note of a dotted name; a member of an object (``Model#nq``) is looked up in a fresh one."""
-    kind, _, member = name.partition("#")
-    if not member:
-        return entry(name)[1:]
-    made = entry(kind)
-    if made.status in (OUT_OF_SCOPE, UNKNOWN):
-        return made[1:]
-    if not _has(kind, member):
-        return OUT_OF_SCOPE, f"a {kind} has no {member}"
-    note = difference(f"{kind}.{member}")
-    return DIFFERENT if note else SUPPORTED, note
-
-
-def _has(kind: str, member: str) -> bool:
-    """Whether objects of a class have a member; what is only there once computed counts."""
-    package = face()
-    one = getattr(package, kind)
-    if hasattr(one, member):
-        return True
-    try:
-        model = package.Model()
-        fresh: Any = {"Model": lambda: model, "Data": model.createData}.get(kind, one)()
-        return hasattr(fresh, member)
-    except (TypeError, SpatialDynError):
-        return False
 
 
 class _Reader(ast.NodeVisitor):
@@ -94,7 +68,8 @@ class _Reader(ast.NodeVisitor):
 
     def __init__(self) -> None:
         self.found: dict[str, list[int]] = {}
-        self.aliases: dict[str, str] = {}  # a name of the script's -> dotted name, "" for the package
+        self.aliases: dict[str, str] = {}  # a name or attribute, as text -> dotted name, "" for the package
+        self.assigned: set[str] = set()  # those of them that an assignment made
         self.kinds: dict[str, str] = {}  # a variable or attribute, as text -> class of what it holds
 
     def note(self, name: str, line: int) -> None:
@@ -128,12 +103,13 @@ class _Reader(ast.NodeVisitor):
 
     def dotted(self, node: ast.expr) -> str | None:
         """What an expression names in Pinocchio; "" for the package, None for nothing of it."""
-        if isinstance(node, ast.Name):
-            return self.aliases.get(node.id)
-        if isinstance(node, ast.Attribute):
-            inside = self.dotted(node.value)
-            return None if inside is None else f"{inside}.{node.attr}".lstrip(".")
-        return None
+        if not isinstance(node, (ast.Name, ast.Attribute)):
+            return None
+        alias = self.aliases.get(ast.unparse(node))
+        if alias is not None or isinstance(node, ast.Name):
+            return alias
+        inside = self.dotted(node.value)
+        return None if inside is None else _own(f"{inside}.{node.attr}".lstrip("."))
 
     def kind(self, node: ast.expr) -> str | None:
         """The class of what an expression gives, where that is plain."""
@@ -153,13 +129,36 @@ class _Reader(ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         self.generic_visit(node)
-        made = self.kind(node.value)
         for target in node.targets:
-            if isinstance(target, (ast.Name, ast.Attribute)):
-                if made is None:
-                    self.kinds.pop(ast.unparse(target), None)
-                else:
-                    self.kinds[ast.unparse(target)] = made
+            if isinstance(target, (ast.Tuple, ast.List)) and target.elts and isinstance(node.value, ast.Call):
+                called = self.dotted(node.value.func) or ""
+                self.hold(target.elts[0], None, FIRSTS.get(called))
+            else:
+                self.hold(target, self.dotted(node.value), self.kind(node.value))
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        self.generic_visit(node)
+        if node.value is not None:
+            self.hold(node.target, self.dotted(node.value), self.kind(node.value))
+
+    def hold(self, target: ast.expr, alias: str | None, kind: str | None) -> None:
+        """Keep what a variable or attribute is from here on: a name of Pinocchio's, or an object of one of its classes.
+
+        What was imported stays so, for ``except ImportError: pin = None``.
+        """
+        if not isinstance(target, (ast.Name, ast.Attribute)):
+            return
+        text = ast.unparse(target)
+        if alias is not None:
+            self.aliases[text] = alias
+            self.assigned.add(text)
+        elif text in self.assigned:
+            self.assigned.remove(text)
+            del self.aliases[text]
+        if kind is not None:
+            self.kinds[text] = kind
+        else:
+            self.kinds.pop(text, None)
 
     def visit_Name(self, node: ast.Name) -> None:
         if isinstance(node.ctx, ast.Load):
@@ -174,6 +173,15 @@ class _Reader(ast.NodeVisitor):
         if of is not None:
             self.note(f"{of}#{node.attr}", node.lineno)
         self.generic_visit(node)
+
+
+def _own(name: str) -> str:
+    """A dotted name without the module where that only shows what is the package's own."""
+    module, _, rest = name.partition(".")
+    first = rest.partition(".")[0]
+    there = vars(face())
+    shown = first in NAMES and first in there and getattr(there.get(module), first, None) is there[first]
+    return rest if shown else name
 
 
 def _shown(name: str) -> str:

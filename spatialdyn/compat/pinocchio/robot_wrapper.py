@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import centroidal, configuration, dynamics, kinematics
+from .coverage import OutOfScopeAttributeError
 from .frame import LOCAL
 from .geometry import buildModelsFromUrdf, createDatas
 from .inertia import Inertia
@@ -33,6 +34,11 @@ class RobotWrapper:
 
     Methods call the function of the face that their names and texts say, on the robot's model and data.
     """
+
+    _instead: ClassVar[dict[str, str]] = {
+        **dict.fromkeys(VIEWING.split(), "viewers are out of scope of spatialdyn; show oMi with meshcat or viser"),
+        **dict.fromkeys(OTHER_FILES.split(), "only URDFs are read, expected BuildFromURDF"),
+    }
 
     def __init__(
         self,
@@ -85,10 +91,8 @@ class RobotWrapper:
         return RobotWrapper(buildReducedModel(self.model, joints, q), self.collision_model, self.visual_model)
 
     def __getattr__(self, name: str) -> Any:
-        if name in VIEWING.split():
-            raise NotImplementedError(f"{name}: viewers are out of scope of spatialdyn; show oMi with meshcat or viser")
-        if name in OTHER_FILES.split():
-            raise NotImplementedError(f"{name}: only URDFs are read, expected BuildFromURDF")
+        if name in self._instead:
+            raise OutOfScopeAttributeError(f"{name}: {self._instead[name]}")
         raise AttributeError(f"a RobotWrapper has no attribute {name!r}")
 
     @property

@@ -1,6 +1,6 @@
-"""Models as text and back: the library's own format, which is JSON; XML and binary files wrap it.
+"""Models and data as text and back: the library's own format, which is JSON; XML and binary files wrap it.
 
-A stored model holds plain numbers and names, and reading one runs nothing that it contains. Pinocchio's archives are
+What is stored are plain numbers and names, and reading them runs nothing that they contain. Pinocchio's archives are
 not read.
 """
 
@@ -138,53 +138,62 @@ def _joint(given: Mapping[str, Any]) -> JointModel:
 
 
 class Stored:
-    """The methods of a Model that store it and read it again."""
+    """The methods of a Model or a Data that store it and read it again.
+
+    It says what it is by ``_state()``, a dict with a ``"format"`` of its own, and becomes that again by ``_become``.
+    """
+
+    _format: str
+    _state: Any
+    _become: Any
 
     def saveToString(self) -> str:
-        """The model as text."""
-        return json.dumps(state(self))
+        """All of it as text."""
+        return json.dumps(self._state())
 
     def loadFromString(self, string: str) -> None:
-        """Become the model of a text. Raises SpatialDynError if it is none."""
+        """Become what a text says. Raises SpatialDynError if that is none of its kind."""
         _load(self, string, "the text")
 
     def saveToText(self, filename: str | os.PathLike[str]) -> None:
-        """Write the model to a text file."""
+        """Write it to a text file."""
         Path(filename).write_text(self.saveToString(), encoding="utf-8")
 
     def loadFromText(self, filename: str | os.PathLike[str]) -> None:
-        """Become the model of a text file. Raises SpatialDynError if it holds none."""
+        """Become what a text file says. Raises SpatialDynError if that is none of its kind."""
         _load(self, _read(filename).decode("utf-8", errors="replace"), filename)
 
     def saveToXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
-        """Write the model to an XML file of one element."""
+        """Write it to an XML file of one element."""
         text = f'<?xml version="1.0" encoding="utf-8"?>\n<{tag_name}>{escape(self.saveToString())}</{tag_name}>\n'
         Path(filename).write_text(text, encoding="utf-8")
 
     def loadFromXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
-        """Become the model of an XML file's element. Raises SpatialDynError if it holds none."""
+        """Become what an XML file's element says. Raises SpatialDynError if that is none of its kind."""
         text = _read(filename).decode("utf-8", errors="replace")
         _, found, rest = text.partition(f"<{tag_name}>")
         if not found:
-            raise SpatialDynError(f"{filename} has no element <{tag_name}>, expected one that holds a model")
+            raise SpatialDynError(f"{filename} has no element <{tag_name}>, expected one written by saveToXML")
         _load(self, unescape(rest.partition(f"</{tag_name}>")[0]), filename)
 
     def saveToBinary(self, filename: str | os.PathLike[str]) -> None:
-        """Write the model to a binary file."""
+        """Write it to a binary file."""
         Path(_path(filename)).write_bytes(zlib.compress(self.saveToString().encode()))
 
     def loadFromBinary(self, filename: str | os.PathLike[str]) -> None:
-        """Become the model of a binary file. Raises SpatialDynError if it holds none."""
+        """Become what a binary file says. Raises SpatialDynError if that is none of its kind."""
         try:
             text = zlib.decompress(_read(_path(filename))).decode()
         except (zlib.error, UnicodeDecodeError):
-            raise SpatialDynError(f"{filename} is no model written by saveToBinary, expected one") from None
+            raise SpatialDynError(f"{filename} was not written by saveToBinary, expected a file that was") from None
         _load(self, text, filename)
 
 
 def _path(filename: Any) -> Any:
     if not isinstance(filename, (str, os.PathLike)):
-        raise NotImplementedError(f"a model is stored in files only, not in a {type(filename).__name__}; give a path")
+        raise NotImplementedError(
+            f"saveToBinary and loadFromBinary take files only, not a {type(filename).__name__}; give a path"
+        )
     return filename
 
 
@@ -192,17 +201,18 @@ def _read(filename: Any) -> bytes:
     try:
         return Path(filename).read_bytes()
     except OSError as error:
-        raise SpatialDynError(f"{filename} cannot be read ({error}), expected a stored model") from None
+        raise SpatialDynError(f"{filename} cannot be read ({error}), expected a stored model or data") from None
 
 
-def _load(model: Any, text: str, source: Any) -> None:
+def _load(one: Any, text: str, source: Any) -> None:
     """Become what a text says, or stay as it was."""
+    kind = one._format.split()[-2]
     try:
         given = json.loads(text)
-        if not isinstance(given, dict) or given.get("format") != FORMAT:
+        if not isinstance(given, dict) or given.get("format") != one._format:
             raise ValueError
-        made = type(model)()
-        fill(made, given)
-        fill(model, state(made))
-    except (KeyError, TypeError, ValueError):
-        raise SpatialDynError(f"{source} holds no model written by saveToText and its like, expected one") from None
+        made = type(one)()
+        made._become(given)
+        one._become(made._state())
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise SpatialDynError(f"{source} holds no {kind} written by saveToText and its like, expected one") from None

@@ -79,7 +79,7 @@ class Tree:
         self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
         self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
         self.mimic_joint_supports = [Indices([0])]
-        self.gravity = Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0]))
+        self._gravity: Motion = owned(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), self._edited)
 
     @property
     def njoints(self) -> int:
@@ -93,7 +93,7 @@ class Tree:
 
     @gravity.setter
     def gravity(self, value: Motion) -> None:
-        self._gravity: Motion = owned(expected(value, Motion, "gravity"), self._edited)
+        self._gravity._x[...] = expected(value, Motion, "gravity")._x
         self._made = None
 
     def _check_joint(self, index: Any) -> int:
