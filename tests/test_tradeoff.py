@@ -76,6 +76,24 @@ def test_what_is_recommended_meets_its_tolerance_on_fresh_states(name: str) -> N
 
 
 @compiled
+def test_untraced_errors_are_of_the_untraced_kernel_whatever_the_batch() -> None:
+    model = MODELS["two_link"]()
+    few, many = ({x.name: x for x in sd.trade(model, batch=b).options} for b in (1, 4096))
+    assert few["untraced float64 aba"].error == many["untraced float64 aba"].error
+    assert few["untraced float64 aba"].error != few["lanes float64 aba"].error
+    assert many["untraced float64 aba"].code.endswith("at most 511 samples at once")
+
+
+def test_a_plot_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    found = sd.trade(MODELS["two_link"](), "mass_matrix", states=4)
+    for path in (tmp_path / "none" / "t.png", tmp_path / "t.nope"):
+        with pytest.raises(sd.SpatialDynError, match="plot cannot be written to"):
+            found.plot(path)
+
+
+
+@compiled
 def test_a_motion_that_is_recommended_meets_its_tolerance_from_fresh_states() -> None:
     model = sd.load_urdf("two_link")
     found = sd.trade(model, "simulate", methods=METHODS, duration=DURATION)

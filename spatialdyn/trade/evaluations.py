@@ -111,7 +111,8 @@ def ways(model: Model, task: str, batch: int) -> list[Way]:
                 whole = dtype == np.float64 and batch >= batches.FROM
                 text = code if whole else f"sd.specialize(model, sd.{name}{words})({given})"
                 found.append(Way(f"lanes {np.dtype(dtype)} {name}", text, dtype, public if whole else k))
-        found.append(Way(f"untraced float64 {name}", code, np.float64, piecewise if batch >= batches.FROM else public))
+        text = f"{code}  # at most {batches.FROM - 1} samples at once" if batch >= batches.FROM else code
+        found.append(Way(f"untraced float64 {name}", text, np.float64, piecewise))
     return found
 
 

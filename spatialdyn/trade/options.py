@@ -119,7 +119,7 @@ class Tradeoff:
     def plot(self, path: Any = None) -> Any:
         """A matplotlib Figure of error against cost, the front marked; written to the file ``path`` if that is given.
 
-        Raises  SpatialDynError where matplotlib is not installed.
+        Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
         """
         try:
             from matplotlib.figure import Figure
@@ -145,7 +145,10 @@ class Tradeoff:
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
         if path is not None:
-            figure_.savefig(path, dpi=130)
+            try:
+                figure_.savefig(path, dpi=130)
+            except (OSError, ValueError) as error:
+                raise SpatialDynError(f"plot cannot be written to {path}: {error}") from error
         return figure_
 
 
