@@ -92,7 +92,6 @@ def test_a_plot_that_cannot_be_written_is_named(tmp_path: Path) -> None:
             found.plot(path)
 
 
-
 @compiled
 def test_a_motion_that_is_recommended_meets_its_tolerance_from_fresh_states() -> None:
     model = sd.load_urdf("two_link")
