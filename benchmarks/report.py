@@ -39,7 +39,7 @@ def table() -> str:
     about = (
         f"spatialdyn / Pinocchio {machine['pinocchio']}. Batches of {results['samples']} on one thread, results into a "
         "given array, against `rneaInParallel` and `abaInParallel` on one thread; `crba`, which has no pool, "
-        "against a Python loop that keeps its results, much of which is Python for small robots. Single "
+        "against the barest Python loop. Single "
         "calls from Python (and of spatialdyn inside a jitted loop); "
         f"medians of interleaved rounds in one process, {machine['processor']}, Python {machine['python']}, "
         f"Numba {machine['numba']}. Starting a process, warm cache: import {results['start']['import_s']:.2f} s, first "
