@@ -58,6 +58,7 @@ from ..tables import (
     vec_of,
 )
 from .joints import joint_motion, place_joint
+from .rnea import rnea
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
 FOLDED = 12  # rows that children leave before they are made six
@@ -66,7 +67,8 @@ EPS = 2.220446049250313e-16
 
 WORK = table_dtype(
     X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
-    rows=int, relative=int, stack=(float, (ROWS, 8)), reach=(float, (6,)), felt=(float, (6,)),
+    w=Vec, dw=Vec, dv=Vec, f=Force, rows=int, relative=int, stack=(float, (ROWS, 8)),
+    reach=(float, (6,)), felt=(float, (6,)),
 )  # fmt: skip
 
 
@@ -79,15 +81,41 @@ class Row(NamedTuple):
 
 
 @inlined
-def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
+def aba_square_root(
+    bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any, residual: Any
+) -> None:
     """RBDA table 7.1 with rows [R z] and l in place of IA and pA; fext may be None, for zero.
 
-    pivots  (nv), written: the root of D times that of a bound on the composite inertia, for a joint is singular here
-            when the first is next to nothing of the second
+    Then once a += M⁻¹ (τ - RNEA(q, v, a)) with the rows that are there: a joint whose axis a heavy link feels no more
+    than a light one mixes their rows, and the light one's may lose digits.
+
+    pivots    (nv), written: the root of D times that of a bound on the composite inertia, for a joint is singular here
+              when the first is next to nothing of the second
+    residual  (nv), written: what the last step has changed
     """
+    _roots(bodies, work, q, v, pivots)
+    for i in range(1, len(bodies)):
+        put_force(work[i].l, zero_force())
+        if fext is not None and bodies[i].joint > 0:
+            put_force(work[i].l, force_from(fext[bodies[i].joint]))
+    _inward(bodies, work, tau)
+    _outward(bodies, work, vec_of(bodies[0].gravity), True, a)
+
+    rnea(bodies, work, q, v, a, fext, residual)
+    for i in range(1, len(bodies)):
+        residual[i - 1] = tau[i - 1] - residual[i - 1]
+        put_force(work[i].l, zero_force())
+    _inward(bodies, work, residual)
+    _outward(bodies, work, zero(), False, residual)
+    for i in range(len(bodies) - 1):
+        a[i] = a[i] + residual[i]
+
+
+@inlined
+def _roots(bodies: Any, work: Any, q: Any, v: Any, pivots: Any) -> None:
+    """Place the bodies, and eliminate each joint from the rows of its subtree."""
     n = len(bodies) - 1
     put_motion(work[0].v, zero_motion())
-    put_force(work[0].l, zero_force())
     for k in range(6):
         work[0].felt[k] = 0.0
     for i in range(1, n + 1):
@@ -97,36 +125,47 @@ def aba_square_root(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any,
         vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
         put_motion(here.v, vi)
         put_motion(here.c, cross_motion(vi, vJ))
-        put_force(here.l, zero_force())
-        if fext is not None and b.joint > 0:
-            put_force(here.l, force_from(fext[b.joint]))
         here.rows = 0
         _reach(here, parent, motion_of(b.S))
 
     for i in range(n, 0, -1):
-        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        b, here = bodies[i], work[i]
         rows = _gather(b, here)
         _reflect(here.stack, 0, rows, 0)
-        S, l = motion_of(b.S), force_of(here.l)
         first = _row(here.stack, 0)
-        s, r = first.s, first.r
-        t = (tau[i - 1] + power(S, l)) / s
-        if not here.relative:
-            l = sub_force(l, scale_force(power(S, l) + tau[i - 1], as_force(S)))
-        here.s, here.z, here.t = s, first.z, t
-        put_force(here.r, r)
-        pivots[i - 1] = abs(s) * sqrt(b.armature + b.bound.x)
+        here.s, here.z = first.s, first.z
+        put_force(here.r, first.r)
+        pivots[i - 1] = abs(first.s) * sqrt(b.armature + b.bound.x)
         if b.parent > 0:
-            X = pose_of(here.X)
-            _hand_over(here, parent, rows)
-            put_force(parent.l, add_force(force_of(parent.l), force_to_parent(X, sub_force(l, scale_force(t, r)))))
+            _hand_over(here, work[b.parent], rows)
 
-    put_motion(work[0].a, Motion(zero(), negative(vec_of(bodies[0].gravity))))
-    for i in range(1, n + 1):
+
+@inlined
+def _inward(bodies: Any, work: Any, tau: Any) -> None:
+    """t of each joint, from the torques and the forces l that are there."""
+    put_force(work[0].l, zero_force())
+    for i in range(len(bodies) - 1, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        S, l = motion_of(bodies[i].S), force_of(here.l)
+        total = tau[i - 1] + power(S, l)
+        here.t = total / here.s
+        if not here.relative:
+            l = sub_force(l, scale_force(total, as_force(S)))
+        if bodies[i].parent > 0:
+            up = force_to_parent(pose_of(here.X), sub_force(l, scale_force(here.t, force_of(here.r))))
+            put_force(parent.l, add_force(force_of(parent.l), up))
+
+
+@inlined
+def _outward(bodies: Any, work: Any, gravity: Vec, moving: bool, a: Any) -> None:
+    """The accelerations, of joints and bodies; not moving leaves out what velocities add."""
+    put_motion(work[0].a, Motion(zero(), negative(gravity)))
+    for i in range(1, len(bodies)):
         here, S = work[i], motion_of(bodies[i].S)
-        ai = motion_to_child(pose_of(here.X), motion_of(work[bodies[i].parent].a))
-        ai = add_motion(ai, motion_of(here.c))
-        x = (here.t - power(ai, force_of(here.r)) - here.z) / here.s
+        ai, t = motion_to_child(pose_of(here.X), motion_of(work[bodies[i].parent].a)), here.t
+        if moving:
+            ai, t = add_motion(ai, motion_of(here.c)), t - here.z
+        x = (t - power(ai, force_of(here.r))) / here.s
         a[i - 1] = x
         if not here.relative:
             along = power(ai, as_force(S))
@@ -417,6 +456,6 @@ SPECS = (
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm on square "
         "roots of inertias.",
         "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "
-        "constraint.", pivots=True, traces=False,
+        "constraint.", pivots=True, traces=False, spare=(("nv",),),
     ),
 )  # fmt: skip
