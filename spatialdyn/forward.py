@@ -28,20 +28,19 @@ def forward_dynamics(
 
     method  what computes it; each is a call of its own as well. With the cost of one call, and of a sample of a batch,
             in units of ABA's own, and the forward error max|a - a*| / max|a*| of a chain of 7 links whose last is so
-            many times heavier:
+            many times heavier, which nine of ten random states are below:
 
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
             method         call             cost  batch  1        1e3      1e6      1e9      1e12
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
-            "aba"          aba              1     1      1e-15    1e-13    1e-10    1e-7     3e-4
-            "crba"         crba_solve       1     1      1e-15    3e-12    1e-9     1e-6     3e-3
-            "refined"      aba_refined      1.6   1.7    1e-15    1e-15    1e-15    1e-15    5e-12
-            "square_root"  aba_square_root  7     110    1e-15    1e-14    2e-14    2e-14    2e-14
+            "aba"          aba              1     1      1e-15    1e-13    1e-10    1e-7     1e-4
+            "crba"         crba_solve       1     1      1e-15    1e-12    1e-9     1e-6     1e-3
+            "refined"      aba_refined      1.6   1.7    1e-15    1e-15    2e-15    3e-15    2e-13
+            "square_root"  aba_square_root  8     120    1e-15    1e-15    2e-15    3e-15    2e-15
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
 
-            Those are of a few states. The worst of a hundred, lose more:
-            from 1e3 to 1e12 "aba" 7e-13, 1e-9, 7e-7, 8e-4, "refined" 4e-15, 3e-14, 6e-14, 3e-10 and "square_root"
-            2e-14, 2e-13, 7e-12, 4e-11.
+            At rare states, one of a hundred, "aba" and "crba" lose ten times as much; the others come to some 3e-14,
+            where an ulp of q, v and tau moves the exact answer as far ("refined" to 3e-10 at 1e12).
 
             Light links cost no digits in any of them; long chains do in "crba" (n = 100: 1e-11, the others 1e-14),
             which works in O(n d²) for trees of depth d, the others in O(n). "square_root" branches on values, so it
