@@ -7,7 +7,7 @@ table: errors as they are, "singular" where a joint moves no inertia. Errors are
 
 rnea   largest error over largest torque
 crba   largest error of an entry over √(M_ii M_jj)
-aba    largest error over largest acceleration
+aba    largest error over largest acceleration; forward.py beside this file has the other methods
 """
 
 from __future__ import annotations
@@ -28,11 +28,9 @@ from spatialdyn.urdf import example_robots, robot_names
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 BITS = 120
-LARGEST = 300  # chain that Pinocchio is given
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
 CALLS = ("rnea", "crba", "aba")
 WRONG_NAME = "ur3"  # its <robot> has none
-METHODS = ("aba", "crba", "refined", "square_root")
 TIPS = (1e3, 1e6, 1e9, 1e12)
 LIGHT = (1e-3, 1e-6, 1e-9, 1e-12)
 
@@ -109,41 +107,6 @@ def lopsided() -> Iterator[tuple[str, sd.Model]]:
         yield name, chain(7, True, masses)
 
 
-def peers(spatial: bool, masses: Sequence[float], s: State, truth: Any) -> dict[str, float]:
-    """Errors of Pinocchio's aba and MuJoCo's forward dynamics on the same chain; what gives no number is left out.
-
-    Pinocchio's Data of n joints in a row takes 72 n³ bytes: of a thousand, 72 GB.
-    """
-    import mujoco
-    import pinocchio as pin
-
-    other, joint = pin.Model(), 0
-    spec = mujoco.MjSpec()
-    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
-    spec.option.gravity = (0.0, 0.0, -9.81)
-    body = spec.worldbody
-    for k, m in enumerate(masses):
-        about_x, place = spatial and k % 2 == 1, np.array([0.0, 0.0, 1.0 if k else 0.0])
-        hinge = pin.JointModelRX() if about_x else pin.JointModelRY()
-        joint = other.addJoint(joint, hinge, pin.SE3(np.eye(3), place), f"b{k:04d}")
-        other.appendBodyToJoint(joint, pin.Inertia(m, np.array(ROD[1]), m * ROD[2]), pin.SE3.Identity())
-        body = body.add_body(
-            name=f"b{k:04d}", pos=place, mass=m, ipos=ROD[1], inertia=m * np.diag(ROD[2]), explicitinertial=True
-        )
-        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=(1, 0, 0) if about_x else (0, 1, 0))
-    found = {}
-    if len(masses) <= LARGEST:
-        found["pin.aba"] = error("aba", pin.aba(other, other.createData(), s.q, s.v, s.tau), truth)
-    try:
-        model = spec.compile()
-    except ValueError:  # a mass or inertia that it takes for none
-        return found
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.qfrc_applied[:] = s.q, s.v, s.tau
-    mujoco.mj_forward(model, data)
-    return {**found, "mujoco": error("aba", np.array(data.qacc), truth)}
-
-
 def corpus(names: Sequence[str] = ()) -> Iterator[tuple[str, sd.Model]]:
     """The robots of example-robot-data, fixed and floating."""
     known = set(example_robots())
@@ -189,69 +152,6 @@ def line(name: str, found: dict[str, float | str]) -> str:
     return f"{name:32s}" + "".join(f"{c:>12s}" for c in cells)
 
 
-class Spread(NamedTuple):
-    """Errors over states."""
-
-    usual: float  # the median
-    most: float  # nine of ten are below
-    worst: float
-
-
-def spread(errors: Sequence[float]) -> Spread:
-    """What a list of errors says."""
-    return Spread(*(float(x) for x in np.quantile(errors, (0.5, 0.9, 1.0))))
-
-
-def moved(model: sd.Model, s: State, truth: Any, tries: int = 6) -> float:
-    """How far the exact forward dynamics goes when every input moves by an ulp, up or down by chance.
-
-    No arithmetic that rounds its inputs, or a sine of one, can be expected to come closer.
-    """
-    rng, most = np.random.default_rng(0), 0.0
-    for _ in range(tries):
-        near = (np.nextafter(x, np.where(rng.random(x.shape) < 0.5, np.inf, -np.inf)) for x in (s.q, s.v, s.tau))
-        most = max(most, error("aba", sd.exact(model, sd.aba, BITS)(*near), truth))
-    return most
-
-
-def forward_cases() -> Iterator[tuple[str, bool, list[float], int]]:
-    """(name, whether spatial, masses, states) of what forward dynamics is measured on."""
-    for n, states in ((10, 100), (100, 10), (1000, 1)):
-        for spatial in (False, True):
-            yield f"{n} links, {'spatial' if spatial else 'planar'}", spatial, [1.0] * n, states
-    for name, masses in uneven():
-        for spatial in (False, True) if name.startswith("tip") else (True,):
-            kind = "spatial" if spatial else "planar"
-            yield f"7 links, {kind}, {name}", spatial, masses, 100 if name.startswith("tip") else 20
-
-
-def forward_errors(spatial: bool, masses: list[float], states: int) -> dict[str, Spread]:
-    """Errors of forward dynamics by every method of ours, and of Pinocchio and MuJoCo, at the same states."""
-    model, rng = chain(len(masses), spatial, masses), np.random.default_rng(7)
-    found: dict[str, list[float]] = {}
-    for s in [state(model, rng) for _ in range(states)]:
-        truth = sd.exact(model, sd.aba, BITS)(s.q, s.v, s.tau)
-        here = {m: error("aba", sd.forward_dynamics(model, s.q, s.v, s.tau, method=m), truth) for m in METHODS}
-        here |= peers(spatial, masses, s, truth)
-        if len(masses) <= 100:
-            here["one ulp"] = moved(model, s, truth)
-        for name, x in here.items():
-            found.setdefault(name, []).append(x)
-    return {name: spread(x) for name, x in found.items()}
-
-
-def forward_table() -> dict[str, dict[str, Any]]:
-    """``forward_errors`` of all cases, printed: the worst, and the median in brackets."""
-    names, table = (*METHODS, "pin.aba", "mujoco", "one ulp"), {}
-    print(f"\n{'error of forward dynamics: worst (median)':40s}" + "".join(f"{name:>20s}" for name in names))
-    for name, spatial, masses, states in forward_cases():
-        found = forward_errors(spatial, masses, states)
-        table[name] = {"states": states, **{k: x._asdict() for k, x in found.items()}}
-        cells = [f"{x.worst:.1e} ({x.usual:.0e})" if (x := found.get(k)) else "" for k in names]
-        print(f"{name:40s}" + "".join(f"{c:>20s}" for c in cells), flush=True)
-    return table
-
-
 def robots(without: Sequence[str], names: Sequence[str]) -> Iterator[tuple[str, str, sd.Model]]:
     """(table, name, model) of everything that is measured."""
     if "chains" not in without:
@@ -270,7 +170,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--states", type=int, default=2)
     parser.add_argument("--robots", nargs="*", default=())
-    parser.add_argument("--without", nargs="*", default=(), choices=("corpus", "chains", "lopsided", "forward"))
+    parser.add_argument("--without", nargs="*", default=(), choices=("corpus", "chains", "lopsided"))
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     tables: dict[str, dict[str, dict[str, float | str]]] = {}
@@ -278,10 +178,8 @@ def main() -> None:
     for table, name, model in robots(chosen.without, chosen.robots):
         found = tables.setdefault(table, {})[name] = worst(model, chosen.states)
         print(line(name, found), flush=True)
-    forward = {} if "forward" in chosen.without else {"forward": forward_table()}
     if chosen.json:
-        made = {"states": chosen.states, **tables, **forward}
-        chosen.json.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+        chosen.json.write_text(json.dumps({"states": chosen.states, **tables}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,47 +1,78 @@
 """Forward dynamics by every method: its digits on chains of unequal links, beside Pinocchio and MuJoCo, and its cost.
 
-``python benchmarks/forward.py`` prints the largest forward error max|a - a*| / max|a*| over a few random chains and
-states of each kind, a* by ABA in 240 bits on the doubles of our model, then the time of a call. Joints turn about
-coordinate axes and frames are shifted, not turned, so that all three libraries hold the same numbers, except that
-MuJoCo turns inertias to their principal axes.
+``python benchmarks/forward.py [--json FILE] [--only errors|costs] [--rounds 15]`` prints the largest forward error
+max|a - a*| / max|a*| over random states, and the median in brackets; a* is ABA in 120 bits on the doubles of our model.
+"one ulp" is how far a* goes when every input moves by an ulp. Then the time of a call and of a sample of a batch.
+forward.json beside this file holds all of it.
+
+Joints turn about coordinate axes and frames are shifted, not turned, so that all three libraries hold the same numbers,
+except that MuJoCo turns inertias to their principal axes. Rods are those of accuracy.py; links of any shape are drawn
+anew for every state.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+import argparse
+import contextlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 import pinocchio as pin
+from accuracy import BITS, ROD, TIPS, State, error, state, uneven
 from measure import interleaved
+from numpy.typing import NDArray
 
 import spatialdyn as sd
 from spatialdyn.forward import METHODS
 
-SEEDS = range(3)
+Array = NDArray[np.float64]
 AXES = np.eye(3)
-SPATIAL, PLANAR = 3, 1  # how many of the last axes joints turn about
+LARGEST = 300  # chain that Pinocchio is given: its Data of n joints in a row takes 72 n³ bytes, of a thousand 72 GB
+TRIES = 6
+NAMES = (*METHODS, "pin.aba", "mujoco", "one ulp")
 
 
 class Case(NamedTuple):
-    """A kind of chain: what it is called, the masses of its links, and about which axes its joints turn."""
+    """A kind of chain.
 
-    name: str
-    masses: tuple[float, ...]
-    kind: int = SPATIAL
+    spatial  whether axes change, or all are parallel
+    masses   of its links
+    shaped   whether links are of any shape, or rods
+    states   how many it is measured in
+    """
+
+    spatial: bool
+    masses: Sequence[float]
+    states: int
+    shaped: bool = False
+
+    @property
+    def name(self) -> str:
+        """How many links, rods or not, about which axes."""
+        return f"{len(self.masses)} {'links' if self.shaped else 'rods'}, {'spatial' if self.spatial else 'planar'}"
 
 
-CASES = (
-    *(Case(f"7 links, tip 1e{k}", (1.0,) * 6 + (10.0**k,)) for k in (0, 3, 6, 9, 12)),
-    *(Case(f"7 links, planar, tip 1e{k}", (1.0,) * 6 + (10.0**k,), PLANAR) for k in (3, 6, 9, 12)),
-    *(Case(f"7 links, tip 1e-{k}", (1.0,) * 6 + (10.0**-k,)) for k in (6, 12)),
-    Case("7 links, middle 1e-12", (1.0,) * 3 + (1e-12,) + (1.0,) * 3),
-    Case("7 links, middle 1e12", (1.0,) * 3 + (1e12,) + (1.0,) * 3),
-    *(Case(f"{n} links", (1.0,) * n) for n in (10, 100)),
-    *(Case(f"{n} links, planar", (1.0,) * n, PLANAR) for n in (10, 100)),
-)
+def cases() -> Iterator[tuple[str, Case]]:
+    """All that is measured, by name."""
+    for n, states in ((10, 100), (100, 10), (1000, 1)):
+        for spatial in (False, True):
+            case = Case(spatial, [1.0] * n, states)
+            yield case.name, case
+    for name, masses in uneven():
+        heavy = name.startswith("tip")
+        for spatial in (False, True) if heavy else (True,):
+            case = Case(spatial, masses, 100 if heavy else 20)
+            yield f"{case.name}, {name}", case
+    for m in (1.0, *TIPS):
+        for spatial in (False, True):
+            case = Case(spatial, [1.0] * 6 + [m], 20, shaped=True)
+            yield f"{case.name}, tip {m:g}", case
+    case = Case(True, [1.0] * 3 + [1e12] + [1.0] * 3, 20, shaped=True)
+    yield f"{case.name}, middle 1e+12", case
 
 
 class Body(NamedTuple):
@@ -54,25 +85,37 @@ class Body(NamedTuple):
     inertia: Any
 
 
-def bodies(case: Case, seed: int) -> list[Body]:
-    """Links of random shape."""
-    rng, made = np.random.default_rng(seed), []
+def rods(case: Case) -> list[Body]:
+    """A metre each, end to end."""
+    length, com, inertia = np.array([0.0, 0.0, 1.0]), np.array(ROD[1]), ROD[2]
+    return [
+        Body(AXES[0 if case.spatial and k % 2 else 1], length if k else 0.0 * length, m, com, m * inertia)
+        for k, m in enumerate(case.masses)
+    ]
+
+
+def shapes(case: Case, rng: np.random.Generator) -> list[Body]:
+    """Links of six points each, hinges anywhere on them."""
+    made = []
     for mass in case.masses:
         points, weights = rng.uniform(-0.3, 0.3, size=(6, 3)), rng.uniform(0.1, 1.0, size=6)
         points, weights = points + rng.uniform(-0.2, 0.2, size=3), weights / weights.sum()
         com = weights @ points
         second = ((points - com) * weights[:, None]).T @ (points - com)
-        axis = AXES[2 - rng.integers(case.kind)]
+        axis = AXES[rng.integers(3) if case.spatial else 2]
         made.append(Body(axis, rng.uniform(-0.5, 0.5, 3), mass, com, mass * (np.trace(second) * np.eye(3) - second)))
     return made
+
+
+# --- who answers --------------------------------------------------------------------------------------------
 
 
 def ours(chain: list[Body]) -> sd.Model:
     """As a Model."""
     builder = sd.ModelBuilder("chain")
     for k, b in enumerate(chain):
-        parent = f"b{k - 1:03d}" if k else None
-        builder.add_body(f"b{k:03d}", parent, "revolute", b.axis, b.place, (b.mass, b.com, b.inertia))
+        parent = f"b{k - 1:04d}" if k else None
+        builder.add_body(f"b{k:04d}", parent, "revolute", b.axis, b.place, (b.mass, b.com, b.inertia))
     return builder.build()
 
 
@@ -81,24 +124,27 @@ def with_pinocchio(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
     model, joint = pin.Model(), 0
     for k, b in enumerate(chain):
         made = pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()
-        joint = model.addJoint(joint, made[int(np.argmax(b.axis))], pin.SE3(np.eye(3), b.place), f"b{k:03d}")
+        joint = model.addJoint(joint, made[int(np.argmax(b.axis))], pin.SE3(np.eye(3), b.place), f"b{k:04d}")
         model.appendBodyToJoint(joint, pin.Inertia(b.mass, b.com, b.inertia), pin.SE3.Identity())
     data = model.createData()
     return lambda q, v, tau: pin.aba(model, data, q, v, tau)
 
 
 def with_mujoco(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
-    """Its forward dynamics of that chain, through M."""
-    text = ['<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>']
-    for b in chain:
-        I = b.inertia
-        full = words([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])
-        text.append(
-            f'<body pos="{words(b.place)}"><joint type="hinge" axis="{words(b.axis)}"/>'
-            f'<inertial pos="{words(b.com)}" mass="{b.mass!r}" fullinertia="{full}"/>'
-        )
-    text.append("</body>" * len(chain) + "</worldbody></mujoco>")
-    model = mujoco.MjModel.from_xml_string("".join(text))
+    """Its forward dynamics of that chain, through M. Raises ValueError for a link that it takes for none."""
+    spec = mujoco.MjSpec()
+    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+    spec.option.gravity = (0.0, 0.0, -9.81)
+    body = spec.worldbody
+    for k, b in enumerate(chain):
+        I, body = b.inertia, body.add_body(name=f"b{k:04d}", pos=b.place, mass=b.mass, ipos=b.com)
+        body.explicitinertial = True
+        if np.count_nonzero(I - np.diag(np.diagonal(I))):
+            body.fullinertia = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
+        else:
+            body.inertia = np.diagonal(I)
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=b.axis)
+    model = spec.compile()
     data = mujoco.MjData(model)
 
     def run(q: Any, v: Any, tau: Any) -> Any:
@@ -109,88 +155,116 @@ def with_mujoco(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
     return run
 
 
-def words(numbers: Any) -> str:
-    """To the last digit."""
-    return " ".join(repr(float(x)) for x in numbers)
-
-
 def ways(chain: list[Body], model: sd.Model) -> dict[str, Callable[..., Any]]:
     """Every way to the accelerations."""
     made: dict[str, Callable[..., Any]] = {
         method: lambda q, v, tau, method=method: sd.forward_dynamics(model, q, v, tau, method=method)
         for method in METHODS
     }
-    for name, build in (("pin.aba", with_pinocchio), ("MuJoCo", with_mujoco)):
-        try:
-            made[name] = build(chain)
-        except ValueError as error:  # MuJoCo's compiler has bounds on inertias
-            made[name] = refusing(error)
+    if len(chain) <= LARGEST:
+        made["pin.aba"] = with_pinocchio(chain)
+    with contextlib.suppress(ValueError):
+        made["mujoco"] = with_mujoco(chain)
     return made
 
 
-def refusing(error: ValueError) -> Callable[..., Any]:
-    """What stands for a library that does not take a chain."""
-
-    def run(*arguments: Any) -> Any:
-        raise error
-
-    return run
+# --- digits -------------------------------------------------------------------------------------------------
 
 
-def state(n: int, seed: int) -> tuple[Any, Any, Any]:
-    """Random q, v, tau."""
-    rng = np.random.default_rng(100 + seed)
-    v, tau = rng.normal(size=(2, n))
-    return rng.uniform(-3.0, 3.0, n), v, tau
+class Measured(NamedTuple):
+    """A chain in a state, the exact accelerations, and the error of every way."""
+
+    model: sd.Model
+    state: State
+    truth: Any
+    errors: dict[str, float]
 
 
-def errors(case: Case) -> dict[str, float]:
-    """The largest error of every way; NaN for one that refused."""
-    worst: dict[str, float] = {}
-    for seed in SEEDS:
-        chain = bodies(case, seed)
-        model = ours(chain)
-        given = state(model.nv, seed)
-        truth = sd.exact(model, sd.aba)(*given).astype(float)
-        for name, run in ways(chain, model).items():
-            try:
-                error = float(abs(run(*given) - truth).max() / abs(truth).max())
-            except ValueError:
-                error = np.nan
-            worst[name] = float(np.maximum(worst.get(name, 0.0), error))
-    return worst
-
-
-def times(rounds: int) -> dict[str, float]:
-    """Microseconds of a call from Python on 7 links."""
-    chain = bodies(CASES[0], 0)
+def measured(case: Case) -> Iterator[Measured]:
+    """All states of a case."""
+    rng = np.random.default_rng(7)
+    chain = rods(case)
     model = ours(chain)
-    given = state(model.nv, 0)
-    runs = {name: (lambda run=run: run(*given)) for name, run in ways(chain, model).items()}
-    return {name: 1e6 * t for name, t in interleaved(runs, rounds, 0.02).items()}
+    for _ in range(case.states):
+        if case.shaped:
+            chain = shapes(case, rng)
+            model = ours(chain)
+        s = state(model, rng)
+        given = s.q, s.v, s.tau
+        truth = sd.exact(model, sd.aba, BITS)(*given)
+        yield Measured(model, s, truth, {k: error("aba", f(*given), truth) for k, f in ways(chain, model).items()})
 
 
-def batch_times(rounds: int, samples: int = 4096) -> dict[str, float]:
-    """Nanoseconds of a sample of a batch of 7 links, one thread."""
-    model = ours(bodies(CASES[0], 0))
+def moved(model: sd.Model, s: State, truth: Any) -> float:
+    """How far the exact forward dynamics goes when every input moves by an ulp, up or down by chance.
+
+    No arithmetic that rounds its inputs, or a sine of one, can be expected to come closer.
+    """
+    rng, most = np.random.default_rng(0), 0.0
+    for _ in range(TRIES):
+        near = (np.nextafter(x, np.where(rng.random(x.shape) < 0.5, np.inf, -np.inf)) for x in (s.q, s.v, s.tau))
+        most = max(most, error("aba", sd.exact(model, sd.aba, BITS)(*near), truth))
+    return most
+
+
+def errors(case: Case) -> dict[str, dict[str, float]]:
+    """Of every way: the median, what nine of ten states are below, and the worst."""
+    found: dict[str, list[float]] = {}
+    for x in measured(case):
+        here = dict(x.errors)
+        if len(case.masses) <= LARGEST:
+            here["one ulp"] = moved(x.model, x.state, x.truth)
+        for name, e in here.items():
+            found.setdefault(name, []).append(e)
+    levels = {"usual": 0.5, "most": 0.9, "worst": 1.0}
+    return {name: {k: float(np.quantile(e, x)) for k, x in levels.items()} for name, e in found.items()}
+
+
+# --- cost ---------------------------------------------------------------------------------------------------
+
+WITH_LAST = Case(True, [1.0] * 7, 1, shaped=True)
+
+
+def costs(rounds: int, samples: int = 4096) -> dict[str, dict[str, float]]:
+    """Microseconds of a call from Python, and nanoseconds of a sample of a batch on one thread, of 7 links."""
+    chain = shapes(WITH_LAST, np.random.default_rng(0))
+    model = ours(chain)
+    s = state(model, np.random.default_rng(0))
+    runs = {name: (lambda run=run: run(s.q, s.v, s.tau)) for name, run in ways(chain, model).items()}
+    call = {name: 1e6 * t for name, t in interleaved(runs, rounds, 0.02).items()}
     q, v, tau = np.random.default_rng(0).normal(size=(3, samples, model.nv))
-    runs = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in METHODS}
-    return {name: 1e9 * t / samples for name, t in interleaved(runs, rounds, 0.05).items()}
+    many = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in METHODS}
+    sd.set_num_threads(1)
+    return {"call": call, "batch": {name: 1e9 * t / samples for name, t in interleaved(many, rounds, 0.05).items()}}
 
 
-def main() -> int:
-    """Print the tables; ``--rounds N`` for the timing."""
-    rounds = int(sys.argv[sys.argv.index("--rounds") + 1]) if "--rounds" in sys.argv else 15
-    names = [*METHODS, "pin.aba", "MuJoCo"]
-    print(f"{'forward error':26}", *(f"{name:>12}" for name in names))
-    for case in CASES:
-        found = errors(case)
-        print(f"{case.name:26}", *(f"{found[name]:12.0e}" for name in names), flush=True)
-    call, batch = times(rounds), batch_times(rounds)
-    print(f"{'µs a call, 7 links':26}", *(f"{call[name]:12.2f}" for name in names))
-    print(f"{'ns a sample of a batch':26}", *(f"{batch[name]:12.1f}" for name in METHODS))
-    return 0
+def main() -> None:
+    """Print the tables."""
+    assert __doc__
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--only", choices=("errors", "costs"))
+    parser.add_argument("--json", type=Path, help="written; what is not run is kept")
+    chosen = parser.parse_args()
+    path: Path | None = chosen.json
+    results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path and path.exists() else {}
+    if chosen.only != "costs":
+        print(f"{'worst (median) error of accelerations':40s}" + "".join(f"{name:>19s}" for name in NAMES))
+        results["errors"] = {}
+        for name, case in cases():
+            found = errors(case)
+            results["errors"][name] = {"states": case.states, **found}
+            cells = [f"{x['worst']:.1e} ({x['usual']:.0e})" if (x := found.get(k)) else "" for k in NAMES]
+            print(f"{name:40s}" + "".join(f"{c:>19s}" for c in cells), flush=True)
+    if chosen.only != "errors":
+        results["costs"] = costs(chosen.rounds)
+        print(
+            f"{'µs a call, 7 links':40s}" + "".join(f"{results['costs']['call'].get(k, 0):19.2f}" for k in NAMES[:-1])
+        )
+        print(f"{'ns a sample of a batch':40s}" + "".join(f"{x:19.1f}" for x in results["costs"]["batch"].values()))
+    if path:
+        path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -77,9 +77,14 @@ def load(name: str, **options: Any) -> sd.Model:
         return sd.load_urdf(name, **options)
 
 
+def panda() -> sd.Model:
+    """Without its fingers: nothing holds them on their rails, and they would be off to infinity."""
+    return load("panda").reduced(lock={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
+
+
 ROBOTS: dict[str, Callable[[], sd.Model]] = {
     "2R": lambda: load("two_link"),
-    "panda": lambda: load("panda"),
+    "panda": panda,
     "anymal": lambda: load(ANYMAL, root="floating"),
     "talos": lambda: load("talos_full"),
 }

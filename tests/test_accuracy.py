@@ -11,7 +11,7 @@ import sys
 import warnings
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ if not (BENCHMARKS / "accuracy.py").exists():
 sys.path.insert(0, str(BENCHMARKS))
 
 import accuracy  # noqa: E402
+import forward  # noqa: E402
 from accuracy import EPS, chain, measured, state  # noqa: E402
 
 ROBOT = {"rnea": 8 * EPS, "crba": 10 * EPS}  # of some fifty bodies; measured 6 and 7
@@ -75,34 +76,20 @@ def test_forward_dynamics_of_chains(n: int, spatial: bool) -> None:
     assert worst(chain(n, spatial), "aba", states=3 if n == 10 else 1) <= FORWARD[n]
 
 
-class Cases(NamedTuple):
-    """A robot, states of it, and the exact forward dynamics of each."""
-
-    model: sd.Model
-    states: list[accuracy.State]
-    truth: list[Any]
-
-    def errors(self, method: str) -> Any:
-        """(states,) errors of a method."""
-        found = (sd.forward_dynamics(self.model, s.q, s.v, s.tau, method=method) for s in self.states)
-        return np.array([accuracy.error("aba", a, t) for a, t in zip(found, self.truth, strict=True)])
-
-
 @cache
-def heavy_tip(m: float, spatial: bool) -> Cases:
-    model, rng = chain(7, spatial, [1.0] * 6 + [m]), np.random.default_rng(7)
-    states = [state(model, rng) for _ in range(HUNDRED)]
-    exact = sd.exact(model, sd.aba, accuracy.BITS)
-    return Cases(model, states, [exact(s.q, s.v, s.tau) for s in states])
+def heavy_tip(m: float, spatial: bool) -> list[forward.Measured]:
+    return list(forward.measured(forward.Case(spatial, [1.0] * 6 + [m], HUNDRED)))
+
+
+def errors(m: float, spatial: bool, way: str) -> Any:
+    return np.array([x.errors[way] for x in heavy_tip(m, spatial)])
 
 
 @pytest.mark.parametrize("spatial", [False, True])
 @pytest.mark.parametrize("m", TIP)
 def test_forward_dynamics_with_a_heavy_tip(m: float, spatial: bool) -> None:
     """In a plane the median of states is within the bound, in space nine of ten; Pinocchio's are no better."""
-    cases = heavy_tip(m, spatial)
-    found, masses = cases.errors("aba"), [1.0] * 6 + [m]
-    other = [accuracy.peers(spatial, masses, s, t)["pin.aba"] for s, t in zip(cases.states, cases.truth, strict=True)]
+    found, other = errors(m, spatial, "aba"), errors(m, spatial, "pin.aba")
     assert np.quantile(found, 0.9 if spatial else 0.5) <= TIP[m]
     assert found.max() <= RARE * TIP[m]
     assert len(found) < 100 or np.quantile(found, 0.9) <= PEER * np.quantile(other, 0.9)
@@ -111,34 +98,34 @@ def test_forward_dynamics_with_a_heavy_tip(m: float, spatial: bool) -> None:
 @pytest.mark.parametrize("spatial", [False, True])
 @pytest.mark.parametrize("m", [m for m in TIP if m <= 1e9])
 def test_refinement_keeps_every_digit_of_a_heavy_tip_that_the_inputs_have(m: float, spatial: bool) -> None:
-    cases = heavy_tip(m, spatial)
-    found = cases.errors("refined")
+    found = errors(m, spatial, "refined")
     assert np.quantile(found, 0.9) <= REFINED
-    for k in np.flatnonzero(found > REFINED):
-        assert found[k] <= ROUNDED * accuracy.moved(cases.model, cases.states[k], cases.truth[k])
+    for x, error in zip(heavy_tip(m, spatial), found, strict=True):
+        assert error <= REFINED or error <= ROUNDED * forward.moved(x.model, x.state, x.truth)
 
 
 @pytest.mark.parametrize("spatial", [False, True])
 @pytest.mark.parametrize("m", TIP)
 def test_square_roots_keep_every_digit_of_any_heavy_tip(m: float, spatial: bool) -> None:
-    assert heavy_tip(m, spatial).errors("square_root").max() <= ROOTS
+    assert errors(m, spatial, "square_root").max() <= ROOTS
 
 
 def test_the_table_of_forward_dynamics_has_the_peers_beside_every_method() -> None:
-    """What ``benchmarks/accuracy.py --json`` has measured, on the same states."""
-    table = json.loads((BENCHMARKS / "accuracy.json").read_text(encoding="utf-8"))["forward"]
-    assert set(table) == {name for name, *_ in accuracy.forward_cases()}
-    for (name, _, masses, states), found in zip(accuracy.forward_cases(), table.values(), strict=True):
-        assert found["states"] == states
-        assert {*accuracy.METHODS, *(["pin.aba"] if len(masses) <= accuracy.LARGEST else [])} <= set(found)
-        assert "mujoco" in found or "light" in name or "alternating" in name  # it takes 1e-15 kg m² for nothing
-        if "tip 1e+" in name or "tip 1000" in name:
-            assert found["aba"]["most" if "spatial" in name else "usual"] <= TIP[masses[-1]]
+    """What ``benchmarks/forward.py --json`` has measured, on the same states."""
+    table = json.loads((BENCHMARKS / "forward.json").read_text(encoding="utf-8"))["errors"]
+    cases = dict(forward.cases())
+    assert set(table) == set(cases)
+    for name, case in cases.items():
+        found, n = table[name], len(case.masses)
+        assert found["states"] == case.states
+        assert {*forward.METHODS, *(["pin.aba"] if n <= forward.LARGEST else []), "mujoco"} <= set(found)
+        if ", tip" in name and case.masses[-1] > 1.0:
             assert found["square_root"]["worst"] <= ROOTS
-            assert found["pin.aba"]["usual"] > found["square_root"]["worst"] or masses[-1] < 1e6
-        elif "links, planar" in name or len(masses) > 7:
-            assert found["aba"]["worst"] <= FORWARD[len(masses)]
-        else:
+            if not case.shaped:
+                assert found["aba"]["most" if case.spatial else "usual"] <= TIP[case.masses[-1]]
+        elif n > 7:
+            assert found["aba"]["worst"] <= FORWARD[n]
+        elif not case.shaped:
             assert found["aba"]["worst"] <= LIGHTER
 
 
