@@ -19,10 +19,27 @@ from numba import njit, types
 
 from . import layouts, spatial
 from .engines import jit
+from .euclidean import (
+    Rot,
+    Sym,
+    Vec,
+    add_sym,
+    apply_sym,
+    congruence,
+    matmul,
+    minus,
+    plus,
+    rotate,
+    shifted,
+    times,
+    transpose,
+    unrotate,
+    zero,
+)
 from .layouts import Body, Placed
 from .recursions import lie
-from .scalars import inlined, select, sqrt
-from .spatial import Force, Inertia, Motion, Pose, Rot, Scalar, Sym, Vec
+from .scalars import Scalar, inlined, select, sqrt
+from .spatial import Force, Inertia, Motion, Pose
 
 Operation = Callable[..., Any]
 EPS = 2.220446049250313e-16  # a sum of masses below it counts as no mass
@@ -42,26 +59,26 @@ def tilde(a: Vec) -> Rot:
 @inlined
 def relative_pose(A: Pose, B: Pose) -> Pose:
     """A⁻¹ B: the frame B seen from the frame A."""
-    return Pose(spatial.matmul(spatial.transpose(A.R), B.R), spatial.unrotate(A.R, spatial.minus(B.p, A.p)))
+    return Pose(matmul(transpose(A.R), B.R), unrotate(A.R, minus(B.p, A.p)))
 
 
 @inlined
 def point_of(X: Pose, a: Vec) -> Vec:
     """A point in child coordinates, in parent coordinates."""
-    return spatial.plus(X.p, spatial.rotate(X.R, a))
+    return plus(X.p, rotate(X.R, a))
 
 
 @inlined
 def point_in(X: Pose, a: Vec) -> Vec:
     """A point in parent coordinates, in child coordinates."""
-    return spatial.unrotate(X.R, spatial.minus(a, X.p))
+    return unrotate(X.R, minus(a, X.p))
 
 
 @inlined
 def momentum_of(B: Body, v: Motion) -> Force:
     """Momentum of a body about the origin: taken about its centre of mass, then shifted."""
     there = spatial.shift_motion(B.c, v)
-    return spatial.unshift_force(B.c, Force(spatial.apply_sym(B.I, v.w), spatial.times(B.m, there.v)))
+    return spatial.unshift_force(B.c, Force(apply_sym(B.I, v.w), times(B.m, there.v)))
 
 
 @inlined
@@ -73,7 +90,7 @@ def twice_energy(B: Body, v: Motion) -> Scalar:
 @inlined
 def about_origin(B: Body) -> Inertia:
     """A body as an Inertia about the origin."""
-    return spatial.unshift_inertia(B.c, Inertia(B.m, spatial.zero(), B.I))
+    return spatial.unshift_inertia(B.c, Inertia(B.m, zero(), B.I))
 
 
 @inlined
@@ -85,13 +102,13 @@ def pull_of(B: Body, v: Motion) -> Force:
 @inlined
 def moved_body(X: Pose, B: Body) -> Body:
     """A body in child coordinates, in parent coordinates."""
-    return Body(B.m, point_of(X, B.c), spatial.congruence(X.R, B.I))
+    return Body(B.m, point_of(X, B.c), congruence(X.R, B.I))
 
 
 @inlined
 def moved_body_back(X: Pose, B: Body) -> Body:
     """A body in parent coordinates, in child coordinates."""
-    return Body(B.m, point_in(X, B.c), spatial.congruence(spatial.transpose(X.R), B.I))
+    return Body(B.m, point_in(X, B.c), congruence(transpose(X.R), B.I))
 
 
 @inlined
@@ -100,13 +117,11 @@ def with_sign(A: Body, B: Body, sign: Scalar) -> Body:
     n = sign * B.m
     m = A.m + n
     scale = select(m * m - EPS * EPS, 1.0, 0.0) / select(m * m - EPS * EPS, m, 1.0)
-    c = spatial.times(scale, spatial.plus(spatial.times(A.m, A.c), spatial.times(n, B.c)))
-    d = spatial.minus(A.c, B.c)
+    c = times(scale, plus(times(A.m, A.c), times(n, B.c)))
+    d = minus(A.c, B.c)
     J = B.I
     other = Sym(sign * J.xx, sign * J.xy, sign * J.xz, sign * J.yy, sign * J.yz, sign * J.zz)
-    return Body(
-        m, c, spatial.shifted(spatial.add_sym(A.I, other), d, spatial.zero(), spatial.times(A.m * n * scale, d))
-    )
+    return Body(m, c, shifted(add_sym(A.I, other), d, zero(), times(A.m * n * scale, d)))
 
 
 @inlined
@@ -152,13 +167,13 @@ def of_matrix(R: Rot) -> lie.Quat:
 @inlined
 def action_of(X: Pose) -> lie.Tangent:
     """The matrix that takes motions in child coordinates to parent coordinates."""
-    return lie.Tangent(X.R, spatial.matmul(tilde(X.p), X.R))
+    return lie.Tangent(X.R, matmul(tilde(X.p), X.R))
 
 
 @inlined
 def action_back(X: Pose) -> lie.Tangent:
     """The matrix that takes motions in parent coordinates to child coordinates."""
-    return lie.Tangent(spatial.transpose(X.R), spatial.transpose(spatial.matmul(tilde(X.p), X.R)))
+    return lie.Tangent(transpose(X.R), transpose(matmul(tilde(X.p), X.R)))
 
 
 @inlined
@@ -220,13 +235,13 @@ def started(X: Placed) -> Motion:
 @inlined
 def turned_jacobian(w: Vec) -> Rot:
     """Right Jacobian of exp at a rotation vector."""
-    return lie.exp_jacobian(Motion(w, spatial.zero())).J
+    return lie.exp_jacobian(Motion(w, zero())).J
 
 
 @inlined
 def turned_jacobian_back(R: Rot) -> Rot:
     """Inverse of the right Jacobian of exp at log R."""
-    return lie.log_jacobian(Motion(vector_of(R), spatial.zero()), 1.0).J
+    return lie.log_jacobian(Motion(vector_of(R), zero()), 1.0).J
 
 
 @inlined
@@ -239,7 +254,7 @@ def log_jacobian_of(X: Pose) -> lie.Tangent:
 def bent_log(R: Rot, v: Vec) -> Rot:
     """The derivative of that inverse as R turns on by v, given in the turned axes."""
     w = vector_of(R)
-    rate = spatial.rotate(lie.log_jacobian(Motion(w, spatial.zero()), 1.0).J, v)
+    rate = rotate(lie.log_jacobian(Motion(w, zero()), 1.0).J, v)
     return lie.log_jacobian(Motion(w, rate), 1.0).K
 
 

@@ -18,9 +18,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from .euclidean import Rot, Sym, Vec
 from .recursions.lie import Quat, Tangent
-from .scalars import inlined
-from .spatial import Force, Inertia, Motion, Pose, Rot, Scalar, Sym, Vec
+from .scalars import Scalar, inlined
+from .spatial import Force, Inertia, Motion, Pose
 
 
 class Placed(NamedTuple):

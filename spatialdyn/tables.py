@@ -11,8 +11,11 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
+from .articulated import Articulated
+from .coupling import Coupling
+from .euclidean import Rot, Sym, Vec
 from .scalars import inlined
-from .spatial import Articulated, Coupling, Force, Inertia, Motion, Pose, Rot, Sym, Vec
+from .spatial import Force, Inertia, Motion, Pose
 
 
 def _layout(cls: type) -> np.dtype:

@@ -22,8 +22,11 @@ PACKAGE = Path(spatialdyn.__file__).parent
 BELOW: dict[str, tuple[str, ...]] = {
     # numbers
     "scalars": (),
-    "spatial": ("scalars",),
-    "tables": ("spatial",),
+    "euclidean": ("scalars",),
+    "spatial": ("euclidean",),
+    "coupling": ("spatial",),
+    "articulated": ("spatial",),
+    "tables": ("coupling", "articulated"),
     "bodies": ("tables",),
     "recursions": ("bodies",),
     "engines": ("recursions", "errors"),
@@ -194,7 +197,7 @@ def test_modules_of_one_room_import_each_other_in_no_circle() -> None:
 @pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "recursions"])
 def test_recursions_know_tables_and_numbers_only(name: str) -> None:
     own = set(own_imports(name))
-    assert {room_of(m) for m in own} <= {"scalars", "spatial", "tables", "bodies", "recursions"}
+    assert {room_of(m) for m in own} <= {"recursions", *everything_below("bodies")}
     if not name.endswith("__init__"):
         assert {m for m in own if room_of(m) == "recursions"} <= {f"recursions.{shared}" for shared in SHARED}
     # an array library in here would be the place where a recursion allocates; Spec names a dtype

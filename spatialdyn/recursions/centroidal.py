@@ -9,29 +9,25 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import Vec, cross, minus, plus, times
 from ..scalars import inlined
 from ..spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
-    Vec,
     add_force,
     add_inertia,
     add_motion,
     compose,
-    cross,
     cross_force,
     cross_motion,
     identity_pose,
     inertia_rate,
     inertia_to_parent,
-    minus,
     momentum,
     motion_to_parent,
-    plus,
     scale_motion,
-    times,
     zero_force,
     zero_motion,
 )

@@ -13,36 +13,37 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..scalars import called, inlined, sqrt
+from ..euclidean import (
+    Rot,
+    Sym,
+    Vec,
+    apply_sym,
+    cross,
+    dot,
+    minus,
+    negative,
+    plus,
+    second_moment,
+    times,
+    unrotate,
+    zero,
+)
+from ..scalars import Scalar, called, inlined, sqrt
 from ..spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
-    Rot,
-    Scalar,
-    Sym,
-    Vec,
     add_force,
     add_motion,
-    apply_sym,
-    cross,
     cross_motion,
-    dot,
     force_to_parent,
-    minus,
     motion_to_child,
-    negative,
-    plus,
     power,
     scale_force,
     scale_motion,
-    second_moment,
     sub_force,
     sub_motion,
-    times,
-    unrotate,
-    zero,
     zero_force,
     zero_motion,
 )

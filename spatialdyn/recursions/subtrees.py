@@ -7,21 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars import inlined, select
-from ..spatial import (
-    Force,
-    Inertia,
-    Motion,
-    Pose,
-    Scalar,
-    Vec,
-    add_force,
-    cross_force,
-    momentum,
-    times,
-    unrotate,
-    zero_force,
-)
+from ..euclidean import Vec, times, unrotate
+from ..scalars import Scalar, inlined, select
+from ..spatial import Force, Inertia, Motion, Pose, add_force, cross_force, momentum, zero_force
 from ..tables import (
     force_of,
     inertia_of,
