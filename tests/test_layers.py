@@ -77,7 +77,7 @@ CHANGED = {"engines.batches": {"_kept", "team"}}
 # what recursions import of their own room
 SHARED = {
     "spec", "joints", "lie", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal",
-    "factor", "derivatives",
+    "factor", "derivatives", "stack", "inertia_roots",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
 SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script
