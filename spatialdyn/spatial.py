@@ -258,6 +258,12 @@ def shift_motion(p: Vec, m: Motion) -> Motion:
 
 
 @inlined
+def shift_force(p: Vec, f: Force) -> Force:
+    """A force about the origin that p starts from, about an origin that lies at p."""
+    return Force(minus(f.n, cross(p, f.f)), f.f)
+
+
+@inlined
 def unshift_force(p: Vec, f: Force) -> Force:
     """A force about an origin that lies at p, about the origin that p starts from."""
     return Force(plus(f.n, cross(p, f.f)), f.f)

@@ -183,6 +183,12 @@ def put_coupling(r: Any, B: Coupling) -> None:
 
 
 @inlined
+def public_vec(out: Any, a: Vec) -> None:
+    """Write a vector to a public array (3,)."""
+    out[0], out[1], out[2] = a.x, a.y, a.z
+
+
+@inlined
 def public_motion(out: Any, m: Motion) -> None:
     """Write a motion to a public array (6,): linear first."""
     out[0] = m.v.x

@@ -246,6 +246,10 @@ COUPLINGS: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = 
     "rotate_motion": (lambda x: flat(sp.rotate_motion(rot(x.A), motion(x.m))), lambda x: turned(x.A) @ x.m),
     "rotate_force": (lambda x: flat(sp.rotate_force(rot(x.A), force(x.f))), lambda x: turned(x.A) @ x.f),
     "shift_motion": (lambda x: flat(sp.shift_motion(vec(x.a), motion(x.m))), lambda x: shift(x.a) @ x.m),
+    "shift_force": (
+        lambda x: flat(sp.shift_force(vec(x.a), force(x.f))),
+        lambda x: np.linalg.solve(shift(x.a).T, x.f),
+    ),
     "unshift_force": (lambda x: flat(sp.unshift_force(vec(x.a), force(x.f))), lambda x: shift(x.a).T @ x.f),
     "rotate_inertia": (
         lambda x: of_body(sp.rotate_inertia(rot(x.T[:3, :3]), body(*x.inertia))),
@@ -422,6 +426,8 @@ def test_public_vectors_are_linear_first(x: Sample) -> None:
     tables.public_force(out, force(x.f))
     np.testing.assert_array_equal(out, flip(x.f))
     assert tables.force_from(out) == force(x.f)
+    tables.public_vec(out[:3], vec(x.a))
+    np.testing.assert_array_equal(out[:3], x.a)
 
 
 def test_public_poses_are_four_by_four(x: Sample) -> None:
