@@ -31,8 +31,9 @@ BELOW: dict[str, tuple[str, ...]] = {
     "recursions": ("bodies",),
     "engines": ("recursions", "errors"),
     "layouts": ("recursions",),
-    "algebra": ("layouts", "engines"),
-    "kept": ("algebra",),
+    "operators": ("layouts",),
+    "algebra": ("operators", "engines"),
+    "kept": ("operators", "engines"),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -61,7 +62,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward", "truth"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("kept", "trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("algebra", "kept", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
