@@ -75,7 +75,7 @@ from .containers import StdVec_Symmetric3 as StdVec_Symmetric3
 from .containers import StdVec_Vec3s as StdVec_Vec3s
 from .containers import StdVec_Vector3 as StdVec_Vector3
 from .coverage import coverage as coverage
-from .coverage import missing as missing
+from .coverage import missing
 from .data import Data as Data
 from .derivatives import computeABADerivatives as computeABADerivatives
 from .derivatives import computeCentroidalDynamicsDerivatives as computeCentroidalDynamicsDerivatives
