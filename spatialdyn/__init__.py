@@ -31,7 +31,8 @@ from .errors import (
     UrdfError,
 )
 from .forward import forward_dynamics
-from .interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
+from .interop.pinocchio import from_pinocchio
+from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
 from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
 from .lagrangian.conservation import check_conservation
 from .lagrangian.conserved import conserved_quantities

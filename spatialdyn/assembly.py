@@ -21,20 +21,12 @@ from numpy.typing import NDArray
 
 from . import bodies as table
 from .errors import ModelError
+from .euclidean import Sym, Vec
 from .mimics import Mimics, mimic_map, resolve_mimics
 from .robot import Joint as RobotJoint
 from .robot import Link, Mimic, Robot
 from .rows import Joint, blank, frozen, matrix, pose, put_joint, row_kind, subspace
-from .spatial import (
-    Inertia,
-    Pose,
-    Sym,
-    Vec,
-    add_inertia,
-    compose,
-    identity_pose,
-    inertia_to_parent,
-)
+from .spatial import Inertia, Pose, add_inertia, compose, identity_pose, inertia_to_parent
 from .tables import put_vec
 
 Array = NDArray[np.float64]

@@ -27,13 +27,8 @@ Row i belongs to velocity v[i - 1].
 
 from __future__ import annotations
 
-from .spatial import (
-    Inertia,
-    Motion,
-    Pose,
-    Rot,
-    Vec,
-)
+from .euclidean import Rot, Vec
+from .spatial import Inertia, Motion, Pose
 from .tables import table_dtype
 
 BODIES = table_dtype(

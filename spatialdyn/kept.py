@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import njit, types
 
-from . import algebra, layouts, spatial
+from . import layouts, operators, spatial
 from .engines import jit
 from .recursions import SPECS
 
@@ -63,7 +63,7 @@ def placing() -> Callable[..., int]:
         "status = places(table, q, poses, memory)",
         f"if status == {jit.OK}:",
         "    for k in range(len(joints)):",
-        "        put_pose(compose(get_pose(poses[joints[k]]), get_pose(placements[k])), frames[k])",
+        "        put_pose(frames[k], compose(get_pose(poses[joints[k]]), get_pose(placements[k])))",
         "return status",
     ]
     scope = {**vars(layouts), "compose": spatial.compose, "places": kept("forward_kinematics", (), False)}
@@ -81,7 +81,7 @@ def listed(name: str, operator: Callable[..., Any], kinds: str) -> Callable[...,
     body = [
         "stamp",
         "for k in range(len(places)):",
-        f"    put_{made[0]}(operator(get_{given[0]}(a[places[k]]), get_{given[1]}(b[k])), out[k])",
+        f"    put_{made[0]}(out[k], operator(get_{given[0]}(a[places[k]]), get_{given[1]}(b[k])))",
     ]
     scope = {**vars(layouts), "operator": operator}
     function = jit.define(f"listed_{name}", ["a", "places", "b", "out"], body, scope)
@@ -90,9 +90,9 @@ def listed(name: str, operator: Callable[..., Any], kinds: str) -> Callable[...,
 
 
 compose_all = listed("compose", spatial.compose, "pose pose -> pose")
-relative_all = listed("relative", algebra.relative_pose, "pose pose -> pose")
+relative_all = listed("relative", operators.relative_pose, "pose pose -> pose")
 motions_up = listed("motions_up", spatial.motion_to_parent, "pose motion -> motion")
 motions_down = listed("motions_down", spatial.motion_to_child, "pose motion -> motion")
 forces_up = listed("forces_up", spatial.force_to_parent, "pose force -> force")
-bodies_up = listed("bodies_up", algebra.moved_body, "pose body -> body")
-momenta = listed("momenta", algebra.momentum_of, "body motion -> force")
+bodies_up = listed("bodies_up", operators.moved_body, "pose body -> body")
+momenta = listed("momenta", operators.momentum_of, "body motion -> force")

@@ -18,9 +18,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from .euclidean import Rot, Sym, Vec
 from .recursions.lie import Quat, Tangent
-from .scalars import inlined
-from .spatial import Force, Inertia, Motion, Pose, Rot, Scalar, Sym, Vec
+from .scalars import Scalar, inlined
+from .spatial import Inertia, Motion
+from .tables import force_from, pose_from, public_force, public_motion, public_pose, public_vec
 
 
 class Placed(NamedTuple):
@@ -36,6 +38,10 @@ class Body(NamedTuple):
     m: Scalar
     c: Vec
     I: Sym
+
+
+get_pose, get_force = pose_from, force_from
+put_pose, put_motion, put_force, put_vec = public_pose, public_motion, public_force, public_vec
 
 
 @inlined
@@ -63,21 +69,9 @@ def get_seven(x: Any) -> Placed:
 
 
 @inlined
-def get_pose(x: Any) -> Pose:
-    """The pose of a homogeneous matrix."""
-    return Pose(get_rot(x), Vec(x[0, 3], x[1, 3], x[2, 3]))
-
-
-@inlined
 def get_motion(x: Any) -> Motion:
     """A motion."""
     return Motion(Vec(x[3], x[4], x[5]), Vec(x[0], x[1], x[2]))
-
-
-@inlined
-def get_force(x: Any) -> Force:
-    """A force."""
-    return Force(Vec(x[3], x[4], x[5]), Vec(x[0], x[1], x[2]))
 
 
 @inlined
@@ -87,13 +81,7 @@ def get_body(x: Any) -> Body:
 
 
 @inlined
-def put_vec(a: Vec, out: Any) -> None:
-    """Write a vector."""
-    out[0], out[1], out[2] = a.x, a.y, a.z
-
-
-@inlined
-def put_rot(A: Rot, out: Any) -> None:
+def put_rot(out: Any, A: Rot) -> None:
     """Write a 3 x 3 matrix."""
     out[0, 0], out[0, 1], out[0, 2] = A.xx, A.xy, A.xz
     out[1, 0], out[1, 1], out[1, 2] = A.yx, A.yy, A.yz
@@ -101,63 +89,41 @@ def put_rot(A: Rot, out: Any) -> None:
 
 
 @inlined
-def put_quat(a: Quat, out: Any) -> None:
+def put_quat(out: Any, a: Quat) -> None:
     """Write a quaternion."""
     out[0], out[1], out[2], out[3] = a.x, a.y, a.z, a.w
 
 
 @inlined
-def put_seven(X: Placed, out: Any) -> None:
+def put_seven(out: Any, X: Placed) -> None:
     """Write an origin and a quaternion."""
     out[0], out[1], out[2] = X.p.x, X.p.y, X.p.z
     out[3], out[4], out[5], out[6] = X.q.x, X.q.y, X.q.z, X.q.w
 
 
 @inlined
-def put_pose(X: Pose, out: Any) -> None:
-    """Write a pose, its bottom row too."""
-    put_rot(X.R, out)
-    out[0, 3], out[1, 3], out[2, 3] = X.p.x, X.p.y, X.p.z
-    out[3, 0], out[3, 1], out[3, 2], out[3, 3] = 0.0, 0.0, 0.0, 1.0
-
-
-@inlined
-def put_motion(m: Motion, out: Any) -> None:
-    """Write a motion."""
-    out[0], out[1], out[2] = m.v.x, m.v.y, m.v.z
-    out[3], out[4], out[5] = m.w.x, m.w.y, m.w.z
-
-
-@inlined
-def put_force(f: Force, out: Any) -> None:
-    """Write a force."""
-    out[0], out[1], out[2] = f.f.x, f.f.y, f.f.z
-    out[3], out[4], out[5] = f.n.x, f.n.y, f.n.z
-
-
-@inlined
-def put_body(B: Body, out: Any) -> None:
+def put_body(out: Any, B: Body) -> None:
     """Write a body."""
     out[0], out[1], out[2], out[3] = B.m, B.c.x, B.c.y, B.c.z
     out[4], out[5], out[6], out[7], out[8], out[9] = B.I.xx, B.I.xy, B.I.yy, B.I.xz, B.I.yz, B.I.zz
 
 
 @inlined
-def put_tangent(A: Tangent, out: Any) -> None:
+def put_tangent(out: Any, A: Tangent) -> None:
     """Write [J K; 0 J]."""
-    put_rot(A.J, out[:3, :3])
-    put_rot(A.K, out[:3, 3:])
-    put_rot(A.J, out[3:, 3:])
+    put_rot(out[:3, :3], A.J)
+    put_rot(out[:3, 3:], A.K)
+    put_rot(out[3:, 3:], A.J)
     for i in range(3, 6):
         for j in range(3):
             out[i, j] = 0.0
 
 
 @inlined
-def put_inertia(B: Inertia, out: Any) -> None:
+def put_inertia(out: Any, B: Inertia) -> None:
     """Write [m 1 -h̃; h̃ Ī]."""
     m, h, J = B.m, B.h, B.I
-    put_rot(Rot(m, 0.0, 0.0, 0.0, m, 0.0, 0.0, 0.0, m), out[:3, :3])
-    put_rot(Rot(0.0, h.z, -h.y, -h.z, 0.0, h.x, h.y, -h.x, 0.0), out[:3, 3:])
-    put_rot(Rot(0.0, -h.z, h.y, h.z, 0.0, -h.x, -h.y, h.x, 0.0), out[3:, :3])
-    put_rot(Rot(J.xx, J.xy, J.xz, J.xy, J.yy, J.yz, J.xz, J.yz, J.zz), out[3:, 3:])
+    put_rot(out[:3, :3], Rot(m, 0.0, 0.0, 0.0, m, 0.0, 0.0, 0.0, m))
+    put_rot(out[:3, 3:], Rot(0.0, h.z, -h.y, -h.z, 0.0, h.x, h.y, -h.x, 0.0))
+    put_rot(out[3:, :3], Rot(0.0, -h.z, h.y, h.z, 0.0, -h.x, -h.y, h.x, 0.0))
+    put_rot(out[3:, 3:], Rot(J.xx, J.xy, J.xz, J.xy, J.yy, J.yz, J.xz, J.yz, J.zz))

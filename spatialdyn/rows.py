@@ -12,14 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import bodies as table
+from .euclidean import Rot, Vec
 from .recursions.joints import place_joint
-from .spatial import (
-    Motion,
-    Pose,
-    Rot,
-    Vec,
-    identity_pose,
-)
+from .spatial import Motion, Pose, identity_pose
 from .tables import (
     pose_of,
     put_motion,

@@ -11,8 +11,11 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
+from .articulated import Articulated
+from .coupling import Coupling
+from .euclidean import Rot, Sym, Vec
 from .scalars import inlined
-from .spatial import Articulated, Coupling, Force, Inertia, Motion, Pose, Rot, Sym, Vec
+from .spatial import Force, Inertia, Motion, Pose
 
 
 def _layout(cls: type) -> np.dtype:
@@ -177,6 +180,12 @@ def put_coupling(r: Any, B: Coupling) -> None:
 
 
 # --- the border: public arrays are linear part first ----------------------------------------------------
+
+
+@inlined
+def public_vec(out: Any, a: Vec) -> None:
+    """Write a vector to a public array (3,)."""
+    out[0], out[1], out[2] = a.x, a.y, a.z
 
 
 @inlined

@@ -12,7 +12,8 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.interop import from_drake, from_mujoco, from_pinocchio, to_drake, to_mujoco
+from spatialdyn.interop.pinocchio import from_pinocchio
+from spatialdyn.interop.states import from_drake, from_mujoco, to_drake, to_mujoco
 from spatialdyn.states import random_configuration
 from spatialdyn.urdf import find_robot
 

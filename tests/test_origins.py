@@ -9,8 +9,8 @@ import spatialdyn as sd
 from spatialdyn.engines import batches, jit
 from spatialdyn.engines.origins import move_origins
 from spatialdyn.engines.trace import Row, table
+from spatialdyn.euclidean import Vec
 from spatialdyn.recursions import SPECS
-from spatialdyn.spatial import Vec
 from spatialdyn.tables import vec_of
 
 ROUNDING = 64 * np.finfo(float).eps  # of the largest entry: another order of operations

@@ -15,8 +15,9 @@ from trees import RandomTree, State, random_state, random_tree
 import spatialdyn as sd
 from spatialdyn.engines import batches, jit
 from spatialdyn.engines.trace import table
+from spatialdyn.euclidean import Sym, Vec
 from spatialdyn.recursions import SPECS
-from spatialdyn.spatial import Inertia, Sym, Vec
+from spatialdyn.spatial import Inertia
 from spatialdyn.tables import put_inertia
 
 EPS = np.finfo(float).eps

@@ -11,19 +11,15 @@ import pytest
 from dense import Array, crf, crm, flip, plucker, skew, spatial_inertia
 from trees import random_inertia, random_placement
 
+from spatialdyn import articulated as ar
+from spatialdyn import coupling as cp
+from spatialdyn import euclidean as eu
 from spatialdyn import spatial as sp
 from spatialdyn import tables
-from spatialdyn.spatial import (
-    Articulated,
-    Coupling,
-    Force,
-    Inertia,
-    Motion,
-    Pose,
-    Rot,
-    Sym,
-    Vec,
-)
+from spatialdyn.articulated import Articulated
+from spatialdyn.coupling import Coupling
+from spatialdyn.euclidean import Rot, Sym, Vec
+from spatialdyn.spatial import Force, Inertia, Motion, Pose
 
 CLOSE = 64 * np.finfo(float).eps  # of the largest entry: products of three 6 x 6 matrices
 SEEDS = range(6)
@@ -124,27 +120,27 @@ def artic(K: Array) -> Articulated:
 # --- three-vectors and 3 x 3 matrices -------------------------------------------------------------------
 
 THREE: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
-    "plus": (lambda x: sp.plus(vec(x.a), vec(x.b)), lambda x: x.a + x.b),
-    "minus": (lambda x: sp.minus(vec(x.a), vec(x.b)), lambda x: x.a - x.b),
-    "negative": (lambda x: sp.negative(vec(x.a)), lambda x: -x.a),
-    "times": (lambda x: sp.times(x.s, vec(x.a)), lambda x: x.s * x.a),
-    "dot": (lambda x: sp.dot(vec(x.a), vec(x.b)), lambda x: x.a @ x.b),
-    "cross": (lambda x: sp.cross(vec(x.a), vec(x.b)), lambda x: skew(x.a) @ x.b),
-    "rotate": (lambda x: sp.rotate(rot(x.A), vec(x.a)), lambda x: x.A @ x.a),
-    "unrotate": (lambda x: sp.unrotate(rot(x.A), vec(x.a)), lambda x: x.A.T @ x.a),
-    "matmul": (lambda x: square(sp.matmul(rot(x.A), rot(x.B))), lambda x: x.A @ x.B),
-    "transpose": (lambda x: square(sp.transpose(rot(x.A))), lambda x: x.A.T),
-    "add_rot": (lambda x: square(sp.add_rot(rot(x.A), rot(x.B))), lambda x: x.A + x.B),
-    "apply_sym": (lambda x: sp.apply_sym(sym(x.P), vec(x.a)), lambda x: x.P @ x.a),
-    "add_sym": (lambda x: full(sp.add_sym(sym(x.P), sym(x.B + x.B.T))), lambda x: x.P + x.B + x.B.T),
-    "congruence": (lambda x: full(sp.congruence(rot(x.B), sym(x.P))), lambda x: x.B @ x.P @ x.B.T),
-    "spin_matrix": (lambda x: square(sp.spin_matrix(vec(x.a), vec(x.b))), lambda x: skew(x.b) + skew(x.a) @ skew(x.a)),
+    "plus": (lambda x: eu.plus(vec(x.a), vec(x.b)), lambda x: x.a + x.b),
+    "minus": (lambda x: eu.minus(vec(x.a), vec(x.b)), lambda x: x.a - x.b),
+    "negative": (lambda x: eu.negative(vec(x.a)), lambda x: -x.a),
+    "times": (lambda x: eu.times(x.s, vec(x.a)), lambda x: x.s * x.a),
+    "dot": (lambda x: eu.dot(vec(x.a), vec(x.b)), lambda x: x.a @ x.b),
+    "cross": (lambda x: eu.cross(vec(x.a), vec(x.b)), lambda x: skew(x.a) @ x.b),
+    "rotate": (lambda x: eu.rotate(rot(x.A), vec(x.a)), lambda x: x.A @ x.a),
+    "unrotate": (lambda x: eu.unrotate(rot(x.A), vec(x.a)), lambda x: x.A.T @ x.a),
+    "matmul": (lambda x: square(eu.matmul(rot(x.A), rot(x.B))), lambda x: x.A @ x.B),
+    "transpose": (lambda x: square(eu.transpose(rot(x.A))), lambda x: x.A.T),
+    "add_rot": (lambda x: square(eu.add_rot(rot(x.A), rot(x.B))), lambda x: x.A + x.B),
+    "apply_sym": (lambda x: eu.apply_sym(sym(x.P), vec(x.a)), lambda x: x.P @ x.a),
+    "add_sym": (lambda x: full(eu.add_sym(sym(x.P), sym(x.B + x.B.T))), lambda x: x.P + x.B + x.B.T),
+    "congruence": (lambda x: full(eu.congruence(rot(x.B), sym(x.P))), lambda x: x.B @ x.P @ x.B.T),
+    "spin_matrix": (lambda x: square(eu.spin_matrix(vec(x.a), vec(x.b))), lambda x: skew(x.b) + skew(x.a) @ skew(x.a)),
     "rate_of_spin": (
-        lambda x: sp.rate_of_spin(sym(x.P), vec(x.a), vec(x.b), sp.spin_matrix(vec(x.a), vec(x.b))),
+        lambda x: eu.rate_of_spin(sym(x.P), vec(x.a), vec(x.b), eu.spin_matrix(vec(x.a), vec(x.b))),
         lambda x: x.P @ x.b + np.cross(x.a, x.P @ x.a),
     ),
-    "identity": (lambda x: square(sp.identity()), lambda x: np.eye(3)),
-    "zero": (lambda x: sp.zero(), lambda x: np.zeros(3)),
+    "identity": (lambda x: square(eu.identity()), lambda x: np.eye(3)),
+    "zero": (lambda x: eu.zero(), lambda x: np.zeros(3)),
 }
 
 # --- motions, forces and poses --------------------------------------------------------------------------
@@ -196,24 +192,24 @@ BODIES: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
         lambda x: crf(x.v) @ spatial_inertia(*x.inertia) - spatial_inertia(*x.inertia) @ crm(x.v),
     ),
     "articulated": (
-        lambda x: of_articulated(sp.articulated(body(*x.inertia))),
+        lambda x: of_articulated(ar.articulated(body(*x.inertia))),
         lambda x: spatial_inertia(*x.inertia),
     ),
     "add_articulated": (
-        lambda x: of_articulated(sp.add_articulated(artic(x.K), artic(2.0 * x.K))),
+        lambda x: of_articulated(ar.add_articulated(artic(x.K), artic(2.0 * x.K))),
         lambda x: 3.0 * x.K,
     ),
-    "articulated_force": (lambda x: flat(sp.articulated_force(artic(x.K), motion(x.m))), lambda x: x.K @ x.m),
+    "articulated_force": (lambda x: flat(ar.articulated_force(artic(x.K), motion(x.m))), lambda x: x.K @ x.m),
     "without": (
-        lambda x: of_articulated(sp.without(artic(x.K), force(x.f), force(x.s * x.f))),
+        lambda x: of_articulated(ar.without(artic(x.K), force(x.f), force(x.s * x.f))),
         lambda x: x.K - x.s * np.outer(x.f, x.f),
     ),
     "articulated_to_parent": (
-        lambda x: of_articulated(sp.articulated_to_parent(pose(x.T), artic(x.K))),
+        lambda x: of_articulated(ar.articulated_to_parent(pose(x.T), artic(x.K))),
         lambda x: x.X.T @ x.K @ x.X,
     ),
     "shifted": (
-        lambda x: full(sp.shifted(sym(x.P), vec(x.a), vec(x.b), vec(x.b + x.s * x.a))),
+        lambda x: full(eu.shifted(sym(x.P), vec(x.a), vec(x.b), vec(x.b + x.s * x.a))),
         lambda x: x.P + x.a @ (2.0 * x.b + x.s * x.a) * np.eye(3) - np.outer(x.b, x.a) - np.outer(x.a, x.b + x.s * x.a),
     ),
 }
@@ -250,6 +246,10 @@ COUPLINGS: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = 
     "rotate_motion": (lambda x: flat(sp.rotate_motion(rot(x.A), motion(x.m))), lambda x: turned(x.A) @ x.m),
     "rotate_force": (lambda x: flat(sp.rotate_force(rot(x.A), force(x.f))), lambda x: turned(x.A) @ x.f),
     "shift_motion": (lambda x: flat(sp.shift_motion(vec(x.a), motion(x.m))), lambda x: shift(x.a) @ x.m),
+    "shift_force": (
+        lambda x: flat(sp.shift_force(vec(x.a), force(x.f))),
+        lambda x: np.linalg.solve(shift(x.a).T, x.f),
+    ),
     "unshift_force": (lambda x: flat(sp.unshift_force(vec(x.a), force(x.f))), lambda x: shift(x.a).T @ x.f),
     "rotate_inertia": (
         lambda x: of_body(sp.rotate_inertia(rot(x.T[:3, :3]), body(*x.inertia))),
@@ -259,29 +259,29 @@ COUPLINGS: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = 
         lambda x: of_body(sp.unshift_inertia(vec(x.a), body(*x.inertia))),
         lambda x: shift(x.a).T @ spatial_inertia(*x.inertia) @ shift(x.a),
     ),
-    "second_moment": (lambda x: full(sp.second_moment(sym(x.P))), lambda x: 0.5 * np.trace(x.P) * np.eye(3) - x.P),
+    "second_moment": (lambda x: full(eu.second_moment(sym(x.P))), lambda x: 0.5 * np.trace(x.P) * np.eye(3) - x.P),
     "coupling": (
-        lambda x: of_coupling(sp.coupling(body(*x.inertia), motion(x.v))),
+        lambda x: of_coupling(cp.coupling(body(*x.inertia), motion(x.v))),
         lambda x: coupling_matrix(spatial_inertia(*x.inertia), x.v),
     ),
     "add_coupling": (
-        lambda x: of_coupling(sp.add_coupling(Coupling(rot(x.A), vec(x.a)), Coupling(rot(x.B), vec(x.b)))),
+        lambda x: of_coupling(cp.add_coupling(Coupling(rot(x.A), vec(x.a)), Coupling(rot(x.B), vec(x.b)))),
         lambda x: of_coupling(Coupling(rot(x.A + x.B), vec(x.a + x.b))),
     ),
     "unshift_coupling": (
-        lambda x: of_coupling(sp.unshift_coupling(vec(x.a), Coupling(rot(x.A), vec(x.b)))),
+        lambda x: of_coupling(cp.unshift_coupling(vec(x.a), Coupling(rot(x.A), vec(x.b)))),
         lambda x: shift(x.a).T @ of_coupling(Coupling(rot(x.A), vec(x.b))) @ shift(x.a),
     ),
     "coupled": (
-        lambda x: flat(sp.coupled(Coupling(rot(x.A), vec(x.b)), motion(x.m))),
+        lambda x: flat(cp.coupled(Coupling(rot(x.A), vec(x.b)), motion(x.m))),
         lambda x: of_coupling(Coupling(rot(x.A), vec(x.b))) @ x.m,
     ),
     "coupled_back": (
-        lambda x: np.r_[sp.coupled_back(Coupling(rot(x.A), vec(x.b)), motion(x.m)), np.zeros(3)],
+        lambda x: np.r_[cp.coupled_back(Coupling(rot(x.A), vec(x.b)), motion(x.m)), np.zeros(3)],
         lambda x: of_coupling(Coupling(rot(x.A), vec(x.b))).T @ x.m,
     ),
     "coupled_force": (
-        lambda x: flat(sp.coupled_force(body(*x.inertia), motion(x.v), motion(x.m))),
+        lambda x: flat(cp.coupled_force(body(*x.inertia), motion(x.v), motion(x.m))),
         lambda x: coupling_matrix(spatial_inertia(*x.inertia), x.v) @ x.m,
     ),
 }
@@ -295,16 +295,21 @@ def test_operator_is_the_matrix_it_stands_for(x: Sample, name: str) -> None:
 
 
 def test_every_operator_is_held_to_a_matrix() -> None:
-    offered = {name for name, f in vars(sp).items() if callable(f) and getattr(f, "__module__", "") == sp.__name__}
+    offered = {
+        name
+        for room in (eu, sp, cp, ar)
+        for name, f in vars(room).items()
+        if callable(f) and getattr(f, "__module__", "") == room.__name__
+    }
     assert offered - {kind.__name__ for kind in tables.TYPES} == set(OPERATORS)
 
 
 def test_without_leaves_no_inertia_along_the_joint(x: Sample) -> None:
     A, S = artic(x.K), motion(x.m)
-    U = sp.articulated_force(A, S)
+    U = ar.articulated_force(A, S)
     D = sp.power(S, U)
-    left = sp.without(A, U, sp.scale_force(1.0 / D, U))
-    assert abs(flat(sp.articulated_force(left, S))).max() <= CLOSE * abs(flat(U)).max()
+    left = ar.without(A, U, sp.scale_force(1.0 / D, U))
+    assert abs(flat(ar.articulated_force(left, S))).max() <= CLOSE * abs(flat(U)).max()
 
 
 def test_power_does_not_depend_on_the_frame(x: Sample) -> None:
@@ -328,7 +333,7 @@ def test_inertia_rate_is_the_derivative_along_the_motion(x: Sample) -> None:
 def test_coupling_is_antisymmetric_in_what_moves_and_what_is_asked(x: Sample) -> None:
     """a·B(I, v) b = -v·B(I, a) b: one number serves six Christoffel symbols."""
     I, (a, b, v) = body(*x.inertia), (motion(m) for m in (x.m, x.f, x.v))
-    forward, back = sp.power(a, sp.coupled(sp.coupling(I, v), b)), sp.power(v, sp.coupled(sp.coupling(I, a), b))
+    forward, back = sp.power(a, cp.coupled(cp.coupling(I, v), b)), sp.power(v, cp.coupled(cp.coupling(I, a), b))
     assert abs(forward + back) <= CLOSE * max(1.0, abs(forward))
 
 
@@ -421,6 +426,8 @@ def test_public_vectors_are_linear_first(x: Sample) -> None:
     tables.public_force(out, force(x.f))
     np.testing.assert_array_equal(out, flip(x.f))
     assert tables.force_from(out) == force(x.f)
+    tables.public_vec(out[:3], vec(x.a))
+    np.testing.assert_array_equal(out[:3], x.a)
 
 
 def test_public_poses_are_four_by_four(x: Sample) -> None:

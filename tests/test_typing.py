@@ -74,6 +74,8 @@ def test_package_passes_mypy_strict() -> None:
 USER = """
 import numpy as np
 import spatialdyn as sd
+import spatialdyn.compat.pinocchio as pin
+from spatialdyn.compat.pinocchio import SE3, rnea
 
 model = sd.load_urdf("two_link")
 tau: np.ndarray = sd.rnea(model, [0.1, 0.2], np.zeros(2), np.zeros(2))
@@ -82,6 +84,8 @@ J = sd.frame_jacobian(model, tau, "tip", reference="world")
 mass: float = sd.total_mass(model)
 other = sd.ModelBuilder("robot").add_body("a").build()
 nq: int = other.nq
+placement: SE3 = pin.SE3.Identity()
+same = pin.rnea is rnea
 """
 
 

@@ -12,18 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..bodies import REVOLUTE, REVOLUTE_CS
-from ..spatial import (
-    Pose,
-    Vec,
-    dot,
-    identity,
-    inertia_to_parent,
-    minus,
-    negative,
-    plus,
-    rotate,
-    times,
-)
+from ..euclidean import Vec, dot, identity, minus, negative, plus, rotate, times
+from ..spatial import Pose, inertia_to_parent
 from ..tables import (
     inertia_of,
     motion_of,

@@ -14,17 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..spatial import (
-    Inertia,
-    Pose,
-    Rot,
-    Sym,
-    Vec,
-    add_inertia,
-    add_sym,
-    inertia_to_parent,
-    times,
-)
+from ..euclidean import Rot, Sym, Vec, add_sym, times
+from ..spatial import Inertia, Pose, add_inertia, inertia_to_parent
 from ..tables import inertia_of, put_inertia, vec_of
 from .trace import table
 

@@ -13,16 +13,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..bodies import PRISMATIC, REVOLUTE, REVOLUTE_CS
-from ..spatial import (
-    Inertia,
-    Sym,
-    Vec,
-    add_inertia,
-    dot,
-    inertia_to_parent,
-    minus,
-    times,
-)
+from ..euclidean import Sym, Vec, dot, minus, times
+from ..spatial import Inertia, add_inertia, inertia_to_parent
 from ..tables import (
     inertia_of,
     motion_of,

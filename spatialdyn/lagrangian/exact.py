@@ -23,18 +23,12 @@ from ..engines.parameters import body, point
 from ..engines.symbolic import Number, Ring, need_sympy
 from ..engines.trace import Row, table
 from ..errors import ModelError
+from ..euclidean import Rot, Sym, Vec, matmul
 from ..model import Model
 from ..recursions.joints import turn
 from ..robot import WITH_AXIS, rpy_of
 from ..rows import put_joint, subspace
-from ..spatial import (
-    Inertia,
-    Pose,
-    Rot,
-    Sym,
-    Vec,
-    matmul,
-)
+from ..spatial import Inertia, Pose
 from ..tables import put_inertia, put_vec
 
 Expr = Any  # sympy.Expr

@@ -23,11 +23,11 @@ from ..model import Frame, Model
 from ..recursions import SPECS
 from . import printing
 from .exact import exact, exact_table
+from .matrices import Numbers, along, first_kind, gradient, inverse
 from .parameters import chosen, meanings
 
 Expr = Any  # sympy.Expr
 Matrix = Any  # sympy.ImmutableMatrix
-Numbers = NDArray[Any]
 
 ROUTES = ("recursion", "derivatives")
 LARGEST = 4  # freedoms up to which M is inverted in closed form
@@ -220,19 +220,11 @@ class SymbolicManipulator:
         if route == "recursion":
             return self._numbers("christoffel_symbols")
         self._coordinates("Christoffel symbols from derivatives")
-        n, half = self.model.nv, self._sympy.Rational(1, 2)
-        dM, made = self._derivatives(), np.empty((n, n, n), dtype=object)
-        for i, j, k in np.ndindex(n, n, n):
-            made[i, j, k] = (dM[i, j, k] + dM[i, k, j] - dM[j, k, i]) * half
-        return made
+        return first_kind(self._gradient(), self._sympy.Rational(1, 2))
 
-    def _derivatives(self) -> Numbers:
+    def _gradient(self) -> Numbers:
         """∂M_ij/∂q_k (nv, nv, nv) of the entries of M."""
-        M, n = self._numbers("crba"), self.model.nv
-        dM = np.empty((n, n, n), dtype=object)
-        for i, j, k in np.ndindex(n, n, n):
-            dM[i, j, k] = self._ring.derivative(M[i, j], self.q[k]) if i <= j else dM[j, i, k]
-        return dM
+        return gradient(self._ring, self._numbers("crba"), self.q)
 
     def C(self, route: str = "recursion") -> Matrix:
         """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols: Ṁ - 2C is skew.
@@ -241,12 +233,7 @@ class SymbolicManipulator:
         """
         if route == "recursion":
             return self._shown(self._numbers("coriolis_matrix"))
-        G, n = self._gamma(route), self.model.nv
-        v = [self._ring.of(x) for x in self.v]
-        made = np.empty((n, n), dtype=object)
-        for i, j in np.ndindex(n, n):
-            made[i, j] = sum((G[i, j, k] * v[k] for k in range(n)), self._ring.of(0))
-        return self._shown(made)
+        return self._shown(along(self._ring, self._gamma(route), self.v))
 
     def inverse_dynamics(self) -> Matrix:
         """τ = M a + C v + g (nv, 1), by the recursive Newton-Euler algorithm."""
@@ -279,24 +266,7 @@ class SymbolicManipulator:
             raise SpatialDynError(
                 f'model "{self.model.name}" has {n} freedoms, expected at most {LARGEST} for M⁻¹ in closed form'
             )
-        M = self._numbers("crba")
-        minors: dict[tuple[tuple[int, ...], tuple[int, ...]], Any] = {((), ()): self._ring.of(1)}
-
-        def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> Any:
-            if (rows, columns) not in minors:
-                total = self._ring.of(0)
-                for k, j in enumerate(columns):
-                    part = M[rows[0], j] * minor(rows[1:], columns[:k] + columns[k + 1 :])
-                    total = total - part if k % 2 else total + part
-                minors[rows, columns] = total
-            return minors[rows, columns]
-
-        every = tuple(range(n))
-        adjugate = np.empty((n, n), dtype=object)
-        for i, j in np.ndindex(n, n):
-            part = minor(every[:j] + every[j + 1 :], every[:i] + every[i + 1 :])
-            adjugate[i, j] = -part if (i + j) % 2 else part
-        return adjugate, minor(every, every)
+        return inverse(self._ring, self._numbers("crba"))
 
     def _momenta(self) -> list[Any]:
         """adj(M) p."""
@@ -319,7 +289,7 @@ class SymbolicManipulator:
     def pdot(self) -> Matrix:
         """ṗ = -∂H/∂q + τ (nv, 1): ½ q̇ᵀ ∂M/∂q q̇ - g + τ with q̇ = M⁻¹ p."""
         self._coordinates("Hamilton's equations")
-        det, w, dM = self._inverse[1], self._momenta(), self._derivatives()
+        det, w, dM = self._inverse[1], self._momenta(), self._gradient()
         gravity, n = self._numbers("generalized_gravity"), self.model.nv
         made = []
         for k in range(n):

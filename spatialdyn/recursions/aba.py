@@ -4,31 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..articulated import Articulated, add_articulated, articulated, articulated_force, articulated_to_parent, without
+from ..euclidean import Vec, negative, zero
 from ..scalars import inlined
 from ..spatial import (
-    Articulated,
     Force,
     Motion,
     Pose,
-    Vec,
-    add_articulated,
     add_force,
     add_motion,
-    articulated,
-    articulated_force,
-    articulated_to_parent,
     cross_force,
     cross_motion,
     force_to_parent,
     momentum,
     motion_to_child,
-    negative,
     power,
     scale_force,
     scale_motion,
     sub_force,
-    without,
-    zero,
     zero_force,
     zero_motion,
 )

@@ -9,29 +9,26 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import cross, minus, plus, times
 from ..scalars import inlined
 from ..spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
-    Vec,
     add_force,
     add_inertia,
     add_motion,
     compose,
-    cross,
     cross_force,
     cross_motion,
     identity_pose,
     inertia_rate,
     inertia_to_parent,
-    minus,
     momentum,
     motion_to_parent,
-    plus,
     scale_motion,
-    times,
+    shift_force,
     zero_force,
     zero_motion,
 )
@@ -40,6 +37,7 @@ from ..tables import (
     motion_of,
     pose_of,
     public_force,
+    public_vec,
     put_inertia,
     put_motion,
     put_pose,
@@ -117,24 +115,17 @@ def _mass(bodies: Any) -> Any:
 
 
 @inlined
-def _put(out: Any, a: Vec) -> None:
-    out[0] = a.x
-    out[1] = a.y
-    out[2] = a.z
-
-
-@inlined
 def center_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
     """c = Σ m c / Σ m, from the first moments summed inward."""
     mass_moment(bodies, work, q)
-    _put(c, times(1.0 / work[0].m, vec_of(work[0].h)))
+    public_vec(c, times(1.0 / work[0].m, vec_of(work[0].h)))
 
 
 @inlined
 def center_of_mass_velocity(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
     """Linear momentum over mass."""
     outward(bodies, work, q, v, None)
-    _put(out, times(1.0 / _mass(bodies), _momentum(bodies, work).f))
+    public_vec(out, times(1.0 / _mass(bodies), _momentum(bodies, work).f))
 
 
 @inlined
@@ -151,15 +142,15 @@ def center_of_mass_velocity_derivatives(bodies: Any, work: Any, q: Any, v: Any, 
         for k in range(i, i + bodies[i].dofs):
             S, I = motion_to_parent(pose_of(work[k].X), motion_of(bodies[k].S)), inertia_of(work[k].I)
             seen = plus(momentum(I, cross_motion(vp, S)).f, cross(S.w, vec_of(work[k].dI.h)))
-            _put(D[0, :, k - 1], times(m, seen))
-            _put(D[1, :, k - 1], times(m, momentum(I, S).f))
+            public_vec(D[0, :, k - 1], times(m, seen))
+            public_vec(D[1, :, k - 1], times(m, momentum(I, S).f))
 
 
 @inlined
 def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
     """Net force over mass."""
     outward(bodies, work, q, v, a)
-    _put(out, times(1.0 / _mass(bodies), _force(bodies, work).f))
+    public_vec(out, times(1.0 / _mass(bodies), _force(bodies, work).f))
 
 
 @inlined
@@ -169,7 +160,7 @@ def center_of_mass_jacobian(bodies: Any, work: Any, q: Any, J: Any) -> None:
     _inward(bodies, work, None)
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
-        _put(J[:, i - 1], times(1.0 / work[0].I.m, momentum(inertia_of(work[i].I), Ji).f))
+        public_vec(J[:, i - 1], times(1.0 / work[0].I.m, momentum(inertia_of(work[i].I), Ji).f))
 
 
 @inlined
@@ -179,7 +170,7 @@ def centroidal_momentum(bodies: Any, work: Any, q: Any, v: Any, h: Any) -> None:
     p = _momentum(bodies, work)
     _inward(bodies, work, None)
     c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
-    public_force(h, Force(minus(p.n, cross(c, p.f)), p.f))
+    public_force(h, shift_force(c, p))
 
 
 @inlined
@@ -189,7 +180,7 @@ def centroidal_momentum_rate(bodies: Any, work: Any, q: Any, v: Any, a: Any, dh:
     f = _force(bodies, work)
     _inward(bodies, work, None)
     c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
-    public_force(dh, Force(minus(f.n, cross(c, f.f)), f.f))
+    public_force(dh, shift_force(c, f))
 
 
 @inlined
@@ -201,7 +192,7 @@ def centroidal_map(bodies: Any, work: Any, q: Any, Ag: Any) -> None:
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
         F = momentum(inertia_of(work[i].I), Ji)
-        public_force(Ag[:, i - 1], Force(minus(F.n, cross(c, F.f)), F.f))
+        public_force(Ag[:, i - 1], shift_force(c, F))
 
 
 @inlined
@@ -216,8 +207,8 @@ def centroidal_map_dot(bodies: Any, work: Any, q: Any, v: Any, dAg: Any) -> None
         I, dI = inertia_of(work[i].I), inertia_of(work[i].dI)
         F = momentum(I, Ji)
         dF = add_force(momentum(dI, Ji), momentum(I, cross_motion(motion_of(work[i].v), Ji)))
-        moment = minus(minus(dF.n, cross(c, dF.f)), cross(dc, F.f))
-        public_force(dAg[:, i - 1], Force(moment, dF.f))
+        about = shift_force(c, dF)
+        public_force(dAg[:, i - 1], Force(minus(about.n, cross(dc, F.f)), about.f))
 
 
 _SOURCE = "after Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot (2013)."

@@ -16,22 +16,10 @@ from __future__ import annotations
 from typing import Any
 
 from ..bodies import FOLLOW
+from ..coupling import Coupling, coupled, coupled_back, coupling, unshift_coupling
+from ..euclidean import dot
 from ..scalars import inlined
-from ..spatial import (
-    Coupling,
-    Inertia,
-    Motion,
-    Pose,
-    add_inertia,
-    coupled,
-    coupled_back,
-    coupling,
-    dot,
-    power,
-    unshift_coupling,
-    unshift_force,
-    unshift_inertia,
-)
+from ..spatial import Inertia, Motion, Pose, add_inertia, power, unshift_force, unshift_inertia
 from ..tables import (
     inertia_of,
     motion_of,

@@ -16,19 +16,9 @@ from __future__ import annotations
 from typing import Any
 
 from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
-from ..scalars import atan2, cos, inlined, select, sin, sqrt
-from ..spatial import (
-    Motion,
-    Rot,
-    Scalar,
-    Vec,
-    minus,
-    plus,
-    rotate,
-    scale_motion,
-    unrotate,
-    zero,
-)
+from ..euclidean import Rot, Vec, minus, plus, rotate, unrotate, zero
+from ..scalars import Scalar, atan2, cos, inlined, select, sin, sqrt
+from ..spatial import Motion, scale_motion
 from .lie import (
     Quat,
     Tangent,

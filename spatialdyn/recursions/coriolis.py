@@ -9,47 +9,37 @@ The matrices are seen in the axes of the first body of each branch that stands o
 origin. M, C and Γ do not depend on where that body stands, so its pose never enters; rotations are made once a row,
 and what climbs towards the root is only shifted. Roundoff is that of body coordinates, for no arm is longer than
 a link. Source: Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for
-rigid-body systems (2021), with the factor B in twelve numbers (``spatial.coupling``).
+rigid-body systems (2021), with the factor B in twelve numbers (``coupling.coupling``).
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from ..coupling import Coupling, add_coupling, coupled, coupled_back, coupled_force, coupling, unshift_coupling
+from ..euclidean import dot, matmul, negative, rotate, zero
 from ..scalars import inlined
 from ..spatial import (
-    Coupling,
     Force,
     Inertia,
     Motion,
     Pose,
-    add_coupling,
     add_force,
     add_inertia,
     add_motion,
-    coupled,
-    coupled_back,
-    coupled_force,
-    coupling,
     cross_motion,
-    dot,
     force_to_parent,
     identity_pose,
     inertia_rate,
-    matmul,
     momentum,
     motion_to_child,
-    negative,
     power,
-    rotate,
     rotate_inertia,
     rotate_motion,
     scale_motion,
     shift_motion,
-    unshift_coupling,
     unshift_force,
     unshift_inertia,
-    zero,
     zero_force,
     zero_motion,
 )

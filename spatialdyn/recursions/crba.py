@@ -5,15 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..scalars import inlined
-from ..spatial import (
-    Inertia,
-    Pose,
-    add_inertia,
-    force_to_parent,
-    inertia_to_parent,
-    momentum,
-    power,
-)
+from ..spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
 from ..tables import (
     inertia_of,
     motion_of,

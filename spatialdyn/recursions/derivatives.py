@@ -5,7 +5,7 @@ By the configuration means along ``integrate(q, e_k)``: a joint's own motion aft
 Where row i moves by δ, what hangs on it turns as one rigid whole, and forces in it turn along. Seen from there the
 world before i has moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with
 S̈° = a_λ × S + v_λ × Ṡ°; v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f of the subtree of
-the deeper row j (``spatial.coupling``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
+the deeper row j (``coupling``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
 
     ∂τ_i/∂q_j = S_i·(I S̈°_j + 2B Ṡ°_j + S_j ×* f)    ∂τ_j/∂q_i = S_j·(I S̈°_i + 2B Ṡ°_i)
     ∂τ_i/∂v_j = S_i·(I D_j + 2B S_j)                 ∂τ_j/∂v_i = S_j·(I D_i + 2B S_i),    D = Ṡ° + v × S
@@ -19,41 +19,31 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..articulated import Articulated
 from ..bodies import FOLLOW
+from ..coupling import Coupling, add_coupling, coupled, coupled_back, coupling, unshift_coupling
+from ..euclidean import Vec, cross, dot, negative, unrotate, zero
 from ..scalars import inlined
 from ..spatial import (
-    Articulated,
-    Coupling,
     Force,
     Inertia,
     Motion,
     Pose,
-    Vec,
-    add_coupling,
     add_force,
     add_inertia,
     add_motion,
-    coupled,
-    coupled_back,
-    coupling,
-    cross,
     cross_force,
     cross_motion,
-    dot,
     identity_pose,
     momentum,
-    negative,
     power,
     rotate_force,
     rotate_motion,
     scale_motion,
     shift_motion,
     sub_force,
-    unrotate,
-    unshift_coupling,
     unshift_force,
     unshift_inertia,
-    zero,
     zero_motion,
 )
 from ..tables import (

@@ -4,21 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import Vec, dot, plus, rotate, times
 from ..scalars import inlined
-from ..spatial import (
-    Motion,
-    Pose,
-    Vec,
-    add_motion,
-    dot,
-    momentum,
-    motion_to_child,
-    plus,
-    power,
-    rotate,
-    times,
-    zero_motion,
-)
+from ..spatial import Motion, Pose, add_motion, momentum, motion_to_child, power, zero_motion
 from ..tables import (
     inertia_of,
     motion_of,

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import Vec
 from ..scalars import inlined
-from ..spatial import (
-    Force,
-    Inertia,
-    Pose,
-    Vec,
-)
+from ..spatial import Force, Inertia, Pose
 from ..tables import table_dtype
 from .crba import crba
 from .rnea import rnea

@@ -9,24 +9,20 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..articulated import Articulated
+from ..euclidean import Vec, cross, times, unrotate, zero
 from ..scalars import inlined
 from ..spatial import (
-    Articulated,
     Force,
     Motion,
     Pose,
-    Vec,
     add_force,
     add_motion,
-    cross,
     cross_motion,
     force_to_parent,
     momentum,
     motion_to_child,
     power,
-    times,
-    unrotate,
-    zero,
     zero_force,
     zero_motion,
 )

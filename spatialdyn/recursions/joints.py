@@ -5,24 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from ..bodies import FLOATING, FOLLOW, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
-from ..scalars import cos, inlined, sin
-from ..spatial import (
-    Motion,
-    Pose,
-    Rot,
-    Scalar,
-    Vec,
-    add_motion,
-    add_rot,
-    compose,
-    identity_pose,
-    plus,
-    rotate,
-    scale_motion,
-    times,
-    zero,
-    zero_motion,
-)
+from ..euclidean import Rot, Vec, add_rot, plus, rotate, times, zero
+from ..scalars import Scalar, cos, inlined, sin
+from ..spatial import Motion, Pose, add_motion, compose, identity_pose, scale_motion, zero_motion
 from ..tables import (
     motion_of,
     pose_of,

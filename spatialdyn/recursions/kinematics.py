@@ -8,22 +8,19 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import cross, plus, rotate, zero
 from ..scalars import inlined
 from ..spatial import (
     Motion,
     Pose,
     add_motion,
     compose,
-    cross,
     cross_motion,
     identity_pose,
     motion_to_child,
     motion_to_parent,
-    plus,
-    rotate,
     scale_motion,
     sub_motion,
-    zero,
     zero_motion,
 )
 from ..tables import (

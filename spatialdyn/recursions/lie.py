@@ -22,19 +22,9 @@ from fractions import Fraction
 from math import factorial
 from typing import NamedTuple
 
-from ..scalars import atan2, cos, inlined, select, sin, sqrt, summed
-from ..spatial import (
-    Motion,
-    Rot,
-    Scalar,
-    Vec,
-    cross,
-    dot,
-    matmul,
-    plus,
-    times,
-    transpose,
-)
+from ..euclidean import Rot, Vec, cross, dot, matmul, plus, times, transpose
+from ..scalars import Scalar, atan2, cos, inlined, select, sin, sqrt, summed
+from ..spatial import Motion
 from .joints import rotation
 
 TINY = 1e-36  # its root is far below the resolution of θ, and both are normal numbers in float32

@@ -10,33 +10,25 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..coupling import Coupling, add_coupling, coupled, unshift_coupling
+from ..euclidean import Vec, cross, minus, plus, rotate, times
 from ..scalars import inlined
 from ..spatial import (
-    Coupling,
     Force,
     Inertia,
     Motion,
     Pose,
-    Vec,
-    add_coupling,
     add_force,
     add_inertia,
     add_motion,
     compose,
-    coupled,
-    cross,
     cross_force,
     cross_motion,
-    minus,
     momentum,
     motion_to_child,
-    plus,
-    rotate,
     rotate_force,
     scale_motion,
     sub_motion,
-    times,
-    unshift_coupling,
     unshift_force,
     unshift_inertia,
     zero_force,

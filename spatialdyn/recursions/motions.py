@@ -5,16 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..scalars import inlined
-from ..spatial import (
-    Motion,
-    Pose,
-    add_motion,
-    cross_motion,
-    motion_to_child,
-    scale_motion,
-    zero_force,
-    zero_motion,
-)
+from ..spatial import Motion, Pose, add_motion, cross_motion, motion_to_child, scale_motion, zero_force, zero_motion
 from ..tables import (
     force_of,
     motion_of,

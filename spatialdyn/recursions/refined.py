@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..articulated import Articulated
+from ..euclidean import Vec, zero
 from ..scalars import inlined
-from ..spatial import (
-    Articulated,
-    Force,
-    Motion,
-    Pose,
-    Vec,
-    zero,
-)
+from ..spatial import Force, Motion, Pose
 from ..tables import table_dtype, vec_of
 from .aba import articulated_again, articulated_inward, articulated_outward
 from .rnea import rnea

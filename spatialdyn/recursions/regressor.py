@@ -12,30 +12,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import Rot, Sym, Vec, add_sym, cross, dot, minus, negative, plus, spin_matrix, times, unrotate, zero
 from ..scalars import inlined
 from ..spatial import (
     Inertia,
     Motion,
     Pose,
-    Rot,
-    Sym,
-    Vec,
     add_motion,
-    add_sym,
     compose,
-    cross,
     cross_motion,
-    dot,
     identity_pose,
-    minus,
     motion_to_child,
-    negative,
-    plus,
     scale_motion,
-    spin_matrix,
-    times,
-    unrotate,
-    zero,
     zero_motion,
 )
 from ..tables import (

@@ -4,26 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..euclidean import Vec, cross, negative, plus, rate_of_spin, rotate, spin_matrix, times, unrotate, zero
 from ..scalars import inlined
-from ..spatial import (
-    Force,
-    Pose,
-    Vec,
-    add_force,
-    cross,
-    force_to_parent,
-    negative,
-    plus,
-    power,
-    rate_of_spin,
-    rotate,
-    spin_matrix,
-    sub_force,
-    times,
-    unrotate,
-    zero,
-    zero_force,
-)
+from ..spatial import Force, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ..tables import (
     force_from,
     force_of,

@@ -7,26 +7,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars import inlined, select
-from ..spatial import (
-    Force,
-    Inertia,
-    Motion,
-    Pose,
-    Scalar,
-    Vec,
-    add_force,
-    cross_force,
-    momentum,
-    times,
-    unrotate,
-    zero_force,
-)
+from ..euclidean import Vec, times, unrotate
+from ..scalars import Scalar, inlined, select
+from ..spatial import Force, Inertia, Motion, Pose, add_force, cross_force, momentum, zero_force
 from ..tables import (
     force_of,
     inertia_of,
     motion_of,
     pose_of,
+    public_vec,
     put_force,
     table_dtype,
     vec_of,
@@ -45,18 +34,13 @@ def _per(m: Scalar, a: Vec) -> Vec:
 
 
 @inlined
-def _put(out: Any, a: Vec) -> None:
-    out[0], out[1], out[2] = a.x, a.y, a.z
-
-
-@inlined
 def subtree_centers_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
     """c = Σ m c / Σ m of each subtree, from the first moments summed inward."""
     mass_moment(bodies, work, q)
-    _put(c[0], _per(work[0].m, vec_of(work[0].h)))
+    public_vec(c[0], _per(work[0].m, vec_of(work[0].h)))
     for i in range(1, len(bodies)):
         if bodies[i].joint > 0:
-            _put(c[bodies[i].joint], _per(work[i].m, vec_of(work[i].h)))
+            public_vec(c[bodies[i].joint], _per(work[i].m, vec_of(work[i].h)))
 
 
 @inlined
@@ -68,8 +52,8 @@ def _summed(bodies: Any, work: Any, out: Any) -> None:
         parent.I.m = parent.I.m + here.I.m
         put_force(parent.h, add_force(force_of(parent.h), h))
         if bodies[i].joint > 0:
-            _put(out[bodies[i].joint], unrotate(pose_of(here.X).R, _per(here.I.m, h.f)))
-    _put(out[0], _per(work[0].I.m, vec_of(work[0].h.f)))
+            public_vec(out[bodies[i].joint], unrotate(pose_of(here.X).R, _per(here.I.m, h.f)))
+    public_vec(out[0], _per(work[0].I.m, vec_of(work[0].h.f)))
 
 
 @inlined

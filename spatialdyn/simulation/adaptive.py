@@ -17,10 +17,10 @@ from ..dynamics import calls
 from ..engines import jit
 from ..engines.small import kernel
 from ..errors import NonFiniteError, SimulationError, SpatialDynError
+from ..euclidean import rotate
 from ..recursions.configuration import twist
 from ..recursions.lie import Quat, matrix, product
 from ..scalars import cos, inlined, sin
-from ..spatial import rotate
 from .recorder import Recorder
 from .torques import Torque
 

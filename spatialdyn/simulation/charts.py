@@ -25,6 +25,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
+from ..euclidean import Rot, Vec, cross, dot, plus, rotate, times, unrotate, zero
 from ..recursions.lie import (
     Quat,
     conjugate,
@@ -38,18 +39,7 @@ from ..recursions.lie import (
     unit,
 )
 from ..scalars import atan2, cos, inlined, sin
-from ..spatial import (
-    Motion,
-    Rot,
-    Vec,
-    cross,
-    dot,
-    plus,
-    rotate,
-    times,
-    unrotate,
-    zero,
-)
+from ..spatial import Motion
 
 FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a fresh chart, well before the 2π where the exponential folds
 OK, MOVED = 0, 1

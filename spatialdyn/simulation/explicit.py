@@ -11,17 +11,13 @@ from typing import Any, NamedTuple
 from ..bodies import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
 from ..engines import jit
 from ..engines.small import kernel
+from ..euclidean import dot, plus, rotate
 from ..recursions import SPECS
 from ..recursions.checks import all_finite
 from ..recursions.configuration import put_twist, twist
 from ..recursions.lie import log_jacobian
 from ..scalars import inlined
-from ..spatial import (
-    Motion,
-    dot,
-    plus,
-    rotate,
-)
+from ..spatial import Motion
 from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 
 HALF_TURN = 9.8696  # π² [rad²]

@@ -28,27 +28,13 @@ from numba.extending import register_jitable
 from ..bodies import FOLLOW
 from ..engines import jit
 from ..engines.small import kernel
+from ..euclidean import Vec, cross, plus, times, unrotate, zero
 from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
 from ..recursions.joints import joint_motion, place_joint
 from ..recursions.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
 from ..scalars import inlined
-from ..spatial import (
-    Force,
-    Motion,
-    Pose,
-    Vec,
-    add_force,
-    cross,
-    force_to_parent,
-    momentum,
-    plus,
-    power,
-    times,
-    unrotate,
-    zero,
-    zero_force,
-)
+from ..spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
 from ..tables import (
     force_of,
     inertia_of,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...assembly import Options
 from ...errors import ModelError
-from ...interop import check_depth_first, fresh_name
+from ...interop.pinocchio import check_depth_first, fresh_name
 from ...model import Model as Compiled
 from ...robot import Joint as RobotJoint
 from ...robot import Link, Mimic, Robot, make_joint, make_link

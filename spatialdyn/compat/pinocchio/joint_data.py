@@ -8,20 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ShapeError
+from ...euclidean import Vec
 from ...rows import joint_transform, matrix, pose, subspace
-from ...spatial import (
-    Motion as Twist,
-)
-from ...spatial import (
-    Vec,
-    add_motion,
-    compose,
-    cross_motion,
-    identity_pose,
-    motion_to_child,
-    scale_motion,
-    zero_motion,
-)
+from ...spatial import Motion as Twist
+from ...spatial import add_motion, compose, cross_motion, identity_pose, motion_to_child, scale_motion, zero_motion
 from .arguments import ArgumentError, described
 from .motion import Motion
 from .se3 import SE3

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ... import spatial
 from ...errors import ModelError
+from ...euclidean import Vec
 from ...recursions.regressor import body_force
 from .arguments import expected
 from .calls import perform
@@ -74,4 +75,4 @@ def _index(name: str, value: Any, n: int) -> int:
 
 def _motion(m: Motion) -> spatial.Motion:
     x, y, z, wx, wy, wz = m.vector.tolist()
-    return spatial.Motion(spatial.Vec(wx, wy, wz), spatial.Vec(x, y, z))
+    return spatial.Motion(Vec(wx, wy, wz), Vec(x, y, z))

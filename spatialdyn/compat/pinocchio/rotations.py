@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ... import algebra
 from ...errors import SpatialDynError
-from ...spatial import Vec, cross
+from ...euclidean import Vec, cross
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, near, number, row
 from .live import Value
 
