@@ -13,15 +13,20 @@ from typing import Any
 import numpy as np
 from numba.extending import overload, register_jitable
 
+from .inlining import Inlining, Weaving
+
 Scalar = Any
 
-inlined = register_jitable(forceinline=True)
+inlined = register_jitable(forceinline=True, no_cfunc_wrapper=True, pipeline_class=Inlining)
 """Decorates what recursions are made of: plain Python when called, inlined without exception when compiled.
 
 Left to itself LLVM calls the larger ones, and each call counts references to its arrays: half the cost of a CRBA.
 """
 
-called = register_jitable
+woven = register_jitable(forceinline=True, no_cfunc_wrapper=True, pipeline_class=Weaving)
+"""Decorates what calls compiled kernels and is inlined: the outermost caller alone optimises the kernels anew."""
+
+called = register_jitable(no_cfunc_wrapper=True)
 """Decorates what is large and called from several places: compiled once, for a tenth of the time inlining takes."""
 
 

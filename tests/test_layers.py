@@ -21,7 +21,8 @@ PACKAGE = Path(spatialdyn.__file__).parent
 # Each room and the rooms right below it. A room may import what is below it, however far down, and nothing else.
 BELOW: dict[str, tuple[str, ...]] = {
     # numbers
-    "scalars": (),
+    "inlining": (),
+    "scalars": ("inlining",),
     "euclidean": ("scalars",),
     "spatial": ("euclidean",),
     "coupling": ("spatial",),

@@ -37,7 +37,9 @@ from .kept import Kept
 
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
-FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+FLAGS: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
+}  # fmt: skip
 _SIZES = {"nq": "bodies[0].at", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
 PLAIN = bool(getattr(config, "DISABLE_JIT", False))  # NUMBA_DISABLE_JIT: the recursions run as the Python they are
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that single and batch take

@@ -18,12 +18,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba.extending import register_jitable
-
 from ..engines import jit
 from ..engines.small import kernel
 from ..recursions import SPECS
 from ..recursions.checks import EPS
+from ..scalars import called, woven
 from .charts import chart_rate, enter, leave, recentre
 from .system import NONFINITE, STALLED, TORQUE, State, System, copy, note
 
@@ -93,12 +92,12 @@ def kernels(loaded: bool) -> Kernels:
     )
 
 
-@register_jitable
+@woven
 def _free(system: System, q: Any, p: Any, rates: Any) -> int:
     return system.kernels.hamilton(system.table, q, p, system.zero, rates)  # type: ignore[no-any-return]
 
 
-@register_jitable
+@woven
 def _loaded(system: System, q: Any, p: Any, rates: Any) -> int:
     return system.kernels.hamilton(system.table, q, p, system.zero, system.fext, rates)  # type: ignore[no-any-return]
 
@@ -106,7 +105,7 @@ def _loaded(system: System, q: Any, p: Any, rates: Any) -> int:
 # --- the vector field -----------------------------------------------------------------------------------
 
 
-@register_jitable
+@woven
 def joint_rates(system: System, t: float, q: Any, p: Any, rates: Any) -> None:
     """v and ṗ as rows of ``rates``; the torque may ask for v, so it comes last."""
     note(system, system.kernels.field(system, q, p, rates), t)
@@ -115,7 +114,7 @@ def joint_rates(system: System, t: float, q: Any, p: Any, rates: Any) -> None:
         rates[1, i] += system.tau[i]
 
 
-@register_jitable
+@woven
 def slope(system: System, t: float, z: Any, state: State, dz: Any) -> None:
     """ż at (t, z)."""
     n = len(system.tau)
@@ -125,13 +124,13 @@ def slope(system: System, t: float, z: Any, state: State, dz: Any) -> None:
     note(system, system.kernels.chart_rate(system.table, state.by_row, z, p, rates[0], rates[1], dz), t)
 
 
-@register_jitable
+@woven
 def start(system: System, state: State) -> None:
     """z of the state (q, p)."""
     system.kernels.enter(system.table, state.by_row, state.q, state.w, state.work[0])
 
 
-@register_jitable
+@woven
 def observe(system: System, t: float, state: State) -> None:
     """q, p and v of z."""
     n = len(system.tau)
@@ -141,7 +140,7 @@ def observe(system: System, t: float, state: State) -> None:
     copy(state.v, rates[0])
 
 
-@register_jitable
+@woven
 def _change_charts(system: System, state: State) -> None:
     """New centres where they are due; what was kept from the last step is then of no use."""
     if system.kernels.recentre(system.table, state.by_row, state.work[0], state.work[6]) != 0:
@@ -153,7 +152,7 @@ def _change_charts(system: System, state: State) -> None:
 # --- equations ------------------------------------------------------------------------------------------
 
 
-@register_jitable
+@woven
 def settled(system: System, t: float, change: float, before: float, sweep: int, quick: bool = False) -> bool:
     """Whether an iteration is over: its relative change is rounding and shrinks no more, or it leads nowhere.
 
@@ -169,7 +168,7 @@ def settled(system: System, t: float, change: float, before: float, sweep: int, 
     return system.trouble[0] != 0 or change <= 2.0 * EPS or rounding
 
 
-@register_jitable
+@woven
 def relative(change: float, size: float) -> float:
     """change / size, 0 where nothing changes, infinite for a NaN."""
     if not change <= LARGEST:
@@ -177,7 +176,7 @@ def relative(change: float, size: float) -> float:
     return change / size if change > 0.0 else 0.0
 
 
-@register_jitable
+@called
 def quicken(count: int, f: Any, y: Any, F: Any, U: Any) -> None:
     """Take y = x + f(x) of an iteration y = G(x) to where f would vanish, as far as its last sweeps tell (Anderson).
 
@@ -226,7 +225,7 @@ def quicken(count: int, f: Any, y: Any, F: Any, U: Any) -> None:
             y[i] -= part * U[j, i]
 
 
-@register_jitable
+@woven
 def _half(system: System, t: float, c: float, first: int, base: Any, state: State, y: Any, dy: Any) -> None:
     """Solve y = base + c ẏ(t, y) for the half of y that starts at ``first``; the other half is as it is in y.
 
@@ -257,7 +256,7 @@ def _half(system: System, t: float, c: float, first: int, base: Any, state: Stat
         before = change
 
 
-@register_jitable
+@woven
 def symplectic_euler(system: System, t: float, h: float, state: State) -> None:
     """π⁺ = π + h π̇(x, π⁺), x⁺ = x + h ẋ(x, π⁺): implicit in π alone."""
     _change_charts(system, state)
@@ -270,7 +269,7 @@ def symplectic_euler(system: System, t: float, h: float, state: State) -> None:
         z[n + i] = y[n + i]
 
 
-@register_jitable
+@woven
 def stormer_verlet(system: System, t: float, h: float, state: State) -> None:
     """Half a step of symplectic Euler, then half a step of its adjoint (HLW VI.3.1).
 
@@ -289,7 +288,7 @@ def stormer_verlet(system: System, t: float, h: float, state: State) -> None:
         z[n + i] = y[n + i] + 0.5 * h * dy[n + i]
 
 
-@register_jitable
+@woven
 def _gauss(system: System, t: float, h: float, state: State, method: Tableau) -> None:
     """L_i = h b_i ż(z + Σ mu_ij L_j), z⁺ = z + Σ L_i, stage after stage until nothing changes."""
     _change_charts(system, state)
@@ -335,19 +334,19 @@ def _gauss(system: System, t: float, h: float, state: State, method: Tableau) ->
         z[i] = new
 
 
-@register_jitable
+@woven
 def implicit_midpoint(system: System, t: float, h: float, state: State) -> None:
     """z⁺ = z + h ż((z + z⁺)/2): Gauss's method of one stage."""
     _gauss(system, t, h, state, GAUSS2)
 
 
-@register_jitable
+@woven
 def gauss4(system: System, t: float, h: float, state: State) -> None:
     """Gauss's method of two stages."""
     _gauss(system, t, h, state, GAUSS4)
 
 
-@register_jitable
+@woven
 def gauss6(system: System, t: float, h: float, state: State) -> None:
     """Gauss's method of three stages."""
     _gauss(system, t, h, state, GAUSS6)

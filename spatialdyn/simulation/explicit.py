@@ -16,7 +16,7 @@ from ..recursions import SPECS
 from ..recursions.checks import all_finite
 from ..recursions.configuration import put_twist, twist
 from ..recursions.lie import log_jacobian
-from ..scalars import inlined
+from ..scalars import inlined, woven
 from ..spatial import Motion
 from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 
@@ -39,12 +39,12 @@ def kernels(loaded: bool) -> Kernels:
     return Kernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
 
 
-@inlined
+@woven
 def _free(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, a)  # type: ignore[no-any-return]
 
 
-@inlined
+@woven
 def _loaded(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, system.fext, a)  # type: ignore[no-any-return]
 
@@ -78,21 +78,21 @@ def rate_of_displacement(bodies: Any, u: Any, v: Any, out: Any) -> None:
             put_twist(b, i - 1, Motion(rotate(T.J, rate.w), plus(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
 
 
-@inlined
+@woven
 def acceleration(system: System, t: float, q: Any, v: Any, a: Any) -> None:
     """a of the state (q, v) at time t."""
     system.torque(system, t, q, v)
     note(system, system.kernels.accelerate(system, q, v, a), t)
 
 
-@inlined
+@woven
 def move(system: System, t: float, u: Any, state: State) -> None:
     """q ← q ∘ exp(u)."""
     copy(state.stage, state.q)
     note(system, system.kernels.integrate(system.table, state.stage, u, state.q), t)
 
 
-@inlined
+@woven
 def explicit_euler(system: System, t: float, h: float, state: State) -> None:
     """q⁺ = q ∘ exp(h v), v⁺ = v + h a(q, v)."""
     a, u = state.work[0], state.work[1]
@@ -103,7 +103,7 @@ def explicit_euler(system: System, t: float, h: float, state: State) -> None:
     along(state.w, state.w, h, a)
 
 
-@inlined
+@woven
 def semi_implicit_euler(system: System, t: float, h: float, state: State) -> None:
     """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺)."""
     a, u = state.work[0], state.work[1]
@@ -114,7 +114,7 @@ def semi_implicit_euler(system: System, t: float, h: float, state: State) -> Non
     move(system, t, u, state)
 
 
-@inlined
+@woven
 def velocity_verlet(system: System, t: float, h: float, state: State) -> None:
     """q⁺ = q ∘ exp(h v + ½ h² a), v⁺ = v + ½ h (a + a⁺) with a⁺ = a(q⁺, v + h a).
 
@@ -131,7 +131,7 @@ def velocity_verlet(system: System, t: float, h: float, state: State) -> None:
     along(state.w, state.w, 0.5 * h, b)
 
 
-@inlined
+@woven
 def _stage(system: System, t: float, c: float, u1: Any, a1: Any, u2: Any, a2: Any, state: State) -> None:
     """Slopes u2, a2 at time t of the state that the slopes u1, a1 lead to in a time c."""
     u, w = state.work[8], state.work[9]
@@ -143,7 +143,7 @@ def _stage(system: System, t: float, c: float, u1: Any, a1: Any, u2: Any, a2: An
     acceleration(system, t, state.stage, w, a2)
 
 
-@inlined
+@woven
 def rk4(system: System, t: float, h: float, state: State) -> None:
     """The classical Runge-Kutta method on (u, v) with q(t) = q ∘ exp(u(t)) (after Munthe-Kaas, u̇ in closed form)."""
     k = state.work
@@ -159,7 +159,7 @@ def rk4(system: System, t: float, h: float, state: State) -> None:
     move(system, t, u, state)
 
 
-@inlined
+@woven
 def observe(system: System, t: float, state: State) -> None:
     """The velocity of a state is its own."""
     copy(state.v, state.w)
@@ -167,6 +167,6 @@ def observe(system: System, t: float, state: State) -> None:
         note(system, NONFINITE, t)
 
 
-@inlined
+@woven
 def start(system: System, state: State) -> None:
     """Nothing is kept in other coordinates."""

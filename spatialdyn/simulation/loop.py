@@ -6,14 +6,15 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from numba.extending import is_jitted, register_jitable
+from numba.extending import is_jitted
 
 from ..engines import jit
+from ..scalars import woven
 from .methods import Method
 from .system import State, System, held_torque, hold, user_torque
 
 
-@register_jitable
+@woven
 def drive(
     advance: Callable[..., None], observe: Callable[..., None], system: System, state: State, first: int, count: int,
     total: int, every: int, dt: float, h: float, at: Any, out_q: Any, out_w: Any, out_tau: Any,
@@ -57,7 +58,7 @@ def _called(kernel: Any) -> Any:
     def call(*arguments: Any) -> Any:
         return kernel(*arguments)
 
-    return register_jitable(call)
+    return woven(call)
 
 
 @lru_cache(maxsize=64)

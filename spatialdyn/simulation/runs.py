@@ -89,8 +89,11 @@ def simulate(
     True
     """
     q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext)
-    calls["aba"](model, q, v, np.zeros(model.nv))  # names a joint that moves no inertia
     p = calls["momentum"](model, q, v)
+    if chosen.family is not None and chosen.family.moves == "p":  # either names a joint that moves no inertia
+        calls["velocity_from_momentum"](model, q, p)
+    else:
+        calls["aba"](model, q, v, np.zeros(model.nv))
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
 
 

@@ -23,8 +23,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba.extending import register_jitable
-
 from ..bodies import FOLLOW
 from ..engines import jit
 from ..engines.small import kernel
@@ -33,7 +31,7 @@ from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
 from ..recursions.joints import joint_motion, place_joint
 from ..recursions.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
-from ..scalars import inlined
+from ..scalars import inlined, woven
 from ..spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
 from ..tables import (
     force_of,
@@ -77,12 +75,12 @@ def kernels(loaded: bool) -> Kernels:
     )
 
 
-@register_jitable
+@woven
 def _free(system: System, q: Any, g: Any) -> int:
     return system.kernels.static_torque(system.table, q, g)  # type: ignore[no-any-return]
 
 
-@register_jitable
+@woven
 def _loaded(system: System, q: Any, g: Any) -> int:
     return system.kernels.static_torque(system.table, q, system.fext, g)  # type: ignore[no-any-return]
 
@@ -216,18 +214,18 @@ def _twist(row: Any) -> Motion:
 # --- the method -----------------------------------------------------------------------------------------
 
 
-@register_jitable
+@woven
 def start(system: System, state: State) -> None:
     """Nothing is kept in other coordinates."""
 
 
-@register_jitable
+@woven
 def observe(system: System, t: float, state: State) -> None:
     """v = M⁻¹ p."""
     note(system, system.kernels.velocity(system.table, state.q, state.w, state.v), t)
 
 
-@register_jitable
+@woven
 def variational(system: System, t: float, h: float, state: State) -> None:
     """One step; the torque at either end is asked for with the average velocity ξ/h, which keeps the order at 2."""
     n, k = len(system.tau), system.kernels
