@@ -205,3 +205,23 @@ def test_the_inertia_that_counts_as_none_is_covariant() -> None:
     for s in (Scale(), *FAR):
         with pytest.raises(sd.InertiaError):
             sd.aba(scaled(model, s), [0.1, 0.2], np.zeros(2), np.zeros(2))
+
+
+def motion(model: sd.Model, tree: Any, method: str, s: Scale) -> tuple[Array, Array]:
+    """q and v of a short simulation in those units."""
+    made = random_state(tree, np.random.default_rng(5))
+    given = {x.name: x for x in SPECS["rnea"].given}
+    q0, v0 = moved(model, given["q"], made.q, s), moved(model, given["v"], made.v, s)
+    dt = np.ldexp(1.0, s.time - 8)
+    run = sd.simulate(scaled(model, s), q0, v0, 12 * dt, dt, method)
+    assert run.t[-1] == 12 * dt
+    return run.q, run.v
+
+
+@pytest.mark.parametrize("method", [x for x in sd.integrators if sd.integrators[x].family is not None])
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_motions_are_covariant_to_the_bit(method: str, kind: str) -> None:
+    """Steps that are iterated end where they do in any units: their tolerance is relative to what they iterate."""
+    made = random_tree(11, 4, **ROBOTS[kind])
+    for part in (0, 1):
+        hold(lambda s, part=part: motion(made.model, made.tree, method, s)[part], FAR[:1])

@@ -235,15 +235,18 @@ def _half(system: System, t: float, c: float, first: int, base: Any, state: Stat
     off, F, U = state.work[6][:n], state.work[8:13, :n], state.work[8:13, n:]
     for i in range(first, first + n):
         y[i] = base[i] + c * dy[i]
-    before, known = math.inf, 0
+    before, known, largest = math.inf, 0, 0.0
+    for i in range(first, first + n):
+        largest = max(largest, system.unit[i] * (abs(base[i]) + abs(c * dy[i])))
+    scale = 1.0 if not 0.0 < largest <= LARGEST else math.ldexp(1.0, -math.frexp(largest)[1])  # squares stay in range
     for sweep in range(SWEEPS):
         slope(system, t, y, state, dy)
         change = size = 0.0
         for i in range(first, first + n):
             new = base[i] + c * dy[i]
-            off[i - first] = new - y[i]
-            change = max(change, abs(new - y[i]))
-            size = max(size, abs(base[i]) + abs(c * dy[i]))
+            off[i - first] = system.unit[i] * (new - y[i]) * scale
+            change = max(change, abs(off[i - first]))
+            size = max(size, system.unit[i] * (abs(base[i]) + abs(c * dy[i])) * scale)
             if not abs(new) <= LARGEST:
                 change = math.inf
             y[i] = new
@@ -315,8 +318,8 @@ def _gauss(system: System, t: float, h: float, state: State, method: Tableau) ->
                 moved = size = 0.0
                 for i in range(half * n, half * n + n):
                     new = h * method.b[a] * dy[i]
-                    moved = max(moved, abs(new - L[a, i]))
-                    size = max(size, abs(z[i]) + abs(new))
+                    moved = max(moved, system.unit[i] * abs(new - L[a, i]))
+                    size = max(size, system.unit[i] * (abs(z[i]) + abs(new)))
                     if not abs(new) <= LARGEST:
                         moved = math.inf
                     L[a, i] = new

@@ -46,7 +46,7 @@ def drive(
             at[1] = row + 1
 
 
-_SYSTEM = ("table", "held", "fext", "zero", "tau", "trouble")
+_SYSTEM = ("table", "held", "fext", "unit", "zero", "tau", "trouble")
 _LOOP = ("first", "count", "total", "every", "dt", "h", "at", "out_q", "out_w", "out_tau")
 
 

@@ -273,7 +273,16 @@ def step_specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
                     error[i] = inputs["q_ref"][row.at] - q[row.at]
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
         system = System(
-            _Kernels(_accelerate, _integrate, _displacement_rate), held_torque, None, rows, None, None, None, tau, None
+            _Kernels(_accelerate, _integrate, _displacement_rate),
+            held_torque,
+            None,
+            rows,
+            None,
+            None,
+            None,
+            None,
+            tau,
+            None,
         )
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
         METHODS[method](system, 0.0, inputs["dt"], state)

@@ -26,7 +26,7 @@ from .loop import compiled, drive
 from .methods import Method, integrators
 from .progress import Progress, reporting
 from .recorder import Recorder, Steps
-from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, user_torque
+from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
 from .traced import program, slice_of
 from .trajectory import Trajectory
@@ -214,7 +214,7 @@ def _run_fixed(
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     trouble = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
-    data = (getattr(model, jit.TABLE), torque.held, forces, np.zeros(n), np.zeros(n), trouble)
+    data = (getattr(model, jit.TABLE), torque.held, forces, units(model.bodies), np.zeros(n), np.zeros(n), trouble)
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque

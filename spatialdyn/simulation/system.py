@@ -8,7 +8,11 @@ the first trouble stays, and the loop stops after the step.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..engines import jit
 from ..recursions.checks import all_finite
@@ -27,6 +31,7 @@ class System(NamedTuple):
     table    the model's bodies, as kernels take them
     held     (rows, nv) torques of the steps, the last one held on
     fext     (njoints, 6), or (0, 6) where there is none
+    unit     (2 nv,) what one of each freedom, and of its momentum, counts where they are compared: ``units``
     zero     (nv,) zeros
     tau      (nv,) written
     trouble  (3,) written: code, time, how large the thing was
@@ -38,6 +43,7 @@ class System(NamedTuple):
     table: Any
     held: Any
     fext: Any
+    unit: Any
     zero: Any
     tau: Any
     trouble: Any
@@ -60,6 +66,26 @@ class State(NamedTuple):
     stage: Any
     by_row: Any
     work: Any
+
+
+def units(bodies: Any) -> NDArray[np.float64]:
+    """(2 nv,) one for what turns, one over the robot's length for what travels; of momenta the reciprocals.
+
+    A change that is nothing beside the state, in one number for all freedoms, is then the same in all units of length.
+    The length is a power of two, so that nothing is rounded: that of the longest offset, centre of mass or radius of
+    gyration.
+    """
+    inertia, at = bodies["inertia"][1:], bodies["X"]["p"][1:]
+    heavy = inertia[inertia["m"] > 0.0]
+    lengths = [abs(at[k]) for k in "xyz"] + [abs(heavy["h"][k] / heavy["m"]) for k in "xyz"]
+    lengths += [np.sqrt(abs(heavy["I"][k] / heavy["m"])) for k in ("xx", "yy", "zz")]
+    longest = max((float(x.max(initial=0.0)) for x in lengths), default=0.0)
+    exponent = math.frexp(longest)[1] if longest > 0.0 else 0
+    w = bodies["S"]["w"][1:]
+    travels = (w["x"] == 0.0) & (w["y"] == 0.0) & (w["z"] == 0.0)
+    each = np.where(travels, exponent, 0)
+    made: NDArray[np.float64] = np.ldexp(1.0, np.concatenate([-each, each]))
+    return made
 
 
 @inlined

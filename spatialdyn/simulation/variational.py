@@ -250,11 +250,12 @@ def variational(system: System, t: float, h: float, state: State) -> None:
         moved = size = 0.0
         for i in range(n):
             change[i] *= -h
-            moved = max(moved, abs(change[i]))
             if not abs(change[i]) <= LARGEST:
                 moved = math.inf
             xi[i] += change[i]
-            size = max(size, abs(xi[i]) + abs(old[i]))
+            change[i] *= system.unit[i]
+            moved = max(moved, abs(change[i]))
+            size = max(size, system.unit[i] * (abs(xi[i]) + abs(old[i])))
         moved = relative(moved, size)
         if settled(system, t, moved, before, sweep, known > 0):
             break
