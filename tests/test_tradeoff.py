@@ -266,7 +266,7 @@ def test_the_command_line_recommends_plots_and_prints_json(tmp_path: Path, capsy
         ({"states": ([[0.0, 0.0]] * 2, [0.0, 0.0], [0.0, 0.0])}, "states has 2, 1, 1 samples"),
         ({"states": ([0.0, 0.0], [0.0, math.nan], [0.0, 0.0])}, "states holds numbers that are not finite"),
         ({"task": "simulate", "duration": 0.0}, "duration is 0.0"),
-        ({"task": "simulate", "methods": "leap"}, "methods is 'leap', expected some of explicit_euler"),
+        ({"task": "simulate", "methods": "leap"}, "methods has 'leap', expected some of explicit_euler"),
         ({"task": "simulate", "states": 0}, "states is 0"),
         ({"task": "simulate", "states": 1.5}, "states is no pair of arrays"),
         ({"task": "simulate", "states": ([0.0], [0.0])}, "states has shapes"),

@@ -6,11 +6,13 @@ import importlib.util
 import math
 import time
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..border import as_array, as_count
 from ..dynamics import calls
 from ..engines import jit
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
@@ -18,12 +20,14 @@ from ..model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference import Motion, exact_motion
 from ..states import random_configuration
+from .evaluations import drawn
 from .options import Option
 from .truths import bound
 
 Array = NDArray[np.float64]
 
 STATES = 4
+MOST = 1 << 12
 SAMPLES = 10  # times at which motions are compared
 FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
 BUDGET = 0.15  # seconds that a run of a method may take
@@ -33,16 +37,16 @@ TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
 
 def states_of(model: Model, states: Any) -> tuple[Array, Array]:
     """(q0, v0) that are given, or so many random ones at rest."""
-    if states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool)):
-        count = STATES if states is None else int(states)
-        if count < 1:
-            raise SpatialDynError(f"states is {states!r}, expected 1 or more, or arrays q0, v0")
+    if drawn(states):
+        count = STATES if states is None else as_count(states, MOST)
+        if not count:
+            raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays q0, v0")
         return random_states(model, count, 0)
     try:
-        q0, v0 = (np.asarray(x, np.float64) for x in states)
+        given = dict(zip(("q0", "v0"), states, strict=True))
     except (TypeError, ValueError):
         raise ShapeError("states is no pair of arrays, expected q0 and v0") from None
-    q0, v0 = np.atleast_2d(q0), np.atleast_2d(v0)
+    q0, v0 = (np.atleast_2d(as_array(name, x)) for name, x in given.items())
     if q0.shape != (len(q0), model.nq) or v0.shape != (len(q0), model.nv) or not len(q0):
         raise ShapeError(f"states has shapes {q0.shape} and {v0.shape}, expected (n, {model.nq}) and (n, {model.nv})")
     if not (np.isfinite(q0).all() and np.isfinite(v0).all()):
@@ -55,14 +59,15 @@ def random_states(model: Model, count: int, seed: int) -> tuple[Array, Array]:
     return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
 
 
-def measured(model: Model, states: Any, duration: float, methods: Any) -> tuple[list[Option], int, float]:
+def measured(
+    model: Model, states: Any, duration: float, methods: Sequence[str] | None
+) -> tuple[list[Option], int, float]:
     """Options of a simulation, how many states they were measured in, and the error of the truth.
 
     methods  names of integrators, None for all that can be run here
     """
-    names = [methods] if isinstance(methods, str) else list(integrators if methods is None else methods)
-    unknown = [name for name in names if name not in integrators]
-    if unknown or not names:
+    names = list(integrators if methods is None else methods)
+    if not names:
         raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
     if methods is None and importlib.util.find_spec("scipy") is None:
         names = [name for name in names if integrators[name].family is not None]
@@ -98,7 +103,7 @@ def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Opti
     steps = FIRST
     while True:
         dt = duration / steps
-        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt:.6g}, "{name}"', truth, duration, method=name, dt=dt)
+        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt!r}, "{name}"', truth, duration, method=name, dt=dt)
         found.append(option)
         seconds = option.ns * 1e-9 * duration
         stale = len(found) > 1 and math.isfinite(option.error) and not option.error < FLOOR * found[-2].error
@@ -112,7 +117,7 @@ def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[O
     made = []
     for rtol in TOLERANCES:
         words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
-        code = f'{words["dt"]:.6g}, "{name}", rtol={rtol:g}, atol={words["atol"]:g}'
+        code = f'{words["dt"]!r}, "{name}", rtol={rtol!r}, atol={words["atol"]!r}'
         made.append(_option(model, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
         if jit.PLAIN or made[-1].ns * 1e-9 * duration > BUDGET:
             break
