@@ -35,7 +35,7 @@ SECONDS = 5e-4  # a way in a round: short, so that some round is spared what els
 SPENT = 0.3  # on a way that takes longer, and 3 rounds
 MOST = 1 << 24  # samples that are drawn, or timed, at once
 CHUNK = 1024  # more states at a time, so that what has failed in some is not tried in the others
-PATIENCE = 2.0  # seconds of this thread on more states
+PATIENCE = 4.0  # seconds of this thread on more states
 
 
 class Way(NamedTuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -140,7 +139,7 @@ class Tradeoff:
 
         Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
         """
-        if not (path is None or isinstance(path, (str, os.PathLike)) or hasattr(path, "write")):
+        if not (path is None or isinstance(path, str) or hasattr(path, "__fspath__") or hasattr(path, "write")):
             raise SpatialDynError(f"path is {path!r}, expected the name of a file")
         try:
             from matplotlib.figure import Figure

@@ -110,7 +110,7 @@ def recommend(
     A way is taken for good enough if its largest error times a margin of 2 or more is within the tolerance; the margin
     is larger where errors scatter widely or states are few, for other states may be worse than those measured. Where
     that leaves open whether a cheaper way will do, it is tried in 65536 random states, after which a margin of 1.25 may
-    be enough, unless their truth takes longer than 2 seconds, or the states are given.
+    be enough, unless their truth takes longer than 4 seconds, or the states are given.
 
     Returns a Recommendation: ``code`` is what to write, ``why`` the reason, and it can be called like the task's own
     call, a simulation's with (q0, v0, duration).
