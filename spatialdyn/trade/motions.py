@@ -20,8 +20,8 @@ from ..model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference import Motion, exact_motion
 from ..states import random_configuration
-from .evaluations import drawn
-from .options import Option
+from .evaluations import PATIENCE, drawn
+from .options import Further, Option
 from .truths import bound
 
 Array = NDArray[np.float64]
@@ -32,6 +32,8 @@ SAMPLES = 10  # times at which motions are compared
 FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
 BUDGET = 0.15  # seconds that a run of a method may take
 FLOOR = 0.3  # a finer step that does not lower the error below this much of it is the last
+MORE = 32  # states, after which a margin of 2 may be enough
+FINER = 0.01  # of a tolerance: the error of a motion that others are held against
 TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
 
 
@@ -54,7 +56,7 @@ def states_of(model: Model, states: Any) -> tuple[Array, Array]:
     return q0, v0
 
 
-def random_states(model: Model, count: int, seed: int) -> tuple[Array, Array]:
+def random_states(model: Model, count: int, seed: int | list[int]) -> tuple[Array, Array]:
     """Random configurations at rest."""
     return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
 
@@ -67,8 +69,6 @@ def measured(
     methods  names of integrators, None for all that can be run here
     """
     names = list(integrators if methods is None else methods)
-    if not names:
-        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
     if methods is None and importlib.util.find_spec("scipy") is None:
         names = [name for name in names if integrators[name].family is not None]
     q0, v0 = states_of(model, states)
@@ -91,6 +91,42 @@ def off(model: Model, run: Any, truth: Motion, k: int) -> float:
     way = abs(np.asarray(calls["difference"](model, np.broadcast_to(q[0], q.shape), q))).max(initial=0.0)
     slip, fast = abs(run.v - v).max(initial=0.0), abs(v).max(initial=0.0)
     return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
+
+
+def further(model: Model, duration: float, options: Sequence[Option]) -> Further:
+    """What says of ways from how many more states they stay within a tolerance: their errors, if from all of MORE.
+
+    The truth there is the cheapest way whose bound is a hundredth of the tolerance, its bound counted as an error of
+    others. None is found where there is no such way, or where this takes longer than PATIENCE.
+    """
+    t = np.linspace(0.0, duration, SAMPLES + 1)
+
+    def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array]:
+        finer = min((x for x in options if x.bound <= FINER * tolerance), key=lambda x: x.ns, default=None)
+        if finer is None or finer.run is None:
+            return {}
+        began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
+        for q, v in zip(*random_states(model, MORE, [0, 1]), strict=True):
+            try:
+                best = finer.run(q, v, duration, sampled=True)
+            except (SimulationError, NonFiniteError):
+                return {}
+            truth = Motion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
+            for x in open_:
+                if x.name not in errors or x.run is None:
+                    continue
+                try:
+                    found = off(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
+                except (SimulationError, NonFiniteError):
+                    found = math.inf
+                errors[x.name] = np.append(errors[x.name], found)
+                if found > tolerance:
+                    del errors[x.name]
+            if not errors or time.thread_time() - began > PATIENCE:
+                return {}
+        return errors
+
+    return judged
 
 
 def _over(wrong: float, size: float) -> float:
@@ -127,14 +163,15 @@ def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[O
 def _option(model: Model, label: str, code: str, truth: Motion, duration: float, **words: Any) -> Option:
     """A method measured on all motions."""
 
-    def run(q0: Any, v0: Any, duration: float, record: int | None = None) -> Any:
-        return simulate(model, q0, v0, duration, record=record, **words)
+    every = max(1, round(duration / words["dt"] / SAMPLES))
+
+    def run(q0: Any, v0: Any, duration: float, sampled: bool = False) -> Any:
+        return simulate(model, q0, v0, duration, record=every if sampled else None, **words)
 
     errors, seconds, note = [], [], ""
-    every = max(1, round(duration / words["dt"] / SAMPLES))
     motions = range(truth.q.shape[1])
     for k in motions if len(motions) > 1 else (0, 0):  # the first run may have a program compiled
-        start = (truth.q[0, k], truth.v[0, k], duration, every)
+        start = (truth.q[0, k], truth.v[0, k], duration, True)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

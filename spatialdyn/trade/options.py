@@ -63,7 +63,8 @@ class Tradeoff:
     duration   of the simulations [s], 0 for calls
     certainty  how far the truth itself can be trusted: its largest difference to a better one
     truth      what that was, in words
-    further    errors in many more states of ways whose bound is beyond a tolerance; None where states were given
+    further    errors in many more states of ways whose bound is beyond a tolerance: {name: array} of those that stay
+               within it; None where states were given
     """
 
     model: str

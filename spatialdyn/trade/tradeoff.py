@@ -16,7 +16,7 @@ from ..model import Model
 from ..simulation import integrators
 from . import evaluations, motions
 from .options import Option, Recommendation, Tradeoff, checked_tolerance, figure, marked
-from .truths import MANY_LEAST, bound
+from .truths import LEAST, MANY, MANY_LEAST, bound
 
 TASKS = (*evaluations.TASKS, "simulate")
 BATCH = 8 if jit.PLAIN else 4096
@@ -83,10 +83,13 @@ def trade(
     if not 0.0 < seconds < math.inf:
         raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
     names = None if methods is None else words("methods", methods, integrators)
+    if names == ():
+        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
     if task == "simulate":
         options, count, certainty = motions.measured(model, states, seconds, names)
         truth = f"double-double, {figure(certainty)} from itself with twice the step"
-        return Tradeoff(model.name, task, marked(options), count, 0, seconds, certainty, truth)
+        found = motions.further(model, seconds, options) if evaluations.drawn(states) and not jit.PLAIN else None
+        return Tradeoff(model.name, task, marked(options), count, 0, seconds, certainty, truth, found)
     options, count, certainty = evaluations.measured(model, task, states, samples)
     truth = f"double-double, {figure(certainty)} from the exact engine"
     more = evaluations.further(model, task) if evaluations.drawn(states) and not jit.PLAIN else None
@@ -110,7 +113,8 @@ def recommend(
     A way is taken for good enough if its largest error times a margin of 2 or more is within the tolerance; the margin
     is larger where errors scatter widely or states are few, for other states may be worse than those measured. Where
     that leaves open whether a cheaper way will do, it is tried in 65536 random states, after which a margin of 1.25 may
-    be enough, unless their truth takes longer than 4 seconds, or the states are given.
+    be enough, or from 32 for motions, after which 2 may be; unless that takes longer than 4 seconds, or the states are
+    given.
 
     Returns a Recommendation: ``code`` is what to write, ``why`` the reason, and it can be called like the task's own
     call, a simulation's with (q0, v0, duration).
@@ -153,7 +157,8 @@ def _cheaper(found: Tradeoff, chosen: Option | None, tolerance: float) -> Option
         if x.name not in errors:
             continue
         of_all = errors[x.name]
-        worst, limit = max(x.error, float(of_all.max())), max(bound(of_all), MANY_LEAST * x.error)
+        worst = max(x.error, float(of_all.max()))
+        limit = max(bound(of_all), worst * (MANY_LEAST if len(of_all) >= MANY else LEAST))
         if limit <= tolerance:
             return replace(x, error=worst, usual=float(np.median(of_all)), bound=limit, states=len(of_all))
     return None
