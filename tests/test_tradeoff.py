@@ -281,7 +281,7 @@ def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
 
 def test_of_many_errors_the_margin_is_narrower() -> None:
     even = np.full(truths.MANY, 1e-15)
-    assert truths.bound(even) == 1.25e-15
+    assert truths.bound(even) == pytest.approx(1.25e-15)
     assert truths.bound(even[1:]) == 2e-15
     steep = np.arange(1.0, truths.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
     assert truths.bound(steep) == pytest.approx(2.0, rel=0.05)
