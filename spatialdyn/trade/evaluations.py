@@ -122,9 +122,9 @@ def ways(model: Model, task: str, batch: int) -> list[Way]:
                 whole = dtype == np.float64 and batch >= batches.FROM
                 text = code if whole else f"sd.specialize(model, sd.{name}{words})({given})"
                 found.append(Way(f"lanes {np.dtype(dtype)} {name}", text, dtype, public if whole else k))
-        pieces = batch >= batches.FROM and _traces(model, name)  # a larger batch would have a program made
-        text = f"{code}  # at most {batches.FROM - 1} samples at once" if pieces else code
-        found.append(Way(f"untraced float64 {name}", text, np.float64, piecewise if pieces else public))
+        traces = _traces(model, name)  # and a large batch has a program made
+        text = f"{code}  # at most {batches.FROM - 1} samples at once" if traces and batch >= batches.FROM else code
+        found.append(Way(f"untraced float64 {name}", text, np.float64, piecewise if traces else public))
     return found
 
 
