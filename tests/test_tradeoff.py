@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def test_a_plot_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 @compiled
 def test_a_motion_that_is_recommended_meets_its_tolerance_from_fresh_states() -> None:
     model = sd.load_urdf("two_link")
-    found = sd.trade(model, "simulate", methods=METHODS, duration=DURATION)
+    found = motions_of_two_links()
     q0, v0 = motions.random_states(model, 6, seed=1)
     t = np.linspace(0.0, DURATION, motions.SAMPLES + 1)
     truth = exact_motion(model, q0, v0, t)
@@ -123,6 +124,12 @@ def test_why_says_the_error_the_margin_and_what_was_passed_over() -> None:
     assert "cheaper is" in chosen.why
     assert chosen.code in str(chosen)
     assert chosen.option.error < chosen.option.bound <= 1e-12
+
+
+@cache
+def motions_of_two_links() -> Tradeoff:
+    """Its trade, made once."""
+    return sd.trade(sd.load_urdf("two_link"), "simulate", methods=METHODS, duration=DURATION)
 
 
 def figure_of(x: float) -> str:
@@ -174,8 +181,7 @@ def test_more_states_are_other_states_and_end_where_a_way_fails() -> None:
 
 @compiled
 def test_more_motions_are_held_against_a_finer_one() -> None:
-    model = sd.load_urdf("two_link")
-    found = sd.trade(model, "simulate", methods=METHODS, duration=DURATION)
+    found = motions_of_two_links()
     assert found.further is not None
     coarse = next(x for x in found.options if x.name.startswith("rk4"))
     errors = found.further([coarse], 10.0 * coarse.bound)
