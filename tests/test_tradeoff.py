@@ -188,7 +188,22 @@ def test_more_motions_are_held_against_a_finer_one() -> None:
     assert len(errors[coarse.name]) == motions.MORE
     assert 0.1 * coarse.usual < np.median(errors[coarse.name]) < 10.0 * coarse.usual
     assert found.further([coarse], 0.1 * coarse.usual) == {}
-    assert found.further([coarse], 1e-30) == {}  # nothing is a hundred times finer
+    assert found.further([coarse], 1e-30) is None  # nothing is a hundred times finer
+
+
+def test_a_way_to_simulate_is_taken_after_more_motions_unless_there_are_none() -> None:
+    options = marked([Option(n, "", e, e, 4 * e, ns) for n, e, ns in (("quick", 1e-7, 1.0), ("slow", 1e-9, 9.0))])
+
+    def table(further: Any) -> Tradeoff:
+        return Tradeoff("m", "simulate", options, 4, 0, 1.0, 0.0, "", further)
+
+    worse = advice(table(lambda open_, _: {"slow": np.full(32, 1e-9)} if open_[0].name == "slow" else {}), 1e-6)
+    assert worse.option.name == "slow"
+    assert "quick" in worse.why
+    assert "more states have not borne out" in worse.why
+    assert advice(table(lambda open_, _: {"quick": np.full(32, 4e-7)}), 1e-6).option.bound == pytest.approx(8e-7)
+    for further in (None, lambda open_, _: None):
+        assert advice(table(further), 1e-6).option.name == "quick"
 
 
 # --- what is written down -------------------------------------------------------------------------------------

@@ -168,12 +168,11 @@ def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Opt
 def further(model: Model, task: str) -> Further:
     """What says of ways in how many more states they stay within a tolerance: their errors, if in all of MANY.
 
-    Given are options, the cheapest first. As those that fail are left out, so are those that the cheapest to stay has
-    made needless; and none is found where the truth of MANY states takes longer than PATIENCE.
+    Ways that fail are left out. None where the truth of MANY states takes longer than PATIENCE.
     """
     first = TASKS[task][0]
 
-    def judged(options: Sequence[Option], tolerance: float) -> dict[str, Array]:
+    def judged(options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
         began, errors = time.thread_time(), {x.name: np.empty(0) for x in options}
         for k in range(MANY // CHUNK):
             arrays = random_states(model, task, CHUNK, [0, k + 1])
@@ -188,8 +187,10 @@ def further(model: Model, task: str) -> Further:
                 errors[x.name] = np.append(errors[x.name], found)
                 if MANY_LEAST * found.max() > tolerance:
                     del errors[x.name]
-            if not errors or (k + 1 < MANY // CHUNK and time.thread_time() - began > PATIENCE):
-                return {}
+            if not errors:
+                break
+            if k + 1 < MANY // CHUNK and time.thread_time() - began > PATIENCE:
+                return None
         return errors
 
     return judged

@@ -97,20 +97,20 @@ def further(model: Model, duration: float, options: Sequence[Option]) -> Further
     """What says of ways from how many more states they stay within a tolerance: their errors, if from all of MORE.
 
     The truth there is the cheapest way whose bound is a hundredth of the tolerance, its bound counted as an error of
-    others. None is found where there is no such way, or where this takes longer than PATIENCE.
+    others. None where there is no such way, or where this takes longer than PATIENCE.
     """
     t = np.linspace(0.0, duration, SAMPLES + 1)
 
-    def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array]:
+    def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
         finer = min((x for x in options if x.bound <= FINER * tolerance), key=lambda x: x.ns, default=None)
         if finer is None or finer.run is None:
-            return {}
+            return None
         began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
         for q, v in zip(*random_states(model, MORE, [0, 1]), strict=True):
             try:
                 best = finer.run(q, v, duration, sampled=True)
             except (SimulationError, NonFiniteError):
-                return {}
+                return None
             truth = Motion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
             for x in open_:
                 if x.name not in errors or x.run is None:
@@ -122,8 +122,10 @@ def further(model: Model, duration: float, options: Sequence[Option]) -> Further
                 errors[x.name] = np.append(errors[x.name], found)
                 if found > tolerance:
                     del errors[x.name]
-            if not errors or time.thread_time() - began > PATIENCE:
-                return {}
+            if not errors:
+                break
+            if time.thread_time() - began > PATIENCE:
+                return None
         return errors
 
     return judged

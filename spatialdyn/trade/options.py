@@ -48,7 +48,7 @@ class Option:
     run: Callable[..., Any] | None = field(default=None, repr=False, compare=False)
 
 
-Further = Callable[[Sequence[Option], float], Mapping[str, Any]]
+Further = Callable[[Sequence[Option], float], Mapping[str, Any] | None]
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Tradeoff:
     duration   of the simulations [s], 0 for calls
     certainty  how far the truth itself can be trusted: its largest difference to a better one
     truth      what that was, in words
-    further    errors in many more states of ways whose bound is beyond a tolerance: {name: array} of those that stay
-               within it; None where states were given
+    further    errors of ways in many more states: {name: array} of those that stay within a tolerance, None where that
+               takes too long or cannot be told; itself None where states were given
     """
 
     model: str

@@ -113,8 +113,8 @@ def recommend(
     A way is taken for good enough if its largest error times a margin of 2 or more is within the tolerance; the margin
     is larger where errors scatter widely or states are few, for other states may be worse than those measured. Where
     that leaves open whether a cheaper way will do, it is tried in 65536 random states, after which a margin of 1.25 may
-    be enough, or from 32 for motions, after which 2 may be; unless that takes longer than 4 seconds, or the states are
-    given.
+    be enough. Motions from a few states say little, so a way to simulate is tried from 32 others, its truth a way a
+    hundred times better. Neither is done if it takes longer than 4 seconds, or if the states are given.
 
     Returns a Recommendation: ``code`` is what to write, ``why`` the reason, and it can be called like the task's own
     call, a simulation's with (q0, v0, duration).
@@ -135,8 +135,11 @@ def recommend(
 def advice(found: Tradeoff, tolerance: float) -> Recommendation:
     """The cheapest of what ``trade`` has found that stays within a tolerance. Raises what ``recommend`` does."""
     tolerance = checked_tolerance(tolerance)
-    chosen = found.cheapest(tolerance)
-    chosen = _cheaper(found, chosen, tolerance) or chosen
+    if found.task == "simulate" and found.further is not None:
+        chosen = _confirmed(found, tolerance)
+    else:
+        chosen = found.cheapest(tolerance)
+        chosen = _cheaper(found, chosen, tolerance) or chosen
     if chosen is None:
         best = min(found.options, key=lambda x: x.bound)
         raise SpatialDynError(
@@ -152,16 +155,34 @@ def _cheaper(found: Tradeoff, chosen: Option | None, tolerance: float) -> Option
     open_ = [x for x in found.options if x.ns < most and x.error <= tolerance < x.bound]
     if not open_ or found.further is None:
         return None
-    errors = found.further(open_, tolerance)
-    for x in open_:
-        if x.name not in errors:
-            continue
-        of_all = errors[x.name]
-        worst = max(x.error, float(of_all.max()))
-        limit = max(bound(of_all), worst * (MANY_LEAST if len(of_all) >= MANY else LEAST))
-        if limit <= tolerance:
-            return replace(x, error=worst, usual=float(np.median(of_all)), bound=limit, states=len(of_all))
+    errors = found.further(open_, tolerance) or {}
+    return next((x for x in (_in_more(x, errors.get(x.name), tolerance) for x in open_) if x is not None), None)
+
+
+def _confirmed(found: Tradeoff, tolerance: float) -> Option | None:
+    """The cheapest way that motions from more states show to be good enough, for those of a few say little.
+
+    Where that cannot be told the bound decides.
+    """
+    assert found.further is not None
+    for x in found.options:
+        if x.error <= tolerance:
+            errors = found.further([x], tolerance)
+            good = _in_more(x, errors.get(x.name), tolerance) if errors is not None else x
+            if good is not None and good.bound <= tolerance:
+                return good
     return None
+
+
+def _in_more(x: Option, errors: Any, tolerance: float) -> Option | None:
+    """A way with its errors in more states, if there are any and their bound is within a tolerance."""
+    if errors is None:
+        return None
+    worst = max(x.error, float(errors.max()))
+    limit = max(bound(errors), worst * (MANY_LEAST if len(errors) >= MANY else LEAST))
+    if limit > tolerance:
+        return None
+    return replace(x, error=worst, usual=float(np.median(errors)), bound=limit, states=len(errors))
 
 
 def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
@@ -176,7 +197,7 @@ def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
         best = min(cheaper, key=lambda x: x.bound)
         lines.append(
             f"cheaper is {best.name} ({best.ns:.4g} {found.unit}), with {figure(best.error)}, expected below "
-            f"{figure(best.bound)}"
+            f"{figure(best.bound)}" + (", which more states have not borne out" if best.bound <= tolerance else "")
         )
     better = [x for x in found.options if x.bound < chosen.bound and x.ns > chosen.ns]
     if better:
