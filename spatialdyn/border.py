@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,36 @@ def as_array(name: str, value: ArrayLike) -> Array:
     if x.dtype.kind not in "fiu":
         raise ShapeError(f"{name} has dtype {x.dtype}, expected real numbers")
     return x.astype(np.float64, copy=False)
+
+
+def as_number(value: Any) -> float:
+    """A real number as a float, infinite where it is larger than floats; NaN for anything else, a bool too."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def as_count(value: Any, most: int) -> int:
+    """A whole number of 1 to ``most``; 0 for anything else, a bool too."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
+        return 0
+    return int(value)
+
+
+def words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
+    """One word or several, each of those that are known. Raises SpatialDynError naming the argument."""
+    expected = f"expected some of {', '.join(known)}"
+    try:
+        given = (value,) if isinstance(value, str) else tuple(value)
+    except TypeError:
+        raise SpatialDynError(f"{name} is {value!r}, {expected}") from None
+    for word in given:
+        if not isinstance(word, str) or word not in known:
+            raise SpatialDynError(f"{name} has {word!r}, {expected}")
+    return given
 
 
 def core_shape(model: Model, argument: Argument) -> tuple[int, ...]:

@@ -128,20 +128,25 @@ def _dtype(dtype: DTypeLike) -> np.dtype:
     return np.dtype(found)
 
 
+def spec_of(call: Any) -> Spec | None:
+    """The spec of a public call, None for anything else."""
+    return next((SPECS[name] for name, function in public.items() if function is call), None)
+
+
 def specs_of(calls: Any) -> tuple[Spec, ...]:
     """The specs of a public call or several. Raises SpatialDynError for anything else."""
-    by_function = {function: SPECS[name] for name, function in public.items()}
     listed = [calls] if callable(calls) else calls
     if not isinstance(listed, (list, tuple)) or not listed:
         raise SpatialDynError(f"calls is {calls!r}, expected a public call such as spatialdyn.rnea or a list of such")
-    specs = []
+    specs: list[Spec] = []
     for function in listed:
-        if not callable(function) or function not in by_function:
+        spec = spec_of(function)
+        if spec is None:
             name = getattr(function, "__name__", repr(function))
             raise SpatialDynError(f"calls has {name}, expected public calls such as spatialdyn.rnea")
-        if by_function[function] in specs:
-            raise SpatialDynError(f"calls has {by_function[function].name} twice, expected it once")
-        specs.append(by_function[function])
+        if spec in specs:
+            raise SpatialDynError(f"calls has {spec.name} twice, expected it once")
+        specs.append(spec)
     return tuple(specs)
 
 
@@ -304,6 +309,8 @@ def static_of(
         values["reference"] = code
     elif code != REFERENCES["local"]:
         raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
+    if not isinstance(classical, (bool, np.bool_)):
+        raise SpatialDynError(f"classical is {classical!r}, expected True or False")
     if "classical" in names:
         values["classical"] = int(classical)
     elif classical:

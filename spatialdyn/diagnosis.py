@@ -50,7 +50,11 @@ def diagnose(
             raise InertiaError(no_inertia(model, row, _where(samples[at], len(pivots), batch)))
     lost = np.flatnonzero((status != jit.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))
     if len(lost):
-        raise NonFiniteError(_not_finite(spec, _where(samples[lost[0]], len(lost), batch)))
+        where = _where(samples[lost[0]], len(lost), batch)
+        row = _weightless_row(spec, model, [x[lost[0] * step] for x, step in stepped]) if spec.pivots else None
+        if row is not None:
+            raise InertiaError(no_inertia(model, row, where))
+        raise NonFiniteError(_not_finite(spec, where))
 
 
 def refuse_lost(spec: Spec, given: list[tuple[Argument, Array]], batch: tuple[int, ...], out: Array) -> None:
@@ -132,6 +136,20 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
     singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))
     return int(singular[-1]) + 1 if len(singular) else None
+
+
+def _weightless_row(spec: Spec, model: Model, sample: list[Array]) -> int | None:
+    """The outermost row whose composite inertia is so small that its reciprocal is infinite, in one sample.
+
+    It is what makes a pivot of ABA no number; a factor of its root is one, and what is solved with it may not be.
+    """
+    q = dict(zip((x.name for x in spec.given if not x.static), sample, strict=True))["q"]
+    n, crba = len(model.bodies) - 1, SPECS["crba"]
+    M = np.empty((n, n))
+    with np.errstate(all="ignore"):
+        crba.recursion(model.bodies, np.zeros(n + 1, crba.work), q, M)
+        weightless = np.flatnonzero(~np.isfinite(1.0 / np.diag(M)))
+    return int(weightless[-1]) + 1 if len(weightless) else None
 
 
 def refuse_singular(model: Model, M: Array) -> None:

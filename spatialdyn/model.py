@@ -128,7 +128,7 @@ class Model:
         """The joint of that name. Raises ModelError, with the names there are, if there is none."""
         try:
             return self.joints[self._joint_index[name]]
-        except KeyError:
+        except (KeyError, TypeError):
             raise ModelError(missing("joint", name, self.name, self._joint_index)) from None
 
     def frame(self, name: str | Frame) -> Frame:
@@ -275,7 +275,7 @@ def _numbers(value: ArrayLike) -> Array:
     """Anything as an array of floats, NaN where it holds something else."""
     try:
         return np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.array(np.nan)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .border import batch_shape, broadcast, check_model, contracted, core_shape, expanded, full_shape
-from .choices import specs_of, static_of
+from .choices import spec_of, static_of
 from .diagnosis import no_inertia
 from .engines import exact as engine
 from .engines import jit
@@ -56,10 +56,12 @@ def exact(
         ModelError for mimic joints with rationals, or with a call that solves for accelerations or velocities
     """
     check_model(model)
-    specs = specs_of(call)
-    if len(specs) != 1:
-        raise SpatialDynError(f"call has {len(specs)} calls, expected one")
-    made_by, spec = engine.arithmetic(bits), specs[0]
+    spec = spec_of(call)
+    if spec is None:
+        raise SpatialDynError(
+            f"call is {getattr(call, '__name__', repr(call))}, expected a public call such as spatialdyn.aba"
+        )
+    made_by = engine.arithmetic(bits)
     if model.mimic_matrix is not None and (bits is None or spec.pivots):
         what = "rationals" if bits is None else f"the truth of {spec.name}"
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for {what}')

@@ -109,6 +109,14 @@ def test_denormal_masses_lose_digits_and_nothing_else() -> None:
         sd.aba(model, s.q, s.v, s.tau)
 
 
+@pytest.mark.parametrize("method", ["aba", "crba", "refined", "square_root"])
+def test_an_inertia_whose_reciprocal_overflows_is_one_error_by_every_method(method: str) -> None:
+    model = arm(1e-310)
+    s = usual(model)
+    with pytest.raises(sd.InertiaError, match="moves no inertia: articulated inertia next to 0"):
+        sd.forward_dynamics(model, s.q, s.v, s.tau, method=method)
+
+
 @pytest.mark.parametrize("q", [0.0, 1e-9, np.pi, np.pi / 2])
 def test_straight_and_folded_poses(q: float) -> None:
     for spatial in (False, True):

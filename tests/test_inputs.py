@@ -671,3 +671,68 @@ def test_a_payload_that_is_no_body_is_refused() -> None:
 def test_a_builder_refuses_what_is_no_number_by_name(wrong: dict[str, Any]) -> None:
     with pytest.raises(sd.SpatialDynError, match="hand"):
         sd.ModelBuilder("arm").add_body("hand", **wrong)
+
+
+# --- calls that take more than arrays -------------------------------------------------------------------------------
+
+FOREIGN: dict[str, Any] = {
+    "none": None, "whole": 3, "minus": -1, "nought": 0, "huge": 10**400, "word": "x", "bytes": b"x", "list": [],
+    "mapping": {}, "nan": math.nan, "inf": math.inf, "object": object(), "float32": np.float32(1), "int64": np.int64(1),
+    "true": True, "numpy true": np.True_, "complex": 1j, "function": len, "nested": [[3]], "array": np.array(1.0),
+    "of complex": np.zeros(2, complex), "of objects": np.zeros(2, object), "of words": np.array(["a", "b"]),
+    "of bools": np.zeros(2, bool), "of dates": np.zeros(2, "M8[s]"), "huge ones": [10**400, 1],
+}  # fmt: skip
+COUNTS = ("whole", "int64")
+NUMBERS = ("whole", "float32", "int64")
+TRADED: dict[str, tuple[str, ...]] = {
+    "task": (), "states": ("none", *COUNTS), "batch": COUNTS, "duration": NUMBERS, "methods": ("none",)
+}  # fmt: skip
+Z = [0.0, 0.0]
+# What each call is given otherwise, and for each of its arguments what of FOREIGN it takes.
+ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, ...]]]] = {
+    "trade": (sd.trade, {}, TRADED),
+    "trade simulate": (sd.trade, {"task": "simulate"}, TRADED),
+    "recommend": (sd.recommend, {}, {**TRADED, "tolerance": (*NUMBERS, "huge", "inf")}),
+    "simplify": (
+        sd.simplify, {},
+        {"lock": ("list", "mapping"), "merge_lighter_than": (*NUMBERS, "nought"), "drop": ("list", "mapping")},
+    ),
+    "diagnose": (sd.diagnose, {}, {"q": ("none",)}),
+    "exact": (
+        sd.exact, {"call": sd.aba},
+        {"call": (), "bits": ("none",), "frame": ("none",), "reference": (), "classical": ()},
+    ),
+    "exact of a frame": (
+        sd.exact, {"call": sd.frame_acceleration, "frame": "tip"},
+        {"bits": ("none",), "frame": (), "reference": (), "classical": ("true", "numpy true")},
+    ),
+    "forward_dynamics": (
+        sd.forward_dynamics, {"q": Z, "v": Z, "tau": Z},
+        {"q": (), "v": (), "tau": (), "fext": ("none",), "method": (), "out": ("none",)},
+    ),
+    "simulate": (
+        sd.simulate, {"q0": Z, "v0": Z, "duration": 1.0, "dt": 0.1},
+        {"q0": (), "v0": (), "duration": (*NUMBERS, "nought"), "dt": NUMBERS, "method": (), "rtol": NUMBERS,
+         "atol": NUMBERS, "record": ("none", *COUNTS, "huge")},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("room", "name"), [(room, x) for room, (_, _, taken) in ROOMS.items() for x in taken])
+def test_what_an_argument_cannot_be_is_refused_by_an_error_of_ours(room: str, name: str) -> None:
+    call, given, taken = ROOMS[room]
+    arm = sd.load_urdf("two_link")
+    for label, value in FOREIGN.items():
+        if label in taken[name]:
+            continue
+        with pytest.raises(sd.SpatialDynError) as caught:
+            call(arm, **{**given, name: value})
+        assert len(str(caught.value)) > 15, label
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_what_is_no_model_is_refused_by_every_room(room: str) -> None:
+    call, given, _ = ROOMS[room]
+    for value in FOREIGN.values():
+        with pytest.raises(sd.ModelError, match="expected a spatialdyn Model"):
+            call(value, **given)

@@ -126,6 +126,18 @@ def test_a_lighter_body_costs_less() -> None:
         assert 0.0 < costs[1][name].relative < 0.1 * costs[0][name].relative
 
 
+def test_where_nothing_is_left_to_move_nothing_is_compared() -> None:
+    small, savings = sd.simplify(arm(), lock=["j0", "j1", "j2"])
+    assert (small.nv, savings.cost) == (0, {})
+    assert "nothing is left that moves" in str(savings)
+    assert "changes by" not in str(savings)
+
+
+@pytest.mark.parametrize("number", [np.float32, np.int64, np.float16, float, int])
+def test_a_mass_is_any_real_number(number: Any) -> None:
+    assert set(sd.simplify(arm((3.0, 0.5, 0.1)), merge_lighter_than=number(1))[1].locked) == {"j1", "j2"}
+
+
 def test_the_report_reads() -> None:
     text = str(sd.simplify(arm(armature=0.1), lock=["j2"], drop="armature")[1])
     assert text.startswith("freedoms  3 -> 2")
@@ -147,6 +159,11 @@ def test_the_report_reads() -> None:
         ({"lock": ["j9"]}, 'joint "j9" is not in robot "arm"'),
         ({"lock": {"j1": [0.0, 1.0]}}, 'joint "j1" is locked at'),
         ({"lock": 3}, "lock is 3, expected"),
+        ({"lock": [["j1"]]}, "is not in robot"),
+        ({"lock": {"j1": 10**400}}, 'joint "j1" is locked at'),
+        ({"drop": 3}, "drop is 3, expected some of armature"),
+        ({"merge_lighter_than": True}, "merge_lighter_than is True, expected"),
+        ({"merge_lighter_than": 10**400}, "expected a finite mass >= 0"),
     ],
 )
 def test_what_makes_no_sense_is_refused(how: dict[str, Any], message: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from spatialdyn.engines import jit
 from spatialdyn.robot import Mimic
 from spatialdyn.simulation.reference import exact_motion
 from spatialdyn.trade import evaluations, motions, truths
-from spatialdyn.trade.options import Option, marked
+from spatialdyn.trade.options import INPUTS, Option, Tradeoff, marked
 from spatialdyn.trade.tradeoff import TASKS, advice
 
 pytest.importorskip("mpmath")
@@ -95,7 +96,7 @@ def test_a_plot_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 @compiled
 def test_a_motion_that_is_recommended_meets_its_tolerance_from_fresh_states() -> None:
     model = sd.load_urdf("two_link")
-    found = sd.trade(model, "simulate", methods=METHODS, duration=DURATION)
+    found = motions_of_two_links()
     q0, v0 = motions.random_states(model, 6, seed=1)
     t = np.linspace(0.0, DURATION, motions.SAMPLES + 1)
     truth = exact_motion(model, q0, v0, t)
@@ -125,8 +126,128 @@ def test_why_says_the_error_the_margin_and_what_was_passed_over() -> None:
     assert chosen.option.error < chosen.option.bound <= 1e-12
 
 
+@cache
+def motions_of_two_links() -> Tradeoff:
+    """Its trade, made once."""
+    return sd.trade(sd.load_urdf("two_link"), "simulate", methods=METHODS, duration=DURATION)
+
+
 def figure_of(x: float) -> str:
     return f"{x:.1e}"
+
+
+def open_question(worst: float, asked: list[float]) -> Tradeoff:
+    """A way whose bound leaves open whether it is good to 1e-6, and one ten times dearer that is."""
+    options = [Option("quick", "", 7e-7, 1e-7, 2e-6, 10.0), Option("sound", "", 1e-9, 1e-9, 2e-9, 100.0)]
+
+    def further(open_: Any, tolerance: float) -> dict[str, Any]:
+        asked.append(tolerance)
+        assert [x.name for x in open_] == ["quick"]
+        return {"quick": np.full(truths.MANY, worst)} if worst <= tolerance else {}
+
+    return Tradeoff("m", "mass_matrix", marked(options), 4096, 4096, 0.0, 0.0, "", further)
+
+
+def test_a_cheaper_way_is_taken_if_more_states_say_so_and_no_other() -> None:
+    asked: list[float] = []
+    taken = advice(open_question(7.5e-7, asked), 1e-6)
+    assert taken.option.name == "quick"
+    assert taken.option.error == 7.5e-7
+    assert taken.option.bound == pytest.approx(1.25 * 7.5e-7)
+    assert f"{truths.MANY} states" in taken.why
+    for worst in (9e-7, 2e-6):  # within the tolerance by too little, and beyond it
+        assert advice(open_question(worst, asked), 1e-6).option.name == "sound"
+    assert asked == [1e-6] * 3
+    for tolerance in (1e-7, 1e-5):  # the quick one is seen to fail, or to do
+        advice(open_question(7.5e-7, asked), tolerance)
+    assert len(asked) == 3
+
+
+@compiled
+def test_more_states_are_other_states_and_end_where_a_way_fails() -> None:
+    model = MODELS["two_link"]()
+    found = sd.trade(model, "mass_matrix", states=64)
+    assert found.further is not None
+    lanes = [x for x in found.options if x.name.startswith("lanes float")]
+    errors = found.further(lanes, 1e-12)
+    assert [*errors] == ["lanes float64 crba"]
+    assert len(errors["lanes float64 crba"]) == truths.MANY
+    first = evaluations.random_states(model, "mass_matrix", 4096, [0, 1])
+    assert not np.isin(first[0], evaluations.random_states(model, "mass_matrix", 4096, 0)[0]).any()
+    assert found.further(lanes, 1e-17) == {}
+    arrays = tuple(evaluations.random_states(model, "mass_matrix", 4, 0))
+    assert sd.trade(model, "mass_matrix", states=arrays).further is None
+
+
+@compiled
+def test_more_motions_are_held_against_a_finer_one() -> None:
+    found = motions_of_two_links()
+    assert found.further is not None
+    coarse = next(x for x in found.options if x.name.startswith("rk4"))
+    errors = found.further([coarse], 10.0 * coarse.bound)
+    assert len(errors[coarse.name]) == motions.MORE
+    assert 0.1 * coarse.usual < np.median(errors[coarse.name]) < 10.0 * coarse.usual
+    assert found.further([coarse], 0.1 * coarse.usual) == {}
+    assert found.further([coarse], 1e-30) is None  # nothing is a hundred times finer
+
+
+def test_a_way_to_simulate_is_taken_after_more_motions_unless_there_are_none() -> None:
+    options = marked([Option(n, "", e, e, 4 * e, ns) for n, e, ns in (("quick", 1e-7, 1.0), ("slow", 1e-9, 9.0))])
+
+    def table(further: Any) -> Tradeoff:
+        return Tradeoff("m", "simulate", options, 4, 0, 1.0, 0.0, "", further)
+
+    worse = advice(table(lambda open_, _: {"slow": np.full(32, 1e-9)} if open_[0].name == "slow" else {}), 1e-6)
+    assert worse.option.name == "slow"
+    assert "quick" in worse.why
+    assert "more states have not borne out" in worse.why
+    assert advice(table(lambda open_, _: {"quick": np.full(32, 4e-7)}), 1e-6).option.bound == pytest.approx(8e-7)
+    for further in (None, lambda open_, _: None):
+        assert advice(table(further), 1e-6).option.name == "quick"
+
+
+# --- what is written down -------------------------------------------------------------------------------------
+
+
+@compiled
+@pytest.mark.parametrize("batch", [8, 600])
+def test_code_is_the_very_way_that_was_measured(batch: int) -> None:
+    model = MODELS["other tree"]()
+    for task in evaluations.TASKS:
+        states = evaluations.random_states(model, task, batch, 7)
+        for x in sd.trade(model, task, states=4, batch=batch).options:
+            assert x.run is not None
+            part = [y[:511] if "at most 511" in x.code else y for y in states]
+            inputs = dict(zip(INPUTS[task], part, strict=True))
+            written = eval(x.code, {"sd": sd, "np": np, "model": model, **inputs})
+            assert np.array_equal(written, x.run(*states)[: len(part[0])]), x.name
+            assert ("at most" in x.code) == (x.name.startswith("untraced") and "root" not in x.name and batch > 511)
+
+
+@compiled
+def test_code_of_a_motion_is_the_very_step() -> None:
+    model = sd.load_urdf("two_link")
+    q0, v0, duration = np.array([0.3, 0.4]), np.zeros(2), 1.0 / 3.0
+    for x in sd.trade(model, "simulate", states=1, methods=("rk4", "dop853"), duration=duration).options:
+        assert x.run is not None
+        written = eval(x.code, {"sd": sd, "model": model, "q0": q0, "v0": v0, "duration": duration})
+        assert np.array_equal(written.q, x.run(q0, v0, duration).q), x.name
+
+
+@compiled
+def test_every_way_takes_what_its_call_takes() -> None:
+    model = MODELS["two_link"]()
+    found = sd.trade(model, states=4)
+    tau = np.zeros((3, 1, 2))
+    for x in found.options:
+        chosen = sd.Recommendation(x, "", 1.0, found)
+        assert np.shape(chosen([0.1, 0.2], (0.0, 0.0), np.zeros(2))) == (2,)
+        assert chosen(np.zeros((400, 2)), [0.0, 0.0], tau).shape == (3, 400, 2)
+        for wrong in ((), (tau,), (tau,) * 4):
+            with pytest.raises(sd.ShapeError, match=r"inputs were given, expected 3: q, v, tau"):
+                chosen(*wrong)
+        with pytest.raises(sd.SpatialDynError):
+            chosen(tau, "x", tau)
 
 
 # --- what is measured -------------------------------------------------------------------------------------
@@ -177,6 +298,14 @@ def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
     assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15)
     assert truths.bound(np.array([math.inf, 1.0])) == math.inf
     assert truths.bound(np.zeros(4)) == 0.0
+
+
+def test_of_many_errors_the_margin_is_narrower() -> None:
+    even = np.full(truths.MANY, 1e-15)
+    assert truths.bound(even) == pytest.approx(1.25e-15)
+    assert truths.bound(even[1:]) == 2e-15
+    steep = np.arange(1.0, truths.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
+    assert truths.bound(steep) == pytest.approx(2.0, rel=0.05)
 
 
 def test_the_front_is_what_nothing_cheaper_is_better_than() -> None:
@@ -266,7 +395,7 @@ def test_the_command_line_recommends_plots_and_prints_json(tmp_path: Path, capsy
         ({"states": ([[0.0, 0.0]] * 2, [0.0, 0.0], [0.0, 0.0])}, "states has 2, 1, 1 samples"),
         ({"states": ([0.0, 0.0], [0.0, math.nan], [0.0, 0.0])}, "states holds numbers that are not finite"),
         ({"task": "simulate", "duration": 0.0}, "duration is 0.0"),
-        ({"task": "simulate", "methods": "leap"}, "methods is 'leap', expected some of explicit_euler"),
+        ({"task": "simulate", "methods": "leap"}, "methods has 'leap', expected some of explicit_euler"),
         ({"task": "simulate", "states": 0}, "states is 0"),
         ({"task": "simulate", "states": 1.5}, "states is no pair of arrays"),
         ({"task": "simulate", "states": ([0.0], [0.0])}, "states has shapes"),

@@ -23,6 +23,7 @@ from ..bodies import PLANAR, REVOLUTE
 from ..errors import SpatialDynError
 
 LEAST = 53  # bits: float64's own
+MOST = 1 << 20  # a product takes milliseconds
 GUARD = 320  # bits more to compute in: the closed forms of lie cancel twice 36 digits next to no rotation
 
 
@@ -201,11 +202,11 @@ Arithmetic = Digits | Rationals
 
 
 def arithmetic(bits: int | None) -> Arithmetic:
-    """Digits, or Rationals for None. Raises SpatialDynError for fewer bits than float64 has."""
+    """Digits, or Rationals for None. Raises SpatialDynError for fewer bits than float64 has, or more than MOST."""
     if bits is None:
         return Rationals()
-    if isinstance(bits, bool) or not isinstance(bits, (int, np.integer)) or bits < LEAST:
-        raise SpatialDynError(f"bits is {bits!r}, expected at least {LEAST}, or None for exact rationals")
+    if isinstance(bits, bool) or not isinstance(bits, (int, np.integer)) or not LEAST <= bits <= MOST:
+        raise SpatialDynError(f"bits is {bits!r}, expected at least {LEAST}, at most {MOST}, or None for rationals")
     return Digits(int(bits))
 
 

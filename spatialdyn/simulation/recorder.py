@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..border import as_number
 from ..dynamics import calls
 from ..errors import NonFiniteError, SpatialDynError
 from ..model import Model
@@ -30,8 +31,8 @@ class Steps:
     def of(cls, duration: float, dt: float) -> Steps:
         """The steps of a duration. Raises SpatialDynError for one that is negative or not finite, or dt <= 0."""
         for name, x, sense in (("duration", duration, "of 0 or more"), ("dt", dt, "above 0")):
-            number = isinstance(x, (int, float, np.integer, np.floating)) and not isinstance(x, bool)
-            if not number or not math.isfinite(x) or x < 0 or (name == "dt" and x == 0):
+            number = as_number(x)
+            if not 0.0 <= number < math.inf or (name == "dt" and number == 0.0):
                 raise SpatialDynError(f"{name} is {x!r}, expected a finite number of seconds {sense}")
         ratio = float(duration) / float(dt)
         if not ratio < 2.0**53:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..border import as_array
+from ..border import as_array, as_count, broadcast
 from ..dynamics import calls
 from ..engines import batches, jit
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
@@ -19,8 +19,8 @@ from ..model import Model
 from ..recursions import SPECS
 from ..specialize import specialize
 from ..states import random_configuration
-from .options import Option
-from .truths import bound, of_calls, truths
+from .options import INPUTS, Further, Option
+from .truths import MANY, MANY_LEAST, bound, of_calls, truths
 
 Array = NDArray[np.float64]
 
@@ -29,11 +29,13 @@ TASKS = {
     "inverse_dynamics": ("rnea",),
     "mass_matrix": ("crba",),
 }
-INPUTS = {"forward_dynamics": ("q", "v", "tau"), "inverse_dynamics": ("q", "v", "a"), "mass_matrix": ("q",)}
 STATES = 8 if jit.PLAIN else 4096  # from 1024, one thousand other states of a UR5 in 12 goes beyond its bound
 ROUNDS = 25  # of which the fastest counts
 SECONDS = 5e-4  # a way in a round: short, so that some round is spared what else the machine does
 SPENT = 0.3  # on a way that takes longer, and 3 rounds
+MOST = 1 << 24  # samples that are drawn, or timed, at once
+CHUNK = 1024  # more states at a time, so that what has failed in some is not tried in the others
+PATIENCE = 4.0  # seconds of this thread on more states
 
 
 class Way(NamedTuple):
@@ -52,10 +54,10 @@ def states_of(model: Model, task: str, states: Any) -> list[Array]:
     Raises ShapeError, SpatialDynError for states that are none.
     """
     names = INPUTS[task]
-    if states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool)):
-        count = STATES if states is None else int(states)
-        if count < 1:
-            raise SpatialDynError(f"states is {states!r}, expected 1 or more, or arrays {', '.join(names)}")
+    if drawn(states):
+        count = STATES if states is None else as_count(states, MOST)
+        if not count:
+            raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays {', '.join(names)}")
         return random_states(model, task, count, 0)
     given = list(states) if isinstance(states, (tuple, list)) else [states]
     if len(given) != len(names):
@@ -73,7 +75,12 @@ def states_of(model: Model, task: str, states: Any) -> list[Array]:
     return arrays
 
 
-def random_states(model: Model, task: str, count: int, seed: int) -> list[Array]:
+def drawn(states: Any) -> bool:
+    """Whether states are a number of random ones."""
+    return states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool))
+
+
+def random_states(model: Model, task: str, count: int, seed: int | list[int]) -> list[Array]:
     """Random inputs of a task."""
     rng = np.random.default_rng(seed)
     q = random_configuration(model, rng, count)
@@ -95,11 +102,15 @@ def ways(model: Model, task: str, batch: int) -> list[Way]:
 
         def piecewise(*x: Any, call: Any = call) -> Any:
             """The same for so few samples at a time that no program is made."""
-            if x[0].ndim == 1 or len(x[0]) < batches.FROM:
-                return call(model, *x)
-            step = batches.FROM - 1
-            parts = [call(model, *(y[k : k + step] for y in x)) for k in range(0, len(x[0]), step)]
-            return np.concatenate(parts)
+            arrays = [as_array(name, y) for name, y in zip(INPUTS[task], x, strict=True)]
+            shape = broadcast(list(INPUTS[task]), [y.shape[:-1] for y in arrays])
+            count, step = math.prod(shape), batches.FROM - 1
+            if count <= step:
+                return call(model, *arrays)
+            flat = [np.broadcast_to(y, (*shape, *y.shape[-1:])).reshape(count, -1) for y in arrays]
+            parts = [call(model, *(y[k : k + step] for y in flat)) for k in range(0, count, step)]
+            whole = np.concatenate(parts)
+            return whole.reshape(shape + whole.shape[1:])
 
         code = f"sd.{name}(model, {given})"
         if _traces(model, name):
@@ -111,8 +122,9 @@ def ways(model: Model, task: str, batch: int) -> list[Way]:
                 whole = dtype == np.float64 and batch >= batches.FROM
                 text = code if whole else f"sd.specialize(model, sd.{name}{words})({given})"
                 found.append(Way(f"lanes {np.dtype(dtype)} {name}", text, dtype, public if whole else k))
-        text = f"{code}  # at most {batches.FROM - 1} samples at once" if batch >= batches.FROM else code
-        found.append(Way(f"untraced float64 {name}", text, np.float64, piecewise))
+        traces = _traces(model, name)  # and a large batch has a program made
+        text = f"{code}  # at most {batches.FROM - 1} samples at once" if traces and batch >= batches.FROM else code
+        found.append(Way(f"untraced float64 {name}", text, np.float64, piecewise if traces else public))
     return found
 
 
@@ -151,6 +163,37 @@ def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Opt
         for way, errors, note in found
     ]  # fmt: skip
     return options, len(arrays[0]), certainty
+
+
+def further(model: Model, task: str) -> Further:
+    """What says of ways in how many more states they stay within a tolerance: their errors, if in all of MANY.
+
+    Ways that fail are left out. None where the truth of MANY states takes longer than PATIENCE.
+    """
+    first = TASKS[task][0]
+
+    def judged(options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+        began, errors = time.thread_time(), {x.name: np.empty(0) for x in options}
+        for k in range(MANY // CHUNK):
+            arrays = random_states(model, task, CHUNK, [0, k + 1])
+            truth, _ = truths(model, first, arrays, 0)
+            for x in options:
+                if x.name not in errors or x.run is None:
+                    continue
+                try:
+                    found = of_calls(first, np.asarray(x.run(*arrays)), truth)
+                except (InertiaError, NonFiniteError):
+                    found = np.full(1, math.inf)
+                errors[x.name] = np.append(errors[x.name], found)
+                if MANY_LEAST * found.max() > tolerance:
+                    del errors[x.name]
+            if not errors:
+                break
+            if k + 1 < MANY // CHUNK and time.thread_time() - began > PATIENCE:
+                return None
+        return errors
+
+    return judged
 
 
 def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:

@@ -6,11 +6,13 @@ import importlib.util
 import math
 import time
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..border import as_array, as_count
 from ..dynamics import calls
 from ..engines import jit
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
@@ -18,31 +20,35 @@ from ..model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference import Motion, exact_motion
 from ..states import random_configuration
-from .options import Option
+from .evaluations import PATIENCE, drawn
+from .options import Further, Option
 from .truths import bound
 
 Array = NDArray[np.float64]
 
 STATES = 4
+MOST = 1 << 12
 SAMPLES = 10  # times at which motions are compared
 FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
 BUDGET = 0.15  # seconds that a run of a method may take
 FLOOR = 0.3  # a finer step that does not lower the error below this much of it is the last
+MORE = 32  # states, after which a margin of 2 may be enough
+FINER = 0.01  # of a tolerance: the error of a motion that others are held against
 TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
 
 
 def states_of(model: Model, states: Any) -> tuple[Array, Array]:
     """(q0, v0) that are given, or so many random ones at rest."""
-    if states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool)):
-        count = STATES if states is None else int(states)
-        if count < 1:
-            raise SpatialDynError(f"states is {states!r}, expected 1 or more, or arrays q0, v0")
+    if drawn(states):
+        count = STATES if states is None else as_count(states, MOST)
+        if not count:
+            raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays q0, v0")
         return random_states(model, count, 0)
     try:
-        q0, v0 = (np.asarray(x, np.float64) for x in states)
+        given = dict(zip(("q0", "v0"), states, strict=True))
     except (TypeError, ValueError):
         raise ShapeError("states is no pair of arrays, expected q0 and v0") from None
-    q0, v0 = np.atleast_2d(q0), np.atleast_2d(v0)
+    q0, v0 = (np.atleast_2d(as_array(name, x)) for name, x in given.items())
     if q0.shape != (len(q0), model.nq) or v0.shape != (len(q0), model.nv) or not len(q0):
         raise ShapeError(f"states has shapes {q0.shape} and {v0.shape}, expected (n, {model.nq}) and (n, {model.nv})")
     if not (np.isfinite(q0).all() and np.isfinite(v0).all()):
@@ -50,20 +56,19 @@ def states_of(model: Model, states: Any) -> tuple[Array, Array]:
     return q0, v0
 
 
-def random_states(model: Model, count: int, seed: int) -> tuple[Array, Array]:
+def random_states(model: Model, count: int, seed: int | list[int]) -> tuple[Array, Array]:
     """Random configurations at rest."""
     return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
 
 
-def measured(model: Model, states: Any, duration: float, methods: Any) -> tuple[list[Option], int, float]:
+def measured(
+    model: Model, states: Any, duration: float, methods: Sequence[str] | None
+) -> tuple[list[Option], int, float]:
     """Options of a simulation, how many states they were measured in, and the error of the truth.
 
     methods  names of integrators, None for all that can be run here
     """
-    names = [methods] if isinstance(methods, str) else list(integrators if methods is None else methods)
-    unknown = [name for name in names if name not in integrators]
-    if unknown or not names:
-        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
+    names = list(integrators if methods is None else methods)
     if methods is None and importlib.util.find_spec("scipy") is None:
         names = [name for name in names if integrators[name].family is not None]
     q0, v0 = states_of(model, states)
@@ -88,6 +93,44 @@ def off(model: Model, run: Any, truth: Motion, k: int) -> float:
     return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
 
 
+def further(model: Model, duration: float, options: Sequence[Option]) -> Further:
+    """What says of ways from how many more states they stay within a tolerance: their errors, if from all of MORE.
+
+    The truth there is the cheapest way whose bound is a hundredth of the tolerance, its bound counted as an error of
+    others. None where there is no such way, or where this takes longer than PATIENCE.
+    """
+    t = np.linspace(0.0, duration, SAMPLES + 1)
+
+    def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+        finer = min((x for x in options if x.bound <= FINER * tolerance), key=lambda x: x.ns, default=None)
+        if finer is None or finer.run is None:
+            return None
+        began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
+        for q, v in zip(*random_states(model, MORE, [0, 1]), strict=True):
+            try:
+                best = finer.run(q, v, duration, sampled=True)
+            except (SimulationError, NonFiniteError):
+                return None
+            truth = Motion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
+            for x in open_:
+                if x.name not in errors or x.run is None:
+                    continue
+                try:
+                    found = off(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
+                except (SimulationError, NonFiniteError):
+                    found = math.inf
+                errors[x.name] = np.append(errors[x.name], found)
+                if found > tolerance:
+                    del errors[x.name]
+            if not errors:
+                break
+            if time.thread_time() - began > PATIENCE:
+                return None
+        return errors
+
+    return judged
+
+
 def _over(wrong: float, size: float) -> float:
     return wrong / size if size > 0.0 else wrong
 
@@ -98,7 +141,7 @@ def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Opti
     steps = FIRST
     while True:
         dt = duration / steps
-        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt:.6g}, "{name}"', truth, duration, method=name, dt=dt)
+        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt!r}, "{name}"', truth, duration, method=name, dt=dt)
         found.append(option)
         seconds = option.ns * 1e-9 * duration
         stale = len(found) > 1 and math.isfinite(option.error) and not option.error < FLOOR * found[-2].error
@@ -112,7 +155,7 @@ def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[O
     made = []
     for rtol in TOLERANCES:
         words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
-        code = f'{words["dt"]:.6g}, "{name}", rtol={rtol:g}, atol={words["atol"]:g}'
+        code = f'{words["dt"]!r}, "{name}", rtol={rtol!r}, atol={words["atol"]!r}'
         made.append(_option(model, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
         if jit.PLAIN or made[-1].ns * 1e-9 * duration > BUDGET:
             break
@@ -122,14 +165,15 @@ def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[O
 def _option(model: Model, label: str, code: str, truth: Motion, duration: float, **words: Any) -> Option:
     """A method measured on all motions."""
 
-    def run(q0: Any, v0: Any, duration: float, record: int | None = None) -> Any:
-        return simulate(model, q0, v0, duration, record=record, **words)
+    every = max(1, round(duration / words["dt"] / SAMPLES))
+
+    def run(q0: Any, v0: Any, duration: float, sampled: bool = False) -> Any:
+        return simulate(model, q0, v0, duration, record=every if sampled else None, **words)
 
     errors, seconds, note = [], [], ""
-    every = max(1, round(duration / words["dt"] / SAMPLES))
     motions = range(truth.q.shape[1])
     for k in motions if len(motions) > 1 else (0, 0):  # the first run may have a program compiled
-        start = (truth.q[0, k], truth.v[0, k], duration, every)
+        start = (truth.q[0, k], truth.v[0, k], duration, True)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

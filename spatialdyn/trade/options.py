@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import SpatialDynError
+from ..border import as_number
+from ..errors import ShapeError, SpatialDynError
 
 UNITS = {"simulate": "ns a simulated second"}
+INPUTS = {
+    "forward_dynamics": ("q", "v", "tau"),
+    "inverse_dynamics": ("q", "v", "a"),
+    "mass_matrix": ("q",),
+    "simulate": ("q0", "v0", "duration"),
+}
 
 
 @dataclass(frozen=True)
@@ -25,6 +32,7 @@ class Option:
     ns      cost [ns] of a sample, or of a simulated second
     best    on the Pareto front: whatever costs less has a larger error
     note    what else there is to say, why it has no error for one
+    states  how many states that is of, 0 if those of the table
     run     the way itself: inputs of the call, or (q0, v0, duration), to what the call returns
     """
 
@@ -36,7 +44,11 @@ class Option:
     ns: float
     best: bool = False
     note: str = ""
+    states: int = 0
     run: Callable[..., Any] | None = field(default=None, repr=False, compare=False)
+
+
+Further = Callable[[Sequence[Option], float], Mapping[str, Any] | None]
 
 
 @dataclass(frozen=True)
@@ -51,6 +63,8 @@ class Tradeoff:
     duration   of the simulations [s], 0 for calls
     certainty  how far the truth itself can be trusted: its largest difference to a better one
     truth      what that was, in words
+    further    errors of ways in many more states: {name: array} of those that stay within a tolerance, None where that
+               takes too long or cannot be told; itself None where states were given
     """
 
     model: str
@@ -61,6 +75,7 @@ class Tradeoff:
     duration: float
     certainty: float
     truth: str
+    further: Further | None = field(default=None, repr=False, compare=False)
 
     @property
     def front(self) -> tuple[Option, ...]:
@@ -68,8 +83,12 @@ class Tradeoff:
         return tuple(x for x in self.options if x.best)
 
     def cheapest(self, tolerance: float) -> Option | None:
-        """The cheapest way whose bound is within a tolerance, None if there is none."""
-        return next((x for x in self.options if x.bound <= tolerance), None)
+        """The cheapest way whose bound is within a tolerance, None if there is none.
+
+        Raises  SpatialDynError for a tolerance that is no number above 0.
+        """
+        within = checked_tolerance(tolerance)
+        return next((x for x in self.options if x.bound <= within), None)
 
     @property
     def unit(self) -> str:
@@ -78,9 +97,9 @@ class Tradeoff:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as what JSON holds; what is not finite is None."""
-        hidden = ("run",)
-        rows = [{k: _json(v) for k, v in vars(x).items() if k not in hidden} for x in self.options]
-        return {**{k: _json(v) for k, v in vars(self).items()}, "unit": self.unit, "options": rows}
+        rows = [{k: _json(v) for k, v in vars(x).items() if k not in ("run", "states")} for x in self.options]
+        whole = {k: _json(v) for k, v in vars(self).items() if k != "further"}
+        return {**whole, "unit": self.unit, "options": rows}
 
     def to_json(self) -> str:
         """All of it as JSON text."""
@@ -121,6 +140,8 @@ class Tradeoff:
 
         Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
         """
+        if not (path is None or isinstance(path, str) or hasattr(path, "__fspath__") or hasattr(path, "write")):
+            raise SpatialDynError(f"path is {path!r}, expected the name of a file")
         try:
             from matplotlib.figure import Figure
         except ImportError as error:
@@ -173,12 +194,26 @@ class Recommendation:
         return self.option.code
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the task's call returns of its inputs; a Trajectory of (q0, v0, duration)."""
+        """What the task's call returns of its inputs; a Trajectory of (q0, v0, duration).
+
+        Raises  ShapeError for as many as it does not take, and what the call raises.
+        """
         assert self.option.run is not None
+        names = INPUTS[self.tradeoff.task]
+        if len(arguments) != len(names):
+            raise ShapeError(f"{len(arguments)} inputs were given, expected {len(names)}: {', '.join(names)}")
         return self.option.run(*arguments)
 
     def __str__(self) -> str:
         return f"{self.code}\n{self.why}"
+
+
+def checked_tolerance(tolerance: Any) -> float:
+    """A tolerance as a float. Raises SpatialDynError for what is no number above 0."""
+    number = as_number(tolerance)
+    if not 0.0 < number:
+        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
+    return number
 
 
 def figure(x: float) -> str:

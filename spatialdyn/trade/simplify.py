@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import check_model
+from ..border import as_number, check_model, words
 from ..dynamics import calls
 from ..engines import jit
 from ..errors import ModelError, SpatialDynError
@@ -43,7 +43,7 @@ class Savings(NamedTuple):
     nv          freedoms (before, after)
     operations  {"rnea", "aba", "crba"}: operations of the program of a sample (before, after)
     ns          the same: nanoseconds of a sample of a large batch, measured here and now (before, after)
-    cost        {"M", "tau", "a"}: Change of what is left, see ``simplify``
+    cost        {"M", "tau", "a"}: Change of what is left, see ``simplify``; empty where nothing is
     """
 
     locked: dict[str, Any]
@@ -64,6 +64,8 @@ class Savings(NamedTuple):
             lines.append(f"{name:<9} {before} -> {after} operations, {was:.3g} -> {now:.3g} ns")
         for name, change in self.cost.items():
             lines.append(f"{name:<9} changes by up to {change.absolute:.3g}, {change.relative:.2g} of the largest")
+        if not self.nv[1]:
+            lines.append("nothing is left that moves, so no M, tau or a to compare")
         return "\n".join(lines)
 
 
@@ -93,10 +95,7 @@ def simplify(
     """
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) to simplify')
-    dropped = (drop,) if isinstance(drop, str) else tuple(drop)
-    for name in dropped:
-        if name not in DROPPED:
-            raise SpatialDynError(f"drop has {name!r}, expected some of {', '.join(DROPPED)}")
+    dropped = words("drop", drop, DROPPED)
     locked = _locked(model, lock, merge_lighter_than)
     small = _without(model.reduced(locked), dropped)
     operations: dict[str, tuple[int, int]] = {}
@@ -112,14 +111,17 @@ def simplify(
 
 def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
     """Joints to freeze, and where."""
-    if not (isinstance(lightest, (int, float)) and math.isfinite(lightest) and lightest >= 0.0):
+    if not 0.0 <= as_number(lightest) < math.inf:
         raise SpatialDynError(f"merge_lighter_than is {lightest!r}, expected a finite mass >= 0")
-    if not isinstance(lock, Iterable):
-        raise SpatialDynError(f"lock is {lock!r}, expected names of joints, or a mapping of them to coordinates")
-    locked = dict(lock) if isinstance(lock, Mapping) else {}
-    if not isinstance(lock, Mapping):
-        for name in (lock,) if isinstance(lock, str) else lock:
-            locked[name] = _resting(model, model.joint(name))
+    if isinstance(lock, Mapping):
+        locked = dict(lock)
+    else:
+        try:
+            names = [lock] if isinstance(lock, str) else list(lock)
+        except TypeError:
+            what = "expected names of joints, or a mapping of them to coordinates"
+            raise SpatialDynError(f"lock is {lock!r}, {what}") from None
+        locked = {name: _resting(model, joint) for name, joint in zip(names, map(model.joint, names), strict=True)}
     if lightest > 0.0:
         carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
         for k in range(model.njoints - 1, 0, -1):
@@ -178,9 +180,9 @@ def _nanoseconds(model: Model, name: str) -> float:
 
 
 def _cost(model: Model, small: Model) -> dict[str, Change]:
-    """Changes of M, tau and a in the freedoms that both have."""
+    """Changes of M, tau and a in the freedoms that both have, if any."""
     if not small.nv:
-        return {name: Change(0.0, 0.0) for name in ("M", "tau", "a")}
+        return {}
     rng = np.random.default_rng(0)
     q = random_configuration(model, rng, SAMPLES)
     in_q, in_v = _places(model, small)

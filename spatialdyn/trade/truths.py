@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..border import core_shape
 from ..dynamics import calls
 from ..engines import jit
 from ..engines.trace import evaluate
-from ..engines.twofold import recorded
+from ..engines.twofold import Twofold, recorded
 from ..model import Model
 from ..recursions import SPECS
 from ..truth import exact
@@ -23,30 +25,39 @@ BITS = 160
 LEAST = 2.0  # margin
 FEW = 32  # errors that are too few to say how they scatter
 FEW_LEAST = 4.0
+MANY = 65536  # errors so many that the worst of a thousand others is beyond theirs in 1.5 % of all cases
+MANY_LEAST = 1.25
+TOP = 128  # of many: the tail, whose slope can be seen
+BEYOND = 4.0  # times as many states
 TAIL = 0.95
 SMALL = 0.1
 
 
-def truths(model: Model, name: str, arrays: list[Array]) -> tuple[Array, float]:
-    """The answers of a call to all samples, rounded to float64, and the largest error of what was rounded.
-
-    arrays  (n, ...) each, in the order of the call
-    The error is over the largest entry of a sample, of CHECKED samples in BITS bits.
-    """
+@lru_cache(maxsize=4)
+def recorded_call(model: Model, name: str) -> tuple[Twofold, tuple[int, ...]]:
+    """The program of a call in double-double, of all its inputs in a row, and the shape of its answer."""
     spec = jit.variant(SPECS[name], frozenset())
     inputs = [x for x in spec.given if not x.static]
-    places = np.cumsum([0] + [a.shape[1] for a in arrays])
-    symbols = {"nq": model.nq, "nv": model.nv}
-    shape = tuple(symbols[s] if isinstance(s, str) else s for s in spec.output.shape)
+    places = np.cumsum([0] + [core_shape(model, x)[0] for x in inputs])
+    shape = core_shape(model, spec.output)
 
     def made(rows: Any, x: Any) -> list[Any]:
         parts = {arg.name: x[a:b] for arg, a, b in zip(inputs, places[:-1], places[1:], strict=True)}
         return list(evaluate(spec, rows, shape, parts, np.empty(model.nv, object)).ravel())
 
-    program = recorded(model.bodies, int(places[-1]), made)
+    return recorded(model.bodies, int(places[-1]), made), shape
+
+
+def truths(model: Model, name: str, arrays: list[Array], checked: int = CHECKED) -> tuple[Array, float]:
+    """The answers of a call to all samples, rounded to float64, and the largest error of what was rounded.
+
+    arrays   (n, ...) each, in the order of the call
+    checked  samples whose error is looked at, in BITS bits: the largest over the largest entry of the sample
+    """
+    program, shape = recorded_call(model, name)
     high, low = program(np.ascontiguousarray(np.concatenate(arrays, axis=1).T))
     worst = 0.0
-    for k in range(min(CHECKED, len(arrays[0]))):
+    for k in range(min(checked, len(arrays[0]))):
         better = np.ravel(exact(model, calls[name], BITS)(*(a[k] for a in arrays)))
         size = max((abs(x) for x in better), default=0)
         for x, h, l in zip(better, high[:, k], low[:, k], strict=True):
@@ -76,7 +87,10 @@ def bound(errors: Array) -> float:
     """What other states stay below: the largest error times a margin.
 
     Errors of a nearly singular robot scatter like a power law, whose largest value grows with the number of samples
-    the faster the further it is from the rest: the root of that distance is what ten times the samples bring.
+    the faster the further it is from the rest: the root of that distance is what ten times the samples bring. Of MANY
+    errors the exponent shows in the TOP of them, as the mean logarithm of what they are of the least of these (Hill's
+    estimator), and the margin is what BEYOND times as many would bring. The worst of 1000 other states is beyond that
+    in 0.25 % of the cases that were tried, and beyond the bound of 4096 in 0.43 %.
     """
     worst = float(errors.max(initial=0.0))
     if worst == 0.0 or not math.isfinite(worst):
@@ -84,4 +98,7 @@ def bound(errors: Array) -> float:
     if len(errors) < FEW:
         middle = float(np.median(errors))
         return worst * max(FEW_LEAST, math.sqrt(worst / middle) if middle else FEW_LEAST)
+    if len(errors) >= MANY:
+        tail = np.log(np.maximum(np.sort(errors)[-TOP - 1 :], 1e-300))
+        return worst * max(MANY_LEAST, math.exp(math.log(BEYOND) * float((tail[1:] - tail[0]).mean())))
     return worst * max(LEAST, math.sqrt(worst / max(float(np.quantile(errors, TAIL)), 1e-300)))
