@@ -80,10 +80,10 @@ class Specialized:
     Samples that the program does not answer for (angles beyond 1e5, NaN, joints without inertia) are computed by the
     kernel for any model, which says what is wrong with them; a float32 program's in float64.
 
-    float32 holds 1e-38 to 3e38. Samples of which it may lose more than its rounding (inputs above 1e9, results of
-    1e-18 and less that inputs other than positions have part in) and models with a body beyond 1e-18 to 1e18 (kg,
-    kg m, kg m²) are computed in float64 from the inputs as they were given, some fifty times slower. Their results
-    are then rounded to float32, below 1e-38 to a multiple of 1e-45, or 0; above 3e38 they are refused.
+    float32 holds 1e-38 to 3e38. Samples of which it may lose more than its rounding (inputs above 1e9, results above
+    1e19, results below 1e-18 that inputs other than positions have part in) and models with a body beyond 1e-18 to
+    1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as they were given, some fifty times slower. Their
+    results are then rounded to float32, below 1e-38 to a multiple of 1e-45, or 0; above 3e38 they are refused.
 
     signature        inputs left to be given and results, with their shapes
     engine           "lanes", or "untraced" where no program is: a long one (above ``batches.MOST_ROWS`` freedoms), a
@@ -105,6 +105,8 @@ class Specialized:
         self._task, self._arguments = task, arguments
         self._inputs, self._shapes = task.inputs(), task.shapes()
         self._shape = self._shapes[0]
+        narrow_only = task.dtype == np.float32
+        self._driving = {x.name for x in task.arguments if narrow_only and x.unit != batches.POSITION}
         self.compile_seconds = 0.0
         self._kernel: batches.Kernel | None = None
         bodies = task.model.bodies
@@ -294,6 +296,9 @@ class Specialized:
             made = x.astype(dtype, copy=False)
         if dtype == np.float32 and not np.isfinite(made[np.isfinite(x)]).all():
             raise NonFiniteError(f"{name} holds {abs(x[np.isfinite(x)]).max()}, expected the range of float32")
+        if name in self._driving and not made.all():
+            lost = (made == 0.0) & (x != 0.0)  # exact zeros, and no others, may make results of nothing
+            made = np.where(lost, np.copysign(narrow.SMALLEST, made), made)
         return made
 
     def _outs(self, out: Any, shapes: list[tuple[int, ...]], inputs: list[NDArray[Any]]) -> tuple[NDArray[Any], ...]:

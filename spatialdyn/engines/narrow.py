@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .lanes import Range
@@ -20,6 +21,7 @@ LEAST = 2.0**-60  # of the same; an articulated inertia may be so many times the
 INPUTS = 2.0**30  # of all inputs together
 RESULTS = 2.0**-58  # of the largest result; its square is a normal number
 UNDERFLOW = 2.0**-106  # 2⁻¹⁵⁰ over 2⁻²⁴, grown by velocities to 2²⁰
+SMALLEST = np.float32(2.0**-149)  # above 0
 
 
 def ranges(bodies: NDArray[Any], driving: Sequence[int]) -> tuple[Range, float]:
