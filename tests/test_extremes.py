@@ -245,7 +245,11 @@ def test_exponentials_are_within_eight_eps_and_relatively_so_of_small_rotations(
     for axis in AXES:
         v = np.concatenate([[0.3, -0.5, 0.4], angle * axis, angle * axis])
         for start in (START, ELSEWHERE):
-            assert off(sd.integrate(model, start, v), truth(start, v)).max() <= 8 * EPS
+            found, wanted = sd.integrate(model, start, v), truth(start, v)
+            if found[3:7] @ wanted[3:7] < 0:  # half a turn ends in either of two quaternions
+                assert abs(angle - np.pi) < 1e-14
+                wanted[3:7] *= -1
+            assert off(found, wanted).max() <= 8 * EPS
         found, wanted = sd.integrate(model, START, v), truth(START, v)
         if angle <= 0.1:
             for part in (slice(3, 6), slice(7, 10)):
