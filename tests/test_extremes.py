@@ -325,8 +325,18 @@ def test_a_robot_at_rest_stays_with_float32() -> None:
         out = np.empty((64, 25 if call is sd.coriolis_matrix else 5), np.float32)
         assert not len(program._kernel(list(given), [out]))
         assert not out.any()
+        np.testing.assert_array_equal(program(*given), 0.0)
         again = program._kernel([q, *[rest + np.float32(1e-30)] * (len(given) - 1)], [out])
         assert len(again) == 64
+
+
+@compiled
+def test_a_constant_velocity_below_float32_counts_where_it_is_all_there_is() -> None:
+    model = arm(1e17, gravity=(0.0, 0.0, 0.0))
+    s = usual(model)
+    program = sd.specialize(model, sd.rnea, fixed={"v": 1e-25}, dtype=np.float32)
+    wanted = sd.rnea(model, s.q, np.full(5, 1e-25), np.zeros(5))
+    np.testing.assert_allclose(program(s.q, np.zeros(5)), wanted, rtol=0.0, atol=FLOAT32 * EPS * abs(wanted).max())
 
 
 @compiled

@@ -149,7 +149,7 @@ def record(
         return _shape(symbols, sizes)
 
     given: dict[str, Any] = {}
-    widths, kinds, units, count = [], [], [], 0
+    widths, kinds, units, count, moves = [], [], [], 0, False
     for spec in specs:
         for x in spec.given:
             if x.name in given:
@@ -171,6 +171,7 @@ def record(
                 widths.append(width)
                 kinds.append(x.unit)
             count += width
+            moves |= x.unit != POSITION and any(at is None and e for e, at in zip(entries, places_of, strict=True))
     loads = []
     for p in choice.parameters:
         widths.append(math.prod(parameter_shape(p, n)))
@@ -195,7 +196,8 @@ def record(
             results += [margin for margin, _ in margins]
     program, sizes_of = Program(tape, results, count), None
     if choice.ranged:
-        sizes_of, least = narrow.ranges(bodies, [k for k, x in enumerate(kinds) if x != POSITION])
+        driving = None if moves else [k for k, x in enumerate(kinds) if x != POSITION]
+        sizes_of, least = narrow.ranges(bodies, driving)
         pivots = [(place, max(bound, least)) for place, bound in pivots]
     layout = lanes.Layout(
         tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of

@@ -57,12 +57,13 @@ class Range:
 
     most     that all inputs together may have
     least    that each output array has to have, unless everything that drives is 0
-    driving  numbers of the input arrays whose products with each other may be as small as they like
+    driving  numbers of the input arrays whose products with each other may be as small as they like; None where a
+             constant other than 0 drives always
     """
 
     most: float
     least: float
-    driving: tuple[int, ...]
+    driving: tuple[int, ...] | None
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ class _Writer:
                     loaded.append(self._joined(t, parts, size))
                 found[first : first + size] = t.transposed(loaded)
             columns += found
-            if wide and a in wide.driving:
+            if wide and a in (wide.driving or ()):
                 driving += found
         for i, x in enumerate(columns):
             poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
@@ -255,6 +256,8 @@ class _Writer:
 
     def _floor(self, t: Text, wide: Range, driving: Sequence[str]) -> str:
         """The square of the least size of an output array, 0 where all that drives is 0, to the bit."""
+        if wide.driving is None:
+            return t.constant(wide.least**2)
         if not driving:
             return "zeroinitializer"
         bits = t.integer(0)

@@ -1,7 +1,7 @@
 """What float32 can hold: sizes at which nothing that counts is lost below its least number.
 
 Below 2⁻¹²⁶ float32 has a fixed grid, so an operation is off by 2⁻¹⁵⁰ at most however small its result: an absolute
-error, which what it is multiplied with afterwards can only enlarge by the constants of a program, by velocities, and
+error, which what it is multiplied with afterwards can only enlarge by the numbers of the robot, by velocities, and
 by divisions by the articulated inertias. Where the largest result is far above that, the error is below the rounding
 of float32, 2⁻²⁴ of it; where it is not, ``specialize`` turns to float64.
 """
@@ -24,13 +24,13 @@ UNDERFLOW = 2.0**-106  # 2⁻¹⁵⁰ over 2⁻²⁴, grown by velocities to 2²
 SMALLEST = np.float32(2.0**-149)  # above 0
 
 
-def ranges(bodies: NDArray[Any], driving: Sequence[int]) -> tuple[Range, float]:
+def ranges(bodies: NDArray[Any], driving: Sequence[int] | None) -> tuple[Range, float]:
     """Sizes of inputs and outputs of a program in float32, and the least that its pivots may be.
 
-    driving  numbers of the input arrays that are not positions
+    driving  numbers of the input arrays that are not positions; None if a constant in place of one is not 0
     """
     c = float(max([1.0, *map(size, bodies), *(abs(x) for row in bodies for x in (*row["X"]["p"], *row["gravity"]))]))
-    return Range(INPUTS, max(RESULTS, UNDERFLOW * c * c), tuple(driving)), LEAST * c
+    return Range(INPUTS, max(RESULTS, UNDERFLOW * c * c), None if driving is None else tuple(driving)), LEAST * c
 
 
 def beyond(bodies: NDArray[Any]) -> list[int]:
