@@ -54,7 +54,7 @@ class Task(NamedTuple):
         """The same for engines."""
         fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
         places = () if self.wanted is None else tuple(tuple(x.ravel().tolist()) for x in self.wanted)
-        return batches.Choice(fixed, self.parameters, places)
+        return batches.Choice(fixed, self.parameters, places, self.dtype == np.float32)
 
     def inputs(self) -> list[Input]:
         """What is left to be given, in order."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from . import untraced
 from .border import as_array, broadcast, rows_of
 from .choices import Input, Names, Task, shown, task_of
-from .engines import batches, jit, quick
+from .engines import batches, jit, narrow, quick
 from .engines.source import PRINTERS
 from .engines.trace import Program
 from .errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
@@ -39,7 +39,7 @@ def specialize(
 
     model     Model without mimic joints
     calls     a public call such as ``sd.rnea``, or several, which then share what they have in common
-    dtype     float64, or float32: inputs are converted to it and results have it
+    dtype     float64, or float32: inputs are converted to it and results have it; see ``Specialized`` for its range
     fixed     inputs of the calls that are constants, which vanish from the program: name -> a number, an array of the
               input's shape, or {joint name: its value}; in the last case the input keeps the other joints' entries,
               in their order. ``fixed={"v": 0, "a": 0}`` makes rnea the gravity torque.
@@ -80,9 +80,14 @@ class Specialized:
     Samples that the program does not answer for (angles beyond 1e5, NaN, joints without inertia) are computed by the
     kernel for any model, which says what is wrong with them; a float32 program's in float64.
 
+    float32 holds 1e-38 to 3e38. Samples of which it may lose more than its rounding (inputs above 1e9, results above
+    1e19, results below 1e-18 that inputs other than positions have part in) and models with a body beyond 1e-18 to
+    1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as they were given, some fifty times slower. Their
+    results are then rounded to float32, below 1e-38 to a multiple of 1e-45, or 0; above 3e38 they are refused.
+
     signature        inputs left to be given and results, with their shapes
     engine           "lanes", or "untraced" where no program is: a long one (above ``batches.MOST_ROWS`` freedoms), a
-                     joint that never moves inertia, or NUMBA_DISABLE_JIT
+                     joint that never moves inertia, a body out of float32's range, or NUMBA_DISABLE_JIT
     compile_seconds  spent so far on getting it compiled or from disk; what single samples need is made at the first
     program          the Program, whose ``listing()`` prints it
     operations       counts of mul, add, div, sqrt, sincos and atan2 of a sample, and depth
@@ -100,9 +105,13 @@ class Specialized:
         self._task, self._arguments = task, arguments
         self._inputs, self._shapes = task.inputs(), task.shapes()
         self._shape = self._shapes[0]
+        narrow_only = task.dtype == np.float32
+        self._driving = {x.name for x in task.arguments if narrow_only and x.unit != batches.POSITION}
         self.compile_seconds = 0.0
         self._kernel: batches.Kernel | None = None
-        if not jit.PLAIN and batches.fits(task.specs, task.model.bodies, sum(map(math.prod, task.shapes()))):
+        bodies = task.model.bodies
+        held = task.dtype == np.float64 or not narrow.beyond(bodies)
+        if held and not jit.PLAIN and batches.fits(task.specs, bodies, sum(map(math.prod, task.shapes()))):
             self._kernel = self._compiled(one=False)
         self._quick = self._kernel is not None and task.dtype == np.float64
         self._single: batches.Kernel | None = None  # keeps the code of single samples in memory, and its plan
@@ -268,6 +277,9 @@ class Specialized:
             if samples is None:
                 samples = np.arange(n)
             if len(samples):
+                if task.dtype == np.float32:  # what was lost on the way in may count here
+                    arrays = [as_array(x.name, value) for x, value in zip(self._inputs, given, strict=True)]
+                    stepped = [rows_of(a, batch, x.shape) for x, a in zip(self._inputs, arrays, strict=True)]
                 untraced.compute(task, self._inputs, stepped, flat, batch, samples)
         if out is None and not batch:
             number = float if task.dtype == np.float64 else np.float32
@@ -284,6 +296,9 @@ class Specialized:
             made = x.astype(dtype, copy=False)
         if dtype == np.float32 and not np.isfinite(made[np.isfinite(x)]).all():
             raise NonFiniteError(f"{name} holds {abs(x[np.isfinite(x)]).max()}, expected the range of float32")
+        if name in self._driving and not made.all():
+            lost = (made == 0.0) & (x != 0.0)  # exact zeros, and no others, may make results of nothing
+            made = np.where(lost, np.copysign(narrow.SMALLEST, made), made)
         return made
 
     def _outs(self, out: Any, shapes: list[tuple[int, ...]], inputs: list[NDArray[Any]]) -> tuple[NDArray[Any], ...]:

@@ -105,6 +105,35 @@ def test_a_heavy_tip_costs_aba_its_digits_and_the_square_root_form_none() -> Non
     assert digits["aba"]["float32"] < 1.0
 
 
+@pytest.mark.parametrize(("mass", "digits"), [(1.0, True), (1e-20, True), (1e25, True), (1e-42, False), (1e39, False)])
+def test_a_link_out_of_the_range_of_float32_is_named(mass: float, digits: bool) -> None:
+    """Digits are predicted where float32 still has some, and the link is named where programs turn to float64."""
+    model = chain((1.0, mass), 4)
+    found = sd.diagnose(model)
+    assert found.digits["aba"]["float64"] > 10.0
+    named = {f.link: f for f in found.of("range")}
+    assert ("b001" in named) == (mass != 1.0)
+    if named:
+        assert f"of {mass:.4g} kg" in named["b001"].message
+        assert "units" in named["b001"].remedy
+    light = chain((mass, mass), 4)
+    assert (sd.diagnose(light).digits["aba"]["float32"] > 5.0) == digits
+
+
+def test_the_coin_of_float32_has_its_range() -> None:
+    coin = Coin(SINGLE, 0)
+    assert coin.number(1e39).x == math.inf
+    assert coin.number(-1e39).x == -math.inf
+    assert (coin.number(1e30) * coin.number(1e30)).x == math.inf
+    assert coin.number(1e-46).x == 0.0
+    assert {coin.number(1e-45).x for _ in range(64)} == {0.0, 2.0**-149}
+    assert {coin.number(1.00001e-38).x * 2.0**149 % 1.0 for _ in range(64)} == {0.0}
+    assert coin.number(2.0**-149).x == 2.0**-149
+    wide = Coin(DOUBLE, 0)
+    assert (wide.number(1e200) * 1e-200 * 1e-200).x > 0.0
+    assert wide.number(5e-324).x == 5e-324
+
+
 def test_what_is_exact_tosses_no_coin() -> None:
     for bits in (DOUBLE, SINGLE):
         coin = Coin(bits, 0)

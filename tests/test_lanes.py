@@ -217,6 +217,59 @@ def test_an_angle_that_no_sine_is_taken_of_may_be_far() -> None:
     np.testing.assert_array_equal(found, 1e9)
 
 
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_beyond_the_range_the_sine_is_that_of_libm_to_the_bit(dtype: Any) -> None:
+    """A hinge about z is turned by [cos -sin; sin cos]: nothing else is in its pose. Far and near ones share tiles."""
+    model = sd.ModelBuilder("hinge").add_body("tip", None, "revolute", (0, 0, 1)).build()
+    rng, largest = np.random.default_rng(2), float(np.finfo(dtype).max)
+    least = float(np.nextafter(dtype(FAR), dtype(np.inf)))
+    near = (np.floor(2.0 ** rng.uniform(16.0, 52.0, 3000)) * (math.pi / 2))[:, None]
+    hard = [least, 1e22, 6381956970095103.0 * 2.0**797, math.ldexp(6381956970095103, 44), 1e15, largest]
+    far = np.concatenate(
+        [
+            hard,
+            *(10.0 ** rng.uniform(5.0, top, 3000) for top in (7.0, math.log10(largest))),
+            (near + np.spacing(near) * [-1, 0, 1]).ravel(),
+        ]
+    )
+    with np.errstate(over="ignore"):
+        far = far.astype(dtype)
+    far = far[np.isfinite(far) & (far >= least)]
+    x = np.empty((len(far), 4), dtype)
+    x[:, 0], x[:, 1], x[:, 2], x[:, 3] = far, -far, 0.5, FAR
+    q = x.reshape(-1, 1)
+    wanted = [[dtype(f(angle)) for f in (math.cos, math.sin)] for angle in x[:, :2].ravel().tolist()]
+    program = sd.specialize(model, sd.frame_placement, dtype=dtype, frame="tip")
+    assert program.engine == "lanes"
+    ways = [program] if dtype is np.float32 else [program, lambda q: sd.frame_placement(model, q, "tip")]
+    for call in ways:
+        for found in (call(q), np.stack([call(q[k]) for k in range(16)])):
+            pairs = found.reshape(-1, 4, 4, 4)[:, :2, :2, 0]
+            np.testing.assert_array_equal(pairs.reshape(-1, 2), wanted[: 2 * len(pairs)])
+
+
+def test_sums_of_squares_are_held_to_their_range() -> None:
+    """Inputs above ``most``, results below ``least`` but where what drives is 0, and squares that overflow are left."""
+    wide = lanes.Range(most=8.0, least=1e-3, driving=(1,))
+    x = np.array(
+        [[0.5, 0.5], [9.0, 1e-3], [1e-4, 1e-4], [1e-4, 0.0], [1e-4, -0.0], [1e-30, 1e-44], [np.nan, 0.0], [0, 0]]
+    )
+    for shape in (Shape(8, True), Shape(4, False)):
+        tape = Tape()
+        a, b = tape.input(0), tape.input(1)
+        for results, kept in (
+            (((a, b * 2.0), (a + b,)), [1, 0, 0, 1, 1, 0, 0, 1]),
+            (((a, 1.0), (a + b, 1.0)), [1, 0, 1, 1, 1, 1, 0, 1]),
+            (((0.0, 0.0), (a * 1e20, 1.0)), [0, 0, 1, 1, 1, 1, 0, 1]),
+        ):
+            places = (tuple(range(2)), tuple(range(2, 2 + len(results[1]))))
+            layout = Layout((1, 1), places, range=wide)
+            runner = Runner(Program(tape, [*results[0], *results[1]], 2), layout, shape, np.float32)
+            _, fine = runner(x[:, :1], x[:, 1:])
+            np.testing.assert_array_equal(fine, np.array(kept, bool))
+
+
 # --- atan2 ---------------------------------------------------------------------------------------------
 
 

@@ -28,7 +28,7 @@ from ..bodies import FLOATING, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE_CS, SPHERI
 from ..errors import SpatialDynError
 from ..recursions.checks import EPS
 from ..recursions.spec import Spec
-from . import lanes, store
+from . import lanes, narrow, store
 from .entry import DATA, room
 from .jit import STAMP
 from .origins import move_origins
@@ -43,6 +43,8 @@ KEPT = 128  # programs in memory
 SHARE = 16 << 20  # bytes of machine code to run through before another thread is worth waking: some 100 µs
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
 STREAM = 16 << 20  # bytes of output from which it goes past the caches: half the time of crba of talos
+
+POSITION = "rad | m"  # unit of what a robot's speed does not come from
 
 NONE = np.empty(0, np.intp)
 
@@ -105,11 +107,13 @@ class Choice(NamedTuple):
     fixed       (input, its entries, flat: NaN where they stay inputs) for each input that has constant ones
     parameters  of the table, which become inputs, after the others
     outputs     for each call the places of the wanted entries of its output, flat; empty for all of all
+    ranged      samples in which what float32 cannot hold may count are left to the caller
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
     parameters: tuple[Parameter, ...] = ()
     outputs: tuple[tuple[int, ...], ...] = ()
+    ranged: bool = False
 
 
 ALL = Choice()
@@ -145,7 +149,7 @@ def record(
         return _shape(symbols, sizes)
 
     given: dict[str, Any] = {}
-    widths, units, count = [], [], 0
+    widths, kinds, units, count, moves = [], [], [], 0, False
     for spec in specs:
         for x in spec.given:
             if x.name in given:
@@ -165,7 +169,9 @@ def record(
             width = next(order) - count
             if width or not entries:
                 widths.append(width)
+                kinds.append(x.unit)
             count += width
+            moves |= x.unit != POSITION and any(at is None and e for e, at in zip(entries, places_of, strict=True))
     loads = []
     for p in choice.parameters:
         widths.append(math.prod(parameter_shape(p, n)))
@@ -188,8 +194,15 @@ def record(
             margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else float(np.finfo(dtype).eps))
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
-    layout = lanes.Layout(tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms))
-    return Recorded(Program(tape, results, count), layout)
+    program, sizes_of = Program(tape, results, count), None
+    if choice.ranged:
+        driving = None if moves else [k for k, x in enumerate(kinds) if x != POSITION]
+        sizes_of, least = narrow.ranges(bodies, driving)
+        pivots = [(place, max(bound, least)) for place, bound in pivots]
+    layout = lanes.Layout(
+        tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of
+    )
+    return Recorded(program, layout)
 
 
 def _sizes(bodies: NDArray[Any]) -> dict[str, int]:

@@ -7,7 +7,8 @@ operations are cut into functions of their own, between which values wait in tha
 
 The code answers only the ordinary case. Beside the results it writes one bit a sample: whether every input is
 finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot sound and every
-result finite. A sample without its bit is computed again by the caller, by the engine that can say what is wrong.
+result finite; in float32, where asked for, also whether nothing can have underflowed that counts. A sample without
+its bit is computed again by the caller, by the engine that can say what is wrong.
 """
 
 from __future__ import annotations
@@ -51,6 +52,21 @@ UNIT_TOLERANCE = 2e-6
 
 
 @dataclass(frozen=True)
+class Range:
+    """Sizes between which what a program loses to underflow is below its rounding: roots of sums of squares.
+
+    most     that all inputs together may have
+    least    that each output array has to have, unless everything that drives is 0
+    driving  numbers of the input arrays whose products with each other may be as small as they like; None where a
+             constant other than 0 drives always
+    """
+
+    most: float
+    least: float
+    driving: tuple[int, ...] | None
+
+
+@dataclass(frozen=True)
 class Layout:
     """What a kernel reads and writes, and what it has to hold for a sample to be in order.
 
@@ -59,6 +75,7 @@ class Layout:
     units    groups of inputs whose squares have to sum to 1
     pivots   (place in the program's outputs, least value) of what has to be larger
     norms    groups of places in the program's outputs whose squares have to sum to 1
+    range    sizes that inputs and outputs have to be of, if any
     """
 
     inputs: tuple[int, ...]
@@ -66,6 +83,7 @@ class Layout:
     units: tuple[tuple[int, ...], ...] = ()
     pivots: tuple[tuple[int, float], ...] = ()
     norms: tuple[tuple[int, ...], ...] = ()
+    range: Range | None = None
 
 
 @cache
@@ -136,7 +154,9 @@ class _Writer:
         self.chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
         self.wanted = {line for line, _ in program.outputs}
         self.slots, self.slot_count = self._slots()
-        self.stage = self.slot_count + 1  # where the rows of a tile wait to be streamed out
+        self.stage = self.slot_count + (
+            1 if layout.range is None else 2
+        )  # where the rows of a tile wait to be streamed out
         staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
         self.workspace = (self.stage + max(staged, default=0)) * lanes * self.size
 
@@ -174,26 +194,33 @@ class _Writer:
         self.values: dict[int, str] = {}
         functions = []
         main = Text(self.scalar, self.lanes, self.fma)
-        poison = self._prologue(main)
+        poison, floor = self._prologue(main)
         if self.whole:
             poison = self._operations(main, self.chunks[0], poison, None)
         else:
             self._store(main, poison, self.slot_count)
+            if floor:
+                self._store(main, floor, self.slot_count + 1)
             for i, chunk in enumerate(self.chunks):
                 functions.append(self._chunk(i, chunk))
                 main.out.append(f"  call void @chunk{i}(ptr %ws)")
             poison = self._load(main, self.slot_count)
-        self._epilogue(main, poison)
+            floor = self._load(main, self.slot_count + 1) if floor else floor
+        self._epilogue(main, poison, floor)
         return self._module(main, functions)
 
     # -- the parts of a tile
 
-    def _prologue(self, t: Text) -> str:
-        """Read the tile's rows and transpose them; returns the poison that the inputs bring."""
+    def _prologue(self, t: Text) -> tuple[str, str]:
+        """Read the tile's rows and transpose them; returns the poison that the inputs bring, and what the squares of
+        an output array have to sum to, empty if to nothing.
+        """
         index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT}
         zero = t.constant(0.0)
         poison = ["zeroinitializer"] * 4
         columns: list[str] = []
+        wide = self.layout.range
+        driving: list[str] = []
         for a, width in enumerate(self.layout.inputs):
             row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
             starts = [self._at(t, f"%in{a}", t.put(f"mul i64 {r}, %step{a}")) for r in row]
@@ -209,16 +236,37 @@ class _Writer:
                     loaded.append(self._joined(t, parts, size))
                 found[first : first + size] = t.transposed(loaded)
             columns += found
+            if wide and a in (wide.driving or ()):
+                driving += found
         for i, x in enumerate(columns):
-            poison[i % 4] = t.fused(x, zero, poison[i % 4])
+            poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
             if i in index:
                 self.values[index[i]] = x
                 if not self.whole:
                     self._store(t, x, self.slots[index[i]])
-        base = t.binary("fadd", t.binary("fadd", poison[0], poison[1]), t.binary("fadd", poison[2], poison[3]))
+        base = self._added(t, poison)
+        floor = ""
+        if wide:
+            small = t.put(f"fcmp ole {t.vector} {base}, {t.constant(wide.most**2)}")
+            base = t.poisoned_unless(small, "zeroinitializer")
+            floor = self._floor(t, wide, driving)
         for group in self.layout.units:
             base = t.poisoned_unless(self._unit(t, [columns[i] for i in group]), base)
-        return base
+        return base, floor
+
+    def _floor(self, t: Text, wide: Range, driving: Sequence[str]) -> str:
+        """The square of the least size of an output array, 0 where all that drives is 0, to the bit."""
+        if wide.driving is None:
+            return t.constant(wide.least**2)
+        if not driving:
+            return "zeroinitializer"
+        bits = t.integer(0)
+        for x in driving:
+            bits = t.put(f"or {t.bits} {bits}, {t.put(f'bitcast {t.vector} {x} to {t.bits}')}")
+        size = t.put(f"shl {t.bits} {bits}, {t.integer(1)}")  # without the signs
+        moves = t.put(f"icmp ne {t.bits} {size}, zeroinitializer")
+        least = t.constant(wide.least**2)
+        return t.put(f"select <{self.lanes} x i1> {moves}, {t.vector} {least}, {t.vector} zeroinitializer")
 
     def _unit(self, t: Text, group: Sequence[str]) -> str:
         """Whether the squares of a group sum to 1."""
@@ -312,7 +360,7 @@ class _Writer:
             return t.put(f"select <{self.lanes} x i1> {above}, {v} {value(op.b)}, {v} {value(op.c)}")
         raise ValueError(f"no vector form of operation {op.code}")
 
-    def _epilogue(self, t: Text, poison: str) -> None:
+    def _epilogue(self, t: Text, poison: str, floor: str) -> None:
         """Transpose the results into their rows and write the tile's bits."""
         lines, zero = self.program.lines, t.constant(0.0)
 
@@ -333,8 +381,11 @@ class _Writer:
         for group in self.layout.norms:
             sums[0] = t.poisoned_unless(self._unit(t, [result(place) for place in group]), sums[0])
         seen: set[int] = set()
+        squares = ["zeroinitializer"] * 4
         for a, places in enumerate(self.layout.outputs):
             columns = len(places)
+            if floor:
+                seen, squares = set(), [self._squares(t, places), *["zeroinitializer"] * 3]
             staged = self.stream and columns % self.lanes > 0
             if staged:
                 to = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {self.stage}")
@@ -353,7 +404,10 @@ class _Writer:
                     if line not in seen and lines[line].code != CONST:
                         seen.add(line)
                         i = len(seen) % 4
-                        sums[i] = t.fused(x, zero, sums[i])
+                        if floor:
+                            squares[i] = t.fused(x, x, squares[i])
+                        else:
+                            sums[i] = t.fused(x, zero, sums[i])
                     vectors.append(x)
                 for i, x in enumerate(t.transposed(vectors)):
                     for g in range(self.lanes // size):
@@ -365,13 +419,27 @@ class _Writer:
                         t.out.append(f"  store {kind} {part}, ptr {address}, {how}")
             if staged:
                 t.out.append(f"  call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
-        total = t.binary("fadd", t.binary("fadd", sums[0], sums[1]), t.binary("fadd", sums[2], sums[3]))
+            if floor and seen:
+                total = self._added(t, squares)
+                sums[0] = t.poisoned_unless(t.put(f"fcmp oge {t.vector} {total}, {floor}"), sums[0])
+                sums[1] = t.fused(total, zero, sums[1])
+        total = self._added(t, sums)
         fine = t.put(f"fcmp oeq {t.vector} {total}, zeroinitializer")
         bits = t.put(f"bitcast <{self.lanes} x i1> {fine} to i{self.lanes}")
         if self.lanes < 16:
             bits = t.put(f"zext i{self.lanes} {bits} to i16")
         address = t.put("getelementptr i16, ptr %bits, i64 %tile")
         t.out.append(f"  store i16 {bits}, ptr {address}, align 2")
+
+    def _added(self, t: Text, four: Sequence[str]) -> str:
+        """The sum of four."""
+        a, b, c, d = four
+        return t.binary("fadd", t.binary("fadd", a, b), t.binary("fadd", c, d))
+
+    def _squares(self, t: Text, places: Sequence[int]) -> str:
+        """The sum of the squares of those results that are constants."""
+        lines = [self.program.lines[self.program.outputs[place][0]] for place in places]
+        return t.constant(sum(line.value**2 for line in lines if line.code == CONST))
 
     def _module(self, main: Text, functions: list[str]) -> str:
         v, suffix = main.vector, main.suffix()

@@ -3,7 +3,8 @@
 A few runs of the same recursion differ by about what a run of its precision is off. Operations without a rounding
 error (a product with 1 or 0, a sum that fits) toss nothing, so that what is exact in a model stays exact.
 
-Results are computed in float64 and rounded to so many bits. For float64 itself these are DOUBLE, one less than it has:
+Results are computed in float64 and rounded to so many bits; those of float32 have its range too, and are infinite above
+it and on its fixed grid below. For float64 itself these are DOUBLE, one less than it has:
 whether an operation was exact is seen in the last bit, and the toss is worth half of it.
 """
 
@@ -25,6 +26,7 @@ DOUBLE = 52
 SINGLE = 24
 # Standard error of an inexact operation in units of the last place (of 53 bits, of 24 bits): of a toss, which is off by
 # 1 in half of all cases, or by f or 1 - f with f uniform; over that of rounding to nearest, √(1/12).
+RANGES = {DOUBLE: (-1073, 1024), SINGLE: (-125, 128)}  # exponents of a fraction below 1 that has all its bits
 LOUDER = {DOUBLE: math.sqrt(1 / 2) * math.sqrt(12), SINGLE: math.sqrt(1 / 3) * math.sqrt(12)}
 
 
@@ -34,15 +36,23 @@ class Coin:
     def __init__(self, bits: int, seed: int) -> None:
         """Of DOUBLE or SINGLE bits."""
         self.bits, self._toss = bits, random.Random(seed).random
+        self._least, self._most = RANGES[bits]
 
     def rounded(self, x: float) -> Rounded:
         """One of the two neighbours of x, or x if it has no more bits."""
         fraction, exponent = math.frexp(x)
-        whole = math.ldexp(fraction, self.bits)
+        bits = self.bits
+        if exponent < self._least:
+            bits += exponent - self._least
+            if bits < 0:  # less than half of the least number
+                return Rounded(0.0 * x, self)
+        whole = math.ldexp(fraction, bits)
         if whole - whole == 0.0:  # neither infinite nor nan
             below = math.floor(whole)
             if below != whole:
-                x = math.ldexp(below + (self._toss() < 0.5), exponent - self.bits)
+                x = math.ldexp(below + (self._toss() < 0.5), exponent - bits)
+            if exponent > self._most:
+                x = math.copysign(math.inf, x)
         return Rounded(x, self)
 
     def number(self, x: float) -> Rounded:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..bodies import PRISMATIC, REVOLUTE
 from ..border import as_array, broadcast, check_model
 from ..dynamics import calls
-from ..engines import batches, jit, loops
+from ..engines import batches, jit, loops, narrow
 from ..engines.loops import Driven
 from ..engines.trace import Program, scratch
 from ..errors import ModelError, ShapeError, SimulationError
@@ -92,7 +92,8 @@ def rollout(
     method  "semi_implicit_euler", "explicit_euler", "velocity_verlet" or "rk4", as in ``simulate``
     pd      a law of the joints that is added to tau
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
-    dtype   float64, or float32: faster, and exact to some 1e-6 a step
+    dtype   float64, or float32: faster, and exact to some 1e-6 a step; numbers below its range, 1e-38, count as 0, and
+            robots whose inertias are beyond 1e-18 to 1e18 (kg, kg m²) are computed in float64
     check   whether a state that leaves the numbers is an error; if not, it is NaN from there on
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds), which is kept.
@@ -127,9 +128,9 @@ def rollout(
     several = {name: x.shape[:1] for name, (x, _) in driving.items() if x.ndim == 3}
     (B,) = broadcast(["q0", "v0", *several], [states[0].shape[:1], states[1].shape[:1], *several.values()])
     T = _steps(steps, [lead[-1] for lead in axes if lead])
-    states = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1])), number) for x in states]
-    inputs = {name: _driven(name, x, (B, T, columns), number) for name, (x, columns) in driving.items()}
-    inputs = {"dt": Driven(np.full((1, 1, 1), dt, number)), **inputs}
+    states = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in states]
+    inputs = {name: _driven(name, x, (B, T, columns)) for name, (x, columns) in driving.items()}
+    inputs = {"dt": Driven(np.full((1, 1, 1), dt)), **inputs}
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T:
@@ -210,7 +211,7 @@ def _steps(steps: int | None, found: list[int]) -> int:
     return several.pop() if several else 1
 
 
-def _driven(name: str, x: Array, shape: tuple[int, int, int], dtype: np.dtype) -> Driven:
+def _driven(name: str, x: Array, shape: tuple[int, int, int]) -> Driven:
     """An input as (samples or 1, steps or 1, columns)."""
     whole = x.reshape((1,) * (3 - x.ndim) + x.shape) if x.ndim <= 3 else x
     if (
@@ -221,7 +222,7 @@ def _driven(name: str, x: Array, shape: tuple[int, int, int], dtype: np.dtype) -
         B, T, columns = shape
         wanted = f"({columns},), ({T}, {columns}) or ({B}, {T}, {columns})"
         raise ShapeError(f"{name} has shape {x.shape}, expected {wanted}")
-    return Driven(np.ascontiguousarray(whole, dtype))
+    return Driven(np.ascontiguousarray(whole))
 
 
 def _every(record: int | str, steps: int) -> int:
@@ -310,6 +311,14 @@ def _program(model: Model, method: str, law: bool, driven: bool) -> Program:
     return batches.record(step_specs(method, law, driven), model.bodies).program
 
 
+def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
+    """Whether the numbers of the model, and the diagonal of M in a state, are in the range of a dtype."""
+    if dtype == np.float64:
+        return True
+    diagonal = np.diagonal(calls["crba"](model, q))
+    return not narrow.beyond(model.bodies) and bool(((diagonal >= narrow.LEAST) & (diagonal <= narrow.MOST)).all())
+
+
 def _run(
     model: Model,
     method: str,
@@ -324,21 +333,25 @@ def _run(
     law, driven = "kp" in inputs, "tau" in inputs
     specs, given = step_specs(method, law, driven), list(inputs.values())
     again = np.arange(len(states[0]))
-    if not jit.PLAIN and batches.fits(specs, model.bodies):
-        kernel = batches.kernel(specs, model.bodies, model.key, dtype=states[0].dtype)
+    dtype = records[0].dtype
+    if not jit.PLAIN and batches.fits(specs, model.bodies) and _holds(model, states[0][0], dtype):
+        kernel = batches.kernel(specs, model.bodies, model.key, dtype=dtype)
         if kernel is not None:
-            again = loops.run(kernel, states, given, records, steps, every)
+            with np.errstate(over="ignore"):
+                start = [x.astype(dtype, copy=False) for x in states]
+                driving = [Driven(x.rows.astype(dtype, copy=False)) for x in given]
+            again = loops.run(kernel, start, driving, records, steps, every)
     if not len(again):
         return
-    # what lanes leave: angles beyond the short sine's range, states that are not finite
+    # what lanes leave: angles beyond the short sine's range, states that are not finite, masses beyond float32's range
     program = _program(model, method, law, driven)
     lost = np.full(len(again), -1)
-    now = [x[again].astype(np.float64) for x in states]
+    now = [x[again] for x in states]
     rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in given]
     for k in range(steps):
         columns = [x for s in now for x in s.T]
         for x in rows:
-            columns += list(np.asarray(x[again, min(k, x.shape[1] - 1)], np.float64).T)
+            columns += list(x[again, min(k, x.shape[1] - 1)].T)
         results = [np.broadcast_to(np.asarray(x, np.float64), len(again)) for x in program.run(columns)]
         now = [np.stack(results[: now[0].shape[1]], 1), np.stack(results[now[0].shape[1] :], 1)]
         finite = np.isfinite(now[0]).all(1) & np.isfinite(now[1]).all(1)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..border import as_array, check_model
 from ..dynamics import calls
+from ..engines import narrow
 from ..errors import NonFiniteError, ShapeError
 from ..inertia import inertia_defect
 from ..model import Joint, Model
@@ -36,6 +37,7 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     * the condition of M, its diagonal scaled to 1: what no choice of units removes
     * joints that move no inertia, bodies that no motion can feel
     * digits to expect of ``forward_dynamics``, by method, in float64 and float32
+    * links too light or too heavy for float32's range, with which programs turn to float64
     * the largest time step for explicit integrators, were the damping of the joints a torque
 
     model   Model
@@ -62,7 +64,7 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
         positions = np.array([state[0] for state in states])
         M = np.asarray(calls["crba"](model, positions))
         singular = list(_singular(model, M))
-        findings += [*singular, *_unfelt(model, positions)]
+        findings += [*singular, *_unfelt(model, positions), *_out_of_range(model, M)]
         condition, found = _conditions(model, M, "neutral" if q is None else "given")
         findings += found
         if not singular:
@@ -267,6 +269,23 @@ def _digits(model: Model, digits: dict[str, dict[str, float]]) -> Iterator[Findi
         yield Finding(
             "note", "digits", link, f"leaves ABA about {aba['float32']:.0f} digits in float32", "stay with float64"
         )
+
+
+def _out_of_range(model: Model, M: Array) -> Iterator[Finding]:
+    """Links whose inertia, or what a joint moves in no state more of, is so large or small that float32 has no room."""
+    beyond = set(narrow.beyond(model.bodies))
+    diagonal = np.einsum("kii->ki", M).max(axis=0)
+    for joint in model.joints[1:]:
+        moved = diagonal[joint.idx_v : joint.idx_v + joint.nv] if joint.mimic is None else np.ones(1)
+        mass, small = float(model.bodies["inertia"]["m"][joint.row]), moved[moved > 0.0].min(initial=1.0)
+        if joint.row in beyond or small < narrow.LEAST or moved.max() > narrow.MOST:
+            worst = small if small < narrow.LEAST else moved.max()
+            yield Finding(
+                "note", "range", _link(model, joint),
+                f"of {mass:.4g} kg, whose joint moves an inertia of {worst:.3g}, is out of float32's range, 1e-18 to "
+                "1e18: programs of float32 turn to float64",
+                "choose units in which masses and lengths are near 1, or stay with float64",
+            )  # fmt: skip
 
 
 def _heaviest(model: Model) -> str:

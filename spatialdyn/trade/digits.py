@@ -27,7 +27,8 @@ def predicted_digits(model: Model, states: Sequence[State]) -> dict[str, dict[st
 
     Nothing here knows the truth: each method runs a few times with operations rounded up or down by chance, and what
     the runs differ by is what rounding costs. float32 counts the rounding of the model's numbers as well, and is of
-    float32 throughout: samples whose pivots it loses (0 to 1 digits) are computed in float64 by ``specialize``.
+    float32 throughout, in its range of exponents too: samples whose pivots it loses (0 to 1 digits), or that leave its
+    range, are computed in float64 by ``specialize``.
 
     states  (q, v, tau) each; the model has no mimic joints
     Returns {method: {"float64": digits, "float32": digits}}, -log10 of the error, 0 where none is right.

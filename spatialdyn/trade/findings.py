@@ -13,7 +13,7 @@ class Finding(NamedTuple):
     """One thing that is odd about a model.
 
     severity  "note", "warning" or "error": good to know, costs digits, results are wrong or refused
-    kind      inertia, mass ratio, condition, unfelt, singular, digits or time step
+    kind      inertia, mass ratio, condition, unfelt, singular, digits, range or time step
     link      name of the link it is about
     message   what was found, with its figure
     remedy    what to do about it
