@@ -6,15 +6,20 @@ hurry write ``model._made or made(model)``.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import kept
 from ...assembly import Options
+from ...border import core_shape
+from ...engines.builtin import READY, refused
 from ...errors import ModelError
 from ...interop import check_depth_first, fresh_name
 from ...model import Model as Compiled
+from ...recursions import SPECS
 from ...robot import Joint as RobotJoint
 from ...robot import Link, Mimic, Robot, make_joint, make_link
 from .inertia import Inertia
@@ -26,21 +31,45 @@ Places = NDArray[np.intp]
 ROOT = "universe"
 
 
-class Made(NamedTuple):
+class Made:
     """What a Model is to the library.
 
     model   the library's Model: same q, v and armature, ``continuous="cos_sin"``
     rows    (njoints,) row of its table that carries each joint's body; 0 for the universe
     joints  None if its joints are one to one this model's; else (njoints,) which of them carries each joint's body
+
+    Calls of the library for one sample are attributes, as builtins: ``made.integrate(q, v)``, None if it has to be
+    asked in another way.
     """
 
-    model: Compiled
-    rows: Places
-    joints: Places | None
+    def __init__(self, model: Compiled, rows: Places, joints: Places | None) -> None:
+        self.model, self.rows, self.joints = model, rows, joints
+        self.frames: Placed | None = None  # of joints_as_frames
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name not in SPECS:
+            raise AttributeError(f"no call {name!r}")
+        call: Callable[..., Any] = refused
+        if self.whole:
+            axes = {f"axis{k}": n for k, n in enumerate(core_shape(self.model, SPECS[name].output) or (1,))}
+            call = kept.made(name).bind(self.model, **self.words, **axes)
+        self.__dict__[name] = call
+        return call
+
+    @property
+    def whole(self) -> bool:
+        """Whether compiled code can be given the arrays of its users as they are."""
+        return READY and self.model.mimic_matrix is None
+
+    @property
+    def words(self) -> dict[str, int]:
+        """What the plan of a builtin has to say of the model."""
+        model = self.model
+        return {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
 
 class Placed(NamedTuple):
-    """The frames of a Model.
+    """Frames of a Model, or its joints as frames.
 
     joints      (nframes,) parent joints
     rows        (nframes,) the rows of the table that carry those
@@ -50,6 +79,12 @@ class Placed(NamedTuple):
     joints: Places
     rows: Places
     placements: Array
+
+    def words(self, rows: bool = False) -> dict[str, int]:
+        """What the plan of a builtin has to say of them, by their joints or by the rows of those."""
+        joints = self.rows if rows else self.joints
+        places = {"joints": joints.ctypes.data, "placements": self.placements.ctypes.data}
+        return {"frames": len(joints), **places}
 
 
 def made(model: Model) -> Made:
@@ -78,6 +113,15 @@ def placed(model: Model) -> Placed:
         placements = np.array([frame.placement.homogeneous for frame in model.frames]).reshape(-1, 4, 4)
         found = model._placed = Placed(joints, rows[joints], placements)
     return found
+
+
+def joints_as_frames(model: Model) -> Placed:
+    """The joints, each as a frame where it stands itself."""
+    compiled = made(model)
+    if compiled.frames is None:
+        joints = np.arange(model.njoints)
+        compiled.frames = Placed(joints, compiled.rows, np.tile(np.eye(4), (len(joints), 1, 1)))
+    return compiled.frames
 
 
 def _made(model: Model) -> Made:
