@@ -59,20 +59,28 @@ def made(name: str) -> Builtin:
 
 
 @cache
-def kept(name: str, more: tuple[str, ...] = (), returned: bool = True) -> Builtin:
+def kept(name: str, more: tuple[str, ...] = (), returned: bool = True, forces: bool = False) -> Builtin:
     """``(*inputs, *more) -> result`` of a public call for one sample, noted if it is all right.
 
     more      vectors (nv,) that are only noted
     returned  the result is a new array, and is copied; else it is left where it is noted, and True is returned
+    forces    with a last argument, external forces one after the other in a vector, that is not noted
 
     Words: table, sizes, the axes of the result, memory for the inputs one after the other, result.
     """
-    spec = jit.variant(SPECS[name], frozenset())
+    spec = jit.variant(SPECS[name], frozenset(["fext"] if forces else []))
     axes = [f"axis{k}" for k in range(len(jit.kernel_shape(spec.output)))]
     words = ["table", *SIZES, *axes, "memory", "result"]
-    inputs = [*spec.given, *(Argument(x, ("nv",), "", "") for x in more)]
+    inputs = [*(x for x in spec.given if x.name != "fext"), *(Argument(x, ("nv",), "", "") for x in more)]
+    arguments = [x.name for x in inputs]
     shape, passed = f"({', '.join(axes)},)", "".join(f"{x.name}_in, " for x in spec.given)
     body = _given(inputs)
+    if forces:
+        arguments.append("fext")
+        body += [
+            "if not is_vector(plan, fext, 6 * njoints): return no(plan)",
+            f"fext_in = at(word(fext, {DATA}), (njoints, 6))",
+        ]
     if returned:
         body += [
             f"answer = fresh(plan, {len(axes)}, {dims(words, axes[0])})",
@@ -87,8 +95,8 @@ def kept(name: str, more: tuple[str, ...] = (), returned: bool = True) -> Builti
     for x in inputs:
         body += [f"copy({x.name}_in, at(memory, ({x.shape[0]},)))", f"memory += 8 * {x.shape[0]}"]
     body.append("return answer" if returned else "return yes(plan)")
-    label = "_".join(["kept", name, *more, "returned" if returned else "there"])
-    return Builtin(label, [x.name for x in inputs], words, body, {"single": jit.single(spec), "copy": copy})
+    label = "_".join(["kept", name, *more, "returned" if returned else "there", *["forces"] * forces])
+    return Builtin(label, arguments, words, body, {"single": jit.single(spec), "copy": copy})
 
 
 @inlined

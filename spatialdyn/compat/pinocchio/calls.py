@@ -88,18 +88,21 @@ def quick(slow: Callable[..., Any], kind: str, condition: str = "", more: str = 
     entry, name = KINDS[kind], slow.__name__.lstrip("_")
     given = ", ".join(entry.inputs.split())
     rest = "".join(f", {x.partition('=')[0].strip()}" for x in more.split(",")[1:])
+    call = f"run.call({given})"
+    if "fext" in more:
+        call = f"{call} if fext is None else run.pushed(fext, {given})"
     text = [
         f"def {name}(model, data, {given}{more}):",
         "    try:",
         f"        run = data._runs[{kind!r}]",
         f"        if run.made is model._made{condition and f' and {condition}'}:",
-        f"            result = run.call({given})",
+        f"            result = {call}",
         "            if result is not None:",
         "                run.stamp = clock()",
-        *(["                run.fext = None"] if "fext" in more else []),
+        *(["                if fext is None:", "                    run.fext = None"] if "fext" in more else []),
         "                for again in run.again:",
         "                    if again() is None:",
-        "                        raise ValueError",
+        "                        data.refresh(run)",
         f"                return {'run' if entry.stays else 'result'}",
         "    except (AttributeError, KeyError, TypeError, ValueError):  # whatever is not as simple as that",
         "        pass",

@@ -7,6 +7,7 @@ hurry write ``model._made or made(model)``.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from ... import kept
 from ...assembly import Options
 from ...border import core_shape
+from ...edited import edited
 from ...engines.builtin import READY, refused
 from ...errors import ModelError
 from ...interop import check_depth_first, fresh_name
@@ -31,6 +33,15 @@ Places = NDArray[np.intp]
 ROOT = "universe"
 
 
+class Given(NamedTuple):
+    """The numbers of a Model that a Made depends on: inertias, placements, armature, gravity."""
+
+    inertias: Array
+    placements: Array
+    armature: Array
+    gravity: Array
+
+
 class Made:
     """What a Model is to the library.
 
@@ -42,9 +53,20 @@ class Made:
     asked in another way.
     """
 
-    def __init__(self, model: Compiled, rows: Places, joints: Places | None) -> None:
-        self.model, self.rows, self.joints = model, rows, joints
+    def __init__(self, model: Compiled, places: Places, given: Given) -> None:
+        """Of the library's model, which of its joints carries each joint's body, and what it was made from."""
+        self.model, self.given = model, given
+        self.places = places
+        self.rows = np.array([model.joints[k].row for k in places], np.intp)
+        self.joints = None if model.njoints == len(places) else places
         self.frames: Placed | None = None  # of joints_as_frames
+
+    def edited(self, model: Compiled, given: Given) -> Made:
+        """The same for a model of the same tree."""
+        found = Made.__new__(Made)
+        found.__dict__.update({name: self.__dict__[name] for name in ("places", "rows", "joints", "frames")})
+        found.model, found.given = model, given
+        return found
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in SPECS:
@@ -94,8 +116,12 @@ def made(model: Model) -> Made:
     """
     found: Made | None = model._made
     if found is None:
-        found = model._made = _made(model)
-        model._placed = None
+        before: Made | None = model._before
+        found = None if before is None else _edited(model, before)
+        if found is None:
+            found = _made(model)
+            model._placed = None
+        model._made = model._before = found
     return found
 
 
@@ -124,10 +150,15 @@ def joints_as_frames(model: Model) -> Placed:
     return compiled.frames
 
 
+def _given(model: Model) -> Given:
+    inertias = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+    placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
+    return Given(inertias, placements, model._arrays["armature"].copy(), model.gravity._x.copy())
+
+
 def _made(model: Model) -> Made:
     check_depth_first(model)
-    if model.gravity.angular.any():
-        raise ModelError(f"gravity has angular part {model.gravity.angular.tolist()}, expected zero")
+    _check_gravity(model)
     links, joints = [_link(ROOT, model.inertias[0])], []
     names = {ROOT}
     ends = [ROOT]  # the link of each joint of the model
@@ -148,8 +179,7 @@ def _made(model: Model) -> Made:
             if n == 0:
                 X = model.jointPlacements[k].homogeneous @ X
             freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(step.kind, 1)
-            rotors = tuple(model.armature[at : at + freedoms].tolist()) if mimic is None else (0.0,)
-            rotor = rotors[0] if len({*rotors}) == 1 else rotors
+            rotor = 0.0 if mimic is not None else _rotor(model.armature[at : at + freedoms])
             at += freedoms
             made = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, armature=rotor, mimic=mimic)
             joints.append(make_joint(made))
@@ -160,9 +190,44 @@ def _made(model: Model) -> Made:
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
     gravity = tuple(model.gravity.linear.tolist())
     compiled = Compiled(robot, Options("fixed", gravity, "cos_sin", mimics))
-    places = np.array(last, np.intp)
-    rows = np.array([compiled.joints[k].row for k in last], np.intp)
-    return Made(compiled, rows, None if len(joints) + 1 == model.njoints else places)
+    return Made(compiled, np.array(last, np.intp), _given(model))
+
+
+def _edited(model: Model, before: Made) -> Made | None:
+    """What is made of a model of which only numbers were written since; None if that takes making it anew."""
+    now, then, compiled = _given(model), before.given, before.model
+    if before.joints is not None or compiled.mimic_matrix is not None:
+        return None
+    _check_gravity(model)
+    robot = compiled.robot
+    links = {
+        int(k): _link(robot.links[k].name, model.inertias[k])
+        for k in np.flatnonzero((now.inertias != then.inertias).any(1))
+    }
+    moved = (now.placements != then.placements).any((1, 2))
+    for k in np.flatnonzero(now.armature != then.armature):
+        moved[np.searchsorted(model.idx_vs[1:], k, "right")] = True
+    joints = {}
+    for k in np.flatnonzero(moved[1:]).tolist():
+        joint = model.joints[k + 1]
+        X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
+        rotor = _rotor(now.armature[joint.idx_v : joint.idx_v + joint.nv])
+        joints[k] = make_joint(replace(robot.joints[k], placement=_pose(X), armature=rotor))
+    gravity = None if (now.gravity == then.gravity).all() else tuple(now.gravity[:3].tolist())
+    if not links and not joints and gravity is None:
+        return before
+    return before.edited(edited(compiled, links, joints, gravity), now)
+
+
+def _check_gravity(model: Model) -> None:
+    if model.gravity._x[3:].any():
+        raise ModelError(f"gravity has angular part {model.gravity.angular.tolist()}, expected zero")
+
+
+def _rotor(armature: Array) -> float | tuple[float, ...]:
+    """Armatures of a joint: one number if they are alike."""
+    rotors = tuple(armature.tolist())
+    return rotors[0] if len({*rotors}) == 1 else rotors
 
 
 def _link(name: str, inertia: Inertia | None) -> Link:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ... import kept
 from ...border import core_shape
-from ...engines.builtin import refused
+from ...engines.builtin import refused, retarget
 from ...errors import ShapeError
 from ...recursions import SPECS
 from .arguments import ArgumentError, described
@@ -111,7 +111,7 @@ class Run:
 
     __slots__ = (
         "_a", "_own", "_v", "again", "bodies", "bound", "cache", "call", "fext", "frames", "kind", "made", "memory", "parents",
-        "q", "result", "shared", "stamp", "tau",
+        "push", "q", "result", "shared", "stamp", "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, compiled: Made, parents: NDArray[np.intp], shape: tuple[int, ...] | None) -> None:
@@ -138,6 +138,7 @@ class Run:
         if self.kind.call == "aba":
             self._a = self.result
         self.call: Callable[..., Any] = self._first
+        self.push: Callable[..., Any] | None = None  # the same with forces
         self.again: list[Callable[[], Any]] = []
         self.bound: dict[Any, Any] = {}
 
@@ -151,6 +152,27 @@ class Run:
         """The accelerations it was given or found, or zeros."""
         return np.zeros(self.made.model.nv) if self._a is None else self._a
 
+    def pushed(self, fext: Any, *inputs: Any) -> Any:
+        """``call`` with a list of a Force for each joint; None if it has to be done otherwise."""
+        made = self.made
+        fits = isinstance(fext, (list, Rows)) and len(fext) == made.model.njoints and made.joints is None
+        if not fits or {*map(type, fext)} != {Force}:
+            return None
+        given = np.concatenate([force._x for force in fext])
+        if self.push is None:
+            self.push = self._bind(True)
+        result = self.push(*inputs, given)
+        if result is not None:
+            self.fext = given.reshape(-1, 6)
+        return result
+
+    def edited(self, compiled: Made) -> None:
+        """Be the run of an edited model: of the same tree, with other numbers."""
+        self.made = compiled
+        self.cache.clear()
+        for function in (self.call, self.push, *self.again, *(call for _, call in self.bound.values())):
+            retarget(function, compiled.model)
+
     def keep(self, *inputs: Array) -> None:
         """Copy the inputs to memory, in order."""
         at = 0
@@ -160,15 +182,18 @@ class Run:
 
     def _first(self, *inputs: Any) -> Any:
         """Make the builtin, and call it."""
-        made, kind = self.made, self.kind
-        self.call = refused
-        if made.whole and kind.call:
-            names = kind.inputs.split()
-            function = kept.kept(kind.call, tuple(names[len(names) - kind.more :]), not kind.stays)
-            places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data}
-            axes = {f"axis{k}": n for k, n in enumerate(self.result.shape)}
-            self.call = function.bind(made.model, self.memory, self.result, **made.words, **places, **axes)
+        self.call = self._bind(False)
         return self.call(*inputs)
+
+    def _bind(self, forces: bool) -> Callable[..., Any]:
+        made, kind = self.made, self.kind
+        if not (made.whole and kind.call):
+            return refused
+        names = kind.inputs.split()
+        function = kept.kept(kind.call, tuple(names[len(names) - kind.more :]), not kind.stays, forces)
+        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data}
+        axes = {f"axis{k}": n for k, n in enumerate(self.result.shape)}
+        return function.bind(made.model, self.memory, self.result, **made.words, **places, **axes)
 
     def show(self, shown: Mapping[str, Array], refresh: Callable[[Run, str], Any]) -> None:
         """Fill these fields from now on: the result's own in place, those that a call gives by that, others anew."""
@@ -187,7 +212,7 @@ class Run:
         if result is not self.result:
             if not self.shared:
                 result[...] = self.result
-            self.result, self.call = result, self._first
+            self.result, self.call, self.push = result, self._first, None
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # there the result is an input of recipes
@@ -238,10 +263,14 @@ class Data(Stored):
         if sizes != self._sizes:
             raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
         run: Run | None = self._runs.get(name)
+        if run is not None and run.made is not compiled and run.made.places is compiled.places:
+            run.edited(compiled)
+            run.bodies = compiled.given.inertias
+            self._bound.clear()
         if run is None or run.made is not compiled or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
             run = Run(name, compiled, np.array(model.parents, np.intp), shape)
-            run.bodies = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+            run.bodies = compiled.given.inertias
             run.stamp = stamp
             self._runs[name] = run
             self._bound.clear()
@@ -262,8 +291,15 @@ class Data(Stored):
         if self._shown:
             self.refresh(run)
 
+    def redo(self, run: Run) -> None:
+        """Note that a builtin was called just now, and write the fields that it fills and that somebody holds."""
+        run.stamp = clock()
+        for again in run.again:
+            if again() is None:
+                self.refresh(run)
+
     def refresh(self, run: Run) -> None:
-        """Write the fields that a call fills and that somebody holds."""
+        """Write the fields that a call fills and that somebody holds, whatever it was given."""
         for name in self._shown:
             if name in run.kind.fills:
                 self._refreshed(run, name)

@@ -129,22 +129,24 @@ def updateFramePlacements(model: Any, data: Any) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._placed and run.made is model._made and call() is not None:
-            run.stamp = clock()
-            if run.again:
-                data.refresh(run)
+            data.redo(run)
             return
     except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
         pass
-    compiled, frames = prepared(model, data), placed(model)
-    data.check_frames(model)
-    X = data.live("oMi")
-    run = data.run_of("frames", model, compiled, frames.placements.shape)
-    kept.compose_all(X, frames.joints, frames.placements, run.result)
-    data.ran(run)
+    _place_frames(model, data)
+    X, run, frames, compiled = data.live("oMi"), data._runs["frames"], model._placed, model._made
     if compiled.whole:
         words = {"poses": X.ctypes.data, "memory": 0, "result": run.result.ctypes.data, **frames.words()}
         call = kept.placing(False).bind(X, run.result, frames, **{**compiled.words, "njoints": len(X)}, **words)
         data._bound["frames"] = frames, run, call
+
+
+def _place_frames(model: Any, data: Any) -> None:
+    compiled, frames = prepared(model, data), placed(model)
+    data.check_frames(model)
+    run: Run = data.run_of("frames", model, compiled, frames.placements.shape)
+    kept.compose_all(data.array("oMi"), frames.joints, frames.placements, run.result)
+    data.ran(run)
 
 
 def updateFramePlacement(model: Any, data: Any, frame_id: int) -> SE3:
@@ -174,15 +176,13 @@ def framesForwardKinematics(model: Any, data: Any, q: Any) -> None:
     try:
         placed_, run, frames, call = data._bound["all frames"]
         if placed_ is model._placed and run.made is model._made and call(q) is not None:
-            run.stamp, frames.stamp = clock(), clock()
-            if run.again or frames.again:
-                data.refresh(run)
-                data.refresh(frames)
+            data.redo(run)
+            data.redo(frames)
             return
     except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
         pass
     _kinematics0(model, data, q)
-    updateFramePlacements(model, data)
+    _place_frames(model, data)
     run, frames = data._runs["kinematics0"], data._runs["frames"]
     compiled, placed_ = run.made, model._placed
     if compiled.whole and compiled.joints is None:
@@ -391,9 +391,8 @@ def _jacobian_at(
         found = run.bound[what] = frames, call
     J: Array | None = found[1](q, index)
     if J is not None:
-        run.frames, run.stamp = frames, clock()
-        if run.again:
-            data.refresh(run)
+        run.frames = frames
+        data.redo(run)
     return J
 
 
@@ -416,6 +415,15 @@ def computeJointJacobian(model: Any, data: Any, q: Any, joint_id: int) -> Array:
 
 def getJointJacobian(model: Any, data: Any, joint_id: int, reference_frame: Any) -> Array:
     """Jacobian (6, nv) of a joint, where ``data.J`` was computed last."""
+    try:
+        run = data.latest("J")
+        frames, call = run.bound["frame_jacobian", "joint"]
+        if frames is model._made.frames:
+            J: Array | None = call(joint_id, reference_frame)
+            if J is not None:
+                return J
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
     run = _filled(model, data, "J", "computeJointJacobians")
     J = _jacobian("frame_jacobian", run, joints_as_frames(model), "joint", joint_id, reference_frame)
     if J is not None:
@@ -451,9 +459,18 @@ def getFrameJacobian(model: Any, data: Any, *frame: Any, **named: Any) -> Array:
     """Jacobian (6, nv) of a frame, where ``data.J`` was computed last: ``(model, data, frame_id, reference_frame)`` or
     ``(model, data, joint_id, placement, reference_frame)``.
     """
+    try:
+        run = data.latest("J")
+        frames, call = run.bound["frame_jacobian", "frame"]
+        if frames is model._placed and model._made is not None and not named:
+            J: Array | None = call(*frame)
+            if J is not None:
+                return J
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
     run = _filled(model, data, "J", "computeJointJacobians")
     if len(frame) == 2 and not named:
-        J = _jacobian("frame_jacobian", run, model._placed or placed(model), "frame", *frame)
+        J = _jacobian("frame_jacobian", run, placed(model), "frame", *frame)
         if J is not None:
             return J
     joint, placement, reference_frame = _frame(model, *_first(frame, named), {"reference_frame": None, **named})
