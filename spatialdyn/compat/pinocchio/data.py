@@ -105,12 +105,13 @@ class Run:
     fext    forces on the library's joints (njoints, 6), or None
     bodies  inertias (njoints, 10) of the model then; parents of its joints
     bound   builtins about the inputs, by who made them
+    contact how a system with constraints was solved, of a kind that does
     frames  where the frames were on their joints then, of a kind that places them
     cache   fields that were asked for, with the stamp of then
     """
 
     __slots__ = (
-        "_a", "_own", "_v", "again", "bodies", "bound", "cache", "call", "fext", "frames", "kind", "made", "memory", "parents",
+        "_a", "_own", "_v", "again", "bodies", "bound", "contact", "cache", "call", "fext", "frames", "kind", "made", "memory", "parents",
         "push", "q", "result", "shared", "stamp", "tau",
     )  # fmt: skip
 
@@ -119,6 +120,7 @@ class Run:
         self.stamp, self.made, self.parents = 0, compiled, parents
         self.fext: Array | None = None
         self.frames: Any = None
+        self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
         self.bodies: Array = np.empty((0, 10))
         model = compiled.model
@@ -300,15 +302,20 @@ class Data(Stored):
 
     def refresh(self, run: Run) -> None:
         """Write the fields that a call fills and that somebody holds, whatever it was given."""
-        for name in self._shown:
+        for name in [*self._shown]:
             if name in run.kind.fills:
                 self._refreshed(run, name)
 
     def _refreshed(self, run: Run, name: str) -> bool:
         """Write one of them."""
-        found = run.kind.fills[name](run)
-        if found is not self._shown[name]:
-            self._shown[name][...] = found
+        found, shown = run.kind.fills[name](run), self._shown.get(name)
+        if shown is None or found is shown:
+            return True
+        if np.shape(found) == shown.shape:
+            shown[...] = found
+        else:  # of no fixed size: a new array when it is next read
+            del self._shown[name], self.__dict__[name]
+            self._attach()
         return True
 
     def live(self, name: str) -> Array:

@@ -172,6 +172,36 @@ def zeroed(recipe: Recipe) -> Recipe:
     return recipe_but_world
 
 
+# --- under constraints -----------------------------------------------------------------------------------
+
+
+def forces_of_constraints(run: Any) -> Array:
+    """Forces or impulses of the constraints."""
+    return np.array(run.contact.force)
+
+
+def D(run: Any) -> Array:
+    """Diagonal of M = U D Uᵀ."""
+    return diagonal(run.contact.L)
+
+
+def U(run: Any) -> Array:
+    """Unit upper triangle of M = U D Uᵀ."""
+    return unit_upper(run.contact.L)
+
+
+def diagonal(L: Array) -> Array:
+    """D of an L with D on its diagonal."""
+    return np.array(L.diagonal())
+
+
+def unit_upper(L: Array) -> Array:
+    """U = Lᵀ of an L with D on its diagonal."""
+    found = np.array(np.tril(L).T, order="C")
+    np.fill_diagonal(found, 1.0)
+    return found
+
+
 # --- regressors ------------------------------------------------------------------------------------------
 
 
@@ -405,6 +435,9 @@ KINDS: dict[str, Kind] = {
             "com": com, "mass": mass, "tau": tau_without_weight,
         },
     ),
+    "constrained": Kind("", "", {"ddq": result, "lambda_c": forces_of_constraints, "D": D, "U": U}),
+    "impact": Kind("", "", {"dq_after": result, "impulse_c": forces_of_constraints, "D": D, "U": U}),
+    "bordered": Kind("", "", {"D": D, "U": U}),
     "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}, stays=True),
     "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}, stays=True),
     "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}, stays=True),
