@@ -115,7 +115,10 @@ def impact() -> Builtin:
 
 @cache
 def inverse() -> Builtin:
-    """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``; words: table, sizes, m, its axes, memory for q, M, factors."""
+    """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``.
+
+    Words: table, sizes, m, its axes, memory for q, M, factors.
+    """
     words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *FACTORS]
     body = [
         "if not is_vector(plan, q, nq): return no(plan)",

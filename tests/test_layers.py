@@ -30,6 +30,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "layouts": ("recursions",),
     "algebra": ("layouts", "engines"),
     "kept": ("algebra",),
+    "kept_contact": ("kept",),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -38,6 +39,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "mimics": ("rows",),
     "assembly": ("mimics",),
     "model": ("assembly",),
+    "edited": ("model",),
     "builder": ("model",),
     "robot_files": ("robot",),
     "urdf_xml": ("robot",),
@@ -58,7 +60,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward", "truth"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("kept", "trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("kept_contact", "edited", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, types
+from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
@@ -60,7 +60,8 @@ def _call(result: Any, *given: Any) -> Any:
             made = builder.call(function, narrow)
             return _WORD(0) if isinstance(result, ir.VoidType) else made
 
-        return types.intp(types.intp, types.UniTuple(types.intp, len(given))), generate
+        several: Any = types.UniTuple
+        return types.intp(types.intp, several(types.intp, len(given))), generate
 
     return intrinsic(at)
 
@@ -87,7 +88,7 @@ def places(address: int, count: int) -> Any:
 
 
 @inlined
-def is_vector(plan: int, x: int, size: int) -> bool:
+def is_vector(plan: int, x: int, size: int) -> Any:
     """Whether an object is a float64 array of this one axis."""
     return (
         word(x, TYPE) == word(plan, NDARRAY)
@@ -99,7 +100,7 @@ def is_vector(plan: int, x: int, size: int) -> bool:
 
 
 @inlined
-def is_matrix(plan: int, x: int, columns: int) -> bool:
+def is_matrix(plan: int, x: int, columns: int) -> Any:
     """Whether an object is a float64 array (..., columns) of two axes."""
     return (
         word(x, TYPE) == word(plan, NDARRAY)
@@ -124,7 +125,7 @@ def matrix(x: int) -> Any:
 
 
 @inlined
-def index(plan: int, x: int, count: int) -> int:
+def index(plan: int, x: int, count: int) -> Any:
     """The value of an int from 0 to count - 1; -1 for anything else."""
     if word(x, TYPE) != word(plan, INTEGER):
         return -1
@@ -135,41 +136,39 @@ def index(plan: int, x: int, count: int) -> int:
 
 
 @inlined
-def is_real(plan: int, x: int) -> bool:
+def is_real(plan: int, x: int) -> Any:
     """Whether an object is a float."""
     return word(x, TYPE) == word(plan, REAL)
 
 
 @inlined
-def real(x: int) -> float:
+def real(x: int) -> Any:
     """The value of a float, which stands where an array has its data."""
     return at(x + 8 * DATA, (1,))[0]
 
 
 @inlined
-def fresh(plan: int, rank: int, shape: int) -> int:
+def fresh(plan: int, rank: int, shape: int) -> Any:
     """A new float64 array in C order, its axes at an address; 0 if there is no memory."""
-    return _make(
-        word(plan, MAKE), (word(plan, NDARRAY), rank, shape, _DOUBLE, 0, 0, 0, 0, 0)
-    )
+    return _make(word(plan, MAKE), (word(plan, NDARRAY), rank, shape, _DOUBLE, 0, 0, 0, 0, 0))
 
 
 @inlined
-def no(plan: int) -> int:
+def no(plan: int) -> Any:
     """None, to be returned."""
     _count(word(plan, UP), (word(plan, NONE),))
     return word(plan, NONE)
 
 
 @inlined
-def yes(plan: int) -> int:
+def yes(plan: int) -> Any:
     """True, to be returned."""
     _count(word(plan, UP), (word(plan, TRUE),))
     return word(plan, TRUE)
 
 
 @inlined
-def never_mind(plan: int, x: int) -> int:
+def never_mind(plan: int, x: int) -> Any:
     """None, to be returned in place of a new object."""
     _count(word(plan, DOWN), (x,))
     return no(plan)
@@ -177,7 +176,8 @@ def never_mind(plan: int, x: int) -> int:
 
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
-    "matrix": matrix, "index": index, "is_real": is_real, "real": real, "fresh": fresh, "no": no, "yes": yes, "never_mind": never_mind,
+    "matrix": matrix, "index": index, "is_real": is_real, "real": real, "fresh": fresh, "no": no, "yes": yes,
+    "never_mind": never_mind,
 }  # fmt: skip
 
 
@@ -270,10 +270,11 @@ class Builtin:
         for k, name in enumerate(arguments):
             text.append(f"{name} = word(args, {k})" if k < least else f"{name} = word(args, {k}) if n > {k} else 0")
         function = jit.define(f"builtin_{label}", ["self", "args", "n"], [*text, *body], {**SCOPE, **scope})
-        self._dispatcher: Any = jit.jitted(function, nogil=False)
+        dispatcher: Any = jit.jitted(function, nogil=False)
         signature = (types.intp, types.intp, types.intp)
-        self._dispatcher.compile(signature)
-        made = self._dispatcher.overloads[signature]
+        dispatcher.compile(signature)
+        made = dispatcher.overloads[signature]
+        self._code = dispatcher  # keeps what was compiled where it is
         address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
         self._definition = _Definition(label.encode(), address, FASTCALL, None)
 

@@ -20,6 +20,7 @@ from .rows import Rows
 
 Array = NDArray[np.float64]
 
+
 def vector(name: str, value: Any, size: int) -> Array:
     """A float64 vector of an argument; a column (n, 1) passes. Raises ArgumentError for another type, ShapeError."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:

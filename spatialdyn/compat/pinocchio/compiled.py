@@ -205,14 +205,17 @@ def _edited(model: Model, before: Made) -> Made | None:
         for k in np.flatnonzero((now.inertias != then.inertias).any(1))
     }
     moved = (now.placements != then.placements).any((1, 2))
-    for k in np.flatnonzero(now.armature != then.armature):
-        moved[np.searchsorted(model.idx_vs[1:], k, "right")] = True
-    joints = {}
-    for k in np.flatnonzero(moved[1:]).tolist():
+    for at in np.flatnonzero(now.armature != then.armature):
+        moved[np.searchsorted(model.idx_vs[1:], at, "right")] = True
+    joints: dict[int, RobotJoint] = {}
+    for k in map(int, np.flatnonzero(moved[1:])):
         joint = model.joints[k + 1]
-        X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
         rotor = _rotor(now.armature[joint.idx_v : joint.idx_v + joint.nv])
-        joints[k] = make_joint(replace(robot.joints[k], placement=_pose(X), armature=rotor))
+        given = replace(robot.joints[k], armature=rotor)
+        if (now.placements[k + 1] != then.placements[k + 1]).any():
+            X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
+            given = replace(given, placement=_pose(X))
+        joints[k] = make_joint(given)
     gravity = None if (now.gravity == then.gravity).all() else tuple(now.gravity[:3].tolist())
     if not links and not joints and gravity is None:
         return before

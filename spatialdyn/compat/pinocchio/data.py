@@ -7,7 +7,6 @@ what is written to them stays until then.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
@@ -111,8 +110,27 @@ class Run:
     """
 
     __slots__ = (
-        "_a", "_own", "_v", "again", "bodies", "bound", "contact", "cache", "call", "fext", "frames", "kind", "made", "memory", "parents",
-        "push", "q", "result", "shared", "stamp", "tau",
+        "_a",
+        "_own",
+        "_v",
+        "again",
+        "bodies",
+        "bound",
+        "cache",
+        "call",
+        "contact",
+        "fext",
+        "frames",
+        "kind",
+        "made",
+        "memory",
+        "parents",
+        "push",
+        "q",
+        "result",
+        "shared",
+        "stamp",
+        "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, compiled: Made, parents: NDArray[np.intp], shape: tuple[int, ...] | None) -> None:

@@ -17,6 +17,7 @@ from ... import algebra, dynamics, kept
 
 Array = NDArray[np.float64]
 Recipe = Callable[[Any], Any]
+Fills = dict[str, Recipe]
 
 
 @dataclass(frozen=True)
@@ -337,18 +338,18 @@ of, oh = up(kept.forces_up, f), up(kept.forces_up, h)
 J, dJ = by("joint_jacobians", "q"), by("joint_jacobians_dot", "q", "v")
 hg = by("centroidal_momentum", "q", "v")
 
-CHAIN = {"liMi": liMi}
-PLACES = {"liMi": liMi, "oMi": oMi}
-MASSES = {**PLACES, "com": com, "mass": mass}
-MAP = {**PLACES, "Ag": by("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
-MAP_DOT = {**MAP, "dAg": by("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
-ENERGIES = {
+CHAIN: Fills = {"liMi": liMi}
+PLACES: Fills = {"liMi": liMi, "oMi": oMi}
+MASSES: Fills = {**PLACES, "com": com, "mass": mass}
+MAP: Fills = {**PLACES, "Ag": by("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
+MAP_DOT: Fills = {**MAP, "dAg": by("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
+ENERGIES: Fills = {
     "kinetic_energy": by("kinetic_energy", "q", "v"),
     "potential_energy": by("potential_energy", "q"),
     "mechanical_energy": mechanical_energy,
 }
-MOVING = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
-ACCELERATED = {**MOVING, "a": a, "oa": oa}
+MOVING: Fills = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
+ACCELERATED: Fills = {**MOVING, "a": a, "oa": oa}
 KINDS: dict[str, Kind] = {
     "rnea": Kind("rnea", "q v a", {**CHAIN, "tau": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
     "aba": Kind("aba", "q v tau", {**CHAIN, "ddq": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
