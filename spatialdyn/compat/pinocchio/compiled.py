@@ -60,11 +60,12 @@ class Made:
         self.rows = np.array([model.joints[k].row for k in places], np.intp)
         self.joints = None if model.njoints == len(places) else places
         self.frames: Placed | None = None  # of joints_as_frames
+        self.units: list[slice] | None = None  # quaternions and pairs in q
 
     def edited(self, model: Compiled, given: Given) -> Made:
         """The same for a model of the same tree."""
         found = Made.__new__(Made)
-        found.__dict__.update({name: self.__dict__[name] for name in ("places", "rows", "joints", "frames")})
+        found.__dict__.update({name: self.__dict__[name] for name in ("places", "rows", "joints", "frames", "units")})
         found.model, found.given = model, given
         return found
 
@@ -136,7 +137,7 @@ def placed(model: Model) -> Placed:
                     f'frame "{frame.name}" has parent joint {frame.parentJoint}, expected a joint\'s index'
                 )
         joints = np.array([frame.parentJoint for frame in model.frames], np.intp)
-        placements = np.array([frame.placement.homogeneous for frame in model.frames]).reshape(-1, 4, 4)
+        placements = np.array([frame.placement._x for frame in model.frames]).reshape(-1, 4, 4)
         found = model._placed = Placed(joints, rows[joints], placements)
     return found
 

@@ -19,6 +19,7 @@ from .frame import ARG0, ARG1, ArgumentPosition
 from .model import Model
 
 Array = NDArray[np.float64]
+UNITS = {"continuous": (0, 2), "spherical": (0, 4), "floating": (3, 7), "planar": (2, 4)}  # parts of unit norm
 
 
 def _compiled(model: Any) -> Any:
@@ -90,7 +91,7 @@ def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
 def distance(model: Any, q1: Any, q2: Any) -> float:
     """Norm of the difference."""
     v = difference(model, q1, q2)
-    return math.sqrt(v @ v)
+    return math.hypot(*v.tolist())
 
 
 def normalize(model: Any, q: Any) -> Array:
@@ -110,22 +111,22 @@ def isNormalized(model: Any, q: Any, prec: float = 1e-12) -> bool:
     """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
     _compiled(model)
     q = vector("q", q, model.nq)
-    return all(abs(np.linalg.norm(part) - 1.0) < prec for part in _unit_parts(model, q))
+    return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in _unit_parts(model, q))
 
 
 def _unit_parts(model: Any, q: Array) -> list[Array]:
     """The quaternions and pairs of a configuration."""
-    parts = []
-    for joint in model.joints[1:]:
-        at = joint.idx_q
-        for step in joint.steps():
-            first, n = {"continuous": (0, 2), "spherical": (0, 4), "floating": (3, 7), "planar": (2, 4)}.get(
-                step.kind, (1, 1)
-            )
-            if n > first:
-                parts.append(q[at + first : at + n])
-            at += n
-    return parts
+    compiled = made(model)
+    if compiled.units is None:
+        compiled.units = []
+        for joint in model.joints[1:]:
+            at = joint.idx_q
+            for step in joint.steps():
+                first, n = UNITS.get(step.kind, (1, 1))
+                if n > first:
+                    compiled.units.append(slice(at + first, at + n))
+                at += n
+    return [q[unit] for unit in compiled.units]
 
 
 def isSameConfiguration(model: Any, q1: Any, q2: Any, prec: float) -> bool:
