@@ -79,10 +79,13 @@ def forwardKinematics(model: Any, data: Any, q: Any, v: Any = None, a: Any = Non
     if v is None:
         try:
             run = data._runs["kinematics0"]
-            if run.made is model._made and run.call(q) is not None and not run.again:
-                run.stamp = clock()
+            if run.made is model._made and run.call(q) is not None:
+                if run.again:
+                    data.redo(run)
+                else:
+                    run.stamp = clock()
                 return
-        except (AttributeError, KeyError):  # whatever is not as simple as that
+        except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
             pass
         _kinematics0(model, data, q)
     elif a is None:
