@@ -115,7 +115,7 @@ def tables(robot: Robot, options: Options) -> Tables:
 
     return Tables(
         robot=robot,
-        key=_digest(bodies, mimics),
+        key=digest(bodies, mimics),
         bodies=bodies,
         nq=len(free_q),
         nv=len(free_v),
@@ -145,13 +145,13 @@ def _refuse_reserved_names(robot: Robot, options: Options) -> None:
             raise ModelError(f'robot "{robot.name}" has a joint "{joint.name}", expected another name: it is reserved')
 
 
-def _digest(bodies: NDArray[Any], mimics: Mimics) -> str:
+def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
     """Digest of all that a result depends on."""
-    digest = hashlib.sha256(bodies.tobytes())
-    if mimics.matrix is not None:
+    made = hashlib.sha256(bodies.tobytes())
+    if mimics is not None and mimics.matrix is not None:
         for part in (mimics.matrix, mimics.source, mimics.ratio, mimics.offset):
-            digest.update(part.tobytes())
-    return digest.hexdigest()
+            made.update(part.tobytes())
+    return made.hexdigest()
 
 
 # --- the walk through the tree ---------------------------------------------------------------------------
@@ -229,10 +229,14 @@ def tabulate(
     bodies[0].at, bodies[0].dofs = at, len(joints)
     put_vec(bodies[0].gravity, Vec(*options.gravity))
     _put_last(bodies)
+    return completed(bodies), joints
+
+
+def completed(bodies: NDArray[Any]) -> NDArray[Any]:
+    """A table with all that follows from its other columns, read-only: over bytes, which nobody can make writable."""
     _put_bounds(bodies)
     _drop_signs_of_zeros(bodies)
-    # over bytes, which nobody can make writable again
-    return np.frombuffer(bodies.tobytes(), bodies.dtype), joints
+    return np.frombuffer(bodies.tobytes(), bodies.dtype)
 
 
 def _put_last(bodies: NDArray[Any]) -> None:

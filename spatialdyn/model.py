@@ -92,7 +92,10 @@ class Model:
         """The Model of a checked robot; ``assemble`` takes the options one by one."""
         if hasattr(self, "key"):
             raise AttributeError("a Model is immutable: it cannot be made again")
-        made = tables(robot, options)
+        self._hold(tables(robot, options), options)
+
+    def _hold(self, made: Tables, options: Options) -> None:
+        robot = made.robot
         slots = {
             **made._asdict(),
             "options": options,

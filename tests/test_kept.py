@@ -1,4 +1,4 @@
-"""Kernels that keep what they were given, and operators on lists."""
+"""Calls that note what they were given, and operators on lists."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn import algebra, kept
-from spatialdyn.engines import jit
-from spatialdyn.engines.jit import OK, SHAPE
+from spatialdyn import algebra, kept, kept_contact
+from spatialdyn.engines import builtin
 
 
 @pytest.fixture(scope="module")
@@ -20,57 +19,98 @@ def case() -> Any:
     return made.model, random_state(made.tree, np.random.default_rng(0))
 
 
-def table(model: sd.Model) -> Any:
-    return getattr(model, jit.TABLE)
+compiled = pytest.mark.skipif(not builtin.READY, reason="nothing is compiled, or Python is not as expected")
 
 
-def test_memory_is_the_result_and_then_the_inputs(case: Any) -> None:
+def bound(function: builtin.Builtin, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
+    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
+    words |= {name: x.ctypes.data for name, x in arrays.items()}
+    return function.bind(model, arrays, **words)
+
+
+@compiled
+def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
     model, s = case
-    tau, memory = np.empty(model.nv), np.empty(model.nq + 3 * model.nv)
-    assert kept.kept("rnea")(table(model), s.q, s.v, s.a, tau, memory) == OK
-    np.testing.assert_array_equal(tau, sd.rnea(model, s.q, s.v, s.a))
-    np.testing.assert_array_equal(memory, np.concatenate([tau, s.q, s.v, s.a]))
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
+    call = bound(kept.kept("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    found = call(s.q, s.v, s.a)
+    np.testing.assert_array_equal(found, sd.rnea(model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(tau, found)
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
+    assert not np.shares_memory(tau, found)
 
 
-def test_matrices_are_kept_row_by_row(case: Any) -> None:
+@compiled
+def test_forces_are_a_last_vector(case: Any) -> None:
     model, s = case
-    M, memory = np.empty((model.nv, model.nv)), np.empty(model.nq + model.nv**2)
-    assert kept.kept("crba")(table(model), s.q, M, memory) == OK
-    np.testing.assert_array_equal(memory, np.concatenate([M.ravel(), s.q]))
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
+    call = bound(kept.kept("rnea", forces=True), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    np.testing.assert_array_equal(call(s.q, s.v, s.a, s.fext.ravel()), sd.rnea(model, s.q, s.v, s.a, s.fext))
+    assert call(s.q, s.v, s.a) is call(s.q, s.v, s.a, s.fext.ravel()[:-1]) is None
 
 
-def test_a_result_may_be_in_memory_already_and_more_be_kept(case: Any) -> None:
+@compiled
+def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
-    size = 16 * model.njoints
-    memory = np.empty(size + model.nq + 2 * model.nv)
-    X = memory[:size].reshape(model.njoints, 4, 4)
-    assert kept.kept("forward_kinematics", ("v", "a"), False)(table(model), s.q, s.v, s.a, X, memory) == OK
+    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv)
+    axes = {"axis0": model.njoints, "axis1": 4, "axis2": 4}
+    function = kept.kept("forward_kinematics", ("v", "a"), False)
+    assert bound(function, model, {"memory": memory, "result": X}, **axes)(s.q, s.v, s.a) is True
     np.testing.assert_array_equal(X, sd.forward_kinematics(model, s.q))
-    np.testing.assert_array_equal(memory[size:], np.concatenate([s.q, s.v, s.a]))
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
 
 
-def test_memory_of_another_size_or_a_failure_is_left_alone(case: Any) -> None:
+@compiled
+def test_a_failure_notes_nothing(case: Any) -> None:
     model, s = case
-    tau = np.empty(model.nv)
-    for memory in (np.zeros(3), np.zeros(model.nq + 3 * model.nv + 1)):
-        assert kept.kept("rnea")(table(model), s.q, s.v, s.a, tau, memory) == SHAPE
-        assert not memory.any()
-    memory = np.zeros(model.nq + 3 * model.nv)
-    assert kept.kept("rnea")(table(model), 2.0 * s.q, s.v, s.a, tau, memory) != OK
+    tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv)
+    call = bound(kept.kept("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    assert call(2.0 * s.q, s.v, s.a) is call(s.q, s.v, s.a * np.inf) is None
     assert not memory.any()
+    assert not tau.any()
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="uncompiled kernels take no indices; callers go another way")
+@compiled
+def test_a_call_is_made_again_on_what_was_noted(case: Any) -> None:
+    model, s = case
+    out = np.empty((model.njoints, 6))
+    arrays = {"q_there": s.q, "v_there": s.v, "V_there": out}
+    output = sd.recursions.SPECS["joint_velocities"].output.name
+    arrays[f"{output}_there"] = arrays.pop("V_there")
+    assert bound(kept.again("joint_velocities"), model, arrays)() is True
+    np.testing.assert_array_equal(out, sd.joint_velocities(model, s.q, s.v))
+
+
+@compiled
 def test_frames_are_placed_with_the_joints(case: Any) -> None:
     model, s = case
     frames = [f for f in model.frames if f.joint > 0]
     joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
-    size, out = 16 * model.njoints, np.empty((len(frames), 4, 4))
-    memory = np.empty(size + model.nq)
-    X = memory[:size].reshape(model.njoints, 4, 4)
-    assert kept.placing()(table(model), s.q, X, memory, joints, placements, out) == OK
+    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq)
+    arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": placements}
+    assert bound(kept.placing(True), model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
         np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)
+    first = out.copy()
+    out[:] = 0.0
+    assert bound(kept.placing(False), model, arrays, frames=len(frames))() is True
+    np.testing.assert_array_equal(out, first)
+
+
+@compiled
+def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
+    model, s = case
+    m, n, rng = 3, model.nv, np.random.default_rng(3)
+    J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
+    arrays = {"memory": np.empty(model.nq + n), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
+    arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m)}
+    call = bound(kept_contact.dynamics(), model, arrays, m=m)
+    expected = sd.constrained_dynamics(model, s.q, s.v, s.tau, J, drift, 0.1)
+    np.testing.assert_array_equal(call(s.q, s.v, s.tau, J, drift, 0.1), expected.a)
+    np.testing.assert_array_equal(arrays["force"], expected.force)
+    J[1] = J[0]
+    assert call(s.q, s.v, s.tau, J, drift) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
+    np.testing.assert_array_equal(arrays["force"], expected.force)
 
 
 def test_a_listed_operator_is_the_operator_row_by_row() -> None:

@@ -35,6 +35,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "operators": ("layouts",),
     "algebra": ("operators", "engines"),
     "kept": ("operators", "engines"),
+    "kept_contact": ("kept",),
     # robots
     "errors": (),
     "inertia": ("errors",),
@@ -43,6 +44,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "mimics": ("rows",),
     "assembly": ("mimics",),
     "model": ("assembly",),
+    "edited": ("model",),
     "builder": ("model",),
     "robot_files": ("robot",),
     "urdf_xml": ("robot",),
@@ -63,7 +65,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     "trade": ("simulation", "forward", "truth"),
     "interop": ("states",),
     "validate": ("interop", "urdf"),
-    "compat": ("algebra", "kept", "trade", "interop", "urdf", "builder", "specialize"),
+    "compat": ("algebra", "kept_contact", "edited", "trade", "interop", "urdf", "builder", "specialize"),
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),

@@ -15,7 +15,7 @@ from ..engines import jit
 from ..engines.small import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
 from ..model import Model
-from ..recursions.contact import constrained_samples, factored
+from ..recursions.contact import bordered_inverse, constrained_samples, factored
 from ..recursions.factor import solve_tree
 from ..scalars import inlined
 
@@ -142,6 +142,15 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     if (rank != m).any():
         _refuse(model, Ms, m, rank, batch)
     return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)
+
+
+def inverse(model: Model, solved: Solved) -> Array:
+    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1], of what solving with it has left for one sample."""
+    m, n = solved.Y.shape
+    out = np.empty((n + m, n + m))
+    run = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2)
+    run(getattr(_free(model), jit.TABLE), solved.L, solved.Y, solved.C, np.empty(m), np.empty(n), np.empty(m), out)
+    return out
 
 
 def factor(model: Model, M: Array) -> Array:

@@ -178,9 +178,14 @@ def _label(spec: Spec) -> str:
     return "_".join([spec.name, *(x.name for x in spec.given)])
 
 
-def jitted(function: Callable[..., Any], nogil: bool = True, keep: bool = True) -> Callable[..., Any]:
-    """A function made by ``define``, compiled for whatever it is called with, and kept on disk unless told not to."""
-    dispatcher: Any = njit(**{**FLAGS, "nogil": nogil})(function)
+def jitted(
+    function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False
+) -> Callable[..., Any]:
+    """A function made by ``define``, compiled for whatever it is called with, and kept on disk unless told not to.
+
+    from_c  with a form that C can call
+    """
+    dispatcher: Any = njit(**{**FLAGS, "nogil": nogil, "no_cfunc_wrapper": not from_c})(function)
     if keep and not PLAIN:
         dispatcher._cache = Kept(function)
     made: Callable[..., Any] = dispatcher

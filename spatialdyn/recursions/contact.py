@@ -28,29 +28,59 @@ def constrained(
     n, m = len(bodies) - 1, len(J)
     if factored(bodies, M, L) < 0:
         return -1
+    independent = _factor_constraints(bodies, J, mu, L, Y, C)
     for i in range(n):
         x[i] = r[i]
-    independent = _factor_constraints(bodies, J, mu, L, Y, C)
+    if independent == m:
+        solve_factored(bodies, gamma, L, Y, C, x, force)
+    return independent
+
+
+@inlined
+def solve_factored(bodies: Any, gamma: Any, L: Any, Y: Any, C: Any, x: Any, force: Any) -> None:
+    """x (nv), which is r before, and λ = force (m) by L, Y and C."""
+    n, m = len(L), len(C)
     solve_inward(bodies, L, x)
     for i in range(n):
         x[i] = x[i] / L[i, i]
-    if independent == m:
-        for k in range(m):
-            y = -gamma[k]
-            for i in range(n):
-                y = y - Y[k, i] * x[i]
-            for j in range(k):
-                y = y - C[k, j] * force[j]
-            force[k] = y / C[k, k]
-        for k in range(m - 1, -1, -1):
-            for j in range(k + 1, m):
-                force[k] = force[k] - C[j, k] * force[j]
-            force[k] = force[k] / C[k, k]
-        for k in range(m):
-            for i in range(n):
-                x[i] = x[i] + Y[k, i] * force[k] / L[i, i]
+    for k in range(m):
+        y = -gamma[k]
+        for i in range(n):
+            y = y - Y[k, i] * x[i]
+        for j in range(k):
+            y = y - C[k, j] * force[j]
+        force[k] = y / C[k, k]
+    for k in range(m - 1, -1, -1):
+        for j in range(k + 1, m):
+            force[k] = force[k] - C[j, k] * force[j]
+        force[k] = force[k] / C[k, k]
+    for k in range(m):
+        for i in range(n):
+            x[i] = x[i] + Y[k, i] * force[k] / L[i, i]
     solve_outward(bodies, L, x)
-    return independent
+
+
+@inlined
+def bordered_inverse(bodies: Any, L: Any, Y: Any, C: Any, gamma: Any, x: Any, force: Any, out: Any) -> int:
+    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] by L, Y and C, column by column; gamma, x and force are scratch.
+
+    With x and -λ for unknowns, the right side is r and -γ; what is above the diagonal is what is below.
+    """
+    n, m = len(L), len(C)
+    for j in range(n + m):
+        for i in range(n):
+            x[i] = 0.0
+        for k in range(m):
+            gamma[k] = 0.0
+        if j < n:
+            x[j] = 1.0
+        else:
+            gamma[j - n] = -1.0
+        solve_factored(bodies, gamma, L, Y, C, x, force)
+        for i in range(j, n + m):
+            out[i, j] = x[i] if i < n else -force[i - n]
+            out[j, i] = out[i, j]
+    return 0
 
 
 @inlined

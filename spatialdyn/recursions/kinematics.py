@@ -92,6 +92,12 @@ def referred(X: Pose, m: Motion, reference: int) -> Motion:
 
 
 @inlined
+def of_point(a: Motion, v: Motion) -> Motion:
+    """The acceleration of the point where the frame is, of its spatial one and its velocity: ω × v is added."""
+    return Motion(a.w, plus(a.v, cross(v.w, v.v)))
+
+
+@inlined
 def frame_placement(bodies: Any, work: Any, q: Any, row: int, placement: Any, out: Any) -> None:
     """Pose of the frame in the world."""
     X = pose_from(placement)
@@ -169,8 +175,7 @@ def frame_acceleration(
     X, seen, total = carried(bodies, work, q, v, a, row, placement)
     total = referred(X, total, reference)
     if classical == 1:
-        u = referred(X, seen, reference)
-        total = Motion(total.w, plus(total.v, cross(u.w, u.v)))
+        total = of_point(total, referred(X, seen, reference))
     public_motion(out, total)
 
 

@@ -562,3 +562,36 @@ def test_a_joint_that_is_not_there_cannot_be_locked(joint: int) -> None:
     model = ours.buildSampleModelManipulator()
     with pytest.raises(sd.SpatialDynError, match=f"joint index (is )?{joint}"):
         ours.buildReducedModel(model, [joint], ours.neutral(model))
+
+
+def test_a_frame_that_was_renamed_is_found_by_its_new_name_alone() -> None:
+    model = ours.buildSampleModelManipulator()
+    at = model.nframes - 1
+    old = model.frames[at].name
+    assert model.getFrameId(old) == at
+    model.frames[at].name = "tool"
+    assert model.getFrameId("tool") == at
+    assert not model.existFrame(old)
+    model.frames[at] = ours.Frame("other", 1, 0, ours.SE3.Identity(), ours.FrameType.OP_FRAME)
+    assert model.existFrame("other")
+    assert not model.existFrame("tool")
+
+
+def test_an_edited_model_computes_what_one_made_of_its_numbers_does() -> None:
+    model = ours.buildSampleModelHumanoidRandom()
+    rng, data = np.random.default_rng(0), model.createData()
+    q, v = ours.neutral(model), rng.normal(size=model.nv)
+    for edit in (
+        lambda: model.inertias.__setitem__(3, ours.Inertia.Random()),
+        lambda: model.jointPlacements[2].translation.__setitem__(0, 0.3),
+        lambda: model.armature.__setitem__(7, 0.5),
+        lambda: setattr(model.gravity, "linear", np.array([1.0, 2.0, 3.0])),
+        lambda: model.names.__setitem__(2, "renamed"),
+    ):
+        ours.rnea(model, data, q, v, v)
+        edit()
+        anew = model.copy()
+        for _ in range(2):  # the first call after an edit, and those that follow it
+            tau = ours.rnea(model, data, q, v, v)
+            np.testing.assert_array_equal(tau, ours.rnea(anew, anew.createData(), q, v, v))
+            np.testing.assert_array_equal(ours.integrate(model, q, v), ours.integrate(anew, q, v))

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ... import dynamics
 from ...errors import InertiaError, ShapeError
-from ...kept import kept
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
 from .data import Run, clock, prepared
@@ -20,7 +19,6 @@ from .motion import Force
 from .rows import Rows
 
 Array = NDArray[np.float64]
-F8 = np.dtype(np.float64)
 
 
 def vector(name: str, value: Any, size: int) -> Array:
@@ -81,43 +79,37 @@ def returned(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) -
     return perform(model, data, kind, *values, fext=fext).result.copy()
 
 
-def quick(
-    slow: Callable[..., Any], kind: str, result: bool = True, condition: str = "True", more: str = ""
-) -> Callable[..., Any]:
+def quick(slow: Callable[..., Any], kind: str, condition: str = "", more: str = "") -> Callable[..., Any]:
     """The function ``slow`` of (model, data, *inputs of a kind), with a short way for float64 arrays of one sample.
 
-    result     whether it returns the kind's result
     condition  what has to hold of its further parameters ``more``, a text such as ", fext=None"
+
+    Of a kind whose result stays, the run is returned.
     """
     entry, name = KINDS[kind], slow.__name__.lstrip("_")
-    parameters = entry.inputs.split()
-    given = ", ".join(parameters)
+    given = ", ".join(entry.inputs.split())
     rest = "".join(f", {x.partition('=')[0].strip()}" for x in more.split(",")[1:])
-    native = " and ".join(f"{x}.dtype is F8" for x in parameters)
+    call = f"run.call({given})"
+    if "fext" in more:
+        call = f"{call} if fext is None else run.pushed(fext, {given})"
     text = [
         f"def {name}(model, data, {given}{more}):",
         "    try:",
         f"        run = data._runs[{kind!r}]",
-        f"        if run.made is model._made and {native} and {condition}:",
-        f"            result = {'empty(run.shape)' if result else 'run.result'}",
-        f"            if not kernel(run.table, {given}, result, run.memory):",
+        f"        if run.made is model._made{condition and f' and {condition}'}:",
+        f"            result = {call}",
+        "            if result is not None:",
         "                run.stamp = clock()",
-        *(["                run.fext = None"] if "fext" in more else []),
-        "                if data._shown:",
-        "                    data.refresh(run)",
-        f"                return {'result' if result else 'None'}",
+        *(["                if fext is None:", "                    run.fext = None"] if "fext" in more else []),
+        "                for again in run.again:",
+        "                    if again() is None:",
+        "                        data.refresh(run)",
+        f"                return {'run' if entry.stays else 'result'}",
         "    except (AttributeError, KeyError, TypeError, ValueError):  # whatever is not as simple as that",
         "        pass",
         f"    return slow(model, data, {given}{rest})",
     ]
-    scope: dict[str, Any] = {"F8": F8, "empty": np.empty, "clock": clock, "slow": slow, "LOCAL": Convention.LOCAL}
-
-    def first(*arguments: Any) -> int:
-        scope["kernel"] = kept(entry.call, tuple(parameters[len(parameters) - entry.more :]), result)
-        status: int = scope["kernel"](*arguments)
-        return status
-
-    scope["kernel"] = first
+    scope: dict[str, Any] = {"clock": clock, "slow": slow, "LOCAL": Convention.LOCAL}
     exec(compile("\n".join(text), __file__, "exec"), scope)
     function: Callable[..., Any] = scope[name]
     function.__module__, function.__doc__ = slow.__module__, slow.__doc__

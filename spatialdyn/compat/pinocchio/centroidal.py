@@ -59,7 +59,7 @@ def centerOfMass(model: Any, data: Any, *given: Any, **named: Any) -> Array:
     for what forwardKinematics was given last. ``data.com[k]`` is the centre of what joint k carries, in its frame;
     vcom and acom likewise. They are at hand whether asked for or not.
     """
-    if len(given) == 1 and not named and type(given[0]) is np.ndarray:
+    if not named and len(given) < 4 and {*map(type, given)} == {np.ndarray}:
         return _center(model, data, given)
     values = [*given, *(named[name] for name in ("q", "v", "a", "kinematic_level") if name in named)]
     unknown = {*named} - {"q", "v", "a", "kinematic_level", "compute_subtree_coms"}
@@ -174,7 +174,7 @@ def computeCentroidalMomentum(model: Any, data: Any, q: Any = None, v: Any = Non
     if q is None:
         run = _last(model, data, "v")
         q, v = run.q.copy(), run.v.copy()
-    return Force.over(returned(model, data, "momentum", q, v))
+    return Force.over(_momentum(model, data, q, v))
 
 
 def computeCentroidalMomentumTimeVariation(model: Any, data: Any, q: Any = None, v: Any = None, a: Any = None) -> Force:
@@ -182,7 +182,15 @@ def computeCentroidalMomentumTimeVariation(model: Any, data: Any, q: Any = None,
     if q is None:
         run = _last(model, data, "a")
         q, v, a = run.q.copy(), run.v.copy(), run.a.copy()
-    return Force.over(returned(model, data, "momentum_dot", q, v, a))
+    return Force.over(_momentum_dot(model, data, q, v, a))
+
+
+def _momentum0(model: Any, data: Any, q: Any, v: Any) -> Array:
+    return returned(model, data, "momentum", q, v)
+
+
+def _momentum1(model: Any, data: Any, q: Any, v: Any, a: Any) -> Array:
+    return returned(model, data, "momentum_dot", q, v, a)
 
 
 # --- what a frame supports -------------------------------------------------------------------------------
@@ -234,6 +242,7 @@ def computeSupportedForceByFrame(model: Any, data: Any, frame_id: int) -> Force:
 
 
 _COM = quick(_com0, "com0"), quick(_com1, "com1"), quick(_com2, "com2")
+_momentum, _momentum_dot = quick(_momentum0, "momentum"), quick(_momentum1, "momentum_dot")
 _com_jacobian = quick(_jacobianCenterOfMass, "com_jacobian")
 ccrba, dccrba = quick(_ccrba, "ccrba"), quick(_dccrba, "dccrba")
 computeCentroidalMap = quick(_computeCentroidalMap, "map")

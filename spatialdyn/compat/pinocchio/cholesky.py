@@ -11,6 +11,7 @@ from ...constraints.contact import back, factor
 from ...errors import InertiaError
 from .calls import vector
 from .data import prepared
+from .kinds import diagonal, unit_upper
 
 Array = NDArray[np.float64]
 
@@ -41,9 +42,8 @@ def computeMinv(model: Any, data: Any) -> Array:
 
 def stored(data: Any, L: Array) -> Array:
     """U of an L with D on its diagonal and zeros above; both are written to ``data``."""
-    data.put("D", L.diagonal())
-    U = np.array(L.T, order="C")
-    np.fill_diagonal(U, 1.0)
+    data.put("D", diagonal(L))
+    U = unit_upper(L)
     data.put("U", U)
     return U
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,7 @@ from .frame import ARG0, ARG1, ArgumentPosition
 from .model import Model
 
 Array = NDArray[np.float64]
-
-
-_integrate = dynamics.calls["integrate"]
-F8 = np.dtype(np.float64)
+UNITS = {"continuous": (0, 2), "spherical": (0, 4), "floating": (3, 7), "planar": (2, 4)}  # parts of unit norm
 
 
 def _compiled(model: Any) -> Any:
@@ -30,7 +28,13 @@ def _compiled(model: Any) -> Any:
 
 def neutral(model: Any) -> Array:
     """Configuration (nq,) in which no joint is displaced."""
-    found: Array = dynamics.calls["neutral"](_compiled(model))
+    try:
+        found: Array | None = model._made.neutral()
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
+    found = dynamics.calls["neutral"](_compiled(model))
     return found
 
 
@@ -40,25 +44,41 @@ def integrate(model: Any, q: Any, v: Any) -> Array:
     Raises ArgumentError, a TypeError, for what is no array, ShapeError, a ValueError, for wrong sizes, and
     ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
     """
+    try:
+        found: Array | None = model._made.integrate(q, v)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
     compiled = _compiled(model)
-    if not (type(q) is type(v) is np.ndarray and q.ndim == v.ndim == 1 and q.dtype is v.dtype is F8):
-        q, v = vector("q", q, model.nq), vector("v", v, model.nv)
-    found: Array = _integrate(compiled, q, v)
+    found = dynamics.calls["integrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
     return found
 
 
 def difference(model: Any, q1: Any, q2: Any) -> Array:
     """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round."""
+    try:
+        found: Array | None = model._made.difference(q1, q2)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
     compiled = _compiled(model)
-    found: Array = dynamics.calls["difference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    found = dynamics.calls["difference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
     return found
 
 
 def interpolate(model: Any, q1: Any, q2: Any, alpha: float) -> Array:
     """Configuration (nq,) a part alpha of the way from q1 to q2."""
+    try:
+        found: Array | None = model._made.interpolate(q1, q2, alpha)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
     compiled = _compiled(model)
     q1, q2 = vector("q1", q1, model.nq), vector("q2", q2, model.nq)
-    found: Array = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
+    found = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
     return found
 
 
@@ -71,13 +91,19 @@ def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
 def distance(model: Any, q1: Any, q2: Any) -> float:
     """Norm of the difference."""
     v = difference(model, q1, q2)
-    return float(np.sqrt(v @ v))
+    return math.hypot(*v.tolist())
 
 
 def normalize(model: Any, q: Any) -> Array:
     """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
+    try:
+        found: Array | None = model._made.normalize(q)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
     compiled = _compiled(model)
-    found: Array = dynamics.calls["normalize"](compiled, vector("q", q, model.nq))
+    found = dynamics.calls["normalize"](compiled, vector("q", q, model.nq))
     return found
 
 
@@ -85,22 +111,22 @@ def isNormalized(model: Any, q: Any, prec: float = 1e-12) -> bool:
     """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
     _compiled(model)
     q = vector("q", q, model.nq)
-    return all(abs(np.linalg.norm(part) - 1.0) < prec for part in _unit_parts(model, q))
+    return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in _unit_parts(model, q))
 
 
 def _unit_parts(model: Any, q: Array) -> list[Array]:
     """The quaternions and pairs of a configuration."""
-    parts = []
-    for joint in model.joints[1:]:
-        at = joint.idx_q
-        for step in joint.steps():
-            first, n = {"continuous": (0, 2), "spherical": (0, 4), "floating": (3, 7), "planar": (2, 4)}.get(
-                step.kind, (1, 1)
-            )
-            if n > first:
-                parts.append(q[at + first : at + n])
-            at += n
-    return parts
+    compiled = made(model)
+    if compiled.units is None:
+        compiled.units = []
+        for joint in model.joints[1:]:
+            at = joint.idx_q
+            for step in joint.steps():
+                first, n = UNITS.get(step.kind, (1, 1))
+                if n > first:
+                    compiled.units.append(slice(at + first, at + n))
+                at += n
+    return [q[unit] for unit in compiled.units]
 
 
 def isSameConfiguration(model: Any, q1: Any, q2: Any, prec: float) -> bool:

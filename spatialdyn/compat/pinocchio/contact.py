@@ -11,17 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...constraints.contact import Solved
+from ... import kept_contact
+from ...constraints.contact import Solved, inverse
 from ...constraints.contact import solve as solved
 from ...errors import ConstraintError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described, number
 from .calls import vector
-from .cholesky import half_inverse, stored
-from .data import prepared
+from .data import Run, prepared
 from .dynamics import computeAllTerms, crba
 from .frame import Convention
 
 Array = NDArray[np.float64]
+CONSTRAINED, IMPACT, BORDERED = "constrained", "impact", "bordered"
 
 
 def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Array:
@@ -36,8 +37,11 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     Raises ConstraintError naming the rank of constraints that are not independent, if there is no damping; ShapeError,
     InertiaError for a singular M
     """
+    found = None if named else _quickly(CONSTRAINED, model, data, arguments)
+    if found is not None:
+        return found
     names = ("q", "v", "tau", "constraint_jacobian", "constraint_drift", "damping")
-    prepared(model, data)
+    compiled = prepared(model, data)
     given = _given("forwardDynamics", names, 2, 1, arguments, named)
     tau = vector("tau", given["tau"], model.nv)
     J = _jacobian(given["constraint_jacobian"], model.nv)
@@ -45,9 +49,13 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         computeAllTerms(model, data, given["q"], given["v"])
-    f = _solve(model, data, J, tau - data.array("nle"), gamma, mu)
-    data.put("ddq", f.x)
-    data.put("lambda_c", f.force)
+    f = solved(compiled.model, data.array("M"), tau - data.array("nle"), J, gamma, mu)
+    run = _note(CONSTRAINED, model, data, f, f.x)
+    if compiled.whole and "q" in given:
+        every = data._runs["all"]
+        words = {"bias": every.result.ctypes.data, **_words(every, run, f)}
+        call = kept_contact.dynamics().bind(compiled.model, every, run, f, **words)
+        data._bound[CONSTRAINED] = compiled, every, run, call
     return f.x
 
 
@@ -62,8 +70,11 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
 
     Raises as forwardDynamics, and ConstraintError for an e that is not from 0 to 1
     """
+    found = None if named else _quickly(IMPACT, model, data, arguments)
+    if found is not None:
+        return found
     names = ("q", "v_before", "constraint_jacobian", "restitution_coefficient", "damping")
-    prepared(model, data)
+    compiled = prepared(model, data)
     given = _given("impulseDynamics", names, 1, 2, arguments, named)
     v = vector("v_before", given["v_before"], model.nv)
     J = _jacobian(given["constraint_jacobian"], model.nv)
@@ -73,10 +84,13 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         crba(model, data, given["q"], Convention.WORLD)
-    f = _solve(model, data, J, np.zeros(model.nv), (1.0 + e) * (J @ v), mu)
+    f = solved(compiled.model, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), mu)
     after: Array = v + f.x
-    data.put("dq_after", after)
-    data.put("impulse_c", f.force)
+    run = _note(IMPACT, model, data, f, after)
+    if compiled.whole and "q" in given:
+        masses = data._runs["crba_world"]
+        words = {"M": masses.result.ctypes.data, **_words(masses, run, f)}
+        data._bound[IMPACT] = compiled, masses, run, kept_contact.impact().bind(compiled.model, masses, run, f, **words)
     return after
 
 
@@ -87,11 +101,22 @@ def computeKKTContactDynamicMatrixInverse(
 
     Raises as forwardDynamics
     """
-    prepared(model, data)
+    found = _quickly(BORDERED, model, data, (q, constraint_jacobian, damping))
+    if found is not None:
+        return found
+    compiled = prepared(model, data)
     J = _jacobian(constraint_jacobian, model.nv)
     mu = _damping(damping)
     crba(model, data, q, Convention.WORLD)
-    return _inverse(_solve(model, data, J, np.zeros(model.nv), np.zeros(len(J)), mu))
+    f = solved(compiled.model, data.array("M"), np.zeros(model.nv), J, np.zeros(len(J)), mu)
+    run = _note(BORDERED, model, data, f, np.empty(0))
+    if compiled.whole:
+        masses, size = data._runs["crba_world"], model.nv + len(J)
+        words = {"M": masses.result.ctypes.data, "rows": size, "columns": size, **_words(masses, run, f)}
+        del words["result"]
+        call = kept_contact.inverse().bind(compiled.model, masses, run, f, **words)
+        data._bound[BORDERED] = compiled, masses, run, call
+    return inverse(compiled.model, f)
 
 
 def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian: Any) -> Array:
@@ -106,29 +131,38 @@ def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian
         raise ConstraintError(
             f"data holds no contact of {len(J)} rows, expected forwardDynamics or impulseDynamics to be called before"
         )
-    return _inverse(f)
+    return inverse(prepared(model, data).model, f)
 
 
-def _solve(model: Any, data: Any, J: Array, r: Array, gamma: Array, mu: float) -> Solved:
-    """M x = r + Jᵀ λ, J x + γ = -μ λ with data.M, kept in ``data``."""
-    found = solved(prepared(model, data).model, data.array("M"), r, J, gamma, mu)
-    stored(data, np.tril(found.L))
-    data._contact = found
+def _quickly(kind: str, model: Any, data: Any, arguments: tuple[Any, ...]) -> Array | None:
+    """The answer by a builtin, noted; None if it has to be found otherwise."""
+    try:
+        compiled, before, run, call = data._bound[kind]
+        if compiled is not model._made:
+            return None
+        found: Array | None = call(*arguments)
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        return None
+    if found is not None:
+        data.redo(before)
+        data.redo(run)
+        data.__dict__["_contact"] = run.contact
     return found
 
 
-def _inverse(f: Solved) -> Array:
-    """[M⁻¹ - HᵀH, HᵀC⁻¹; C⁻ᵀH, -C⁻ᵀC⁻¹] with H = C⁻¹ J M⁻¹, written so that it is symmetric to the bit."""
-    m, n = f.Y.shape
-    G = half_inverse(f.L)
-    Ci = np.linalg.inv(np.tril(f.C))
-    H = Ci @ (f.Y / np.sqrt(f.L.diagonal())) @ G
-    out = np.empty((n + m, n + m))
-    out[:n, :n] = G.T @ G - H.T @ H
-    out[n:, :n] = Ci.T @ H
-    out[:n, n:] = out[n:, :n].T
-    out[n:, n:] = -Ci.T @ Ci
-    return out
+def _note(kind: str, model: Any, data: Any, f: Solved, result: Array) -> Run:
+    """Note how a system was solved, as that of a call of a kind."""
+    run: Run = data.run_of(kind, model, prepared(model, data), result.shape)
+    run.result[...], run.contact = result, f
+    data.ran(run)
+    data.__dict__["_contact"] = f
+    return run
+
+
+def _words(before: Run, run: Run, f: Solved) -> dict[str, int]:
+    """What the plans of builtins have in common: where to note what they were given and what they find."""
+    places = {"memory": before.memory, "result": run.result, "L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
+    return {"m": len(f.C), **run.made.words, **{name: x.ctypes.data for name, x in places.items()}}
 
 
 def _given(

@@ -7,22 +7,24 @@ what is written to them stays until then.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import count
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import kept
 from ...border import core_shape
-from ...engines import jit
+from ...engines.builtin import refused, retarget
 from ...errors import ShapeError
 from ...recursions import SPECS
 from .arguments import ArgumentError, described
 from .compiled import Made, made
 from .inertia import Inertia
-from .kinds import KINDS
+from .kinds import KINDS, Called, oMi, placed
+from .kinds import result as RESULT
 from .model import Model
 from .motion import Force, Motion
 from .rows import Rows
@@ -95,18 +97,40 @@ class Run:
 
     stamp   when it was, by ``clock``; 0 for never
     made    what the model was to the library then
-    memory  the result and after it the inputs, all numbers one after the other
-    result  its part of memory; inputs are attributes q, v, a, tau
+    memory  the inputs, one after the other; they are attributes q, v, a, tau
+    result  what the library returned; the array of a field that somebody holds, if it is just that: then ``shared``
+    call    the library's call as a builtin that notes inputs and result; returns None if it is to be done otherwise
+    again   functions that fill the other fields that somebody holds from what ``call`` noted
     fext    forces on the library's joints (njoints, 6), or None
     bodies  inertias (njoints, 10) of the model then; parents of its joints
-    table   what compiled kernels take of the model
+    bound   builtins about the inputs, by who made them
+    contact how a system with constraints was solved, of a kind that does
     frames  where the frames were on their joints then, of a kind that places them
     cache   fields that were asked for, with the stamp of then
     """
 
     __slots__ = (
-        "_a", "_v", "bodies", "cache", "fext", "frames", "kind", "made", "memory", "parents", "q", "result", "shape",
-        "stamp", "table", "tau",
+        "_a",
+        "_own",
+        "_v",
+        "again",
+        "bodies",
+        "bound",
+        "cache",
+        "call",
+        "contact",
+        "fext",
+        "frames",
+        "kind",
+        "made",
+        "memory",
+        "parents",
+        "push",
+        "q",
+        "result",
+        "shared",
+        "stamp",
+        "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, compiled: Made, parents: NDArray[np.intp], shape: tuple[int, ...] | None) -> None:
@@ -114,25 +138,29 @@ class Run:
         self.stamp, self.made, self.parents = 0, compiled, parents
         self.fext: Array | None = None
         self.frames: Any = None
+        self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
         self.bodies: Array = np.empty((0, 10))
         model = compiled.model
-        self.table = getattr(model, jit.TABLE)
         if shape is None:
             shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
         sizes = [(x, model.nq if x == "q" else model.nv) for x in self.kind.inputs.split()]
-        at = math.prod(shape)
-        self.memory = np.empty(at + sum(size for _, size in sizes))
-        self.result = self.memory[:at].reshape(shape)
-        self.shape = self.result.shape
+        self.memory: Array = np.empty(sum(size for _, size in sizes))
+        self.result: Array = np.empty(shape)
+        self._own, self.shared = self.result, False
         self.q: Any = None
         self._v: Array | None = None
         self._a: Array | None = None
+        at = 0
         for x, size in sizes:
             setattr(self, {"v": "_v", "a": "_a"}.get(x, x), self.memory[at : at + size])
             at += size
         if self.kind.call == "aba":
             self._a = self.result
+        self.call: Callable[..., Any] = self._first
+        self.push: Callable[..., Any] | None = None  # the same with forces
+        self.again: list[Callable[[], Any]] = []
+        self.bound: dict[Any, Any] = {}
 
     @property
     def v(self) -> Array:
@@ -144,12 +172,83 @@ class Run:
         """The accelerations it was given or found, or zeros."""
         return np.zeros(self.made.model.nv) if self._a is None else self._a
 
+    def pushed(self, fext: Any, *inputs: Any) -> Any:
+        """``call`` with a list of a Force for each joint; None if it has to be done otherwise."""
+        made = self.made
+        fits = isinstance(fext, (list, Rows)) and len(fext) == made.model.njoints and made.joints is None
+        if not fits or {*map(type, fext)} != {Force}:
+            return None
+        given = np.concatenate([force._x for force in fext])
+        if self.push is None:
+            self.push = self._bind(True)
+        result = self.push(*inputs, given)
+        if result is not None:
+            self.fext = given.reshape(-1, 6)
+        return result
+
+    def edited(self, compiled: Made) -> None:
+        """Be the run of an edited model: of the same tree, with other numbers."""
+        self.made = compiled
+        self.cache.clear()
+        for function in (self.call, self.push, *self.again, *(call for _, call in self.bound.values())):
+            retarget(function, compiled.model)
+
     def keep(self, *inputs: Array) -> None:
         """Copy the inputs to memory, in order."""
-        at = self.result.size
+        at = 0
         for x in inputs:
             self.memory[at : at + x.size] = x
             at += x.size
+
+    def _first(self, *inputs: Any) -> Any:
+        """Make the builtin, and call it."""
+        self.call = self._bind(False)
+        return self.call(*inputs)
+
+    def _bind(self, forces: bool) -> Callable[..., Any]:
+        made, kind = self.made, self.kind
+        if not (made.whole and kind.call):
+            return refused
+        names = kind.inputs.split()
+        function = kept.kept(kind.call, tuple(names[len(names) - kind.more :]), not kind.stays, forces)
+        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data}
+        axes = {f"axis{k}": n for k, n in enumerate(self.result.shape)}
+        return function.bind(made.model, self.memory, self.result, **made.words, **places, **axes)
+
+    def show(self, shown: Mapping[str, Array], refresh: Callable[[Run, str], Any]) -> None:
+        """Fill these fields from now on: the result's own in place, those that a call gives by that, others anew."""
+        self.again, result = [], self._own
+        for name, x in shown.items():
+            recipe = self.kind.fills.get(name)
+            if recipe is None:
+                continue
+            places = recipe is oMi and self.made.joints is None
+            if (recipe is RESULT or (places and self.kind.call == "forward_kinematics")) and self._may_share(x):
+                result = x
+            else:
+                recipe = placed if places else recipe
+                self.again.append(self._redo(recipe, x) or partial(refresh, self, name))
+        self.shared = result is not self._own
+        if result is not self.result:
+            if not self.shared:
+                result[...] = self.result
+            self.result, self.call, self.push = result, self._first, None
+
+    def _may_share(self, x: Array) -> bool:
+        return x.shape == self.result.shape and self.kind.call != "aba"  # there the result is an input of recipes
+
+    def _redo(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
+        """A builtin that writes what a call of the library gives; None if it takes more than that."""
+        made = self.made
+        if not isinstance(recipe, Called) or not made.whole or (recipe.joints and made.joints is not None):
+            return None
+        inputs = {name: getattr(self, name) for name in recipe.inputs}
+        spec = SPECS[recipe.call]
+        if x.shape != core_shape(made.model, spec.output) or any(x.optional for x in spec.given):
+            return None
+        words = {f"{name}_there": array.ctypes.data for name, array in inputs.items()}
+        words[f"{spec.output.name}_there"] = x.ctypes.data
+        return kept.again(recipe.call).bind(made.model, x, *inputs.values(), **made.words, **words)
 
 
 # --- the data --------------------------------------------------------------------------------------------
@@ -176,6 +275,7 @@ class Data(Stored):
         own["_filling"] = {}  # field -> the runs that fill it
         own["_given"] = {}  # field -> (stamp, array), of fields written whole by a call or by a user
         own["_shown"] = {}  # field -> array, of fields that were read: the next call that fills them has to
+        own["_bound"] = {}  # builtins about the arrays of fields, by who made them
 
     def run_of(self, name: str, model: Any, compiled: Made, shape: tuple[int, ...] | None = None) -> Run:
         """The Run of a kind, to be written. Raises ShapeError if the data was made for a model of another size."""
@@ -183,12 +283,18 @@ class Data(Stored):
         if sizes != self._sizes:
             raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
         run: Run | None = self._runs.get(name)
+        if run is not None and run.made is not compiled and run.made.places is compiled.places:
+            run.edited(compiled)
+            run.bodies = compiled.given.inertias
+            self._bound.clear()
         if run is None or run.made is not compiled or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
             run = Run(name, compiled, np.array(model.parents, np.intp), shape)
-            run.bodies = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+            run.bodies = compiled.given.inertias
             run.stamp = stamp
             self._runs[name] = run
+            self._bound.clear()
+            run.show(self._shown, self._refreshed)
             self.__dict__["_filling"] = {
                 field: [run for run in self._runs.values() if field in run.kind.fills] for field in FIELDS
             }
@@ -205,15 +311,44 @@ class Data(Stored):
         if self._shown:
             self.refresh(run)
 
+    def redo(self, run: Run) -> None:
+        """Note that a builtin was called just now, and write the fields that it fills and that somebody holds."""
+        run.stamp = clock()
+        for again in run.again:
+            if again() is None:
+                self.refresh(run)
+
     def refresh(self, run: Run) -> None:
-        """Write the fields that a call fills and that somebody holds."""
-        fills = run.kind.fills
-        for name, shown in self._shown.items():
-            recipe = fills.get(name)
-            if recipe is not None:
-                found = recipe(run)
-                if found is not shown:
-                    shown[...] = found
+        """Write the fields that a call fills and that somebody holds, whatever it was given."""
+        for name in [*self._shown]:
+            if name in run.kind.fills:
+                self._refreshed(run, name)
+
+    def _refreshed(self, run: Run, name: str) -> bool:
+        """Write one of them."""
+        found, shown = run.kind.fills[name](run), self._shown.get(name)
+        if shown is None or found is shown:
+            return True
+        if np.shape(found) == shown.shape:
+            shown[...] = found
+        else:  # of no fixed size: a new array when it is next read
+            del self._shown[name], self.__dict__[name]
+            self._attach()
+        return True
+
+    def live(self, name: str) -> Array:
+        """The array of a field that calls fill in place from now on."""
+        found: Array | None = self._shown.get(name)
+        if found is None:
+            found = self._shown[name] = np.array(self.array(name))
+            self._attach()
+        return found
+
+    def _attach(self) -> None:
+        """Tell the runs which fields they have to fill at once."""
+        self._bound.clear()
+        for run in self._runs.values():
+            run.show(self._shown, self._refreshed)
 
     def put(self, name: str, value: Any) -> None:
         """Fill a field whole; one of no fixed size becomes a new array."""
@@ -222,8 +357,9 @@ class Data(Stored):
             shown[...] = value
         else:
             self._given[name] = clock(), np.array(value, float)
-            self._shown.pop(name, None)
             self.__dict__.pop(name, None)
+            if self._shown.pop(name, None) is not None:
+                self._attach()
 
     def latest(self, name: str) -> Run | None:
         """The last call that filled a field, if any."""
@@ -250,12 +386,9 @@ class Data(Stored):
         if name not in FIELDS:
             raise AttributeError(_missing(name))
         kind = FIELDS[name][1]
-        x = self.array(name)
         if kind is float:
-            return float(x.ravel()[0])
-        if name != "oMf" or name in self._given:  # its array is that of a run: the next call then fills it in place
-            x = np.array(x)
-        self._shown[name] = x
+            return float(self.array(name).ravel()[0])
+        x = self.live(name)
         shown = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
         self.__dict__[name] = shown
         return shown
@@ -294,7 +427,7 @@ class Data(Stored):
             model.strict = given["strict"]
             self.__dict__.clear()
             Data.__init__(self, model)
-        self.__dict__.update(_runs={}, _filling={}, _given={})
+        self.__dict__.update(_runs={}, _filling={}, _given={}, _bound={})
         for name, x in self._shown.items():
             if name not in given["fields"]:
                 x[...] = _initial(self.model, name)

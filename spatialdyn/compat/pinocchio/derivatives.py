@@ -264,9 +264,9 @@ def getCenterOfMassVelocityDerivatives(model: Any, data: Any) -> Array:
     return np.array(found[0])
 
 
-_prepared1 = quick(_velocities, "kinematics_derivatives1", result=False)
-_prepared2 = quick(_accelerations, "kinematics_derivatives2", result=False)
-_rnea_derivatives = quick(_computeRNEADerivatives, "rnea_derivatives", condition="fext is None", more=", fext=None")
-_aba_derivatives = quick(_computeABADerivatives, "aba_derivatives", condition="fext is None", more=", fext=None")
+_prepared1 = quick(_velocities, "kinematics_derivatives1")
+_prepared2 = quick(_accelerations, "kinematics_derivatives2")
+_rnea_derivatives = quick(_computeRNEADerivatives, "rnea_derivatives", more=", fext=None")
+_aba_derivatives = quick(_computeABADerivatives, "aba_derivatives", more=", fext=None")
 _centroidal_derivatives = quick(_computeCentroidalDynamicsDerivatives, "centroidal_derivatives")
 computeGeneralizedGravityDerivatives = quick(_computeGeneralizedGravityDerivatives, "gravity_derivatives")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ... import dynamics
 from .arguments import ArgumentError, described
 from .calls import perform, quick, returned
-from .data import prepared
+from .data import Run, prepared
 from .frame import Convention
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def _computeGeneralizedGravity(model: Any, data: Any, q: Any) -> Array:
     return returned(model, data, "gravity", q)
 
 
-def computeStaticTorque(model: Any, data: Any, q: Any, fext: Any) -> Array:
+def _computeStaticTorque(model: Any, data: Any, q: Any, fext: Any) -> Array:
     """Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still, also ``data.tau``; fext as in rnea."""
     if fext is None:
         raise ArgumentError("fext is None, expected a list of Force")
@@ -113,7 +113,11 @@ def _computeMinverse(model: Any, data: Any, q: Any) -> Array:
 
 def computeAllTerms(model: Any, data: Any, q: Any, v: Any) -> None:
     """Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed when it is read."""
-    perform(model, data, "all", q, v)
+    _all(model, data, q, v)
+
+
+def _all_terms(model: Any, data: Any, q: Any, v: Any) -> Run:
+    return perform(model, data, "all", q, v)
 
 
 def computeKineticEnergy(model: Any, data: Any, q: Any = None, v: Any = None) -> float:
@@ -121,14 +125,24 @@ def computeKineticEnergy(model: Any, data: Any, q: Any = None, v: Any = None) ->
     if q is None:
         run = _last(model, data, "v")
         q, v = run.q.copy(), run.v.copy()
-    return float(perform(model, data, "kinetic_energy", q, v).result[0])
+    energy: float = _kinetic(model, data, q, v).result.item()
+    return energy
+
+
+def _kinetic_energy(model: Any, data: Any, q: Any, v: Any) -> Run:
+    return perform(model, data, "kinetic_energy", q, v)
 
 
 def computePotentialEnergy(model: Any, data: Any, q: Any = None) -> float:
     """Potential energy of gravity [J], also ``data.potential_energy``; without q for the last one given."""
     if q is None:
         q = _last(model, data, "oMi").q.copy()
-    return float(perform(model, data, "potential_energy", q).result[0])
+    energy: float = _potential(model, data, q).result.item()
+    return energy
+
+
+def _potential_energy(model: Any, data: Any, q: Any) -> Run:
+    return perform(model, data, "potential_energy", q)
 
 
 def computeMechanicalEnergy(model: Any, data: Any, q: Any = None, v: Any = None) -> float:
@@ -150,15 +164,19 @@ def _last(model: Any, data: Any, field: str) -> Any:
     return run
 
 
-rnea = quick(_rnea, "rnea", condition="fext is None", more=", fext=None")
+rnea = quick(_rnea, "rnea", more=", fext=None")
 aba = quick(
     _aba,
     "aba",
-    condition="fext is None and convention is LOCAL",
+    condition="convention is LOCAL",
     more=", fext=None, convention=LOCAL",
 )
 crba = quick(_crba, "crba", condition="convention is LOCAL", more=", convention=LOCAL")
 nonLinearEffects = nle = quick(_nonLinearEffects, "nle")
 computeGeneralizedGravity = quick(_computeGeneralizedGravity, "gravity")
 computeCoriolisMatrix = quick(_computeCoriolisMatrix, "coriolis")
+computeStaticTorque = quick(_computeStaticTorque, "static", condition="fext is not None", more=", fext")
+_all = quick(_all_terms, "all")
+_kinetic = quick(_kinetic_energy, "kinetic_energy")
+_potential = quick(_potential_energy, "potential_energy")
 _minverse = quick(_computeMinverse, "minverse")

@@ -97,7 +97,7 @@ class Frame:
     inertia       of the body that came with it, in the frame
     """
 
-    __slots__ = ("_inertia", "_owner", "_parent", "_placement", "name", "parentFrame", "type")
+    __slots__ = ("_inertia", "_name", "_owner", "_parent", "_placement", "parentFrame", "type")
 
     def __init__(self, *arguments: Any) -> None:
         """``Frame()``, ``Frame(other)``, ``Frame(name, joint[, parent frame], placement, type[, inertia])``."""
@@ -123,7 +123,7 @@ class Frame:
             raise ArgumentError(
                 f"Frame got ({given}), expected (name, parent joint, [parent frame,] placement, type, [inertia])"
             )
-        self.name: str = arguments[0]
+        self._name: str = arguments[0]
         self._parent = int(arguments[1])
         self.parentFrame = int(arguments[2])
         self.type = FrameType(arguments[4])
@@ -134,6 +134,16 @@ class Frame:
         """Tell the model that the frame is not what it was."""
         if self._owner is not None:
             self._owner.changed()
+
+    @property
+    def name(self) -> str:
+        """What the frame is called."""
+        return self._name
+
+    @name.setter
+    def name(self, value: str) -> None:
+        self._name = expected(value, str, "name")
+        self.changed()
 
     @property
     def placement(self) -> SE3:

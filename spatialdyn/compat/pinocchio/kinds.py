@@ -17,6 +17,7 @@ from ... import algebra, dynamics, kept
 
 Array = NDArray[np.float64]
 Recipe = Callable[[Any], Any]
+Fills = dict[str, Recipe]
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,31 @@ class Kind:
     inputs  names of what is kept of its arguments, the call's own first
     fills   field of Data -> recipe
     more    how many of the inputs the library's call does not take
+    stays   the face's function does not return the result: it is in the data, or nobody asks for it
     """
 
     call: str
     inputs: str
     fills: Mapping[str, Recipe] = field(default_factory=dict)
     more: int = 0
+    stays: bool = False
+
+
+@dataclass(frozen=True)
+class Called:
+    """A recipe that is no more than a call of the library on inputs of the run.
+
+    joints  the result has a row for each joint
+    """
+
+    call: str
+    inputs: tuple[str, ...]
+    joints: bool = False
+
+    def __call__(self, run: Any) -> Array:
+        """The result, with rows for the joints of the face's model."""
+        inputs = [getattr(run, x) for x in self.inputs]
+        return (of_joints if self.joints else called)(self.call, run, *inputs)
 
 
 def called(name: str, run: Any, *inputs: Any) -> Array:
@@ -58,9 +78,9 @@ def result(run: Any) -> Array:
 
 def oMi(run: Any) -> Array:
     """Poses of the joints in the world."""
-    if run.kind.call == "forward_kinematics":
+    if run.kind.call == "forward_kinematics" and not run.shared:
         return result(run) if run.made.joints is None else result(run)[run.made.joints]
-    return of_joints("forward_kinematics", run, run.q)
+    return placed(run)
 
 
 def oMf(run: Any) -> Array:
@@ -78,14 +98,9 @@ def liMi(run: Any) -> Array:
     return out
 
 
-def v(run: Any) -> Array:
-    """Velocities in the joints' frames."""
-    return of_joints("joint_velocities", run, run.q, run.v)
-
-
-def a(run: Any) -> Array:
-    """Accelerations in the joints' frames."""
-    return of_joints("joint_accelerations", run, run.q, run.v, run.a)
+placed = Called("forward_kinematics", ("q",), True)
+v = Called("joint_velocities", ("q", "v"), True)  # in the joints' frames
+a = Called("joint_accelerations", ("q", "v", "a"), True)  # in the joints' frames
 
 
 def a_gf(run: Any) -> Array:
@@ -158,6 +173,36 @@ def zeroed(recipe: Recipe) -> Recipe:
     return recipe_but_world
 
 
+# --- under constraints -----------------------------------------------------------------------------------
+
+
+def forces_of_constraints(run: Any) -> Array:
+    """Forces or impulses of the constraints."""
+    return np.array(run.contact.force)
+
+
+def D(run: Any) -> Array:
+    """Diagonal of M = U D Uᵀ."""
+    return diagonal(run.contact.L)
+
+
+def U(run: Any) -> Array:
+    """Unit upper triangle of M = U D Uᵀ."""
+    return unit_upper(run.contact.L)
+
+
+def diagonal(L: Array) -> Array:
+    """D of an L with D on its diagonal."""
+    return np.array(L.diagonal())
+
+
+def unit_upper(L: Array) -> Array:
+    """U = Lᵀ of an L with D on its diagonal."""
+    found = np.array(np.tril(L).T, order="C")
+    np.fill_diagonal(found, 1.0)
+    return found
+
+
 # --- regressors ------------------------------------------------------------------------------------------
 
 
@@ -171,25 +216,15 @@ def columns(run: Any) -> Array:
 # --- the robot as a whole --------------------------------------------------------------------------------
 
 
-def com(run: Any) -> Array:
-    """Centres of mass of all that each joint carries, in its frame."""
-    return of_joints("subtree_centers_of_mass", run, run.q)
+com = Called("subtree_centers_of_mass", ("q",), True)  # of all that each joint carries, in its frame
+vcom = Called("subtree_com_velocities", ("q", "v"), True)
+acom = Called("subtree_com_accelerations", ("q", "v", "a"), True)
 
 
 def com_in_world(run: Any) -> Array:
     """The same in the world."""
     c, X = com(run), oMi(run)
     return np.asarray(np.einsum("kij,kj->ki", X[:, :3, :3], c) + X[:, :3, 3])
-
-
-def vcom(run: Any) -> Array:
-    """Their velocities."""
-    return of_joints("subtree_com_velocities", run, run.q, run.v)
-
-
-def acom(run: Any) -> Array:
-    """Their accelerations."""
-    return of_joints("subtree_com_accelerations", run, run.q, run.v, run.a)
 
 
 def mass(run: Any) -> Array:
@@ -259,7 +294,7 @@ def summed_at_world(run: Any, forces: Array) -> Array:
 
 def by(name: str, *inputs: str) -> Recipe:
     """A call of the library on inputs of the run."""
-    return lambda run: called(name, run, *(getattr(run, x) for x in inputs))
+    return Called(name, inputs)
 
 
 def part(k: int) -> Recipe:
@@ -303,18 +338,18 @@ of, oh = up(kept.forces_up, f), up(kept.forces_up, h)
 J, dJ = by("joint_jacobians", "q"), by("joint_jacobians_dot", "q", "v")
 hg = by("centroidal_momentum", "q", "v")
 
-CHAIN = {"liMi": liMi}
-PLACES = {"liMi": liMi, "oMi": oMi}
-MASSES = {**PLACES, "com": com, "mass": mass}
-MAP = {**PLACES, "Ag": by("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
-MAP_DOT = {**MAP, "dAg": by("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
-ENERGIES = {
+CHAIN: Fills = {"liMi": liMi}
+PLACES: Fills = {"liMi": liMi, "oMi": oMi}
+MASSES: Fills = {**PLACES, "com": com, "mass": mass}
+MAP: Fills = {**PLACES, "Ag": by("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
+MAP_DOT: Fills = {**MAP, "dAg": by("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
+ENERGIES: Fills = {
     "kinetic_energy": by("kinetic_energy", "q", "v"),
     "potential_energy": by("potential_energy", "q"),
     "mechanical_energy": mechanical_energy,
 }
-MOVING = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
-ACCELERATED = {**MOVING, "a": a, "oa": oa}
+MOVING: Fills = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
+ACCELERATED: Fills = {**MOVING, "a": a, "oa": oa}
 KINDS: dict[str, Kind] = {
     "rnea": Kind("rnea", "q v a", {**CHAIN, "tau": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
     "aba": Kind("aba", "q v tau", {**CHAIN, "ddq": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
@@ -345,10 +380,11 @@ KINDS: dict[str, Kind] = {
             "Jcom": by("com_jacobian", "q"), "Ig": Ig, "a": a, "a_gf": a_gf, "f": forces_and_sum, "v": v,
             "h": h_of_subtrees, "hg": hg, "dhg": force_and_weight, "vcom": vcom,
         },
+        stays=True,
     ),
-    "kinematics0": Kind("forward_kinematics", "q", PLACES),
-    "kinematics1": Kind("forward_kinematics", "q v", {**PLACES, "v": v}, 1),
-    "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2),
+    "kinematics0": Kind("forward_kinematics", "q", PLACES, stays=True),
+    "kinematics1": Kind("forward_kinematics", "q v", {**PLACES, "v": v}, 1, stays=True),
+    "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2, stays=True),
     "frames": Kind("", "", {"oMf": result}),
     "global_placements": Kind("", "q", {"oMi": result}),
     "frame_jacobian_local": Kind("", "q", CHAIN),
@@ -390,8 +426,8 @@ KINDS: dict[str, Kind] = {
         "generalized_gravity_derivatives", "q", {**PLACES, "g": by("generalized_gravity", "q"), "J": J}
     ),
     "static_derivatives": Kind("static_torque_derivatives", "q", {**PLACES, "tau": tau, "J": J}),
-    "kinematics_derivatives1": Kind("forward_kinematics", "q v", MOVING, 1),
-    "kinematics_derivatives2": Kind("forward_kinematics", "q v a", ACCELERATED, 2),
+    "kinematics_derivatives1": Kind("forward_kinematics", "q v", MOVING, 1, stays=True),
+    "kinematics_derivatives2": Kind("forward_kinematics", "q v a", ACCELERATED, 2, stays=True),
     "centroidal_derivatives": Kind(
         "centroidal_dynamics_derivatives",
         "q v a",
@@ -400,9 +436,12 @@ KINDS: dict[str, Kind] = {
             "com": com, "mass": mass, "tau": tau_without_weight,
         },
     ),
-    "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}),
-    "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}),
-    "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}),
+    "constrained": Kind("", "", {"ddq": result, "lambda_c": forces_of_constraints, "D": D, "U": U}),
+    "impact": Kind("", "", {"dq_after": result, "impulse_c": forces_of_constraints, "D": D, "U": U}),
+    "bordered": Kind("", "", {"D": D, "U": U}),
+    "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}, stays=True),
+    "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}, stays=True),
+    "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}, stays=True),
     "total_mass": Kind("", "", {"mass": mass}),
     "torque_regressor": Kind(
         "joint_torque_regressor", "q v a", {**CHAIN, "jointTorqueRegressor": columns, "v": v, "a_gf": a_gf}

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from ... import algebra, dynamics, kept
 from ...engines import jit
+from ...engines.builtin import refused
 from ...recursions import SPECS
 from ...recursions.spec import LOCAL as IN_FRAME
 from ...recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ...recursions.spec import WORLD as IN_WORLD
 from .arguments import ArgumentError, RangeError, ValueRuntimeError, described
 from .calls import perform, quick, vector
-from .compiled import Made, placed
+from .compiled import Made, Placed, joints_as_frames, placed
 from .data import Run, clock, prepared
 from .frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from .motion import Motion
@@ -30,8 +31,9 @@ PLACING = {
     IN_WORLD: "frame_jacobian_world",
     ALIGNED: "frame_jacobian_aligned",
 }
+REFERENCES = {"in_frame": id(LOCAL), "in_world": id(WORLD), "aligned": id(LOCAL_WORLD_ALIGNED)}
+PLACED_IN = {id(reference): (PLACING[code], code) for reference, code in CODES.items()}
 IDENTITY = np.eye(4)
-F8 = np.dtype(np.float64)
 _dynamics: Any = dynamics  # whose stub names the calls only
 
 
@@ -75,6 +77,16 @@ def forwardKinematics(model: Any, data: Any, q: Any, v: Any = None, a: Any = Non
     a ValueError, for wrong sizes.
     """
     if v is None:
+        try:
+            run = data._runs["kinematics0"]
+            if run.made is model._made and run.call(q) is not None:
+                if run.again:
+                    data.redo(run)
+                else:
+                    run.stamp = clock()
+                return
+        except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
+            pass
         _kinematics0(model, data, q)
     elif a is None:
         _kinematics1(model, data, q, v)
@@ -94,9 +106,9 @@ def _accelerations(model: Any, data: Any, q: Any, v: Any, a: Any) -> None:
     perform(model, data, "kinematics2", q, v, a)
 
 
-_kinematics0 = quick(_places, "kinematics0", result=False)
-_kinematics1 = quick(_velocities, "kinematics1", result=False)
-_kinematics2 = quick(_accelerations, "kinematics2", result=False)
+_kinematics0 = quick(_places, "kinematics0")
+_kinematics1 = quick(_velocities, "kinematics1")
+_kinematics2 = quick(_accelerations, "kinematics2")
 
 
 def updateGlobalPlacements(model: Any, data: Any) -> None:
@@ -117,6 +129,22 @@ def updateGlobalPlacements(model: Any, data: Any) -> None:
 
 def updateFramePlacements(model: Any, data: Any) -> None:
     """Place all frames by the joints' places: ``data.oMf``. Raises ShapeError if frames were added since."""
+    try:
+        frames, run, call = data._bound["frames"]
+        if frames is model._placed and run.made is model._made and call() is not None:
+            data.redo(run)
+            return
+    except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
+        pass
+    _place_frames(model, data)
+    X, run, frames, compiled = data.live("oMi"), data._runs["frames"], model._placed, model._made
+    if compiled.whole:
+        words = {"poses": X.ctypes.data, "memory": 0, "result": run.result.ctypes.data, **frames.words()}
+        call = kept.placing(False).bind(X, run.result, frames, **{**compiled.words, "njoints": len(X)}, **words)
+        data._bound["frames"] = frames, run, call
+
+
+def _place_frames(model: Any, data: Any) -> None:
     compiled, frames = prepared(model, data), placed(model)
     data.check_frames(model)
     run: Run = data.run_of("frames", model, compiled, frames.placements.shape)
@@ -126,98 +154,128 @@ def updateFramePlacements(model: Any, data: Any) -> None:
 
 def updateFramePlacement(model: Any, data: Any, frame_id: int) -> SE3:
     """Place one frame by its joint's place; returns ``data.oMf[frame_id]``."""
-    prepared(model, data)
+    try:
+        frames, call, shown = data._bound["frame"]
+        if frames is model._placed and model._made is not None and call(frame_id) is not None:
+            found: SE3 = shown[frame_id]
+            return found
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
+    compiled = prepared(model, data)
     k, frames = frame_index(model, frame_id), placed(model)
     data.check_frames(model)
-    found: SE3 = data.oMf[k]
-    algebra.compose(data.array("oMi")[frames.joints[k]], frames.placements[k], found._x)
+    shown, X = data.oMf, data.live("oMi")
+    found = shown[k]
+    algebra.compose(X[frames.joints[k]], frames.placements[k], found._x)
+    if compiled.whole:
+        words = {"poses": X.ctypes.data, "result": shown.array.ctypes.data, **frames.words()}
+        call = kept.placed_one().bind(X, shown.array, frames, **words)
+        data._bound["frame"] = frames, call, shown
     return found
 
 
 def framesForwardKinematics(model: Any, data: Any, q: Any) -> None:
     """Place the joints and all frames: ``data.oMi`` and ``data.oMf``."""
     try:
-        run, frames, here = data._runs["kinematics0"], data._runs["frames"], model._placed
-        compiled = model._made
-        if (
-            run.made is compiled
-            and frames.made is compiled
-            and compiled.joints is None
-            and q.dtype is F8
-            and len(here.joints) == len(frames.result)
-            and not kept.placing()(run.table, q, run.result, run.memory, here.joints, here.placements, frames.result)
-        ):
-            run.stamp, frames.stamp = clock(), clock()
-            if data._shown:
-                data.refresh(run)
-                data.refresh(frames)
+        placed_, run, frames, call = data._bound["all frames"]
+        if placed_ is model._placed and run.made is model._made and call(q) is not None:
+            data.redo(run)
+            data.redo(frames)
             return
-    except (AttributeError, KeyError, TypeError, ValueError):  # whatever is not as simple as that
+    except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
         pass
     _kinematics0(model, data, q)
-    updateFramePlacements(model, data)
+    _place_frames(model, data)
+    run, frames = data._runs["kinematics0"], data._runs["frames"]
+    compiled, placed_ = run.made, model._placed
+    if compiled.whole and compiled.joints is None:
+        words = {"memory": run.memory.ctypes.data, "poses": run.result.ctypes.data, **placed_.words()}
+        alive = run.memory, run.result, frames.result, placed_
+        call = kept.placing(True).bind(compiled, *alive, **compiled.words, result=frames.result.ctypes.data, **words)
+        data._bound["all frames"] = placed_, run, frames, call
 
 
 # --- velocities and accelerations ------------------------------------------------------------------------
 
 
-def _seen(m: Array, data: Any, joint: int, placement: Array | None, code: int) -> Array:
+VELOCITY, ACCELERATION, CLASSICAL = "v", "a", "classical a"
+_new = Motion.__new__
+
+
+def _moving(kind: str, model: Any, data: Any, frames: Any, joints: bool) -> None:
+    """Bind a builtin for the next call that asks for this kind of motion of these frames."""
+    compiled = prepared(model, data)
+    if compiled.whole:
+        motions = data.live(kind[-1])
+        velocities, X = data.live("v") if kind == CLASSICAL else motions, data.live("oMi")
+        arrays = {"poses": X, "velocities": velocities, "motions": motions}
+        words = {name: array.ctypes.data for name, array in arrays.items()}
+        sizes = {"six": 6, **{name: n for name, n in compiled.words.items() if name != "table"}}
+        function = kept.moving(kind == CLASSICAL)
+        call = function.bind(*arrays.values(), frames, **sizes, **words, **REFERENCES, **frames.words())
+        data._bound[kind, joints] = frames, call
+
+
+def _seen(kind: str, data: Any, joint: int, placement: Array, reference_frame: Any) -> Motion:
     """A motion of a joint's body, in the joint's frame, as that of a frame on it, in a reference."""
-    out = np.empty(6)
-    if code == IN_WORLD:
-        algebra.motion_to_parent(data.array("oMi")[joint], m, out)
-        return out
-    if placement is None:
-        out[:] = m
-    else:
-        algebra.motion_to_child(placement, m, out)
-    if code == ALIGNED:
-        R = data.array("oMi")[joint][:3, :3]
-        if placement is not None:
-            R = R @ placement[:3, :3]
-        out[:3], out[3:] = R @ out[:3], R @ out[3:]
-    return out
+    code, out = code_of(reference_frame), np.empty(6)
+    motion = data.array(kind[-1])[joint]
+    velocity = data.array("v")[joint] if kind == CLASSICAL else motion
+    kept.see(data.array("oMi")[joint], placement, velocity, motion, kind == CLASSICAL, code, out)
+    return Motion.over(out)
 
 
-def _motion(field: str, data: Any, joint: int, placement: Array | None, reference_frame: Any) -> Motion:
-    code = code_of(reference_frame)
-    return Motion.over(_seen(data.array(field)[joint], data, joint, placement, code))
+def _of_joint(kind: str, model: Any, data: Any, joint_id: Any, reference_frame: Any) -> Motion:
+    try:
+        frames, call = data._bound[kind, True]
+        if model._made.frames is frames:
+            x = call(joint_id, reference_frame)
+            if x is not None:
+                made = _new(Motion)
+                made._x = x
+                return made
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
+    prepared(model, data)
+    found = _seen(kind, data, joint_index(model, joint_id), IDENTITY, reference_frame)
+    _moving(kind, model, data, joints_as_frames(model), True)
+    return found
 
 
-def _classical(data: Any, joint: int, placement: Array | None, reference_frame: Any) -> Motion:
-    code = code_of(reference_frame)
-    v, a = (_seen(data.array(field)[joint], data, joint, placement, code) for field in ("v", "a"))
-    x, y, z = v[3:].tolist()
-    a[:3] += (y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0])
-    return Motion.over(a)
+def _of_frame(kind: str, model: Any, data: Any, given: tuple[Any, ...], named: dict[str, Any]) -> Motion:
+    try:
+        frames, call = data._bound[kind, False]
+        if model._placed is frames and not named:
+            x = call(*given)
+            if x is not None:
+                made = _new(Motion)
+                made._x = x
+                return made
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
+    prepared(model, data)
+    found = _seen(kind, data, *_frame(model, *_first(given, named), named))
+    _moving(kind, model, data, placed(model), False)
+    return found
 
 
 def getVelocity(model: Any, data: Any, joint_id: int, reference_frame: Any = LOCAL) -> Motion:
     """Velocity of a joint's frame, of the last ``data.v``."""
-    prepared(model, data)
-    return _motion("v", data, joint_index(model, joint_id), None, reference_frame)
+    return _of_joint(VELOCITY, model, data, joint_id, reference_frame)
 
 
 def getAcceleration(model: Any, data: Any, joint_id: int, reference_frame: Any = LOCAL) -> Motion:
     """Spatial acceleration of a joint's frame, of the last ``data.a``."""
-    prepared(model, data)
-    return _motion("a", data, joint_index(model, joint_id), None, reference_frame)
+    return _of_joint(ACCELERATION, model, data, joint_id, reference_frame)
 
 
 def getClassicalAcceleration(model: Any, data: Any, joint_id: int, reference_frame: Any = LOCAL) -> Motion:
     """Acceleration of the origin of a joint's frame, of the last ``data.v`` and ``data.a``."""
-    prepared(model, data)
-    return _classical(data, joint_index(model, joint_id), None, reference_frame)
+    return _of_joint(CLASSICAL, model, data, joint_id, reference_frame)
 
 
 def _frame(model: Any, first: Any, rest: tuple[Any, ...], named: dict[str, Any]) -> tuple[int, Array, Any]:
     """Joint, placement and reference of (frame_id[, reference]) or (joint_id, placement[, reference])."""
-    here = model._placed
-    if type(first) is int and here is not None and model._made is not None and 0 <= first < len(here.joints):
-        if not (rest or named):
-            return here.joints[first], here.placements[first], LOCAL
-        if len(rest) == 1 and type(rest[0]) is ReferenceFrame:
-            return here.joints[first], here.placements[first], rest[0]
     if "placement" in named:
         rest = (named["placement"], *rest)
     if rest and isinstance(rest[0], SE3):
@@ -244,20 +302,17 @@ def getFrameVelocity(model: Any, data: Any, *frame: Any, **named: Any) -> Motion
     """Velocity of a frame, of the last ``data.v``: ``(model, data, frame_id[, reference_frame])``, or
     ``(model, data, joint_id, placement[, reference_frame])`` for one that is not in the model.
     """
-    prepared(model, data)
-    return _motion("v", data, *_frame(model, *_first(frame, named), named))
+    return _of_frame(VELOCITY, model, data, frame, named)
 
 
 def getFrameAcceleration(model: Any, data: Any, *frame: Any, **named: Any) -> Motion:
     """Spatial acceleration of a frame, of the last ``data.a``; arguments as of getFrameVelocity."""
-    prepared(model, data)
-    return _motion("a", data, *_frame(model, *_first(frame, named), named))
+    return _of_frame(ACCELERATION, model, data, frame, named)
 
 
 def getFrameClassicalAcceleration(model: Any, data: Any, *frame: Any, **named: Any) -> Motion:
     """Acceleration of a frame's origin, of the last ``data.v`` and ``data.a``; arguments as of getFrameVelocity."""
-    prepared(model, data)
-    return _classical(data, *_frame(model, *_first(frame, named), named))
+    return _of_frame(CLASSICAL, model, data, frame, named)
 
 
 # --- Jacobians -------------------------------------------------------------------------------------------
@@ -308,18 +363,74 @@ def _placing(model: Any, data: Any, compiled: Made, q: Array, kind: str) -> Run:
     return run
 
 
+def _jacobian(name: str, run: Run, frames: Placed, what: str, index: Any, reference_frame: Any) -> Array | None:
+    """A Jacobian at the inputs of a run by a builtin; None if there is none for these arguments."""
+    found = run.bound.get((name, what))
+    if found is None or found[0] is not frames:
+        compiled, call = run.made, refused
+        if compiled.whole:
+            inputs = {"q_there": run.q} if name == "frame_jacobian" else {"q_there": run.q, "v_there": run.v}
+            words = {x: array.ctypes.data for x, array in inputs.items()}
+            words |= {"six": 6, **compiled.words, **REFERENCES, **frames.words(rows=True)}
+            call = kept.jacobian(name).bind(compiled, run, frames, **words)
+        found = run.bound[name, what] = frames, call
+    made: Array | None = found[1](index, reference_frame)
+    return made
+
+
+def _jacobian_at(
+    model: Any, data: Any, kind: str, what: str, q: Any, index: Any, code: int, frames: Placed
+) -> Array | None:
+    """The same at a q that is noted in the run of a kind."""
+    run = data._runs[kind]
+    if run.made is not model._made:
+        return None
+    found = run.bound.get(what)
+    if found is None or found[0] is not frames:
+        compiled, call = run.made, refused
+        if compiled.whole:
+            words = {"six": 6, "memory": run.memory.ctypes.data, "code": code, **compiled.words}
+            call = kept.jacobian_at().bind(compiled, run, frames, **words, **frames.words(rows=True))
+        found = run.bound[what] = frames, call
+    J: Array | None = found[1](q, index)
+    if J is not None:
+        run.frames = frames
+        data.redo(run)
+    return J
+
+
 def computeJointJacobian(model: Any, data: Any, q: Any, joint_id: int) -> Array:
     """Jacobian (6, nv) of a joint at q in its own frame; it leaves ``data.liMi``."""
+    try:
+        frames = model._made.frames
+        J = _jacobian_at(model, data, PLACING[IN_FRAME], "joint", q, joint_id, IN_FRAME, frames)
+        if J is not None:
+            return J
+    except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
+        pass
     compiled = prepared(model, data)
     q, k = vector("q", q, model.nq), joint_index(model, joint_id)
-    found = of_frame("frame_jacobian", compiled, (q,), k, IDENTITY, IN_FRAME)
-    data.ran(_placing(model, data, compiled, q, "frame_jacobian_local"))
+    frames = joints_as_frames(model)
+    found = of_frame("frame_jacobian", compiled, (q,), k, frames.placements[k], IN_FRAME)
+    data.ran(_placing(model, data, compiled, q, PLACING[IN_FRAME]))
     return found
 
 
 def getJointJacobian(model: Any, data: Any, joint_id: int, reference_frame: Any) -> Array:
     """Jacobian (6, nv) of a joint, where ``data.J`` was computed last."""
+    try:
+        run = data.latest("J")
+        frames, call = run.bound["frame_jacobian", "joint"]
+        if frames is model._made.frames:
+            J: Array | None = call(joint_id, reference_frame)
+            if J is not None:
+                return J
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
     run = _filled(model, data, "J", "computeJointJacobians")
+    J = _jacobian("frame_jacobian", run, joints_as_frames(model), "joint", joint_id, reference_frame)
+    if J is not None:
+        return J
     joint, code = joint_index(model, joint_id), code_of(reference_frame)
     return of_frame("frame_jacobian", run.made, (run.q,), joint, IDENTITY, code)
 
@@ -329,6 +440,13 @@ def computeFrameJacobian(model: Any, data: Any, q: Any, frame_id: int, reference
 
     It leaves ``data.liMi``; in WORLD and LOCAL_WORLD_ALIGNED ``data.oMi`` too; in the latter ``data.oMf`` as well.
     """
+    try:
+        kind, code = PLACED_IN[id(reference_frame)]
+        J = _jacobian_at(model, data, kind, "frame", q, frame_id, code, model._placed)
+        if J is not None:
+            return J
+    except (AttributeError, KeyError, ValueError):  # whatever is not as simple as that
+        pass
     compiled, frames = prepared(model, data), placed(model)
     q, k, code = vector("q", q, model.nq), frame_index(model, frame_id), code_of(reference_frame)
     found = of_frame("frame_jacobian", compiled, (q,), frames.joints[k], frames.placements[k], code)
@@ -344,7 +462,20 @@ def getFrameJacobian(model: Any, data: Any, *frame: Any, **named: Any) -> Array:
     """Jacobian (6, nv) of a frame, where ``data.J`` was computed last: ``(model, data, frame_id, reference_frame)`` or
     ``(model, data, joint_id, placement, reference_frame)``.
     """
+    try:
+        run = data.latest("J")
+        frames, call = run.bound["frame_jacobian", "frame"]
+        if frames is model._placed and model._made is not None and not named:
+            J: Array | None = call(*frame)
+            if J is not None:
+                return J
+    except (AttributeError, KeyError):  # whatever is not as simple as that
+        pass
     run = _filled(model, data, "J", "computeJointJacobians")
+    if len(frame) == 2 and not named:
+        J = _jacobian("frame_jacobian", run, placed(model), "frame", *frame)
+        if J is not None:
+            return J
     joint, placement, reference_frame = _frame(model, *_first(frame, named), {"reference_frame": None, **named})
     return of_frame("frame_jacobian", run.made, (run.q,), joint, placement, code_of(reference_frame))
 
@@ -357,6 +488,9 @@ def _computeJointJacobiansTimeVariation(model: Any, data: Any, q: Any, v: Any) -
 def getJointJacobianTimeVariation(model: Any, data: Any, joint_id: int, reference_frame: Any) -> Array:
     """Time derivative (6, nv) of a joint's Jacobian, where ``data.dJ`` was computed last."""
     run = _filled(model, data, "dJ", "computeJointJacobiansTimeVariation")
+    dJ = _jacobian("frame_jacobian_dot", run, joints_as_frames(model), "joint", joint_id, reference_frame)
+    if dJ is not None:
+        return dJ
     joint, code = joint_index(model, joint_id), code_of(reference_frame)
     return of_frame("frame_jacobian_dot", run.made, (run.q, run.v), joint, IDENTITY, code)
 
@@ -364,6 +498,9 @@ def getJointJacobianTimeVariation(model: Any, data: Any, joint_id: int, referenc
 def getFrameJacobianTimeVariation(model: Any, data: Any, frame_id: int, reference_frame: Any) -> Array:
     """Time derivative (6, nv) of a frame's Jacobian, where ``data.dJ`` was computed last."""
     run, frames = _filled(model, data, "dJ", "computeJointJacobiansTimeVariation"), placed(model)
+    dJ = _jacobian("frame_jacobian_dot", run, frames, "frame", frame_id, reference_frame)
+    if dJ is not None:
+        return dJ
     k, code = frame_index(model, frame_id), code_of(reference_frame)
     return of_frame("frame_jacobian_dot", run.made, (run.q, run.v), frames.joints[k], frames.placements[k], code)
 

@@ -72,7 +72,8 @@ class Model(Tree, Arrays, Stored):
         super().__init__()
         self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
-        self.frames: list[Frame] = Owned(Listener(self, "_placed"), Frame, [universe])
+        self._named: dict[str, list[int]] | None = None  # indices of frames by name, None once one is written
+        self.frames: list[Frame] = Owned(Listener(self, "_placed", "_named"), Frame, [universe])
         self.referenceConfigurations: dict[str, Array] = Configurations()
         self._sealed = True
         if clone is not None:
@@ -83,7 +84,9 @@ class Model(Tree, Arrays, Stored):
         if name in FIXED and "_sealed" in vars(self):
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
         if name in ("jointPlacements", "frames") and "_sealed" in vars(self):
-            owner, kind = (self._edited, SE3) if name == "jointPlacements" else (Listener(self, "_placed"), Frame)
+            owner, kind = (
+                (self._edited, SE3) if name == "jointPlacements" else (Listener(self, "_placed", "_named"), Frame)
+            )
             value = Owned(owner, kind, value)
             owner.changed()
         super().__setattr__(name, value)
@@ -168,7 +171,13 @@ class Model(Tree, Arrays, Stored):
     # --- names ---------------------------------------------------------------------------------------------
 
     def _frames(self, name: str, kinds: int) -> list[int]:
-        return [k for k, frame in enumerate(self.frames) if frame.name == name and frame.type & kinds]
+        named = self._named
+        if named is None:
+            named = self._named = {}
+            for k, frame in enumerate(self.frames):
+                named.setdefault(frame.name, []).append(k)
+        frames = self.frames
+        return [k for k in named.get(name, ()) if frames[k].type & kinds]
 
     def _frame(self, name: str, kinds: int) -> int | None:
         found = self._frames(name, kinds)

@@ -62,12 +62,13 @@ class Tree:
     def __init__(self) -> None:
         self._made: Any = None  # what `compiled.made` made of the model, None once any of it is written
         self._placed: Any = None  # what `compiled.placed` made of the frames
+        self._before: Any = None  # the last _made, None once more than numbers were written
         self._edited = Listener(self, "_made")
-        rehung = Listener(self, "_made", "_placed")
+        rehung = Listener(self, "_made", "_placed", "_before")
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
         self.nbodies = 1
-        self.names: list[str] = Owned(self._edited, str, ["universe"])
+        self.names: list[str] = Owned(rehung, str, ["universe"])
         self.parents: list[int] = Owned(rehung, (int, np.integer), [0])
         universe = JointModelRX()
         self.joints: list[JointModel] = Owned(rehung, JointModel, [universe])
