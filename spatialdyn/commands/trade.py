@@ -14,6 +14,7 @@ from ..trade.options import Option, Tradeoff, figure
 from ..trade.tradeoff import BATCH, TASKS, advice, trade
 from .printing import Column, fold, print_table
 from .robots import add_robot, load
+from .targets import check_plot
 
 
 def add(commands: Any) -> None:
@@ -35,6 +36,7 @@ def _run(arguments: argparse.Namespace) -> int:
     tolerance = arguments.tolerance
     if tolerance is not None and not tolerance > 0.0:
         raise SpatialDynError(f"--tolerance is {tolerance!r}, expected a number above 0")
+    check_plot(arguments.plot)
     methods = None if arguments.methods is None else arguments.methods.split(",")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
