@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
     parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
-    parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {','.join(integrators)}")
+    parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {', '.join(integrators)}")
     parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG or PDF file")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
