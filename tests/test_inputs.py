@@ -24,6 +24,8 @@ FLOAT32 = 1e-4  # of the largest entry: float32 input is off by 6e-8, a tree's a
 SOLID = 0.1 * np.eye(3)
 TAKING = [name for name, spec in SPECS.items() if spec.given]
 INDEPENDENT = {("dintegrate", "q")}  # an answer that an input does not change, seen from the body
+SLOW = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
+WHICH = [pytest.param("model", marks=SLOW), "gripper"]  # of ten samples and more
 PIVOTING = [name for name, spec in SPECS.items() if spec.pivots]
 
 
@@ -69,7 +71,7 @@ def at(values: list[Array], index: Any) -> list[Array]:
 
 
 @pytest.mark.parametrize("name", TAKING)
-@pytest.mark.parametrize("which", ["model", "gripper"])
+@pytest.mark.parametrize("which", WHICH)
 def test_leading_shapes_broadcast(request: pytest.FixtureRequest, which: str, name: str) -> None:
     """(3, 1) with (4,) with none is (3, 4)."""
     model: sd.Model = request.getfixturevalue(which)
@@ -418,7 +420,7 @@ def test_normalize_takes_any_norm_but_zero(model: sd.Model) -> None:
 
 
 @pytest.mark.parametrize("name", TAKING)
-@pytest.mark.parametrize("which", ["model", "gripper"])
+@pytest.mark.parametrize("which", WHICH)
 def test_nan_in_a_sample_is_nan_there_and_nowhere_else(request: pytest.FixtureRequest, which: str, name: str) -> None:
     model: sd.Model = request.getfixturevalue(which)
     spec = SPECS[name]
@@ -434,7 +436,7 @@ def test_nan_in_a_sample_is_nan_there_and_nowhere_else(request: pytest.FixtureRe
 
 
 @pytest.mark.parametrize("name", TAKING)
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("bad", [math.nan, *(pytest.param(x, marks=SLOW) for x in (math.inf, -math.inf))])
 def test_one_entry_that_is_not_finite_is_no_error_and_stays_in_its_sample(
     model: sd.Model, name: str, bad: float
 ) -> None:
