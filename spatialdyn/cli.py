@@ -11,6 +11,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from . import __version__
 from .commands import check, compare, derive, info, port, simulate, trade
 from .errors import SpatialDynError
 
@@ -34,8 +35,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="spatialdyn", description="Rigid-body dynamics of URDF robots: look at one, compare it with Pinocchio."
+        prog="spatialdyn", description="Rigid-body dynamics of robots described by a URDF."
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (info, check, derive, compare, simulate, trade, port):
         command.add(commands)

@@ -316,9 +316,9 @@ def docstring(spec: Spec) -> str:
     for x in spec.given:
         if not x.static:
             shape = ", ".join(["...", *map(str, x.shape)])
-            entries.append(
-                (x.name, f"({shape})", f"{x.meaning} [{x.unit}]" + ("; zero if left out" if x.optional else ""))
-            )
+            order = ", quaternions x y z w" if x.unit_norm else ""
+            rest = "; zero if left out" if x.optional else ""
+            entries.append((x.name, f"({shape})", f"{x.meaning}{order} [{x.unit}]{rest}"))
     static = {x.name for x in spec.given if x.static}
     if "row" in static:
         entries.append(("frame", "str | Frame", "a link's or joint's name; link:NAME or joint:NAME says which"))
@@ -335,6 +335,10 @@ def docstring(spec: Spec) -> str:
         raises.append("ConfigurationError for a quaternion or pair whose norm is not 1")
     if spec.pivots:
         raises.append("InertiaError naming a joint that moves no inertia")
+    if "row" in static:
+        raises.append("ModelError if there is no such frame, with names like it")
+    if "reference" in static:
+        raises.append("SpatialDynError for another reference")
     raises.append("NonFiniteError if finite input gives none")
     lines += [
         "    Raises",

@@ -142,7 +142,7 @@ class Model:
         if isinstance(name, Frame):  # perhaps another model's: what counts is its name
             name = f"{name.kind}:{name.name}"
         if not isinstance(name, str):
-            raise ModelError(missing("frame", str(name), self.name, [f.name for f in self.frames]))
+            raise ModelError(f'frame is {name!r}, expected the name of one of robot "{self.name}"')
         for key in (name, f"link:{name}", f"joint:{name}"):
             if key in self._frame_index:
                 return self.frames[self._frame_index[key]]
@@ -153,10 +153,11 @@ class Model:
 
         lock  joint name -> coordinates at which it is frozen: a number, or (nq,) of the joint
 
-        Raises ModelError naming a joint that is not there or a value of the wrong size or norm.
+        Raises ModelError if lock is no mapping, or naming a joint that is not there or a value of the wrong size or
+        norm.
         """
         options, joints = self.options, {j.name: j for j in self.robot.joints}
-        for name, value in lock.items():
+        for name, value in _pairs("lock", lock):
             joint = self.joint(name)
             X = _locked(joint, options.continuous, value)
             if name == ROOT_JOINT and options.root == "floating":
@@ -205,7 +206,7 @@ class Model:
         if gravity is not None:
             options = replace(options, gravity=_gravity(gravity))
         joints = {j.name: j for j in robot.joints}
-        for name, value in (armature or {}).items():
+        for name, value in _pairs("armature", armature):
             if name not in joints:
                 raise ModelError(missing("joint", name, self.name, joints))
             if joints[name].kind == "fixed":
@@ -216,7 +217,7 @@ class Model:
             joints[name] = replace(joints[name], armature=rotor)
         links = {x.name: x for x in robot.links}
         child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
-        for name, load in (payload or {}).items():
+        for name, load in _pairs("payload", payload):
             frame = self.frame(name)
             owner = frame.name if frame.kind == "link" else child[frame.name]
             part = make_link(frame.name, load)
@@ -280,6 +281,15 @@ def _numbers(value: ArrayLike) -> Array:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         return np.array(np.nan)
+
+
+def _pairs(argument: str, value: Any) -> Iterable[tuple[str, Any]]:
+    """Names and values of an argument that maps one to the other; nothing for None."""
+    if value is None:
+        return ()
+    if not isinstance(value, Mapping):
+        raise ModelError(f"{argument} is a {type(value).__name__}, expected a mapping of names to values")
+    return value.items()
 
 
 def missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:

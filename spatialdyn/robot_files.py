@@ -87,7 +87,7 @@ def find_robot(name: str) -> Path:
         raise UrdfError(f'robot name "{name}" is ambiguous, expected one of {quoted((names[p] for p in found), 20)}')
     close = difflib.get_close_matches(name, names.values(), n=3, cutoff=0.5)
     hint = f"; close names are {quoted(close)}" if close else ""
-    hint += "" if example_robots() else "; example-robot-data is not installed"
+    hint += "" if example_robots() else '; example-robot-data is not installed; pip install "spatialdyn[validate]"'
     shown = name if len(name) <= 60 else name[:57] + "..."
     raise UrdfError(f"{shown!r} is neither a file nor the name of a robot, expected one of them{hint}")
 

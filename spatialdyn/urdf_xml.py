@@ -24,6 +24,8 @@ RIGHT = 0.5 * math.pi
 NEAR = 1e-9  # rad: an angle this close to a right one, but not at it, was meant to be one
 
 # What an element may hold. An attribute ends in ! where it is required; its kind says how it is checked.
+OTHERS = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "a mesh", "html": "a web page"}  # what is taken for a URDF
+
 _ATTRIBUTES: dict[str, dict[str, str]] = {
     "robot": {"name!": "name"},
     "link": {"name!": "name"},
@@ -118,7 +120,9 @@ class StrictReader:
         if root.getroottree().docinfo.internalDTD is not None:
             raise UrdfError(f"{self.label}: has a document type, expected none (no entity is ever read)")
         if self._tag(root) != "robot":
-            self._refuse(root, f"<{_short(str(root.tag))}> is the outermost element, expected <robot>")
+            other = OTHERS.get(self._tag(root))
+            hint = f", for {other} is not read" if other else ""
+            self._refuse(root, f"<{_short(str(root.tag))}> is the outermost element, expected <robot>{hint}")
         sound = self._copy(root, "")
         self.notes += [
             f"ignored, as URDF does not define it: {what} ({n}x)" for what, n in sorted(self._ignored.items())

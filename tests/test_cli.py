@@ -16,7 +16,7 @@ import spatialdyn as sd
 from spatialdyn import Trajectory, cli, dynamics, validate
 from spatialdyn.commands import compare
 from spatialdyn.errors import InertiaError
-from spatialdyn.urdf import example_robots
+from spatialdyn.urdf import example_robots, robot_names
 
 pytest.importorskip("pinocchio")
 RICH = ("rich", "rich.box", "rich.console", "rich.progress", "rich.table", "rich.text")
@@ -77,6 +77,21 @@ def test_info_says_what_is_odd(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     record = json.loads(run(capsys, "info", str(file), "--json")[1])
     assert record["joints"][0]["upper"] is None
     assert len(record["notes"]) >= 2
+
+
+def test_info_without_a_robot_lists_those_that_have_a_name(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "info")
+    assert (status, err) == (0, "")
+    listed = json.loads(run(capsys, "info", "--json")[1])
+    assert list(listed) == list(robot_names())
+    assert {line.split()[0] for line in out.splitlines() if ".urdf" in line} == set(listed)
+    assert sd.load_urdf(listed["two_link"]) == sd.load_urdf("two_link")
+
+
+def test_version_is_the_library_s(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--version"])
+    assert capsys.readouterr().out == f"spatialdyn {sd.__version__}\n"
 
 
 # --- compare ---------------------------------------------------------------------------------------------
@@ -266,3 +281,37 @@ def test_simulate_refuses_bad_numbers(capsys: pytest.CaptureFixture[str]) -> Non
     assert "--v0 is 'a,b', expected numbers separated by commas" in capsys.readouterr().err
     assert cli.main(["simulate", "two_link", "--dt", "0"]) == 2
     assert "dt is 0.0, expected a finite number of seconds above 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["simulate", "trade"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(f"spatialdyn.commands.{command}.load", None)
+    assert cli.main([command, "two_link", "--plot", "energy.doc"]) == 2
+    assert "--plot is 'energy.doc', expected a name that ends in one of .avif, " in capsys.readouterr().err
+    for path in ("energy", str(tmp_path / "nowhere" / "energy.png")):
+        assert cli.main([command, "two_link", "--plot", path]) == 2
+        assert f"--plot is {path!r}, expected a name" in capsys.readouterr().err
+    (tmp_path / "run.png").mkdir()
+    assert cli.main([command, "two_link", "--plot", str(tmp_path / "run.png")]) == 2
+    assert "run.png', a directory, expected the name of a file" in capsys.readouterr().err
+    hide(monkeypatch, "matplotlib", "matplotlib.backend_bases")
+    assert cli.main([command, "two_link", "--plot", "energy.png"]) == 2
+    assert capsys.readouterr().err == 'spatialdyn: matplotlib is not installed; pip install "spatialdyn[plot]"\n'
+
+
+def test_a_trajectory_that_cannot_be_saved_is_an_error_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = str(tmp_path / "nowhere" / "run.npz")
+    assert cli.main(["simulate", "two_link", "--save", path]) == 2
+    assert f"--save is {path!r}, expected a name in a folder that is there" in capsys.readouterr().err
+
+    def full(self: Trajectory, path: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Trajectory, "save", full)
+    assert cli.main(["simulate", "two_link", "--duration", "0.01", "--dt", "0.01", "--save", "run.npz"]) == 2
+    assert "--save is 'run.npz': No space left on device, expected" in capsys.readouterr().err

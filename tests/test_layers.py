@@ -69,7 +69,7 @@ BELOW: dict[str, tuple[str, ...]] = {
     # doors
     "__init__": ("validate", "builder", "truth", "trade"),
     "commands": ("validate", "trade", "compat"),
-    "cli": ("commands",),
+    "cli": ("commands", "__init__"),
     "__main__": ("cli",),
 }
 # Imports that go up nonetheless, made by a function when it is called.

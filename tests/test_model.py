@@ -191,6 +191,9 @@ def test_unknown_names_come_with_near_ones() -> None:
     assert message(model.subtree, "uper") == 'link "uper" is not in robot "arm", did you mean upper'
     assert message(model.with_, armature={"sholder": 1}).endswith("did you mean shoulder")
     assert message(model.with_, payload={"tol": BALL}).endswith("did you mean tool")
+    assert message(model.reduced, ["elbow"]) == "lock is a list, expected a mapping of names to values"
+    assert message(model.with_, payload=["tool"]) == "payload is a list, expected a mapping of names to values"
+    assert message(model.with_, armature=[0.1]) == "armature is a list, expected a mapping of names to values"
     assert message(model.reduced, {"tool_joint": 0}).startswith('joint "tool_joint" is not in robot "arm"')
 
 

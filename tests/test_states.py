@@ -10,6 +10,7 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
+from spatialdyn.engines import jit
 from spatialdyn.states import random_configuration, step, wrench_at
 
 EPS = np.finfo(float).eps
@@ -155,6 +156,7 @@ def advanced(model: sd.Model, method: str, n: int, state: Any, time: float) -> t
     return q, v
 
 
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
 @pytest.mark.parametrize(("method", "order"), [("explicit_euler", 1), ("semi_implicit_euler", 1), ("rk4", 4)])
 @pytest.mark.parametrize("continuous", ["angle", "cos_sin"])
 def test_steps_have_their_order_on_every_joint(method: str, order: int, continuous: str) -> None:

@@ -180,6 +180,11 @@ def test_meshes_and_other_peoples_elements_are_never_looked_at() -> None:
     assert read_urdf(text) == read_urdf(ARM)
 
 
+@pytest.mark.parametrize(("tag", "what"), [("sdf", "SDF"), ("mujoco", "MJCF"), ("COLLADA", "a mesh")])
+def test_another_format_is_called_by_its_name(tag: str, what: str) -> None:
+    assert refusal(f"<{tag}/>").endswith(f"<{tag}> is the outermost element, expected <robot>, for {what} is not read")
+
+
 # --- what is broken ---------------------------------------------------------------------------------------
 
 BROKEN = {
@@ -491,7 +496,7 @@ def test_without_the_examples_the_message_says_so(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(sys, "prefix", os.sep + "nowhere")
     monkeypatch.delenv("CONDA_PREFIX", raising=False)
     assert example_robots() == []
-    assert refusal("panda").endswith("example-robot-data is not installed")
+    assert refusal("panda").endswith('example-robot-data is not installed; pip install "spatialdyn[validate]"')
     assert read_urdf("pendulum").name == "pendulum"
 
 

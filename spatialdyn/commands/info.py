@@ -1,4 +1,4 @@
-"""``spatialdyn info ROBOT``: what a robot is made of, and what is odd about its file."""
+"""``spatialdyn info ROBOT``: what a robot is made of, and what is odd about its file; ``info`` lists robots by name."""
 
 from __future__ import annotations
 
@@ -11,19 +11,23 @@ from typing import Any
 
 from ..model import Model
 from ..robot import Joint
+from ..urdf import robot_names
 from .printing import Column, finite, fold, print_table
-from .robots import add_robot, load
+from .robots import ROBOT, add_root, load
 
 
 def add(commands: Any) -> None:
     """Register the command with what argparse's ``add_subparsers`` has given."""
     parser = commands.add_parser("info", help="what a robot is made of, and what is odd about its file")
-    add_robot(parser)
+    parser.add_argument("robot", metavar="ROBOT", nargs="?", help=f"{ROBOT} without ROBOT")
+    add_root(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    if arguments.robot is None:
+        return _list(arguments.json)
     model = load(arguments)
     if arguments.json:
         print(json.dumps(_record(model), indent=2, ensure_ascii=False))
@@ -41,6 +45,16 @@ def _run(arguments: argparse.Namespace) -> int:
     print("\nodd about the file:" if robot.notes else "\nnothing is odd about the file")
     for note in robot.notes:
         fold(note, "  - ")
+    return 0
+
+
+def _list(as_json: bool) -> int:
+    """Every robot that has a name, and its file."""
+    names = {name: str(path) for name, path in robot_names().items()}
+    if as_json:
+        print(json.dumps(names, indent=2, ensure_ascii=False))
+    else:
+        print_table((Column("robot"), Column("file")), list(map(list, names.items())))
     return 0
 
 

@@ -8,13 +8,18 @@ import warnings
 from ..model import Model
 from ..urdf import load_urdf
 
-ROBOT = "path of a URDF, or the name of a robot of urdf/ or example-robot-data"
+ROBOT = "path of a URDF, or one of the names that `spatialdyn info` lists"
 ROOTS = ("fixed", "floating")
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
     """The arguments ROBOT and --root, of a command about one robot."""
     parser.add_argument("robot", metavar="ROBOT", help=ROBOT)
+    add_root(parser)
+
+
+def add_root(parser: argparse.ArgumentParser) -> None:
+    """The argument --root."""
     parser.add_argument("--root", choices=ROOTS, default="fixed", help="what the root link does (default: fixed)")
 
 

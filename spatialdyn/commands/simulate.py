@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..simulation import Trajectory, integrators, simulate
 from ..states import random_configuration
 from .printing import watched
 from .robots import add_robot, load
+from .targets import check_file, check_plot
 
 Array = NDArray[np.float64]
 
@@ -44,6 +46,8 @@ def _methods() -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    check_plot(arguments.plot)
+    check_file("--save", arguments.save)
     model = load(arguments)
     q0 = _numbers("--q0", arguments.q0, model.nq)
     if q0 is None:
@@ -60,12 +64,20 @@ def _run(arguments: argparse.Namespace) -> int:
     for warning in caught:
         print(f"note    {warning.message}")
     if arguments.save:
-        run.save(arguments.save)
+        _write("--save", arguments.save, run.save)
         print(f"saved   {arguments.save}")
     if arguments.plot:
-        run.plot().savefig(arguments.plot)
+        _write("--plot", arguments.plot, run.plot().savefig)
         print(f"drawn   {arguments.plot}")
     return 0
+
+
+def _write(option: str, path: str, write: Callable[[str], None]) -> None:
+    """Write a file. Raises SpatialDynError where the system does not let it."""
+    try:
+        write(path)
+    except OSError as error:
+        raise SpatialDynError(f"{option} is {path!r}: {error.strerror}, expected a file that can be written") from None
 
 
 def _numbers(option: str, text: str | None, count: int) -> Array | None:

@@ -14,6 +14,7 @@ from ..trade.options import Option, Tradeoff, figure
 from ..trade.tradeoff import BATCH, TASKS, advice, trade
 from .printing import Column, fold, print_table
 from .robots import add_robot, load
+from .targets import check_plot
 
 
 def add(commands: Any) -> None:
@@ -25,7 +26,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
     parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
-    parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {','.join(integrators)}")
+    parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {', '.join(integrators)}")
     parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG or PDF file")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
@@ -35,6 +36,7 @@ def _run(arguments: argparse.Namespace) -> int:
     tolerance = arguments.tolerance
     if tolerance is not None and not tolerance > 0.0:
         raise SpatialDynError(f"--tolerance is {tolerance!r}, expected a number above 0")
+    check_plot(arguments.plot)
     methods = None if arguments.methods is None else arguments.methods.split(",")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
