@@ -111,7 +111,8 @@ class Trajectory:
             lines = axes.plot(self.t, y, linewidth=1.0)
             axes.set_ylabel(labels[name])
             if 1 < len(lines) <= 10:
-                axes.legend(lines, [f"{name}{k}" for k in range(len(lines))], fontsize="small", ncols=2)
+                words = [f"{name}{k}" for k in range(len(lines))]
+                axes.legend(lines, words, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
             axes.grid(alpha=0.3)
         rows[0].set_title(f"{self.robot}: {self.method}, dt {self.dt:g} s")
         rows[-1].set_xlabel("t [s]")

@@ -146,14 +146,15 @@ class Tradeoff:
             from matplotlib.figure import Figure
         except ImportError as error:
             raise SpatialDynError('matplotlib is not installed; pip install "spatialdyn[plot]"') from error
-        figure_ = Figure(figsize=(7.5, 5.0), layout="constrained")
+        figure_ = Figure(figsize=(9.0, 5.0), layout="constrained")
         axes = figure_.subplots()
         families: dict[str, list[Option]] = {}
         for x in self.options:
             if math.isfinite(x.error):
                 families.setdefault(x.name.split(",")[0] if self.task == "simulate" else x.name, []).append(x)
         for k, (name, points) in enumerate(families.items()):
-            marker = "osD^vPX*<>"[k % 10]
+            points.sort(key=lambda x: -x.error)  # from the coarsest step to the finest
+            marker = "osD^vPX*<>"[(k + k // 10) % 10]  # colours begin again at the tenth
             shown = [max(x.error, 1e-17) for x in points]
             axes.plot([x.ns for x in points], shown, marker=marker, linewidth=0.8, label=name)
         front = [x for x in self.front if math.isfinite(x.error)]
@@ -164,7 +165,7 @@ class Tradeoff:
         axes.set(xscale="log", yscale="log", xlabel=self.unit, ylabel="largest error")
         axes.set_title(f"{self.model}: {self.task.replace('_', ' ')}")
         axes.grid(alpha=0.3)
-        axes.legend(fontsize="small")
+        figure_.legend(loc="outside right upper", fontsize="small")
         if path is not None:
             try:
                 figure_.savefig(path, dpi=130)
