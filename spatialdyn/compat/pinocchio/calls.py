@@ -12,11 +12,12 @@ from ... import dynamics
 from ...errors import InertiaError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
-from .data import Run, clock, prepared
+from .data import prepared
 from .frame import Convention
 from .kinds import KINDS
 from .motion import Force
 from .rows import Rows
+from .runs import Run, clock
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from .arguments import ArgumentError, ValueRuntimeError, described
 from .calls import perform, quick, returned
-from .data import Run, prepared
+from .data import prepared
 from .frame import ACCELERATION, KinematicLevel
+from .indices import frame_index, joint_index
 from .inertia import Inertia
 from .kinds import com_in_world, subtree_masses
-from .kinematics import frame_index, joint_index
 from .motion import Force
+from .runs import Run
 
 Array = NDArray[np.float64]
 

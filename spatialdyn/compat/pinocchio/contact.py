@@ -17,9 +17,10 @@ from ...constraints.contact import solve as solved
 from ...errors import ConstraintError, ShapeError
 from .arguments import NUMBERS, ArgumentError, described, number
 from .calls import vector
-from .data import Run, prepared
+from .data import prepared
 from .dynamics import computeAllTerms, crba
 from .frame import Convention
+from .runs import Run
 
 Array = NDArray[np.float64]
 CONSTRAINED, IMPACT, BORDERED = "constrained", "impact", "bordered"

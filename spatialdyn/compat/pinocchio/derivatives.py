@@ -19,9 +19,10 @@ from ...recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ...recursions.spec import WORLD as IN_WORLD
 from .arguments import ArgumentError, ValueRuntimeError, expected
 from .calls import perform, quick, returned
-from .data import Run, prepared
-from .kinematics import IDENTITY, _first, _single, code_of, joint_index
-from .kinematics import _frame as _place
+from .data import prepared
+from .indices import IDENTITY, code_of, frame_given, index_given, joint_index
+from .jacobians import _single
+from .runs import Run
 from .se3 import SE3
 
 Array = NDArray[np.float64]
@@ -197,7 +198,7 @@ def getFrameAccelerationDerivatives(
 
 
 def _frame(model: Any, frame: tuple[Any, ...], named: dict[str, Any]) -> tuple[int, Array, Any]:
-    return _place(model, *_first(frame, named), {"reference_frame": None, **named})
+    return frame_given(model, *index_given(frame, named), {"reference_frame": None, **named})
 
 
 def getPointVelocityDerivatives(

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ... import dynamics
 from .arguments import ArgumentError, described
 from .calls import perform, quick, returned
-from .data import Run, prepared
+from .data import prepared
 from .frame import Convention
+from .runs import Run
 
 Array = NDArray[np.float64]
 

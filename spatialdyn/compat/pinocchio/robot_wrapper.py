@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from . import centroidal, configuration, dynamics, kinematics
+from . import centroidal, configuration, dynamics, jacobians, kinematics
 from .coverage import OutOfScopeAttributeError
 from .frame import LOCAL
 from .geometry import buildModelsFromUrdf, createDatas
@@ -210,15 +210,15 @@ class RobotWrapper:
 
     def computeJointJacobian(self, q: Any, index: int) -> Array:
         """``computeJointJacobian``."""
-        return kinematics.computeJointJacobian(self.model, self.data, q, index)
+        return jacobians.computeJointJacobian(self.model, self.data, q, index)
 
     def getJointJacobian(self, index: int, rf_frame: Any = LOCAL) -> Array:
         """``getJointJacobian``."""
-        return kinematics.getJointJacobian(self.model, self.data, index, rf_frame)
+        return jacobians.getJointJacobian(self.model, self.data, index, rf_frame)
 
     def computeJointJacobians(self, q: Any) -> Array:
         """``computeJointJacobians``."""
-        return kinematics.computeJointJacobians(self.model, self.data, q)
+        return jacobians.computeJointJacobians(self.model, self.data, q)
 
     # --- frames --------------------------------------------------------------------------------------------
 
@@ -258,11 +258,11 @@ class RobotWrapper:
 
     def getFrameJacobian(self, frame_id: int, rf_frame: Any = LOCAL) -> Array:
         """``getFrameJacobian``."""
-        return kinematics.getFrameJacobian(self.model, self.data, frame_id, rf_frame)
+        return jacobians.getFrameJacobian(self.model, self.data, frame_id, rf_frame)
 
     def computeFrameJacobian(self, q: Any, frame_id: int) -> Array:
         """``computeFrameJacobian``."""
-        return kinematics.computeFrameJacobian(self.model, self.data, q, frame_id)
+        return jacobians.computeFrameJacobian(self.model, self.data, q, frame_id)
 
     def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
         """Geometry is out of scope; raises NotImplementedError."""
