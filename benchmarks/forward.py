@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 from accuracy import BITS, ROD, TIPS, State, error, state, uneven
@@ -33,7 +32,8 @@ Array = NDArray[np.float64]
 AXES = np.eye(3)
 LARGEST = 300  # chain that Pinocchio is given: its Data of n joints in a row takes 72 n³ bytes, of a thousand 72 GB
 TRIES = 6
-NAMES = (*METHODS, "pin.aba", "mujoco", "one ulp")
+PEERS = ("pin.aba", "mujoco")
+NAMES = (*METHODS, *PEERS, "one ulp")
 
 
 class Case(NamedTuple):
@@ -132,6 +132,8 @@ def with_pinocchio(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
 
 def with_mujoco(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
     """Its forward dynamics of that chain, through M. Raises ValueError for a link that it takes for none."""
+    import mujoco
+
     spec = mujoco.MjSpec()
     spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
     spec.option.gravity = (0.0, 0.0, -9.81)
@@ -155,16 +157,17 @@ def with_mujoco(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
     return run
 
 
-def ways(chain: list[Body], model: sd.Model) -> dict[str, Callable[..., Any]]:
-    """Every way to the accelerations."""
+def ways(chain: list[Body], model: sd.Model, peers: Sequence[str] = PEERS) -> dict[str, Callable[..., Any]]:
+    """Every way of ours to the accelerations, and of these peers that take the chain."""
     made: dict[str, Callable[..., Any]] = {
         method: lambda q, v, tau, method=method: sd.forward_dynamics(model, q, v, tau, method=method)
         for method in METHODS
     }
-    if len(chain) <= LARGEST:
+    if "pin.aba" in peers and len(chain) <= LARGEST:
         made["pin.aba"] = with_pinocchio(chain)
-    with contextlib.suppress(ValueError):
-        made["mujoco"] = with_mujoco(chain)
+    if "mujoco" in peers:
+        with contextlib.suppress(ValueError):
+            made["mujoco"] = with_mujoco(chain)
     return made
 
 
@@ -180,7 +183,7 @@ class Measured(NamedTuple):
     errors: dict[str, float]
 
 
-def measured(case: Case) -> Iterator[Measured]:
+def measured(case: Case, peers: Sequence[str] = PEERS) -> Iterator[Measured]:
     """All states of a case."""
     rng = np.random.default_rng(7)
     chain = rods(case)
@@ -192,7 +195,9 @@ def measured(case: Case) -> Iterator[Measured]:
         s = state(model, rng)
         given = s.q, s.v, s.tau
         truth = sd.exact(model, sd.aba, BITS)(*given)
-        yield Measured(model, s, truth, {k: error("aba", f(*given), truth) for k, f in ways(chain, model).items()})
+        yield Measured(
+            model, s, truth, {k: error("aba", f(*given), truth) for k, f in ways(chain, model, peers).items()}
+        )
 
 
 def moved(model: sd.Model, s: State, truth: Any) -> float:

@@ -78,7 +78,7 @@ def test_forward_dynamics_of_chains(n: int, spatial: bool) -> None:
 
 @cache
 def heavy_tip(m: float, spatial: bool) -> list[forward.Measured]:
-    return list(forward.measured(forward.Case(spatial, [1.0] * 6 + [m], HUNDRED)))
+    return list(forward.measured(forward.Case(spatial, [1.0] * 6 + [m], HUNDRED), ["pin.aba"]))
 
 
 def errors(m: float, spatial: bool, way: str) -> Any:
