@@ -14,7 +14,7 @@ import pinocchio as pin
 from measure import per_call
 from peers import installed
 
-from spatialdyn.engines import lanes, vectors
+from spatialdyn.engines import target, vectors
 
 CHAINS = 16  # independent ones hide the latency of a multiply-add, 4 cycles or so
 DEEP = 8  # of each chain in one turn of the loop
@@ -28,7 +28,7 @@ SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction,
 
 def machine() -> dict[str, Any]:
     """Names and versions, and the two limits."""
-    processor, _, width, _ = lanes.host()
+    processor, _, width, _ = target.host()
     return {
         "processor": numba.core.config.CPU_NAME or processor,
         "cores": os.cpu_count(),
@@ -55,7 +55,7 @@ def flops(operations: dict[str, int], scalar: str = "double") -> int:
 @cache
 def peak(scalar: str) -> float:
     """Multiply-adds in independent chains of whole vectors: flops a nanosecond, the best of some runs."""
-    lanes_of = lanes.host()[2] // (8 if scalar == "double" else 4)
+    lanes_of = target.host()[2] // (8 if scalar == "double" else 4)
     v, suffix = f"<{lanes_of} x {scalar}>", f"v{lanes_of}f{64 if scalar == 'double' else 32}"
     half = "<" + ", ".join([f"{scalar} 0.5"] * lanes_of) + ">"
     names = [f"x{c}" for c in range(CHAINS)]
@@ -71,7 +71,7 @@ def peak(scalar: str) -> float:
     ends = [f"  store {v} %{x}_{DEEP}, ptr %p{c}" for c, x in enumerate(names)]
     text = f"declare {v} @llvm.fma.{suffix}({v}, {v}, {v})\n" + _loop(starts, phis, body, ends)
     run = _Compiled(text)
-    room = _aligned(CHAINS * lanes.host()[2])
+    room = _aligned(CHAINS * target.host()[2])
     seconds = min(per_call(lambda: run(TURNS, room.ctypes.data), 1) for _ in range(20))
     return 2.0 * TURNS * DEEP * CHAINS * lanes_of / seconds * 1e-9
 
@@ -79,8 +79,8 @@ def peak(scalar: str) -> float:
 @cache
 def stores() -> dict[str, float]:
     """Bytes a nanosecond written to memory that is mapped: by memset, by copying, and past the caches."""
-    lanes_of = lanes.host()[2] // 8
-    v, size = f"<{lanes_of} x double>", lanes.host()[2]
+    lanes_of = target.host()[2] // 8
+    v, size = f"<{lanes_of} x double>", target.host()[2]
     body = [f"  %at = getelementptr {v}, ptr %io, i64 %k", f"  store {v} zeroinitializer, ptr %at, align {size}, "]
     body[-1] += "!nontemporal !0"
     run = _Compiled(_loop([], [], body, []) + "!0 = !{i32 1}\n")
@@ -103,7 +103,7 @@ def _aligned(size: int) -> np.ndarray:
 def _loop(before: list[str], phis: list[str], body: list[str], after: list[str]) -> str:
     """``kernel(turns, io)`` as LLVM text."""
     parts = ["\n".join(x) for x in (before, phis, body, after)]
-    wide = 8 * lanes.host()[2]
+    wide = 8 * target.host()[2]
     return f"""
 define void @kernel(i64 %turns, ptr %io) #0 {{
 entry:
@@ -128,7 +128,7 @@ class _Compiled:
     """LLVM text as a function of (turns, address), for this processor."""
 
     def __init__(self, text: str) -> None:
-        self._loaded = lanes.Loaded(lanes.assembled(text))
+        self._loaded = target.Loaded(target.assembled(text))
         self._call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(self._loaded.address("kernel"))
 
     def __call__(self, turns: int, address: int) -> None:

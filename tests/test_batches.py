@@ -21,7 +21,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn import dynamics
-from spatialdyn.engines import batches, jit, lanes, store
+from spatialdyn.engines import batches, jit, store, target
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
 from spatialdyn.robot import Mimic
@@ -489,8 +489,8 @@ def test_other_sources_models_calls_dtypes_and_hosts_are_other_programs(
     assert len(seen) == 5
     monkeypatch.setattr(batches, "STAMP", "edited")
     assert rnea_kernel(arm) is not first
-    name, features, width, fma = lanes.host()
-    monkeypatch.setattr(lanes, "host", lambda: (name, features + ",", width, fma))
+    name, features, width, fma = target.host()
+    monkeypatch.setattr(target, "host", lambda: (name, features + ",", width, fma))
     monkeypatch.setattr(batches, "_from_disk", lambda *arguments: None)
     monkeypatch.setattr(batches, "_made", lambda *arguments: seen.append("other host"))
     batches.kernel((bare("rnea"),), arm.bodies, arm.key)

@@ -18,8 +18,9 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn import scalars
-from spatialdyn.engines import batches, jit, lanes, trace
-from spatialdyn.engines.lanes import FAR, Layout, Loaded
+from spatialdyn.engines import batches, jit, lanes, target, trace
+from spatialdyn.engines.lanes import FAR, Layout
+from spatialdyn.engines.target import Loaded
 from spatialdyn.engines.trace import Number, Program, Tape
 from spatialdyn.recursions import SPECS
 
@@ -58,13 +59,12 @@ class Runner:
     ) -> None:
         self.layout, self.shape, self.dtype = layout, shape, np.dtype(dtype)
         writer = lanes._Writer(program, layout, dtype, shape.lanes, shape.fma, stream)
-        name, features, _, has_fma = lanes.host()
+        name, features, _, has_fma = target.host()
         if shape.fma and not has_fma:
             pytest.skip("no fused multiply-add here")
         if shape.baseline:
             name, features = "x86-64", ""
-        target = llvm.Target.from_triple(llvm.get_process_triple())
-        machine = target.create_target_machine(
+        machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
             cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
         )
         self.loaded = Loaded(machine.emit_object(llvm.parse_assembly(writer.text())))
@@ -536,7 +536,7 @@ def test_a_unit_part_is_fine_within_the_tolerance_of_its_square() -> None:
     x[:, 1] = x[:, 3] = 1.0
     x[:8, 1] = side
     x[8:, 3] = side
-    _, fine = Runner(program, layout, Shape(8, lanes.host()[3]))(x)
+    _, fine = Runner(program, layout, Shape(8, target.host()[3]))(x)
     np.testing.assert_array_equal(fine, [True, True, True, False, False, False, False, False] * 2)
 
 
@@ -565,13 +565,13 @@ def test_the_workspace_and_code_of_this_host_are_those_of_the_writer() -> None:
     program, layout = program_of(everything, 3)
     code, workspace = lanes.compiled(program, layout)
     assert Loaded(code).address("kernel")
-    assert workspace == lanes.lanes_of(np.float64) * 8
-    assert lanes.lanes_of(np.float32) == 2 * lanes.lanes_of(np.float64)
+    assert workspace == target.lanes_of(np.float64) * 8
+    assert target.lanes_of(np.float32) == 2 * target.lanes_of(np.float64)
     assert lanes.compiled(program, layout)[0] == code
 
 
 def test_object_code_without_a_kernel_is_refused() -> None:
-    lanes.host()
+    target.host()
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(jit=True)
     other = machine.emit_object(llvm.parse_assembly("define void @other() {\n  ret void\n}\n"))
     with pytest.raises(ValueError, match="no kernel"):

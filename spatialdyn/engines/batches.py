@@ -28,7 +28,7 @@ from ..bodies import FLOATING, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE_CS, SPHERI
 from ..errors import SpatialDynError
 from ..recursions.checks import EPS
 from ..recursions.spec import Spec
-from . import lanes, narrow, store
+from . import lanes, narrow, store, target
 from .entry import DATA, room
 from .jit import STAMP
 from .origins import move_origins
@@ -260,8 +260,8 @@ class Kernel:
 
     def __init__(self, code: bytes, workspace: int, layout: lanes.Layout, dtype: Any, one: bool = False) -> None:
         """Load object code made by ``lanes.compiled`` from a program of that layout."""
-        self._loaded = lanes.Loaded(code)
-        self.dtype, self.lanes = np.dtype(dtype), 1 if one else lanes.lanes_of(dtype)
+        self._loaded = target.Loaded(code)
+        self.dtype, self.lanes = np.dtype(dtype), 1 if one else target.lanes_of(dtype)
         self.address, self.workspace = self._loaded.address("kernel"), workspace
         self.inputs, self.outputs = layout.inputs, tuple(map(len, layout.outputs))
         self._room = room(self.inputs, self.outputs, workspace, self.lanes, self.dtype.itemsize)
@@ -361,11 +361,11 @@ def kernel(
     stream  for outputs larger than the caches, which start on a vector's boundary
     """
     names = "|".join(f"{s.name}({','.join(x.name for x in s.given)})" for s in specs)
-    processor, features, _, _ = lanes.host()
+    processor, features, _, _ = target.host()
     values = "|".join(x.tobytes().hex() if isinstance(x, np.ndarray) else str(x) for x in static)
     chosen = "" if choice == ALL else repr(choice)
     dtype_name = np.dtype(dtype).name + (" one" if one else "") + (" stream" if stream else "")
-    text = "\n".join((key, names, values, chosen, dtype_name, STAMP, processor, features, lanes.VERSION, str(DATA)))
+    text = "\n".join((key, names, values, chosen, dtype_name, STAMP, processor, features, target.VERSION, str(DATA)))
     digest = hashlib.sha256(text.encode()).hexdigest()
     with _lock:
         if digest in _kept:

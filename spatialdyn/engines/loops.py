@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import lanes
+from . import target
 from .batches import Kernel, team
 from .entry import loop, room
 
@@ -35,7 +35,7 @@ def _loop(
     states: tuple[int, ...], inputs: int, workspace: int, width: int, size: int
 ) -> tuple[Any, Callable[..., None]]:
     """The compiled loop, and what keeps it in memory."""
-    loaded = lanes.Loaded(lanes.assembled(loop(states, inputs, workspace, width, size)))
+    loaded = target.Loaded(target.assembled(loop(states, inputs, workspace, width, size)))
     given: list[Any] = [ctypes.c_void_p, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
     given += [ctypes.py_object] * (len(states) + 1) + [ctypes.c_int64] * 5
