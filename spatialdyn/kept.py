@@ -74,7 +74,7 @@ def kept(name: str, more: tuple[str, ...] = (), returned: bool = True, forces: b
     inputs = [*(x for x in spec.given if x.name != "fext"), *(Argument(x, ("nv",), "", "") for x in more)]
     arguments = [x.name for x in inputs]
     shape, passed = f"({', '.join(axes)},)", "".join(f"{x.name}_in, " for x in spec.given)
-    body = _given(inputs)
+    body = [*_given(inputs), f"count = {' * '.join(axes)}"]
     if forces:
         arguments.append("fext")
         body += [
@@ -87,13 +87,14 @@ def kept(name: str, more: tuple[str, ...] = (), returned: bool = True, forces: b
             "if answer == 0: return 0",
             f"if single(table, {passed}at(word(answer, {DATA}), {shape})) != {jit.OK}:",
             "    return never_mind(plan, answer)",
-            f"count = {' * '.join(axes)}",
-            f"copy(at(word(answer, {DATA}), (count,)), at(result, (count,)))",
         ]
-    else:
+    else:  # written while inputs are read
+        body += [f"if not apart({x.name}, {x.shape[0]}, result, count): return no(plan)" for x in inputs]
         body.append(f"if single(table, {passed}at(result, {shape})) != {jit.OK}: return no(plan)")
-    for x in inputs:
+    for x in inputs:  # before the result, which may be one of them: somebody holds it
         body += [f"copy({x.name}_in, at(memory, ({x.shape[0]},)))", f"memory += 8 * {x.shape[0]}"]
+    if returned:
+        body.append(f"copy(at(word(answer, {DATA}), (count,)), at(result, (count,)))")
     body.append("return answer" if returned else "return yes(plan)")
     label = "_".join(["kept", name, *more, "returned" if returned else "there", *["forces"] * forces])
     return Builtin(label, arguments, words, body, {"single": jit.single(spec), "copy": copy})

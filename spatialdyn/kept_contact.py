@@ -73,10 +73,10 @@ def dynamics() -> Builtin:
         f"answer = fresh(plan, 1, {dims(words, 'nv')})",
         "if answer == 0: return 0",
         f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
-        "copy(x_in, at(result, (nv,)))",
         *NOTED,
         "copy(v_in, at(memory + 8 * nq, (nv,)))",
         "copy(b_in, at(bias, (nv,)))",
+        "copy(x_in, at(result, (nv,)))",  # after the inputs: it may be one of them
         "return answer",
     ]
     arguments = ["q", "v", "tau", "J", "drift", "damping"]
@@ -105,9 +105,9 @@ def impact() -> Builtin:
         "if answer == 0: return 0",
         f"after = at(word(answer, {DATA}), (nv,))",
         "for i in range(nv): after[i] = v_in[i] + x_in[i]",
-        "copy(after, at(result, (nv,)))",
         "copy2(M_in, at(M, (nv, nv)))",
         *NOTED,
+        "copy(after, at(result, (nv,)))",
         "return answer",
     ]
     return Builtin("impact", ["q", "v", "J", "restitution", "damping"], words, body, _scope(), optional=2)

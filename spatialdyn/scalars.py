@@ -13,17 +13,24 @@ from typing import Any
 import numpy as np
 from numba.extending import overload, register_jitable
 
-from .inlining import Inlining, Weaving
+_INLINED: dict[str, Any] = {}
+_WOVEN: dict[str, Any] = {}
+try:
+    from .inlining import Inlining, Weaving
+except ImportError:  # a Numba whose parts are elsewhere: compiling takes twice as long
+    pass
+else:
+    _INLINED["pipeline_class"], _WOVEN["pipeline_class"] = Inlining, Weaving
 
 Scalar = Any
 
-inlined = register_jitable(forceinline=True, no_cfunc_wrapper=True, pipeline_class=Inlining)
+inlined = register_jitable(forceinline=True, no_cfunc_wrapper=True, **_INLINED)
 """Decorates what recursions are made of: plain Python when called, inlined without exception when compiled.
 
 Left to itself LLVM calls the larger ones, and each call counts references to its arrays: half the cost of a CRBA.
 """
 
-woven = register_jitable(forceinline=True, no_cfunc_wrapper=True, pipeline_class=Weaving)
+woven = register_jitable(forceinline=True, no_cfunc_wrapper=True, **_WOVEN)
 """Decorates what calls compiled kernels and is inlined: the outermost caller alone optimises the kernels anew."""
 
 called = register_jitable(no_cfunc_wrapper=True)

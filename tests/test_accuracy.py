@@ -44,7 +44,7 @@ NAMES = [n for n, path in robot_names().items() if path in set(example_robots())
 
 EPS32 = float(np.finfo(np.float32).eps)
 SINGLE = {"rnea": 8 * EPS32, "crba": 16 * EPS32}  # of some fifty bodies, inputs rounded besides; measured 5 and 11
-HUNDRED = 100 if not jit.PLAIN else 10
+HUNDRED = 100 if not jit.PLAIN else 20
 BATCH = 24  # not a multiple of the lanes
 compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 

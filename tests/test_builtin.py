@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 import tracemalloc
 from typing import Any
@@ -140,3 +142,23 @@ def test_a_builtin_can_be_had_for_another_model_of_the_same_sizes(model: Any, st
     builtin.retarget(call, other)
     builtin.retarget(len, other)  # which has no plan
     np.testing.assert_array_equal(call(s.q, s.v, s.a), sd.rnea(other, s.q, s.v, s.a))
+
+
+def test_functions_may_outlive_what_they_are_made_by() -> None:
+    """Collected together, in any order: memory is overwritten as it is freed, so what is looked at too late shows."""
+    script = """
+import gc
+from spatialdyn.engines.builtin import Builtin
+for k in range(3):
+    made = Builtin(f"nothing{k}", [], ["one"], ["return yes(plan)"], {})
+    functions = [made.bind(one=1) for _ in range(20)]
+    assert all(f() for f in functions)
+    functions.append((functions, made))
+    made.functions = functions
+    del made, functions
+    gc.collect()
+print("done")
+"""
+    environment = {**os.environ, "PYTHONMALLOC": "malloc", "MALLOC_PERTURB_": "255"}
+    ran = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert ran.stdout == "done\n", ran.stderr

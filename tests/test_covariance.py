@@ -221,7 +221,10 @@ def motion(model: sd.Model, tree: Any, method: str, s: Scale) -> tuple[Array, Ar
 @pytest.mark.parametrize("method", [x for x in sd.integrators if sd.integrators[x].family is not None])
 @pytest.mark.parametrize("kind", ROBOTS)
 def test_motions_are_covariant_to_the_bit(method: str, kind: str) -> None:
-    """Steps that are iterated end where they do in any units: their tolerance is relative to what they iterate."""
+    """Steps that are iterated end where they do in any units: their tolerance is relative to what they iterate.
+
+    SciPy's methods have an absolute tolerance, which is the caller's to choose.
+    """
     made = random_tree(11, 4, **ROBOTS[kind])
     for part in (0, 1):
         hold(lambda s, part=part: motion(made.model, made.tree, method, s)[part], FAR[:1])

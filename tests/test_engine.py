@@ -609,3 +609,8 @@ def test_kernels_have_the_names_of_the_calls_and_no_other() -> None:
     assert sd.kernels.STAMP == jit.STAMP
     with pytest.raises(AttributeError, match="no kernel 'rnae', expected one of"):
         sd.kernels.rnae
+
+
+def test_functions_made_of_text_belong_to_no_file() -> None:
+    """Python looks the lines of a function up in its file, and makes what it can of them, which may be an error."""
+    assert not Path(jit.define("nothing", ["x"], ["return x"], {}).__code__.co_filename).exists()

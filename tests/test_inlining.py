@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +15,7 @@ import pytest
 from numba import njit
 from numba.core import compiler
 
+import spatialdyn as sd
 from spatialdyn import inlining
 from spatialdyn.engines import jit
 from spatialdyn.scalars import called, inlined, sin, woven
@@ -77,3 +83,18 @@ def test_the_passes_left_out_are_numbas() -> None:
     builder: Any = compiler.DefaultPassBuilder
     there = {found.__name__ for found, _ in builder.define_nopython_pipeline(state).passes}
     assert there >= inlining._WITHOUT
+
+
+@COMPILED
+def test_without_what_they_are_made_of_recursions_compile_as_numba_has_them(tmp_path: Path) -> None:
+    """Another version of Numba may have its passes elsewhere."""
+    script = """
+import sys
+sys.modules["spatialdyn.inlining"] = None
+import spatialdyn as sd
+print(sd.rnea(sd.load_urdf("two_link"), [0.3, 0.4], [1.0, 2.0], [0.0, 1.0]).tolist())
+"""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path)}
+    ran = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    expected = sd.rnea(sd.load_urdf("two_link"), [0.3, 0.4], [1.0, 2.0], [0.0, 1.0])
+    np.testing.assert_allclose(json.loads(ran.stdout), expected, rtol=1e-14)

@@ -189,6 +189,9 @@ def test_more_motions_are_held_against_a_finer_one() -> None:
     assert 0.1 * coarse.usual < np.median(errors[coarse.name]) < 10.0 * coarse.usual
     assert found.further([coarse], 0.1 * coarse.usual) == {}
     assert found.further([coarse], 1e-30) is None  # nothing is a hundred times finer
+    finest, second = sorted(found.options, key=lambda x: x.bound)[:2]
+    errors = found.further([finest], 101.0 * second.bound)
+    assert len(set(errors[finest.name])) > 1  # against itself all were the same
 
 
 def test_a_way_to_simulate_is_taken_after_more_motions_unless_there_are_none() -> None:

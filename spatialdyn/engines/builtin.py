@@ -118,6 +118,14 @@ def vector(x: int, size: int) -> Any:
 
 
 @inlined
+def apart(x: int, size: int, first: int, count: int) -> Any:
+    """Whether such an array shares nothing with so many numbers at an address."""
+    one = word(x, DATA)
+    other = one + word(word(x, STRIDES), 0) * (size - 1)
+    return size == 0 or max(one, other) + 8 <= first or min(one, other) >= first + 8 * count
+
+
+@inlined
 def matrix(x: int) -> Any:
     """The numbers of an array of two axes."""
     shape = (word(word(x, SHAPE), 0), word(word(x, SHAPE), 1))
@@ -176,6 +184,7 @@ def never_mind(plan: int, x: int) -> Any:
 
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
+    "apart": apart,
     "matrix": matrix, "index": index, "is_real": is_real, "real": real, "fresh": fresh, "no": no, "yes": yes,
     "never_mind": never_mind,
 }  # fmt: skip
@@ -260,8 +269,8 @@ class Builtin:
     ) -> None:
         """A function of ``arguments``, objects by their addresses, in whose ``body`` the words of a plan have names.
 
-        The body returns ``fresh(...)``, ``yes(plan)`` or ``no(plan)``; 0 for an error that Python knows of. Of the
-        last ``optional`` arguments the first ones may be given; the others are 0.
+        The body returns ``fresh(...)``, ``yes(plan)`` or ``no(plan)``; 0 for an error that Python knows of. What it
+        raises becomes a SystemError. Of the last ``optional`` arguments the first ones may be given; the others are 0.
         """
         self.words = tuple(words)
         least, most = len(arguments) - optional, len(arguments)
@@ -277,6 +286,8 @@ class Builtin:
         self._code = dispatcher  # keeps what was compiled where it is
         address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
         self._definition = _Definition(label.encode(), address, FASTCALL, None)
+        # A function looks at its definition when it is freed, which may be after this is: 32 bytes that stay.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._definition))
 
     def bind(self, *alive: Any, **words: int) -> Callable[..., Any]:
         """The function with a plan, ``function.__self__``, which keeps what its words point at alive."""

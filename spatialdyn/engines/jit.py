@@ -128,7 +128,7 @@ def define(name: str, parameters: list[str], body: list[str], scope: dict[str, A
             f"    return {name}",
         ]
     )
-    exec(compile(text, __file__, "exec"), scope)
+    exec(compile(text, "<spatialdyn>", "exec"), scope)  # no file: who looks its lines up finds nothing, not others
     made: Callable[..., Any] = scope["make"](STAMP)
     made.__qualname__ = name
     made.__module__ = __name__

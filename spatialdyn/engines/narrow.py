@@ -21,6 +21,7 @@ LEAST = 2.0**-60  # of the same; an articulated inertia may be so many times the
 INPUTS = 2.0**30  # of all inputs together
 RESULTS = 2.0**-58  # of the largest result; its square is a normal number
 UNDERFLOW = 2.0**-106  # 2⁻¹⁵⁰ over 2⁻²⁴, grown by velocities to 2²⁰
+FULL = 2.0**60  # beyond, whatever is asked for: nothing stays on the lanes, and the square is still a number
 SMALLEST = np.float32(2.0**-149)  # above 0
 
 
@@ -30,7 +31,8 @@ def ranges(bodies: NDArray[Any], driving: Sequence[int] | None) -> tuple[Range, 
     driving  numbers of the input arrays that are not positions; None if a constant in place of one is not 0
     """
     c = float(max([1.0, *map(size, bodies), *(abs(x) for row in bodies for x in (*row["X"]["p"], *row["gravity"]))]))
-    return Range(INPUTS, max(RESULTS, UNDERFLOW * c * c), None if driving is None else tuple(driving)), LEAST * c
+    least = min(max(RESULTS, UNDERFLOW * c * c), FULL)
+    return Range(INPUTS, least, None if driving is None else tuple(driving)), min(LEAST * c, FULL)
 
 
 def beyond(bodies: NDArray[Any]) -> list[int]:

@@ -24,9 +24,9 @@ from .trace import evaluate, table
 
 DOUBLE = 52
 SINGLE = 24
+RANGES = {DOUBLE: (-1073, 1024), SINGLE: (-125, 128)}  # exponents of a fraction below 1
 # Standard error of an inexact operation in units of the last place (of 53 bits, of 24 bits): of a toss, which is off by
 # 1 in half of all cases, or by f or 1 - f with f uniform; over that of rounding to nearest, √(1/12).
-RANGES = {DOUBLE: (-1073, 1024), SINGLE: (-125, 128)}  # exponents of a fraction below 1 that has all its bits
 LOUDER = {DOUBLE: math.sqrt(1 / 2) * math.sqrt(12), SINGLE: math.sqrt(1 / 3) * math.sqrt(12)}
 
 

@@ -44,8 +44,6 @@ from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
 WORK = table_dtype(X=Pose, v=Motion, c=Motion, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float)
 WORK_INVERSE = table_dtype(X=Pose, IA=Articulated, U=Force, d=float, F=Force, P=Motion)
 
-PIVOTS = Argument("pivots", ("nv",), "kg m² | kg", "articulated inertia D of each row")
-
 
 @inlined
 def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:

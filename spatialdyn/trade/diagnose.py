@@ -266,9 +266,9 @@ def _digits(model: Model, digits: dict[str, dict[str, float]]) -> Iterator[Findi
             f'take method="{best}", which keeps {better[best]:.0f}',
         )  # fmt: skip
     if aba["float32"] < FEW:
-        yield Finding(
-            "note", "digits", link, f"leaves ABA about {aba['float32']:.0f} digits in float32", "stay with float64"
-        )
+        lost = ", whose programs turn to float64 where a pivot is lost" if aba["float32"] < 1.0 else ""
+        what = f"leaves ABA about {aba['float32']:.0f} digits in float32{lost}"
+        yield Finding("note", "digits", link, what, "stay with float64")
 
 
 def _out_of_range(model: Model, M: Array) -> Iterator[Finding]:
@@ -280,10 +280,10 @@ def _out_of_range(model: Model, M: Array) -> Iterator[Finding]:
         mass, small = float(model.bodies["inertia"]["m"][joint.row]), moved[moved > 0.0].min(initial=1.0)
         if joint.row in beyond or small < narrow.LEAST or moved.max() > narrow.MOST:
             worst = small if small < narrow.LEAST else moved.max()
+            what = "" if joint.row in beyond else f", whose joint moves an inertia of {worst:.3g},"
             yield Finding(
                 "note", "range", _link(model, joint),
-                f"of {mass:.4g} kg, whose joint moves an inertia of {worst:.3g}, is out of float32's range, 1e-18 to "
-                "1e18: programs of float32 turn to float64",
+                f"of {mass:.4g} kg{what} is out of float32's range, 1e-18 to 1e18: programs of float32 turn to float64",
                 "choose units in which masses and lengths are near 1, or stay with float64",
             )  # fmt: skip
 

@@ -96,13 +96,14 @@ def off(model: Model, run: Any, truth: Motion, k: int) -> float:
 def further(model: Model, duration: float, options: Sequence[Option]) -> Further:
     """What says of ways from how many more states they stay within a tolerance: their errors, if from all of MORE.
 
-    The truth there is the cheapest way whose bound is a hundredth of the tolerance, its bound counted as an error of
-    others. None where there is no such way, or where this takes longer than PATIENCE.
+    The truth there is another way, whose bound is a hundredth of the tolerance, and of the error of what is judged if
+    there is one; its bound is counted as an error of others. None where there is no such way, or where this takes
+    longer than PATIENCE.
     """
     t = np.linspace(0.0, duration, SAMPLES + 1)
 
     def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
-        finer = min((x for x in options if x.bound <= FINER * tolerance), key=lambda x: x.ns, default=None)
+        finer = _finer(options, open_, tolerance)
         if finer is None or finer.run is None:
             return None
         began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
@@ -129,6 +130,15 @@ def further(model: Model, duration: float, options: Sequence[Option]) -> Further
         return errors
 
     return judged
+
+
+def _finer(options: Sequence[Option], judged: Sequence[Option], tolerance: float) -> Option | None:
+    """The cheapest way that is fine enough to judge others by, the finest if none is finer than they are."""
+    names = {x.name for x in judged}
+    others = [x for x in options if x.name not in names and x.bound <= FINER * tolerance]
+    goal = FINER * min((x.error for x in judged), default=0.0)
+    fine = [x for x in others if x.bound <= goal]
+    return min(fine, key=lambda x: x.ns) if fine else min(others, key=lambda x: x.bound, default=None)
 
 
 def _over(wrong: float, size: float) -> float:

@@ -180,7 +180,7 @@ def _in_more(x: Option, errors: Any, tolerance: float) -> Option | None:
         return None
     worst = max(x.error, float(errors.max()))
     limit = max(bound(errors), worst * (MANY_LEAST if len(errors) >= MANY else LEAST))
-    if limit > tolerance:
+    if not limit <= tolerance:
         return None
     return replace(x, error=worst, usual=float(np.median(errors)), bound=limit, states=len(errors))
 

@@ -492,3 +492,30 @@ def test_data_that_are_none_are_refused_and_change_nothing(tmp_path: Path) -> No
     with pytest.raises(ValueError, match="cannot be read"):
         data.loadFromText(tmp_path / "none")
     assert (data.M == M).all()
+
+
+@pytest.mark.parametrize("call", ["rnea", "nonLinearEffects"])
+def test_a_call_may_be_given_the_field_that_it_fills(call: str) -> None:
+    """Somebody holds the field, so it is written at once: what was given is noted before."""
+    rng = np.random.default_rng(6)
+    model = biped(ours)
+    q, v, a = ours.neutral(model), *rng.normal(size=(2, model.nv))
+    given = {"rnea": (q, v, a), "nonLinearEffects": (q, a)}[call]
+    plain, data = model.createData(), model.createData()
+    getattr(ours, call)(model, plain, *given)
+    held = {"rnea": data.tau, "nonLinearEffects": data.nle}[call]
+    for _ in range(3):
+        held[:] = a
+        found = getattr(ours, call)(model, data, *given[:-1], held)
+        np.testing.assert_array_equal(held, found)
+        for one, other in zip(
+            data.f if call == "rnea" else data.v, plain.f if call == "rnea" else plain.v, strict=True
+        ):
+            np.testing.assert_array_equal(one.vector, other.vector)
+
+
+def test_a_held_field_cannot_be_resized_under_the_calls_that_fill_it() -> None:
+    model = biped(ours)
+    data = model.createData()
+    with pytest.raises(ValueError, match="own"):
+        data.M.resize((1,), refcheck=False)

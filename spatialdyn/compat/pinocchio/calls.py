@@ -64,12 +64,13 @@ def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) ->
         fext = forces(fext, compiled, model.njoints)
         given.append(fext)
     try:
-        run.result[...] = dynamics.calls[entry.call](compiled.model, *given)
+        found = dynamics.calls[entry.call](compiled.model, *given)
     except InertiaError:  # a joint that moves no inertia
         if model.strict:
             raise
-        run.result[...] = np.nan
-    run.keep(*arrays)
+        found = np.nan
+    run.keep(*arrays)  # before the result, which may be one of them: somebody holds it
+    run.result[...] = found
     run.fext = fext
     data.ran(run)
     return run
@@ -106,7 +107,7 @@ def quick(slow: Callable[..., Any], kind: str, condition: str = "", more: str = 
         "                    if again() is None:",
         "                        data.refresh(run)",
         f"                return {'run' if entry.stays else 'result'}",
-        "    except (AttributeError, KeyError, TypeError, ValueError):  # whatever is not as simple as that",
+        "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # not as simple as that",
         "        pass",
         f"    return slow(model, data, {given}{rest})",
     ]

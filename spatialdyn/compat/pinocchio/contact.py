@@ -142,7 +142,7 @@ def _quickly(kind: str, model: Any, data: Any, arguments: tuple[Any, ...]) -> Ar
         if compiled is not model._made:
             return None
         found: Array | None = call(*arguments)
-    except (AttributeError, KeyError):  # whatever is not as simple as that
+    except (AttributeError, KeyError, SystemError):  # whatever is not as simple as that
         return None
     if found is not None:
         data.redo(before)

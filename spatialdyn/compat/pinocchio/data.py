@@ -170,7 +170,8 @@ class Data(Stored):
         """The array of a field that calls fill in place from now on."""
         found: Array | None = self._shown.get(name)
         if found is None:
-            found = self._shown[name] = np.array(self.array(name))
+            # a view: it cannot be resized under those that fill it
+            found = self._shown[name] = np.array(self.array(name))[...]
             self._attach()
         return found
 
