@@ -576,7 +576,7 @@ def test_eight_threads_get_the_answers_of_one(model: sd.Model) -> None:
     assert wrong == []
 
 
-@compiled
+@COMPILED
 def test_a_robot_far_beyond_the_range_of_float32_is_refused_by_name() -> None:
     model = sd.load_urdf("two_link").with_(gravity=[0.0, 0.0, -1e120])
     for call in (sd.rnea, sd.aba):
