@@ -408,7 +408,7 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
             left.annotate(
                 words,
                 (x["ns"], x["error"]),
-                xytext=(6, -9 if "refined" in call else 5),
+                xytext=(6, -15 if "refined" in call else 6),
                 textcoords="offset points",
                 fontsize=8,
             )
