@@ -34,9 +34,9 @@ def forward_dynamics(
             method         call             cost  batch  1        1e3      1e6      1e9      1e12
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
             "aba"          aba              1     1      1e-15    1e-13    1e-10    1e-7     1e-4
-            "crba"         crba_solve       1     1      1e-15    1e-12    1e-9     1e-6     1e-3
-            "refined"      aba_refined      1.6   1.7    1e-15    1e-15    2e-15    3e-15    2e-13
-            "square_root"  aba_square_root  8     120    1e-15    1e-15    2e-15    3e-15    2e-15
+            "crba"         crba_solve       1     0.7    1e-15    1e-12    1e-9     1e-6     1e-3
+            "refined"      aba_refined      1.5   1.7    1e-15    1e-15    2e-15    3e-15    2e-13
+            "square_root"  aba_square_root  3.5   120    1e-15    1e-15    2e-15    3e-15    2e-15
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
 
             At rare states "aba" and "crba" lose ten times as much. The others come to 2e-14 in one state of a hundred
