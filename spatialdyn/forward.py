@@ -39,9 +39,9 @@ def forward_dynamics(
             "square_root"  aba_square_root  3.5   120    1e-15    1e-15    2e-15    3e-15    2e-15
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
 
-            At rare states "aba" and "crba" lose ten times as much. The others come to 2e-14 in one state of a hundred
-            and 1e-12 in one of a thousand, where some ulps of q, v and tau move the exact answer as far ("refined" to
-            3e-10 at 1e12). ``benchmarks/forward.py`` measures this, and the cost.
+            The worst of a hundred lose ten times as much in "aba" and "crba"; the others come to 3e-14, where an ulp of
+            q, v and tau moves the exact answer as far ("refined" to 3e-10 at 1e12). ``benchmarks/forward.py`` prints
+            these, and the cost. Rarer states lose more: 1e-12 has been seen in one of a thousand.
 
             Light links cost no digits in any of them; long chains do in "crba" (n = 100: 1e-11, the others 1e-14),
             which works in O(n d²) for trees of depth d, the others in O(n). "square_root" branches on values, so it
