@@ -9,8 +9,8 @@ batch   many samples, through ``single``; an input that does not vary advances b
 open    one sample, for a user's own jitted code: raises instead of returning a status.
 
 They are compiled when first called and kept on disk (``kept``) under a name that holds their text and what they
-capture: a hash of all sources that compile anything (STAMP), so that an edited helper is a new name. A user's own
-function in Numba's cache, which looks at its own file alone, has to capture ``STAMP`` too.
+capture: a hash of the sources of the rooms that compile anything (STAMP), so that an edited helper is a new name.
+A user's own function in Numba's cache, which looks at its own file alone, has to capture ``STAMP`` too.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ FLAGS: dict[str, Any] = {
 _SIZES = {"nq": "bodies[0].at", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
 PLAIN = bool(getattr(config, "DISABLE_JIT", False))  # NUMBA_DISABLE_JIT: the recursions run as the Python they are
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that single and batch take
-CALLERS = {"commands", "compat", "trade", "validate"}  # folders that only call: nothing compiled depends on them
+COMPILED = {
+    "algebra", "articulated", "bodies", "constraints", "coupling", "engines", "euclidean", "inlining", "kept",
+    "kept_contact", "layouts", "operators", "recursions", "scalars", "simulation", "spatial", "tables",
+}  # fmt: skip  # the rooms that hold what is compiled: an edit elsewhere leaves compiled code as it is
 _LOCK = threading.RLock()
 
 
@@ -51,7 +54,7 @@ def _stamp() -> str:
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
-        if source.relative_to(package).parts[0] not in CALLERS:
+        if source.relative_to(package).with_suffix("").parts[0] in COMPILED:
             digest.update(source.read_bytes())
     return digest.hexdigest()
 
