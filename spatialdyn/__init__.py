@@ -31,6 +31,7 @@ from .errors import (
     UrdfError,
 )
 from .forward import forward_dynamics
+from .interop.names import suggestion as _suggestion
 from .interop.pinocchio import from_pinocchio
 from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
 from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
@@ -64,3 +65,12 @@ __all__ = [
     "kernels", "load_urdf", "poisson_bracket", "random_configuration", "recommend", "rollout", "simplify", "simulate",
     "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "wrench_at",
 ]  # fmt: skip
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
+
+
+def __getattr__(name: str) -> object:
+    found = "" if name.startswith("_") else _suggestion(name, __all__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}" + (f", {found}" if found else ""))

@@ -15,7 +15,7 @@ from .robot import quoted
 
 def _own_folder() -> Path:
     """The folder of the package's own models: inside it in a wheel, beside it in a checkout."""
-    package = Path(__file__).resolve().parent
+    package = Path(str(sys.modules[__name__.partition(".")[0]].__file__)).resolve().parent
     inside = package / "urdf_files"
     return inside if inside.is_dir() else package.parent / "urdf"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import spatialdyn
-from spatialdyn.engines.jit import COMPILED
+from spatialdyn.engines.jit import COMPILED, package_folder
 from spatialdyn.recursions import SPECS
 
 PACKAGE = Path(spatialdyn.__file__).parent
@@ -284,6 +284,10 @@ def compiles(name: str) -> bool:
 @pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) not in COMPILED])
 def test_what_the_stamp_leaves_out_compiles_nothing(name: str) -> None:
     assert not compiles(name)
+
+
+def test_the_stamp_starts_from_the_package() -> None:
+    assert package_folder() == PACKAGE.resolve()
 
 
 def test_the_stamp_names_rooms_that_compile() -> None:
