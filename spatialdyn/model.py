@@ -21,6 +21,8 @@ from .rows import Joint, frozen, joint_transform
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
 
+DEEP = 40  # levels that a printed tree sets in; below them it writes the level, for n links in a row would be n² columns
+
 
 class Model:
     """A robot ready to be computed with: immutable, hashable by content, safe to share between threads.
@@ -241,12 +243,13 @@ class Model:
         yield f"{self.name}: {self.nv} freedoms, {self.total_mass:.6g} kg moving, {options.root} root"
         mass = {x.name: x.mass for x in self.robot.links}
         children = self.robot.children
-        stack: list[tuple[str, str, RobotJoint | None]] = [(self.robot.root, "", None)]
+        stack: list[tuple[str, int, RobotJoint | None]] = [(self.robot.root, 0, None)]
         while stack:
-            link, indent, joint = stack.pop()
+            link, depth, joint = stack.pop()
+            indent = "  " * depth if depth <= DEEP else "  " * DEEP + f"({depth}) "
             how = "" if joint is None else f" <- {joint.name} ({joint.kind})"
             yield f"{indent}{link}{how}  {mass[link]:.6g} kg"
-            stack += [(j.child, indent + "  ", j) for j in reversed(children[link])]
+            stack += [(j.child, depth + 1, j) for j in reversed(children[link])]
 
 
 def assemble(

@@ -154,15 +154,15 @@ def check_tree(
         raise ModelError(
             f'{where("link", roots[1])}robot "{name}" has {len(roots)} root links ({listed}), expected one'
         )
-    for link in links:
-        at, steps = link.name, 0
-        while at in parent_of:
-            at, steps = parent_of[at].parent, steps + 1
-            if steps > len(joints):
-                raise ModelError(
-                    f'{where("link", link.name)}link "{link.name}" hangs on a cycle of joints, expected a tree'
-                )
-    return Robot(name, roots[0], tuple(links), tuple(joints), tuple(notes))
+    robot = Robot(name, roots[0], tuple(links), tuple(joints), tuple(notes))
+    children, reached = robot.children, [roots[0]]
+    for at in reached:  # grows as it is walked; a link has one parent, so it is reached once
+        reached += [joint.child for joint in children[at]]
+    if len(reached) < len(links):
+        held = set(reached)
+        lost = next(link.name for link in links if link.name not in held)
+        raise ModelError(f'{where("link", lost)}link "{lost}" hangs on a cycle of joints, expected a tree')
+    return robot
 
 
 def quoted(names: Iterable[str], most: int = 8) -> str:

@@ -293,8 +293,9 @@ def _note(names: list[str], one: str, many: str) -> list[str]:
 def _link_notes(description: Any) -> list[str]:
     moved = {joint.child for joint in description.joints if joint.type != "fixed"}
     bare = [link.name for link in description.links if link.inertial is None and link.name in moved]
-    empty = [link.name for link in description.links if link.inertial is not None and link.inertial.mass == 0.0]
-    turning = [link.name for link in description.links if link.name in empty and np.any(link.inertial.inertia)]
+    weightless = [link for link in description.links if link.inertial is not None and link.inertial.mass == 0.0]
+    empty = [link.name for link in weightless]
+    turning = [link.name for link in weightless if np.any(link.inertial.inertia)]
     return [
         *_note(bare, "link that moves has no <inertial>", "links that move have no <inertial>"),
         *_note(empty, "link has mass 0", "links have mass 0"),
