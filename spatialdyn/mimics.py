@@ -36,7 +36,8 @@ def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
             if joint.kind not in ONE_COORDINATE:
                 raise ModelError(f'{joint.kind} joint "{joint.name}" mimics "{last.name}", {BOTH}')
             if last.kind == "fixed":
-                X = np.reshape(joint.placement, (4, 4)) @ joint_transform(joint.kind, joint.axis, [mimic.offset])
+                with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+                    X = np.reshape(joint.placement, (4, 4)) @ joint_transform(joint.kind, joint.axis, [mimic.offset])
                 joint = replace(joint, kind="fixed", placement=tuple(X.ravel().tolist()))
             else:
                 leaders[joint.name] = mimic

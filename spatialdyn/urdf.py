@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InertiaError, ModelError, UrdfError
+from .inertia import symmetric
 from .model import Model, assemble
 from .robot import (
     WITH_AXIS,
@@ -245,8 +246,11 @@ def _link(link: Any, snap: float | None, angles: list[float]) -> Link:
     X = _pose(given.origin, f'<origin> of <inertial> of link "{link.name}"', snap, angles)
     R = X[:3, :3]
     made = make_link(link.name, (given.mass, X[:3, 3], given.inertia))
-    I = R @ np.reshape(made.inertia, (3, 3)) @ R.T
-    return make_link(link.name, (given.mass, X[:3, 3], 0.5 * (I + I.T)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        I = R @ np.reshape(made.inertia, (3, 3)) @ R.T
+    if not np.isfinite(I).all():
+        raise InertiaError(f'link "{link.name}" has an inertia that is beyond the largest float in the link\'s frame')
+    return make_link(link.name, (given.mass, X[:3, 3], symmetric(I)))
 
 
 def _joint(joint: Any, snap: float | None, angles: list[float]) -> Joint:
@@ -317,7 +321,7 @@ def _joint_notes(description: Any) -> list[str]:
     skewed = [
         joint.name
         for joint in description.joints
-        if joint.type in WITH_AXIS and joint.axis is not None and abs(np.linalg.norm(joint.axis) - 1.0) > 1e-6
+        if joint.type in WITH_AXIS and joint.axis is not None and abs(math.hypot(*joint.axis) - 1.0) > 1e-6
     ]
     lost = [j.name for j in description.joints if j.mimic is not None and j.mimic.joint not in names]
     return [
