@@ -150,9 +150,7 @@ def _refuse_reserved_names(robot: Robot, options: Options) -> None:
             raise ModelError(f'robot "{robot.name}" has a joint "{joint.name}", expected another name: it is reserved')
 
 
-def refuse_overflow(
-    robot: str, bodies: NDArray[Any], joints: Sequence[Joint], frames: Sequence[Frame] = ()
-) -> None:
+def refuse_overflow(robot: str, bodies: NDArray[Any], joints: Sequence[Joint], frames: Sequence[Frame] = ()) -> None:
     """Refuse sums and products of finite numbers that are not finite.
 
     Raises ModelError, InertiaError naming the frame, the joint or the robot.

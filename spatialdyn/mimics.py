@@ -45,10 +45,8 @@ def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
     return replace(robot, joints=tuple(joints)), leaders
 
 
-def _follow(
-    joint: RobotJoint, by_name: Mapping[str, RobotJoint], whole: dict[str, Mimic], robot: str
-) -> Mimic:
-    """The one mimic that stands for a joint's chain of them; kept in ``whole``, as are those of the joints it passes."""
+def _follow(joint: RobotJoint, by_name: Mapping[str, RobotJoint], whole: dict[str, Mimic], robot: str) -> Mimic:
+    """The one mimic that stands for a joint's chain of them; ``whole`` keeps it, and those of the joints it passes."""
     at, passed = joint, {joint.name: joint}
     while at.name not in whole and at.mimic is not None and at.kind != "fixed":
         leader = at.mimic.leader

@@ -21,7 +21,9 @@ from .rows import Joint, frozen, joint_transform
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
 
-DEEP = 40  # levels that a printed tree sets in; below them it writes the level, for n links in a row would be n² columns
+DEEP = (
+    40  # levels that a printed tree sets in; below them it writes the level, for n links in a row would be n² columns
+)
 
 
 class Model:

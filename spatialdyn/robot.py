@@ -196,7 +196,9 @@ def check_inertias(
             if policy == "repair":
                 I = nearest_physical(np.reshape(link.inertia, (3, 3)))
                 if not np.isfinite(I).all():
-                    raise InertiaError(f"{where('link', link.name)}{found[-1]}; repaired it is beyond the largest float")
+                    raise InertiaError(
+                        f"{where('link', link.name)}{found[-1]}; repaired it is beyond the largest float"
+                    )
                 link = replace(link, inertia=tuple(I.ravel().tolist()))
                 found[-1] += "; repaired to " + shown_moments(I)
         links.append(link)

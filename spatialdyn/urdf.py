@@ -13,6 +13,7 @@ import io
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -81,6 +82,10 @@ def load_urdf(
     inertia     on inertias no body can have: "warn" keeps them, "strict" raises, "repair" projects them
     snap        angles of placements within ``snap`` [rad] of a right angle are rounded to it; None rounds none
 
+    What is left over and can hold no link or joint is ignored with a note and one warning: ``<xacro:property>`` and
+    ``<xacro:arg>``, prefixes that no xmlns declares in ``<gazebo>`` and other elements that are not read, ``<axis>``
+    without xyz on a fixed or floating joint. Any other element of xacro is refused.
+
     A ``yourdfpy.URDF`` skips the strict reading of the XML (it may have been read with repairs); its values are still
     checked.
 
@@ -115,6 +120,8 @@ def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tup
 
     description = yourdfpy.URDF.load(io.BytesIO(sound), build_scene_graph=False, load_meshes=False).robot
     robot = _robot(description, reader.where, reader.notes, None)
+    if reader.doubts:
+        warnings.warn(f'robot "{robot.name}": {"; ".join(reader.doubts)}', stacklevel=stacklevel - 1)
     return check_inertias(robot, inertia, reader.where, stacklevel), reader.where
 
 

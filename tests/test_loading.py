@@ -238,7 +238,9 @@ def loaded(policy: str = "warn", **given: str) -> sd.Model:
         ({"moment": "5e-324", "mass": "1e-323"}, ""),
     ],
 )
-def test_huge_numbers_make_a_finite_model_or_an_error_of_ours(policy: str, given: dict[str, str], expected: str) -> None:
+def test_huge_numbers_make_a_finite_model_or_an_error_of_ours(
+    policy: str, given: dict[str, str], expected: str
+) -> None:
     """Never a RuntimeWarning: here every warning is an error."""
     if not expected:
         finite(loaded(policy, **given))
@@ -273,8 +275,10 @@ def test_repair_of_huge_inertias_is_that_of_small_ones() -> None:
     I = np.array([[1.0, 0.1, 0.2], [0.1, 2.0, 0.3], [0.2, 0.3, 5.0]])
     np.testing.assert_array_equal(nearest_physical(2.0**1020 * I), 2.0**1020 * nearest_physical(I))
     assert not np.isfinite(nearest_physical(np.diag([-HUGE, HUGE, HUGE]) * [1, 1, 1.05])).all()
-    with pytest.raises(sd.InertiaError, match='link "hand" has .* repaired it is beyond the largest float'):
-        sd.ModelBuilder().add_body("hand", inertia=(1.0, (0, 0, 0), np.diag([-HUGE, HUGE, 1.05 * HUGE]))).robot("repair")
+    with pytest.raises(sd.InertiaError, match=r'link "hand" has .* repaired it is beyond the largest float'):
+        sd.ModelBuilder().add_body("hand", inertia=(1.0, (0, 0, 0), np.diag([-HUGE, HUGE, 1.05 * HUGE]))).robot(
+            "repair"
+        )
 
 
 def build(**fields: Any) -> sd.Model:

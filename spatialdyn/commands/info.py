@@ -15,7 +15,6 @@ from ..urdf import robot_names
 from .printing import Column, finite, fold, print_table
 from .robots import ROBOT, add_root, load
 
-
 DEEP = 60  # columns of a tree's branches: without a limit a comb of n links is n² columns
 
 
