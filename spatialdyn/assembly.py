@@ -155,13 +155,12 @@ def refuse_overflow(robot: str, bodies: NDArray[Any], joints: Sequence[Joint], f
 
     Raises ModelError, InertiaError naming the frame, the joint or the robot.
     """
-    for frame in (*joints, *frames):
-        if not np.isfinite(frame.placement).all():
-            kind = frame.kind if isinstance(frame, Frame) else "joint"
-            raise ModelError(
-                f'{kind} "{frame.name}" stands at {frame.placement[:3, 3].tolist()} in the body that carries it, '
-                "expected finite numbers"
-            )
+    placed = [("joint", joint.name, joint.placement) for joint in joints]
+    placed += [(frame.kind, frame.name, frame.placement) for frame in frames]
+    for kind, name, X in placed:
+        if not np.isfinite(X).all():
+            at = X[:3, 3].tolist()
+            raise ModelError(f'{kind} "{name}" stands at {at} in the body that carries it, expected finite numbers')
     for column in ("inertia", "bound"):
         lost = np.flatnonzero(~_finite(bodies[column]))
         if len(lost):
@@ -175,7 +174,7 @@ def _finite(record: NDArray[Any]) -> NDArray[np.bool_]:
     """Whether all numbers of each row of a column are finite."""
     if record.dtype.names:
         return np.asarray(np.logical_and.reduce([_finite(record[name]) for name in record.dtype.names]))
-    return np.isfinite(record)
+    return np.asarray(np.isfinite(record))
 
 
 def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
