@@ -258,10 +258,11 @@ def test_any_odd_value_at_any_place_loads_and_answers_or_is_refused(at: int, key
     for value in (*TRIPLES, *(f"0 {x} 0.1" for x in numbers)) if key in ("xyz", "rpy") else values:
         root = ET.fromstring(SOUND)
         list(root.iter())[at].set(key, value)
-        for chosen in ({}, {"mimic": True, "inertia": "repair"}):
-            model = loaded(ET.tostring(root, encoding="unicode"), chosen)
-            if model is not None:
-                answers(model, at)
+        model = loaded(ET.tostring(root, encoding="unicode"), {})
+        if model is not None:
+            answers(model, at)
+        if values is numbers:
+            loaded(ET.tostring(root, encoding="unicode"), {"mimic": True, "inertia": "repair"})
 
 
 def test_any_two_of_one_name_load_or_are_refused_by_name() -> None:
