@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import bodies as table
-from .errors import ModelError
+from .errors import InertiaError, ModelError
 from .euclidean import Sym, Vec
 from .mimics import Mimics, mimic_map, resolve_mimics
 from .robot import Joint as RobotJoint
@@ -93,7 +93,11 @@ class Tables(NamedTuple):
 
 
 def tables(robot: Robot, options: Options) -> Tables:
-    """The tables of a robot. Raises ModelError for reserved joint names and mimics without a leader."""
+    """The tables of a robot.
+
+    Raises ModelError for reserved joint names and mimics without a leader; ModelError, InertiaError naming the joint
+    whose placement or inertia is beyond the largest float.
+    """
     _refuse_reserved_names(robot, options)
     leaders: dict[str, Mimic] = {}
     if options.mimic:
@@ -101,6 +105,7 @@ def tables(robot: Robot, options: Options) -> Tables:
     moving, inertias, places = walk(robot, pose(options.base), options.root)
     frames = [Frame(name, kind, body, matrix(X)) for name, kind, body, X in places]
     bodies, joints = tabulate(moving, inertias, options)
+    refuse_overflow(robot.name, bodies, joints, frames)
     free = [k for k, joint in enumerate(joints) if joint.name not in leaders]
     free_q = [at for k in free for at in range(joints[k].idx_q, joints[k].idx_q + joints[k].nq)]
     free_v = [at for k in free for at in range(joints[k].idx_v, joints[k].idx_v + joints[k].nv)]
@@ -143,6 +148,33 @@ def _refuse_reserved_names(robot: Robot, options: Options) -> None:
     for joint in robot.joints:
         if joint.name in reserved:
             raise ModelError(f'robot "{robot.name}" has a joint "{joint.name}", expected another name: it is reserved')
+
+
+def refuse_overflow(robot: str, bodies: NDArray[Any], joints: Sequence[Joint], frames: Sequence[Frame] = ()) -> None:
+    """Refuse sums and products of finite numbers that are not finite.
+
+    Raises ModelError, InertiaError naming the frame, the joint or the robot.
+    """
+    placed = [("joint", joint.name, joint.placement) for joint in joints]
+    placed += [(frame.kind, frame.name, frame.placement) for frame in frames]
+    for kind, name, X in placed:
+        if not np.isfinite(X).all():
+            at = X[:3, 3].tolist()
+            raise ModelError(f'{kind} "{name}" stands at {at} in the body that carries it, expected finite numbers')
+    for column in ("inertia", "bound"):
+        lost = np.flatnonzero(~_finite(bodies[column]))
+        if len(lost):
+            joint = next(joint for joint in joints if lost[-1] <= joint.row)
+            raise InertiaError(f'joint "{joint.name}" moves an inertia that is beyond the largest float')
+    if not math.isfinite(sum(bodies["inertia"]["m"].tolist())):
+        raise InertiaError(f'robot "{robot}" has a total mass that is beyond the largest float')
+
+
+def _finite(record: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether all numbers of each row of a column are finite."""
+    if record.dtype.names:
+        return np.asarray(np.logical_and.reduce([_finite(record[name]) for name in record.dtype.names]))
+    return np.asarray(np.isfinite(record))
 
 
 def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
@@ -200,10 +232,18 @@ def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inerti
 
 
 def about_origin(link: Link) -> Inertia:
-    """Mass, first moment and inertia about the link's origin."""
+    """Mass, first moment and inertia about the link's origin. Raises InertiaError if they overflow."""
     c, I = np.array(link.com), np.reshape(link.inertia, (3, 3))
-    about = I + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
-    return Inertia(link.mass, Vec(*(link.mass * c).tolist()), Sym(*about[np.triu_indices(3)].tolist()))
+    with np.errstate(over="ignore", invalid="ignore"):
+        about, first = I + link.mass * (c @ c * np.eye(3) - np.outer(c, c)), link.mass * c
+    if about.dtype.kind == "f" and not (np.isfinite(about).all() and np.isfinite(first).all()):
+        if link.mass:
+            raise InertiaError(
+                f'link "{link.name}" has mass {link.mass:.6g} and com {link.com}, whose inertia about the link\'s '
+                "origin is beyond the largest float"
+            )
+        about = I  # 0 times a square that overflows
+    return Inertia(link.mass, Vec(*first.tolist()), Sym(*about[np.triu_indices(3)].tolist()))
 
 
 # --- the table -------------------------------------------------------------------------------------------
@@ -219,7 +259,7 @@ def tabulate(
     at, row = 0, 1
     for index, ((joint, parent, X), kind) in enumerate(zip(moving, kinds, strict=True), start=1):
         nq, nv = table.NQ[kind], table.NV[kind]
-        put_joint(bodies, row, kind, X, subspace(joint.kind, joint.axis), at)
+        put_joint(bodies, row, kind, X if parent == index - 1 else moving[index - 2].X, subspace(joint.kind, joint.axis), at)
         bodies["parent"][row] = joints[parent].row
         bodies["armature"][row : row + nv] = joint.armature
         last = row + nv - 1
@@ -260,7 +300,9 @@ def _put_bounds(bodies: NDArray[Any]) -> None:
         p = math.hypot(*at)
         mass[parent] += mass[i]
         first[parent] += first[i] + p * mass[i]
-        second[parent] += second[i] + 2.0 * p * first[i] + p * p * mass[i]
+        second[parent] += second[i]
+        if mass[i]:  # else p may be a length whose square overflows
+            second[parent] += 2.0 * p * first[i] + p * p * mass[i]
 
 
 def _drop_signs_of_zeros(record: NDArray[Any]) -> None:

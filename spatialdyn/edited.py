@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .assembly import NOTHING, Tables, about_origin, completed, digest
+from .assembly import NOTHING, Tables, about_origin, completed, digest, refuse_overflow
 from .errors import ModelError
 from .euclidean import Vec
 from .model import Model
@@ -31,7 +31,8 @@ def edited(
     joints   place in ``robot.joints`` -> a Joint that differs in placement and armature alone
     gravity  (3,) [m/s²], as it is if left out
 
-    Raises ModelError for a model of another kind.
+    Raises ModelError for a model of another kind; ModelError, InertiaError naming the joint whose placement or inertia
+    is beyond the largest float.
     """
     if model.mimic_matrix is not None or len(model.robot.joints) + 1 != model.njoints:
         raise ModelError(f'model "{model.name}" has other than one link for each moving joint, expected no fixed ones')
@@ -59,6 +60,7 @@ def edited(
         options = replace(options, gravity=gravity)
         put_vec(bodies[0].gravity, Vec(*gravity))
     bodies = completed(bodies)
+    refuse_overflow(robot.name, bodies, rows)
     armature = np.array(bodies["armature"][1:])
     armature.flags.writeable = False
     taken: dict[str, Any] = {name: getattr(model, name) for name in Tables._fields}

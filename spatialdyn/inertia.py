@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+LARGE = 2.0**1000  # sums of a few such numbers overflow nowhere
 ROUNDING = 1e-6  # of the largest moment: files print few digits, and a flat plate meets the inequality with equality
 
 
@@ -40,14 +41,22 @@ def inertia_defect(I: Array) -> str:
     return f"has {shown_moments(I)}: {what}"
 
 
+def symmetric(I: Array) -> Array:
+    """½ (I + Iᵀ), of an inertia (3, 3) next to the largest float too; a symmetric I keeps its bits."""
+    return np.asarray(np.where(I == I.T, I, 0.5 * I + 0.5 * I.T))
+
+
 def nearest_physical(I: Array) -> Array:
-    """The rotational inertia (3, 3) about the com [kg m²] of the nearest body.
+    """The rotational inertia (3, 3) about the com [kg m²] of the nearest body; infinite if that is beyond all floats.
 
     Σ is projected on the positive semidefinite cone: nearest in the Frobenius norm of the pseudo-inertia about the
     com, whose mass and com stay as they are.
     """
+    scale = LARGE if abs(I).max() > LARGE else 1.0  # a power of two: changes no bit
+    I = I / scale
     second = 0.5 * np.trace(I) * np.eye(3) - I
     values, axes = np.linalg.eigh(second)
     second = (axes * np.maximum(values, 0.0)) @ axes.T
     second = 0.5 * (second + second.T)
-    return np.asarray(np.trace(second) * np.eye(3) - second)
+    with np.errstate(over="ignore"):
+        return np.asarray((np.trace(second) * np.eye(3) - second) * scale)

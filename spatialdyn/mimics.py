@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -27,13 +28,16 @@ def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
     """
     by_name = {joint.name: joint for joint in robot.joints}
     joints, leaders = [], {}
+    whole: dict[str, Mimic] = {}
     for joint in robot.joints:
         if joint.mimic is not None and joint.kind != "fixed":
-            last, mimic = _follow(joint, by_name, robot.name)
+            mimic = _follow(joint, by_name, whole, robot.name)
+            last = by_name[mimic.leader]
             if joint.kind not in ONE_COORDINATE:
                 raise ModelError(f'{joint.kind} joint "{joint.name}" mimics "{last.name}", {BOTH}')
             if last.kind == "fixed":
-                X = np.reshape(joint.placement, (4, 4)) @ joint_transform(joint.kind, joint.axis, [mimic.offset])
+                with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+                    X = np.reshape(joint.placement, (4, 4)) @ joint_transform(joint.kind, joint.axis, [mimic.offset])
                 joint = replace(joint, kind="fixed", placement=tuple(X.ravel().tolist()))
             else:
                 leaders[joint.name] = mimic
@@ -41,20 +45,32 @@ def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
     return replace(robot, joints=tuple(joints)), leaders
 
 
-def _follow(joint: RobotJoint, by_name: Mapping[str, RobotJoint], robot: str) -> tuple[RobotJoint, Mimic]:
-    """The end of a chain of mimics, and the one mimic that stands for the chain."""
-    ratio, offset, at, seen = 1.0, 0.0, joint, [joint.name]
-    while at.mimic is not None and at.kind != "fixed":
-        offset += ratio * at.mimic.offset
-        ratio *= at.mimic.multiplier
+def _follow(joint: RobotJoint, by_name: Mapping[str, RobotJoint], whole: dict[str, Mimic], robot: str) -> Mimic:
+    """The one mimic that stands for a joint's chain of them; ``whole`` keeps it, and those of the joints it passes."""
+    at, passed = joint, {joint.name: joint}
+    while at.name not in whole and at.mimic is not None and at.kind != "fixed":
         leader = at.mimic.leader
         if leader not in by_name:
             raise ModelError(f'joint "{at.name}" mimics "{leader}", which robot "{robot}" does not have')
-        if leader in seen:
-            raise ModelError(f"joints {' -> '.join([*seen, leader])} mimic each other in a circle")
-        seen.append(leader)
-        at = by_name[leader]
-    return at, Mimic(at.name, ratio, offset)
+        if leader in passed:
+            raise ModelError(f"joints {_shown_chain([*passed, leader])} mimic each other in a circle")
+        at = passed[leader] = by_name[leader]
+    rest = whole.get(at.name, Mimic(at.name))
+    for name in reversed([name for name in passed if name != at.name]):
+        own = passed[name].mimic or Mimic(name)
+        rest = Mimic(rest.leader, own.multiplier * rest.multiplier, own.offset + own.multiplier * rest.offset)
+        if not (math.isfinite(rest.multiplier) and math.isfinite(rest.offset)):
+            raise ModelError(
+                f'joint "{name}" mimics "{rest.leader}" with multiplier {rest.multiplier} and offset {rest.offset} '
+                "in all, expected finite numbers"
+            )
+        whole[name] = rest
+    return rest
+
+
+def _shown_chain(names: list[str], most: int = 8) -> str:
+    """Names with arrows between them, of a long chain its first and its last ones."""
+    return " -> ".join(names if len(names) <= most else [*names[: most - 2], "...", *names[-2:]])
 
 
 class Mimics(NamedTuple):

@@ -21,6 +21,10 @@ from .rows import Joint, frozen, joint_transform
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
 
+DEEP = (
+    40  # levels that a printed tree sets in; below them it writes the level, for n links in a row would be n² columns
+)
+
 
 class Model:
     """A robot ready to be computed with: immutable, hashable by content, safe to share between threads.
@@ -241,12 +245,13 @@ class Model:
         yield f"{self.name}: {self.nv} freedoms, {self.total_mass:.6g} kg moving, {options.root} root"
         mass = {x.name: x.mass for x in self.robot.links}
         children = self.robot.children
-        stack: list[tuple[str, str, RobotJoint | None]] = [(self.robot.root, "", None)]
+        stack: list[tuple[str, int, RobotJoint | None]] = [(self.robot.root, 0, None)]
         while stack:
-            link, indent, joint = stack.pop()
+            link, depth, joint = stack.pop()
+            indent = "  " * depth if depth <= DEEP else "  " * DEEP + f"({depth}) "
             how = "" if joint is None else f" <- {joint.name} ({joint.kind})"
             yield f"{indent}{link}{how}  {mass[link]:.6g} kg"
-            stack += [(j.child, indent + "  ", j) for j in reversed(children[link])]
+            stack += [(j.child, depth + 1, j) for j in reversed(children[link])]
 
 
 def assemble(
@@ -312,24 +317,32 @@ def _locked(joint: Joint, continuous: str, value: ArrayLike) -> Array:
         raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {len(q)} finite numbers')
     units = {"spherical": q, "floating": q[3:], "continuous": q, "planar": q[2:]}
     unit = units.get(joint.kind, q[:0])
-    if len(unit) > 1 and abs(math.sqrt(unit @ unit) - 1.0) > 1e-6:
+    if len(unit) > 1 and abs(math.hypot(*unit) - 1.0) > 1e-6:
         raise ModelError(f'joint "{joint.name}" is locked at {q.tolist()}, expected a part of unit norm')
-    return joint_transform(joint.kind, joint.axis, q, continuous)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+        return joint_transform(joint.kind, joint.axis, q, continuous)
 
 
 def _moved(placement: tuple[float, ...], X: Array) -> tuple[float, ...]:
     """A placement of 16 numbers followed by a motion X (4, 4)."""
-    return tuple((np.reshape(placement, (4, 4)) @ X).ravel().tolist())
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+        return tuple((np.reshape(placement, (4, 4)) @ X).ravel().tolist())
 
 
 def _loaded(link: Link, load: Link) -> Link:
     """Two bodies in one frame as one link."""
     mass = link.mass + load.mass
     c = np.array(link.com)
-    if mass > 0.0:
-        c = (link.mass * c + load.mass * np.array(load.com)) / mass
     inertia = np.zeros((3, 3))
-    for part in (link, load):
-        d = np.array(part.com) - c
-        inertia += np.reshape(part.inertia, (3, 3)) + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    with np.errstate(over="ignore", invalid="ignore"):
+        if mass > 0.0:
+            c = (link.mass * c + load.mass * np.array(load.com)) / mass
+        for part in (link, load):
+            d = np.array(part.com) - c
+            inertia += np.reshape(part.inertia, (3, 3)) + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    if not (math.isfinite(mass) and np.isfinite(c).all() and np.isfinite(inertia).all()):
+        raise InertiaError(
+            f'link "{link.name}" of {link.mass:.6g} kg with a payload of {load.mass:.6g} kg has an inertia that is '
+            "beyond the largest float"
+        )
     return replace(link, mass=mass, com=tuple(c.tolist()), inertia=tuple(inertia.ravel().tolist()))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InertiaError, ModelError
-from .inertia import inertia_defect, nearest_physical, shown_moments
+from .inertia import inertia_defect, nearest_physical, shown_moments, symmetric
 
 Array = NDArray[np.float64]
 
@@ -154,15 +154,15 @@ def check_tree(
         raise ModelError(
             f'{where("link", roots[1])}robot "{name}" has {len(roots)} root links ({listed}), expected one'
         )
-    for link in links:
-        at, steps = link.name, 0
-        while at in parent_of:
-            at, steps = parent_of[at].parent, steps + 1
-            if steps > len(joints):
-                raise ModelError(
-                    f'{where("link", link.name)}link "{link.name}" hangs on a cycle of joints, expected a tree'
-                )
-    return Robot(name, roots[0], tuple(links), tuple(joints), tuple(notes))
+    robot = Robot(name, roots[0], tuple(links), tuple(joints), tuple(notes))
+    children, reached = robot.children, [roots[0]]
+    for at in reached:  # grows as it is walked; a link has one parent, so it is reached once
+        reached += [joint.child for joint in children[at]]
+    if len(reached) < len(links):
+        held = set(reached)
+        lost = next(link.name for link in links if link.name not in held)
+        raise ModelError(f'{where("link", lost)}link "{lost}" hangs on a cycle of joints, expected a tree')
+    return robot
 
 
 def quoted(names: Iterable[str], most: int = 8) -> str:
@@ -195,6 +195,10 @@ def check_inertias(
                 raise InertiaError(where("link", link.name) + found[-1])
             if policy == "repair":
                 I = nearest_physical(np.reshape(link.inertia, (3, 3)))
+                if not np.isfinite(I).all():
+                    raise InertiaError(
+                        f"{where('link', link.name)}{found[-1]}; repaired it is beyond the largest float"
+                    )
                 link = replace(link, inertia=tuple(I.ravel().tolist()))
                 found[-1] += "; repaired to " + shown_moments(I)
         links.append(link)
@@ -226,7 +230,10 @@ def pose_matrix(placement: Any, what: str) -> Array:
     if placement is None:
         return X
     if isinstance(placement, tuple) and len(placement) == 2 and np.shape(placement[0]) == (3,):
-        X[:3, :3] = rpy_matrix(*numbers(placement[1], 3, f"{what} has rpy"))
+        rpy = numbers(placement[1], 3, f"{what} has rpy")
+        if not all(map(math.isfinite, rpy)):
+            raise ModelError(f"{what} has rpy {placement[1]!r}, expected finite numbers")
+        X[:3, :3] = rpy_matrix(*rpy)
         X[:3, 3] = numbers(placement[0], 3, f"{what} has xyz")
     else:
         try:
@@ -242,7 +249,8 @@ def pose_matrix(placement: Any, what: str) -> Array:
     R = X[:3, :3]
     if not np.isfinite(X).all():
         raise ModelError(f"{what} has an entry that is not finite, expected finite numbers")
-    if abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0 or (X[3] != (0, 0, 0, 1)).any():
+    turns = abs(R).max() < 2.0 and abs(R @ R.T - np.eye(3)).max() <= 1e-6  # the first: squares of 1e308 overflow
+    if not turns or np.linalg.det(R) < 0 or (X[3] != (0, 0, 0, 1)).any():
         raise ModelError(f"{what} is no pose: its rotation is not orthonormal within 1e-6, or its last row not 0 0 0 1")
     return X
 
@@ -293,9 +301,15 @@ def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
         raise InertiaError(f'link "{name}" has mass {mass}, expected a finite number >= 0')
     if not np.isfinite(com).all() or not np.isfinite(I).all():
         raise InertiaError(f'link "{name}" has a com or inertia entry that is not finite, expected finite numbers')
-    if abs(I - I.T).max() > 1e-12 * abs(I).max():
+    if abs(0.5 * I - 0.5 * I.T).max() > 0.5e-12 * abs(I).max():
         raise InertiaError(f'link "{name}" has an inertia that is not symmetric, expected I = Iᵀ')
-    return Link(name, mass, tuple(com.tolist()), tuple((0.5 * (I + I.T)).ravel().tolist()))
+    reach = math.hypot(*com)
+    if mass and not math.isfinite(reach * reach * mass):
+        raise InertiaError(
+            f'link "{name}" has mass {mass:.6g} at a distance of {reach:.6g}, '
+            "whose inertia about the link's origin is beyond the largest float"
+        )
+    return Link(name, mass, tuple(com.tolist()), tuple(symmetric(I).ravel().tolist()))
 
 
 def make_joint(joint: Joint) -> Joint:
@@ -311,7 +325,7 @@ def make_joint(joint: Joint) -> Joint:
     if axis.shape != (3,) or not np.isfinite(axis).all():
         raise ModelError(f"{what} has axis {joint.axis}, expected three finite numbers")
     if joint.kind in WITH_AXIS:
-        size = abs(axis).max()
+        size = float(abs(axis).max())
         if size == 0.0:
             raise ModelError(f"{what} has axis of norm 0, expected a nonzero vector")
         scaled = axis / size

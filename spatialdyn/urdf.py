@@ -13,6 +13,7 @@ import io
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InertiaError, ModelError, UrdfError
+from .inertia import symmetric
 from .model import Model, assemble
 from .robot import (
     WITH_AXIS,
@@ -80,6 +82,10 @@ def load_urdf(
     inertia     on inertias no body can have: "warn" keeps them, "strict" raises, "repair" projects them
     snap        angles of placements within ``snap`` [rad] of a right angle are rounded to it; None rounds none
 
+    What is left over and can hold no link or joint is ignored with a note and one warning: ``<xacro:property>`` and
+    ``<xacro:arg>``, prefixes that no xmlns declares in ``<gazebo>`` and other elements that are not read, ``<axis>``
+    without xyz on a fixed or floating joint. Any other element of xacro is refused.
+
     A ``yourdfpy.URDF`` skips the strict reading of the XML (it may have been read with repairs); its values are still
     checked.
 
@@ -114,6 +120,8 @@ def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tup
 
     description = yourdfpy.URDF.load(io.BytesIO(sound), build_scene_graph=False, load_meshes=False).robot
     robot = _robot(description, reader.where, reader.notes, None)
+    if reader.doubts:
+        warnings.warn(f'robot "{robot.name}": {"; ".join(reader.doubts)}', stacklevel=stacklevel - 1)
     return check_inertias(robot, inertia, reader.where, stacklevel), reader.where
 
 
@@ -245,8 +253,11 @@ def _link(link: Any, snap: float | None, angles: list[float]) -> Link:
     X = _pose(given.origin, f'<origin> of <inertial> of link "{link.name}"', snap, angles)
     R = X[:3, :3]
     made = make_link(link.name, (given.mass, X[:3, 3], given.inertia))
-    I = R @ np.reshape(made.inertia, (3, 3)) @ R.T
-    return make_link(link.name, (given.mass, X[:3, 3], 0.5 * (I + I.T)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        I = R @ np.reshape(made.inertia, (3, 3)) @ R.T
+    if not np.isfinite(I).all():
+        raise InertiaError(f'link "{link.name}" has an inertia that is beyond the largest float in the link\'s frame')
+    return make_link(link.name, (given.mass, X[:3, 3], symmetric(I)))
 
 
 def _joint(joint: Any, snap: float | None, angles: list[float]) -> Joint:
@@ -293,8 +304,9 @@ def _note(names: list[str], one: str, many: str) -> list[str]:
 def _link_notes(description: Any) -> list[str]:
     moved = {joint.child for joint in description.joints if joint.type != "fixed"}
     bare = [link.name for link in description.links if link.inertial is None and link.name in moved]
-    empty = [link.name for link in description.links if link.inertial is not None and link.inertial.mass == 0.0]
-    turning = [link.name for link in description.links if link.name in empty and np.any(link.inertial.inertia)]
+    weightless = [link for link in description.links if link.inertial is not None and link.inertial.mass == 0.0]
+    empty = [link.name for link in weightless]
+    turning = [link.name for link in weightless if np.any(link.inertial.inertia)]
     return [
         *_note(bare, "link that moves has no <inertial>", "links that move have no <inertial>"),
         *_note(empty, "link has mass 0", "links have mass 0"),
@@ -316,7 +328,7 @@ def _joint_notes(description: Any) -> list[str]:
     skewed = [
         joint.name
         for joint in description.joints
-        if joint.type in WITH_AXIS and joint.axis is not None and abs(np.linalg.norm(joint.axis) - 1.0) > 1e-6
+        if joint.type in WITH_AXIS and joint.axis is not None and abs(math.hypot(*joint.axis) - 1.0) > 1e-6
     ]
     lost = [j.name for j in description.joints if j.mimic is not None and j.mimic.joint not in names]
     return [

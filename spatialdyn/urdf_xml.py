@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from typing import Any, NoReturn
 
 from .errors import UrdfError
-from .robot import WITH_AXIS
+from .robot import WITH_AXIS, quoted
 
 URDF_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LIMITED = ("revolute", "prismatic")
@@ -60,6 +60,10 @@ _WANTED = {
     "bound": "a number",
     "three numbers": "3 finite numbers",
 }
+_DEFINITIONS = ("arg", "property")  # of xacro: they stand for values, not for elements that a URDF would hold
+_UNDECLARED = "undeclared:"  # begins the namespace that a prefix without one is given
+_NO_NAMESPACE = re.compile(r"Namespace prefix ([A-Za-z_][A-Za-z0-9_.-]*) (?:for \S+ )?on \S+ is not defined")
+_PASSES = 8  # of the parser, each of which names up to a hundred undeclared prefixes
 _NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan)", re.IGNORECASE)
 _BEFORE_ROOT = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->", re.DOTALL)
 
@@ -79,9 +83,7 @@ def sane_text(label: str, text: str | bytes) -> tuple[str, bytes]:
         raise UrdfError(f"{label}: is empty, expected a <robot> element")
     if not head.startswith(b"<") or b"\0" in text:
         raise UrdfError(f"{label}: starts with {head!r} and is no XML text, expected a <robot> element")
-    at = 0
-    while part := _BEFORE_ROOT.match(start, at):
-        at = part.end()
+    at = _root_at(start)
     if start[at : at + 9].upper() == b"<!DOCTYPE":
         shown = start[at : at + 40].split(b"\n")[0].decode("utf-8", errors="replace")
         line = start.count(b"\n", 0, at) + 1
@@ -89,15 +91,39 @@ def sane_text(label: str, text: str | bytes) -> tuple[str, bytes]:
     return label, start
 
 
+def _root_at(text: bytes) -> int:
+    """Where the outermost element begins, or what stands in its place."""
+    at = 0
+    while part := _BEFORE_ROOT.match(text, at):
+        at = part.end()
+    return at
+
+
+def _declaring(text: bytes, prefixes: Iterable[str]) -> bytes:
+    """The XML with prefixes declared in its outermost element; lines stay where they are."""
+    tag = re.compile(rb"<[^\s/>]+").match(text, _root_at(text))
+    at = tag.end() if tag else 0
+    declared = "".join(f' xmlns:{prefix}="{_UNDECLARED}{prefix}"' for prefix in prefixes)
+    return text[:at] + declared.encode() + text[at:]
+
+
 class StrictReader:
-    """Reads one URDF strictly: ``read`` gives the sound copy; ``where`` and ``notes`` are for what comes after it."""
+    """Reads one URDF strictly: ``read`` gives the sound copy; ``where`` and ``notes`` are for what comes after it.
+
+    ``doubts`` are those of the notes that say what a stricter reader would refuse: leftovers that hold no link or
+    joint.
+    """
 
     def __init__(self, label: str, snap: float | None) -> None:
         self.label = label
         self.snap = snap
         self.lines: dict[tuple[str, str], int] = {}
         self.notes: list[str] = []
+        self.doubts: list[str] = []
         self._ignored: Counter[str] = Counter()
+        self._left: Counter[str] = Counter()
+        self._without_axis: list[str] = []
+        self._undeclared: list[str] = []
         self._angles: list[float] = []
 
     def where(self, kind: str, name: str) -> str:
@@ -109,14 +135,7 @@ class StrictReader:
         """The URDF with nothing but what dynamics needs, every part of it checked. Raises UrdfError."""
         from lxml import etree
 
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
-        try:
-            root = etree.fromstring(data, parser)
-        except etree.XMLSyntaxError as error:
-            line, _ = error.position
-            raise UrdfError(
-                f"{self.label}:{line}: is not well-formed XML ({error.msg}), expected a whole file"
-            ) from None
+        root = self._parse(data)
         if root.getroottree().docinfo.internalDTD is not None:
             raise UrdfError(f"{self.label}: has a document type, expected none (no entity is ever read)")
         if self._tag(root) != "robot":
@@ -124,22 +143,61 @@ class StrictReader:
             hint = f", for {other} is not read" if other else ""
             self._refuse(root, f"<{_short(str(root.tag))}> is the outermost element, expected <robot>{hint}")
         sound = self._copy(root, "")
+        self.doubts += [
+            f"ignored, as it holds no link or joint: {what} ({n}x)" for what, n in sorted(self._left.items())
+        ]
+        if self._undeclared:
+            many = "es" * (len(self._undeclared) > 1)
+            self.doubts.append(
+                f"no xmlns declares the prefix{many} {quoted(sorted(self._undeclared))}, under which nothing is read"
+            )
+        if self._without_axis:
+            self.doubts.append(f"ignored, as the joint has no axis: <axis> without xyz of {quoted(self._without_axis)}")
+        self.notes += self.doubts
         self.notes += [
             f"ignored, as URDF does not define it: {what} ({n}x)" for what, n in sorted(self._ignored.items())
         ]
         self.notes += angle_notes(self._angles, self.snap)
         return bytes(etree.tostring(sound))
 
+    def _parse(self, data: bytes) -> Any:
+        """The outermost element; prefixes that nothing declares get a namespace. Raises UrdfError."""
+        from lxml import etree
+
+        for _ in range(_PASSES):
+            parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+            try:
+                return etree.fromstring(_declaring(data, self._undeclared), parser)
+            except etree.XMLSyntaxError as error:
+                refused = error
+            found = [_NO_NAMESPACE.fullmatch(entry.message) for entry in parser.error_log]
+            more = dict.fromkeys(part[1] for part in found if part and part[1] not in self._undeclared)
+            if not more:
+                break
+            self._undeclared += more
+        line, _ = refused.position
+        raise UrdfError(f"{self.label}:{line}: is not well-formed XML ({refused.msg}), expected a whole file")
+
     def _refuse(self, element: Any, message: str) -> NoReturn:
         raise UrdfError(f"{self.label}:{element.sourceline}: {message}")
 
     def _tag(self, element: Any) -> str:
-        """The element's name; empty for comments and for other people's namespaces."""
+        """The element's name; empty for comments, for other people's namespaces, and for xacro's definitions.
+
+        Refused is what may stand for a link or joint: anything else of xacro, and prefixes that nothing declares.
+        """
         if not isinstance(element.tag, str):
             return ""
         space, _, tag = element.tag.rpartition("}")
         if "xacro" in space:
+            if tag in _DEFINITIONS and not any(map(_stands_for_elements, element.iterdescendants())):
+                return ""
             self._refuse(element, f"<xacro:{tag}> is left, expected a URDF in which xacro has expanded every macro")
+        if space[1:].startswith(_UNDECLARED):
+            shown = f"<{_short(space[1 + len(_UNDECLARED) :])}:{_short(tag)}>"
+            self._refuse(
+                element, f"{shown} has a prefix that no xmlns declares, expected one that is declared, or none"
+            )
         return "" if element.prefix else tag
 
     def _copy(self, element: Any, owner: str) -> Any:
@@ -165,12 +223,16 @@ class StrictReader:
         known = {key.rstrip("!"): key.endswith("!") for key in _CHILDREN.get(tag, ())}
         for child in element:
             name = self._tag(child)
-            if name in known:
+            if name == "axis" and child.get("xyz") is None and element.get("type") not in WITH_AXIS:
+                self._without_axis.append(element.get("name"))
+            elif name in known:
                 if tag != "robot" and sound.find(name) is not None:
                     self._refuse(child, f"<{tag}> of {owner} has a second <{name}>, expected one")
                 sound.append(self._copy(child, owner))
             elif name and tag in _CHILDREN and name not in _OF_NO_CONCERN.get(tag, ()):
                 self._ignored[f"<{_short(name)}> in <{tag}>"] += 1
+            elif not name and isinstance(child.tag, str) and "xacro" in child.tag.rpartition("}")[0]:
+                self._left[f"<xacro:{child.tag.rpartition('}')[2]}>"] += 1
         for name, required in known.items():
             if required and sound.find(name) is None:
                 self._refuse(element, f"<{tag}> of {owner} has no <{name}>, expected one")
@@ -207,6 +269,14 @@ class StrictReader:
                 self._refuse(
                     child, f'<mimic joint="{child.get("joint")}"> of {owner} names itself, expected another joint'
                 )
+
+
+def _stands_for_elements(element: Any) -> bool:
+    """Whether an element inside a definition of xacro is a link or joint, or may become one."""
+    if not isinstance(element.tag, str):
+        return False
+    space, _, tag = element.tag.rpartition("}")
+    return tag in ("link", "joint") or "xacro" in space
 
 
 def _numbers(value: str, kind: str) -> tuple[str, list[float]]:

@@ -75,7 +75,9 @@ SPOILS = (
 
 values = st.sampled_from(NUMBERS + ODD_NUMBERS + WORDS + TRIPLES + KINDS + ODD_KINDS)
 place = st.integers(0, 999)  # of an element or attribute, counted round and round
-changes = ["value"] * 3 + ["drop", "double", "move", "tag", "key", "lose", "refer", "text", "nest", "comment"]
+changes = ["value"] * 3 + [
+    "drop", "double", "move", "tag", "key", "lose", "refer", "rename", "weigh", "text", "nest", "comment",
+]  # fmt: skip
 mutations = st.lists(
     st.tuples(st.sampled_from(changes), place, place, values, st.sampled_from(TAGS), st.sampled_from(KEYS)), max_size=4
 )
@@ -102,6 +104,7 @@ def robots(draw: Any) -> ET.Element:
     """A sound robot of up to seven links."""
     number = st.sampled_from(NUMBERS)
     positive = st.sampled_from(("1", "0.5", "1e-3", "1e3", "1e-9"))
+    weight = st.sampled_from(("1", "0.5", "1e-3", "1e3", "1e-9", "0"))
     root = ET.Element("robot", name="r")
     count = draw(st.integers(1, 7))
 
@@ -114,7 +117,7 @@ def robots(draw: Any) -> ET.Element:
             inertial = ET.SubElement(link, "inertial")
             if draw(st.booleans()):
                 ET.SubElement(inertial, "origin", xyz=triple(), rpy=triple())
-            ET.SubElement(inertial, "mass", value=draw(positive))
+            ET.SubElement(inertial, "mass", value=draw(weight))
             moment = draw(positive)
             ET.SubElement(
                 inertial, "inertia", ixx=moment, iyy=moment, izz=draw(positive), ixy="0", ixz=draw(number), iyz="0"
@@ -163,6 +166,14 @@ def mutated(root: ET.Element, changes: list[Any]) -> ET.Element:
             if ends and names:
                 end = ends[at % len(ends)]
                 end.set("joint" if end.tag == "mimic" else "link", names[where % len(names)])
+        elif what == "rename":  # two links, two joints, or one of each, of one name
+            named = [e for e in elements if e.tag in ("link", "joint")]
+            if named:
+                named[at % len(named)].set("name", named[where % len(named)].get("name", ""))
+        elif what == "weigh":
+            masses = [e for e in elements if e.tag == "mass"]
+            if masses:
+                masses[at % len(masses)].set("value", "0")
         elif what == "tag":
             element.tag = tag
         elif what == "text":
@@ -220,6 +231,54 @@ def answers(model: sd.Model, seed: int) -> None:
         except (sd.InertiaError, sd.NonFiniteError):
             continue
         assert np.isfinite(found).all(), name
+
+
+SOUND = """<robot name="r"><link name="b0"/>
+<link name="b1"><inertial><origin xyz="0.1 0 0.2" rpy="0.1 0.2 0.3"/><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0.1" iyz="0"/></inertial></link>
+<joint name="j1" type="revolute"><parent link="b0"/><child link="b1"/><origin xyz="0 0 1" rpy="0.1 0.2 0.3"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/><dynamics damping="1" friction="1"/></joint>
+<link name="b2"/>
+<joint name="j2" type="fixed"><parent link="b1"/><child link="b2"/><origin xyz="1 2 3"/></joint>
+<link name="b3"><inertial><mass value="0"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j3" type="prismatic"><parent link="b2"/><child link="b3"/><axis xyz="1 2 3"/>
+<mimic joint="j1" multiplier="2" offset="0.5"/></joint>
+<link name="b4"><inertial><origin xyz="0 0.1 0"/><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j4" type="continuous"><parent link="b3"/><child link="b4"/><origin xyz="0 0 1"/></joint></robot>"""
+SPOTS = [(at, key) for at, element in enumerate(ET.fromstring(SOUND).iter()) for key in sorted(element.attrib)]
+
+
+@pytest.mark.parametrize(("at", "key"), SPOTS)
+def test_any_odd_value_at_any_place_loads_and_answers_or_is_refused(at: int, key: str) -> None:
+    """Each value in each attribute in turn: the same cases whatever the version of Hypothesis."""
+    numbers = (*NUMBERS, *ODD_NUMBERS, "4e307", "1.7e308", "-1.7e308")
+    values = (*KINDS, *ODD_KINDS, *WORDS) if key in ("name", "link", "joint", "type") else numbers
+    for value in (*TRIPLES, *(f"0 {x} 0.1" for x in numbers)) if key in ("xyz", "rpy") else values:
+        root = ET.fromstring(SOUND)
+        list(root.iter())[at].set(key, value)
+        model = loaded(ET.tostring(root, encoding="unicode"), {})
+        if model is not None:
+            answers(model, at)
+        if values is numbers:
+            loaded(ET.tostring(root, encoding="unicode"), {"mimic": True, "inertia": "repair"})
+
+
+def test_any_two_of_one_name_load_or_are_refused_by_name() -> None:
+    """Each link and joint under the name of each other one, whatever their masses and inertials are."""
+    names = [element.get("name", "") for element in ET.fromstring(SOUND) if element.get("name")]
+    for first in range(len(names)):
+        for second in range(len(names)):
+            root = ET.fromstring(SOUND)
+            one, other = list(root)[first], list(root)[second]
+            one.set("name", names[second])
+            if first != second and one.tag == other.tag:
+                named = rf'<text>:\d+: .*(two {one.tag}s named "{names[second]}"|"{names[second]}" names itself)'
+                with pytest.raises(sd.UrdfError, match=named):
+                    sd.load_urdf(ET.tostring(root, encoding="unicode"))
+            else:
+                loaded(ET.tostring(root, encoding="unicode"), {})
 
 
 @cases(1200)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import dense
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-from trees import KINDS, merged, random_inertia, random_placement, random_tree, random_unit
+from trees import KINDS, merged, random_inertia, random_placement, random_state, random_tree, random_unit
 
 import spatialdyn as sd
 from spatialdyn.builder import ModelBuilder
 from spatialdyn.errors import InertiaError, ModelError
 from spatialdyn.model import Frame, Joint, Model, Options, assemble
 from spatialdyn.robot import Robot, rpy_matrix
+from spatialdyn.robot_files import find_robot
 
 Array = NDArray[np.float64]
 BALL = (1.0, (0.1, 0.2, 0.3), np.diag([0.1, 0.1, 0.1]))
@@ -491,6 +494,81 @@ def test_a_payload_that_is_no_inertia_is_refused_by_name() -> None:
             arm().build().with_(payload={"tool": load})
 
 
+# --- the table --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_parents_and_placements_are_those_of_the_tree_where_it_branches(seed: int) -> None:
+    made = random_tree(seed, 12, KINDS, branching=0.6, floating=bool(seed % 2))
+    model, tree = made.model, made.tree
+    assert [joint.parent for joint in model.joints] == tree.parents
+    apart = [k for k, joint in enumerate(model.joints) if k and joint.parent != k - 1]
+    assert len(apart) > 2
+    for joint, body in zip(model.joints[1:], tree.bodies, strict=True):
+        close(joint.placement, body.placement)
+        row = joint.row - joint.nv + 1
+        assert model.bodies["parent"][row] == model.joints[joint.parent].row
+        close([model.bodies["X"]["p"][x][row] for x in "xyz"], np.asarray(body.placement)[:3, 3])
+
+
+@pytest.mark.parametrize("name", ["tiago_dual", "icub_reduced", "hector", "talos_reduced"])
+def test_parents_and_placements_are_those_of_pinocchio(name: str) -> None:
+    pin = pytest.importorskip("pinocchio")
+    path = str(find_robot(name))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = sd.load_urdf(path, root="floating", continuous="cos_sin")
+    theirs = pin.buildModelFromUrdf(path, pin.JointModelFreeFlyer())
+    assert list(model.names) == list(theirs.names)
+    assert [joint.parent for joint in model.joints] == list(theirs.parents)
+    for joint, placed in zip(model.joints[1:], list(theirs.jointPlacements)[1:], strict=True):
+        close(joint.placement, placed.homogeneous)
+
+
+def bound_of(model: Model, q: Array, k: int) -> Array:
+    """What the table says of the rows of joint k at most, at q: a + 2 b t + c t² with t the travel below it."""
+    below = [j for j in model.joints[k + 1 :] if j.row <= model.bodies["last"][model.joints[k].row]]
+    moves = {"prismatic": 1, "planar": 2, "floating": 3}
+    t = sum(abs(q[j.idx_q : j.idx_q + moves.get(j.kind, 0)]).sum() for j in below)
+    rows = model.bodies["bound"][model.joints[k].row - model.joints[k].nv + 1 : model.joints[k].row + 1]
+    return np.asarray(rows["x"] + t * (2.0 * rows["y"] + t * rows["z"]))
+
+
+@pytest.mark.parametrize("continuous", ["angle", "cos_sin"])
+@pytest.mark.parametrize("seed", range(8))
+def test_no_composite_inertia_is_beyond_its_bound(seed: int, continuous: str) -> None:
+    made = random_tree(seed, 8, KINDS, floating=bool(seed % 2), continuous=continuous, armature=False)
+    model, rng = made.model, np.random.default_rng(seed)
+    for size in (0.0, 1.0, 30.0):
+        q = random_state(made.tree, rng).q
+        for joint in model.joints:
+            moves = {"prismatic": 1, "planar": 2, "floating": 3}.get(joint.kind, 0)
+            q[joint.idx_q : joint.idx_q + moves] *= size
+        M = np.diag(dense.crba(made.tree, q))
+        for k, joint in enumerate(model.joints[1:], start=1):
+            there = M[joint.idx_v : joint.idx_v + joint.nv]
+            assert (there <= (1.0 + TOLERANCE) * bound_of(model, q, k)).all()
+
+
+@pytest.mark.parametrize("lead", [0.0, 0.5])
+def test_the_bound_is_nearly_reached_by_a_straight_arm(lead: float) -> None:
+    """Of point masses on a line, all beyond the slide, at most the root of 2 is lost: diag(0, I, I) counts as I √2."""
+    b = ModelBuilder("straight")
+    for k, (kind, at) in enumerate((("revolute", 0), ("prismatic", 1), ("revolute", 2), ("revolute", 0.5))):
+        axis = (0, 0, 1) if kind == "revolute" else (1, 0, 0)
+        body = (float(k), (lead, 0, 0), np.zeros((3, 3)))
+        b.add_body(f"l{k}", f"l{k - 1}" if k else None, kind, axis, (at, 0, 0), body, f"j{k}")
+    model = b.build()
+    for slide in (0.0, 0.1, 1.0, 10.0):
+        q = np.array([0.0, slide, 0.0, 0.0])
+        M = np.diag(sd.crba(model, q))
+        for k in range(1, 5):
+            (most,) = bound_of(model, q, k)
+            assert M[k - 1] * (1.0 - TOLERANCE) <= most <= 1.01 * np.sqrt(2.0) * M[k - 1]
+            if not lead or model.joints[k].kind == "prismatic":
+                close(most, M[k - 1])
+
+
 # --- mimic ------------------------------------------------------------------------------------------------
 
 
@@ -534,6 +612,18 @@ def test_a_follower_adds_its_inertia_and_armature_by_the_square_of_its_ratio() -
     q = np.array([0.4]) * model.mimic_ratio + model.mimic_offset
     v, a = np.outer(ratios, [0.7, 0.2]).T
     close(sd.rnea(model, [0.4], [0.7], [0.2]), ratios @ sd.rnea(whole, q, v, a))
+
+
+def test_each_number_of_a_mimic_is_in_the_key() -> None:
+    """A cache that is asked by the key would serve one model the program of another."""
+    pairs = [
+        fingers(("a", None, 0.0, 0.0), ("b", None, 0.0, 0.0), ("c", leader, ratio, offset)).build(mimic=True)
+        for leader, ratio, offset in (("a", 2.0, 0.5), ("b", 2.0, 0.5), ("a", 3.0, 0.5), ("a", 2.0, 0.25))
+    ]
+    assert len({model.key for model in pairs}) == len(set(pairs)) == 4
+    q, v = np.zeros(2), np.ones(2)
+    given = [sd.rnea(model, q, v, v).tolist() for model in pairs]
+    assert len(set(map(tuple, given))) == 4  # for each of them matters
 
 
 def test_the_models_own_limits_are_those_of_its_own_coordinates() -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
+import dense
 import numpy as np
 import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import jit
+from spatialdyn.robot import Mimic
 from spatialdyn.states import random_configuration, step, wrench_at
 
 EPS = np.finfo(float).eps
@@ -243,15 +246,42 @@ def test_nan_stays_in_its_sample() -> None:
         assert np.isfinite(v1[[0, 2]]).all()
 
 
-def test_mimic_models_step() -> None:
-    builder = sd.ModelBuilder()
-    builder.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, -1), np.eye(3)), joint_name="a")
-    builder.add_body("b", "a", axis=(0, 1, 0), inertia=(1.0, (0, 0, -1), np.eye(3)), mimic={"leader": "a"})
-    model = builder.build(mimic=True)
-    q1, v1 = step(model, [0.1], [0.2], [0.3], 1e-3, "rk4")
-    q2, v2 = step(model, [0.1], [0.2], [0.3], 1e-3)
-    np.testing.assert_allclose(q1, q2, atol=1e-4)
-    np.testing.assert_allclose(v1, v2, atol=1e-4)
+MIMICS = {"j0003": Mimic("j0001", -0.7, 0.3), "j0004": Mimic("j0003", 0.5, -0.2), "j0006": Mimic("j0005", 2.0, 0.1)}
+# the same as q_whole = G q + offset; j0004 follows j0003 and so j0001
+G = np.array([[1, 0, 0], [0, 1, 0], [-0.7, 0, 0], [-0.35, 0, 0], [0, 0, 1], [0, 0, 2.0]])
+OFFSET = np.array([0, 0, 0.3, 0.5 * 0.3 - 0.2, 0, 0.1])
+
+
+def test_mimic_models_step_as_the_dense_equation_of_motion_reduced_by_g() -> None:
+    """Gᵀ M G a = tau - Gᵀ (M Ġ v + bias) with Ġ = 0: dense matrices of the whole tree, each method by its formula."""
+    h = 1e-3
+    for seed in range(4):
+        made, rng = random_tree(seed, 6, ("revolute", "prismatic", "continuous")), np.random.default_rng(seed)
+        robot = made.builder.robot()
+        joints = tuple(replace(joint, mimic=MIMICS.get(joint.name)) for joint in robot.joints)
+        model = sd.model.assemble(replace(robot, joints=joints), mimic=True)
+        q, v, tau = rng.normal(size=(3, 3))
+
+        def acceleration(q: Any, v: Any, tree: Any = made.tree, tau: Any = tau) -> Any:
+            whole = G @ q + OFFSET
+            bias = dense.bias(tree, whole, G @ v)
+            return np.linalg.solve(G.T @ dense.crba(tree, whole) @ G, tau - G.T @ bias)
+
+        a = acceleration(q, v)
+        expected = {"explicit_euler": (q + h * v, v + h * a), "semi_implicit_euler": (q + h * (v + h * a), v + h * a)}
+        v2 = v + h / 2 * a
+        a2 = acceleration(q + h / 2 * v, v2)
+        v3 = v + h / 2 * a2
+        a3 = acceleration(q + h / 2 * v2, v3)
+        v4 = v + h * a3
+        a4 = acceleration(q + h * v3, v4)
+        expected["rk4"] = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a + 2 * a2 + 2 * a3 + a4)
+        scale = max(1.0, abs(a).max(), abs(v).max())
+        for method, (q1, v1) in expected.items():
+            found = step(model, q, v, tau, h, method)
+            np.testing.assert_allclose(found[0], q1, rtol=0, atol=IDENTITY * h * scale + 8 * EPS * scale)
+            np.testing.assert_allclose(found[1], v1, rtol=0, atol=IDENTITY * h * scale + 8 * EPS * scale)
+            assert abs(found[1] - v).max() > 1e6 * EPS * scale
 
 
 def test_bad_arguments_of_step_are_refused() -> None:

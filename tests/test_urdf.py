@@ -16,6 +16,8 @@ import pinocchio as pin
 import pytest
 import yourdfpy
 
+from spatialdyn.cli import main
+from spatialdyn.dynamics import rnea
 from spatialdyn.errors import InertiaError, SpatialDynError, UrdfError
 from spatialdyn.model import Model
 from spatialdyn.robot import Joint, Link, Robot
@@ -201,6 +203,10 @@ BROKEN = {
     "unknown child": (changed('child link="hand"', 'child link="hnd"'), ':11: joint "elbow" has child link "hnd"'),
     "duplicate link": (
         changed("</robot>", '<link name="hand"/></robot>'),
+        ':18: robot "arm" has two links named "hand"',
+    ),
+    "duplicate link beside one of mass 0": (
+        changed('value="2"', 'value="0"').replace("</robot>", '<link name="hand"/></robot>'),
         ':18: robot "arm" has two links named "hand"',
     ),
     "duplicate joint": (
@@ -554,6 +560,129 @@ def test_a_missing_leader_is_an_error_only_when_mimics_count() -> None:
         load_urdf(text, mimic=True)
     expected = '<text>:11: <mimic joint="x"> of joint "elbow" names no joint of robot "arm", expected one'
     assert str(caught.value) == expected
+
+
+# --- what is left over ------------------------------------------------------------------------------------
+
+XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+PROPERTY = '<xacro:property name="length" value="0.5"/>'
+ARGUMENT = '<xacro:arg name="prefix" default=""/>'
+BLOCK = '<xacro:property name="at"><origin xyz="0 0 1"/></xacro:property>'
+GAZEBO = '<gazebo><a:plugin b:name="x"><a:link name="no"/></a:plugin></gazebo>'
+WELD = """<link name="tip"><inertial><mass value="0.5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+</inertial></link><joint name="weld" type="{}"><parent link="hand"/><child link="tip"/><origin xyz="0.1 0.2 0.3"/>
+<axis/></joint></robot>"""
+HAND = '<link name="hand">'
+LEFTOVERS = {
+    "properties": (
+        changed('name="arm">', f'name="arm" {XACRO}>{PROPERTY}{ARGUMENT}').replace(HAND, HAND + PROPERTY + BLOCK),
+        [
+            "ignored, as it holds no link or joint: <xacro:arg> (1x)",
+            "ignored, as it holds no link or joint: <xacro:property> (3x)",
+        ],
+    ),
+    "an undeclared xacro": (
+        changed('name="arm">', f'name="arm">{PROPERTY}'),
+        [
+            "ignored, as it holds no link or joint: <xacro:property> (1x)",
+            'no xmlns declares the prefix "xacro", under which nothing is read',
+        ],
+    ),
+    "undeclared prefixes": (
+        changed("</robot>", GAZEBO + "</robot>"),
+        ['no xmlns declares the prefixes "a", "b", under which nothing is read'],
+    ),
+    "an undeclared attribute": (
+        changed('xyz="0 1 0"', 'c:xyz="1 0 0" xyz="0 1 0"'),
+        ['no xmlns declares the prefix "c", under which nothing is read'],
+    ),
+    "a fixed joint's axis": (
+        changed("</robot>", WELD.format("fixed")),
+        ['ignored, as the joint has no axis: <axis> without xyz of "weld"'],
+    ),
+    "a floating joint's axis": (
+        changed("</robot>", WELD.format("floating")),
+        ['ignored, as the joint has no axis: <axis> without xyz of "weld"'],
+    ),
+    "all of them": (
+        changed('name="arm">', f'name="arm" {XACRO}>{PROPERTY}').replace("</robot>", GAZEBO + WELD.format("fixed")),
+        [
+            "ignored, as it holds no link or joint: <xacro:property> (1x)",
+            'no xmlns declares the prefixes "a", "b", under which nothing is read',
+            'ignored, as the joint has no axis: <axis> without xyz of "weld"',
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LEFTOVERS)
+def test_leftovers_without_link_or_joint_are_noted_and_give_pinocchios_robot(case: str) -> None:
+    text, notes = LEFTOVERS[case]
+    with pytest.warns(UserWarning, match="robot") as caught:
+        model = load_urdf(text)
+    assert [(str(w.message), w.filename) for w in caught] == [('robot "arm": ' + "; ".join(notes), __file__)]
+    assert list(model.robot.notes)[: len(notes)] == notes
+    with pytest.warns(UserWarning, match="robot") as caught:
+        assert read_urdf(text) == model.robot
+    assert [w.filename for w in caught] == [__file__]
+    theirs = pin.buildModelFromXML(text)
+    assert list(theirs.names) == list(model.names)
+    assert model.total_mass == pytest.approx(pin.computeTotalMass(theirs), rel=ROT)
+    rng = np.random.default_rng(0)
+    v, a = rng.normal(size=(2, model.nv))
+    q = pin.integrate(theirs, pin.neutral(theirs), rng.normal(size=model.nv))
+    np.testing.assert_allclose(
+        rnea(model, q, v, a), pin.rnea(theirs, theirs.createData(), q, v, a), rtol=0, atol=100 * ROT
+    )
+
+
+def test_info_shows_what_is_left_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text, notes = LEFTOVERS["all of them"]
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    assert main(["info", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert all(note in shown for note in notes)
+
+
+MAY_HOLD = {
+    **{
+        f"xacro:{tag}": (f"<xacro:{tag}/>", f"<xacro:{tag}> is left, expected a URDF in which xacro has expanded every")
+        for tag in ("macro", "include", "if", "unless", "insert_block", "call", "element", "wheel", "PROPERTY")
+    },
+    "a link in a property": (f'<xacro:property name="x">{HAND}</link></xacro:property>', "<xacro:property> is left"),
+    "a call in a property": ('<xacro:property name="x"><xacro:hand/></xacro:property>', "<xacro:property> is left"),
+    "an undeclared link": ('<a:link name="x"/>', "<a:link> has a prefix that no xmlns declares, expected one that is"),
+    "an undeclared xacro": ("<xacro:wheel/>", "<xacro:wheel> is left"),
+}
+
+
+@pytest.mark.parametrize("case", MAY_HOLD)
+@pytest.mark.parametrize("place", ["<robot", '<link name="hand"'])
+def test_leftovers_that_may_hold_a_link_or_joint_are_refused(case: str, place: str) -> None:
+    left, expected = MAY_HOLD[case]
+    space = "" if "undeclared" in case else " " + XACRO
+    text = ARM.replace("<robot", "<robot" + space)
+    at = text.index(">", text.index(place)) + 1
+    assert expected in refusal(text[:at] + "\n" + left + text[at:])
+
+
+def test_what_is_not_well_formed_stays_refused_among_undeclared_prefixes() -> None:
+    many = "".join(f'<gazebo><p{k}:x p{k}:y="1"/></gazebo>' for k in range(300))
+    with pytest.warns(UserWarning, match="no xmlns declares the prefixes"):
+        assert read_urdf(changed("</robot>", many + "</robot>")) == read_urdf(ARM)
+    for broken in ("</robo>", "<x></robot>", "&x;</robot>", "<b:x></b:y></robot>"):
+        message = refusal(changed("</robot>", many + GAZEBO + broken))
+        assert "is not well-formed XML" in message
+        assert "Namespace" not in message
+    endless = "".join(f"<gazebo><p{k}:x/></gazebo>" for k in range(3000))
+    assert "is not well-formed XML (Namespace prefix p" in refusal(changed("</robot>", endless + "</robot>"))
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "planar"])
+def test_an_axis_without_xyz_is_refused_where_it_counts(kind: str) -> None:
+    expected = '<axis> of joint "weld" has no attribute xyz, expected 3 finite numbers'
+    assert expected in refusal(changed("</robot>", WELD.format(kind)))
 
 
 # --- angles near a right one ------------------------------------------------------------------------------

@@ -15,6 +15,8 @@ from ..urdf import robot_names
 from .printing import Column, finite, fold, print_table
 from .robots import ROBOT, add_root, load
 
+DEEP = 60  # columns of a tree's branches: without a limit a comb of n links is n² columns
+
 
 def add(commands: Any) -> None:
     """Register the command with what argparse's ``add_subparsers`` has given."""
@@ -68,7 +70,7 @@ def _kinds(joints: Iterable[Joint]) -> str:
 
 
 def _tree(model: Model) -> Iterator[list[str]]:
-    """A row per link; the only child of a link stands right under it, several are set in."""
+    """A row per link; the only child of a link stands right under it, several are set in, the deepest ones no more."""
     robot = model.robot
     children, links = robot.children, {link.name: link for link in robot.links}
     places = {joint.name: joint for joint in model.joints[1:]}
@@ -86,7 +88,12 @@ def _tree(model: Model) -> Iterator[list[str]]:
         several = len(children[name]) > 1
         for k, child in enumerate(reversed(children[name])):
             branch, under = ("└ ", "  ") if k == 0 else ("├ ", "│ ")
-            stack.append((child.child, child, below + branch * several, below + under * several))
+            stack.append((child.child, child, _cut(below + branch * several), _cut(below + under * several)))
+
+
+def _cut(lead: str) -> str:
+    """What stands before a link's name, of a deep one only its last columns."""
+    return lead if len(lead) <= DEEP else "…" + lead[1 - DEEP :]
 
 
 def _span(first: int, count: int) -> str:
