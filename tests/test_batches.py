@@ -453,6 +453,23 @@ def test_a_joint_that_moves_no_inertia_is_named_with_its_sample(name: str) -> No
         on_lanes(model, spec, values)
 
 
+@pytest.mark.parametrize("sample", [0, 300, 698])
+def test_an_error_in_any_threads_part_is_named(sample: int) -> None:
+    """Of a batch without a program, cut among three threads."""
+    model, spec = rod_on_a_turntable(), bare("aba")
+    values = random_inputs(model, spec, batch=(700,))
+    values[0][:, 1] = np.linspace(0.5, 2.5, 700)
+    sd.set_num_threads(3)
+    wanted = untraced(model, spec, values)
+    values[0][[sample, 699], 1] = 0.0
+    with pytest.raises(sd.InertiaError, match=f'"turn" moves no inertia in sample {sample}, the first of 2'):
+        untraced(model, spec, values)
+    sd.set_num_threads(1)
+    values[0][[sample, 699], 1] = 1.0
+    same = np.setdiff1d(np.arange(700), [sample, 699])
+    np.testing.assert_array_equal(untraced(model, spec, values)[same], wanted[same])
+
+
 def test_a_massless_tip_is_refused_in_every_batch() -> None:
     builder = sd.ModelBuilder("tip")
     builder.add_body("a", axis=(0, 0, 1), inertia=(1.0, (0.3, 0, 0), 0.1 * np.eye(3)))

@@ -20,6 +20,8 @@ from spatialdyn.engines import batches, jit, kept, target
 from spatialdyn.engines.parameters import Parameter
 from spatialdyn.recursions import SPECS
 
+BALL = (1.0, (0.1, 0.2, 0.3), np.diag([0.1, 0.1, 0.1]))
+
 # --- programs --------------------------------------------------------------------------------------------
 
 
@@ -117,6 +119,21 @@ def test_a_program_is_named_by_sources_processor_and_versions(digest: Digests, m
     changed(batches, "DATA", batches.DATA + 8)
     assert len(set(names)) == len(names)
     assert digest() == names[0]
+
+
+def test_a_model_is_named_by_each_part_of_its_mimics() -> None:
+    """Which joint is followed, by what ratio and from where: v = G v knows the first two alone."""
+
+    def hand(leader: str = "a", multiplier: float = 2.0, offset: float = 0.5) -> str:
+        builder = sd.ModelBuilder("hand")
+        mimic = {"leader": leader, "multiplier": multiplier, "offset": offset}
+        for name, follows in (("a", None), ("b", None), ("c", mimic)):
+            builder.add_body(f"link {name}", axis=(0, 1, 0), inertia=BALL, joint_name=name, mimic=follows)
+        return str(builder.build(mimic=True).key)
+
+    names = [hand(), hand(offset=0.25), hand(offset=0.0), hand(multiplier=-2.0), hand(leader="b")]
+    assert len(set(names)) == len(names)
+    assert hand() == names[0]
 
 
 # --- kernels ---------------------------------------------------------------------------------------------

@@ -355,6 +355,23 @@ def test_a_floating_root_locked_is_a_fixed_one_standing_elsewhere() -> None:
     assert part.subtree("base") == arm().build()
 
 
+def test_a_floating_root_moves_from_where_its_base_stands() -> None:
+    """And is locked there: the base's pose first, then that of the root in it."""
+    rng = np.random.default_rng(3)
+    robot, base = arm().robot(), np.eye(4)
+    base[:3, :3], base[:3, 3] = rpy_matrix(0.3, -0.2, 1.1), (1.0, 2.0, 3.0)
+    full = Model(robot, Options("floating", base=tuple(base.ravel().tolist())))
+    place = np.concatenate([rng.normal(size=3), random_unit(rng, 4)])
+    q = rng.normal(size=2)
+    at_origin = assemble(robot, root="floating")
+    part = full.reduced({"root_joint": place})
+    for name in ("base", "upper", "tool"):
+        whole = np.concatenate([place, q])
+        expected = base @ sd.frame_placement(at_origin, whole, name)
+        close(sd.frame_placement(full, whole, name), expected)
+        close(sd.frame_placement(part, q, name), expected)
+
+
 def test_locking_in_two_steps_is_locking_at_once() -> None:
     model = sd.load_urdf("tree")
     twice = model.reduced({"lift": 0.1}).reduced({"left_elbow": 0.5, "turn": 0.3})
