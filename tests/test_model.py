@@ -91,6 +91,7 @@ def test_what_differs_is_not_equal() -> None:
         model.reduced({"elbow": 0.1}),
     ]
     assert len({model, *others}) == len({m.key for m in (model, *others)}) == 6
+    assert all(model != other for other in others)  # a set looks at the keys first
     assert model != model.robot
     assert arm(limits=(0, 1)).build() != model  # but it computes the same
     assert arm(limits=(0, 1)).build().key == model.key
