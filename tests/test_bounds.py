@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import parameters
+from spatialdyn.engines import jit, parameters
 from spatialdyn.engines.batches import pivot_margins
 from spatialdyn.engines.parameters import Parameter, changed
 from spatialdyn.engines.trace import table
+from spatialdyn.recursions.checks import singular_row
 
 Array = NDArray[np.float64]
 SLACK = 1e-12  # rounding of sums of a few dozen products
-STATES = 40
+STATES = 3 if jit.PLAIN else 40
 LOADS = ((0.3, 0.0, 0.0), (0.0, -0.7, 0.2), (2.0, 1.0, -1.0))  # where a payload's com is in its frame
 
 
@@ -33,14 +34,14 @@ def travel(model: sd.Model, q: Array) -> Array:
     return np.asarray(sum((abs(x).sum(-1) for x in parts), np.zeros(q.shape[:-1])))
 
 
-def trees() -> list[Any]:
-    every = [random_tree(seed, 6, floating=seed % 2 == 1, armature=False) for seed in range(6)]
-    return [made.model for made in every] + [random_tree(9, 6, ["revolute"]).model]
+def tree(k: int) -> Any:
+    """Trees of every kind of joint; the last one slides nowhere."""
+    return random_tree(9, 6, ["revolute"]).model if k == 6 else random_tree(k, 6, floating=k % 2 == 1).model
 
 
 @pytest.mark.parametrize("k", range(7))
 def test_a_bound_is_no_less_than_the_composite_inertia_in_any_state(k: int) -> None:
-    model = trees()[k]
+    model = tree(k)
     q = sd.random_configuration(model, np.random.default_rng(k), (STATES,))
     bound, t = model.bodies["bound"][1:], travel(model, q)[:, None]
     most = bound["x"] + t * (2.0 * bound["y"] + t * bound["z"])
@@ -69,7 +70,7 @@ def test_a_bound_is_of_the_order_of_what_a_stretched_arm_has() -> None:
 @pytest.mark.parametrize("k", range(7))
 def test_a_bound_grows_with_a_payload_by_no_less_than_that_brings(k: int, load: tuple[float, ...]) -> None:
     """Of a heavy one on the last body, by the margins that programs have: in q², not in |q|."""
-    model = trees()[k]
+    model = tree(k)
     last = model.joints[-1]
     inertia = np.diag([0.1, 0.2, 0.25])
     loaded = model.with_(payload={f"joint:{last.name}": (500.0, load, inertia)})
@@ -83,6 +84,24 @@ def test_a_bound_grows_with_a_payload_by_no_less_than_that_brings(k: int, load: 
         margins = pivot_margins(rows, q, D, eps)
         assert all(D_i <= least * (1.0 + SLACK) for D_i, least in margins)
     assert slides == (k < 6)
+
+
+@pytest.mark.parametrize(("kind", "count"), [("prismatic", 1), ("planar", 2), ("floating", 3)])
+def test_a_margin_grows_with_each_coordinate_that_slides(kind: str, count: int) -> None:
+    """A body a kilometre from the joint that turns what carries it, along each axis that its own joint has."""
+    builder = sd.ModelBuilder("slide")
+    for n, axis in enumerate(np.eye(3)):
+        builder.add_body(f"t{n}", f"t{n - 1}" if n else None, axis=axis, inertia=(1.0, (0, 0, 0), np.eye(3)))
+    builder.add_body("far", "t2", kind, (0, 0, 1), inertia=(1.0, (0, 0, 0), np.eye(3)))
+    model = builder.build()
+    rows, neutral = table(model.bodies), sd.neutral(model)
+    for k in range(count):
+        q = neutral.copy()
+        q[3 + k] = 1000.0
+        D = seen(model, q)
+        assert D.max() > 1e6
+        assert all(x <= least for x, least in pivot_margins(rows, q, D, 1.0 / model.nv))
+        assert singular_row(model.bodies, q, D * (1.0 - SLACK), 1.0 / model.nv) > 0
 
 
 def test_a_payloads_bound_is_of_the_order_of_a_body_built_in() -> None:

@@ -115,6 +115,16 @@ def test_zeros_of_either_sign_are_one_model() -> None:
     assert hash(pendulum(0.0)) == hash(pendulum(-0.0))
 
 
+def test_zeros_of_either_sign_are_one_mimic() -> None:
+    def hand(ratio: float, offset: float) -> Model:
+        made: Model = fingers(("a", None, 0.0, 0.0), ("b", "a", ratio, offset)).build(mimic=True)
+        return made
+
+    assert hand(0.0, 0.0) == hand(-0.0, -0.0)
+    assert hash(hand(0.0, 0.0)) == hash(hand(-0.0, 0.0)) == hash(hand(0.0, -0.0))
+    assert hand(0.0, 0.0).key == hand(-0.0, -0.0).key
+
+
 def test_equal_limits_of_other_types_are_equal_models() -> None:
     assert arm(armature=1).build() == arm(armature=1.0).build()
     assert arm().build(mimic=0) == arm().build(mimic=False)

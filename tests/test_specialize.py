@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
+from spatialdyn.engines import batches, jit, narrow
 from spatialdyn.robot_files import find_robot
 from spatialdyn.specialize import Specialized, specialize
 
@@ -582,6 +582,28 @@ def test_a_robot_far_beyond_the_range_of_float32_is_refused_by_name() -> None:
     for call in (sd.rnea, sd.aba):
         with pytest.raises(sd.NonFiniteError, match="float32"):
             specialize(model, call, dtype=np.float32)(*np.ones((3, 2)))
+
+
+@COMPILED
+def test_zeros_of_either_sign_drive_nothing_in_float32(arm: sd.Model) -> None:
+    """At rest without gravity all results are 0, which float32 holds: no sample is left to float64."""
+    k = specialize(arm.with_(gravity=(0.0, 0.0, 0.0)), sd.rnea, dtype=np.float32)
+    assert k._kernel is not None
+    q = State(arm, (16,)).q.astype(np.float32)
+    for zero in (0.0, -0.0):
+        v, out = np.full((16, arm.nv), zero, np.float32), np.ones((16, arm.nv), np.float32)
+        left = k._kernel([q, v, v], [out])
+        assert left is not None
+        assert len(left) == 0
+        assert not out.any()
+
+
+def test_a_rotor_beyond_the_range_of_float32_is_seen(arm: sd.Model) -> None:
+    for value in (1e20, 1e-30):
+        builder = sd.ModelBuilder().add_body("a", armature=value)
+        bodies = builder.build().bodies
+        assert narrow.beyond(bodies) == [1]
+    assert narrow.beyond(arm.bodies) == []
 
 
 # --- threads ------------------------------------------------------------------------------------------------
