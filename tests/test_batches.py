@@ -62,6 +62,33 @@ def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path / "spatialdyn"
 
 
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Any batch of more than a tile runs over threads; returns a list that takes the size of each part as it runs."""
+    sizes: list[int] = []
+    run = batches.Kernel._part
+
+    def counted(self: Any, n: int, arguments: Any) -> Any:
+        sizes.append(n)
+        return run(self, n, arguments)
+
+    monkeypatch.setattr(batches.Kernel, "_part", counted)
+    monkeypatch.setattr(batches, "SHARE", 1)
+    monkeypatch.setattr(batches, "_kept", type(batches._kept)())  # a kernel reads SHARE when it is loaded
+    return sizes
+
+
+def cut(parts: list[int], n: int, threads: int, dtype: Any = np.float64) -> bool:
+    """Whether the parts noted since the last look are n samples, cut between tiles into one for each thread."""
+    sizes = parts.copy()
+    parts.clear()
+    lanes = target.lanes_of(dtype)
+    tiles = -(-n // lanes)
+    even = sum(sizes) == n and max(sizes) <= (tiles // threads + 1) * lanes
+    whole = [size % lanes for size in sizes].count(0) >= len(sizes) - 1  # the last tile alone may be filled up
+    return even and whole and len(sizes) == min(threads, tiles)
+
+
 @pytest.fixture(scope="module", params=["fixed", "floating, cos_sin"])
 def model(request: pytest.FixtureRequest) -> sd.Model:
     """A tree with every kind of joint."""
@@ -198,14 +225,19 @@ def test_batches_of_more_axes_are_the_flat_one(arm: sd.Model, shape: tuple[int, 
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-def test_an_input_of_one_sample_serves_all_as_its_copies_do(arm: sd.Model, threads: int) -> None:
+def test_an_input_of_one_sample_serves_all_as_its_copies_do(arm: sd.Model, parts: list[int], threads: int) -> None:
     sd.set_num_threads(threads)
     spec, n = bare("rnea"), 4098
     q, v, a = random_inputs(arm, spec, batch=(n,))
     for some in ([q, v[7], a], [q, v[7:8], a[3]], [q[0], v, a], [q.reshape(2, n // 2, -1), v[: n // 2], a[:1]]):
         batch = np.broadcast_shapes(*(x.shape[:-1] for x in some))
         copies = [np.broadcast_to(x, (*batch, arm.nv)).copy() for x in some]
-        np.testing.assert_array_equal(on_lanes(arm, spec, some), on_lanes(arm, spec, copies))
+        found = on_lanes(arm, spec, some)
+        assert cut(parts, n, threads)
+        sd.set_num_threads(1)
+        np.testing.assert_array_equal(found, on_lanes(arm, spec, copies))
+        sd.set_num_threads(threads)
+        parts.clear()
 
 
 def test_the_form_of_an_input_changes_no_bit(arm: sd.Model) -> None:
@@ -253,16 +285,74 @@ def test_results_go_to_an_array_at_any_address(arm: sd.Model) -> None:
 # --- the same to the bit --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rnea", "crba", "aba", "forward_kinematics"])
-def test_a_sample_has_the_same_bits_in_any_batch_on_any_number_of_threads(model: sd.Model, name: str) -> None:
-    spec = bare(name)
+@pytest.mark.parametrize("name", ["rnea", "crba", "aba", "forward_kinematics", "kinetic_energy"])
+def test_a_sample_has_the_same_bits_in_any_batch_on_any_number_of_threads(
+    model: sd.Model, parts: list[int], name: str
+) -> None:
+    spec, rng = bare(name), np.random.default_rng(1)
     values = random_inputs(model, spec, batch=(2003,))
     wanted = on_lanes(model, spec, values)
-    for threads in (1, 2, 3):
+    parts.clear()
+    fixed = [slice(1, 1500), slice(5, 5 + B), slice(None, None, -1), slice(0, 2000, 3), slice(70, 71)]
+    for threads in (1, 2, 3, 7):
         sd.set_num_threads(threads)
         np.testing.assert_array_equal(on_lanes(model, spec, values), wanted)
-        for some in (slice(1, 1500), slice(5, 5 + B), slice(None, None, -1), slice(0, 2000, 3), slice(70, 71)):
+        assert cut(parts, 2003, threads)
+        drawn = [slice(*sorted(pair)) for pair in rng.choice(2003, (6, 2), replace=False).tolist()]
+        for some in (*fixed, *drawn):
             np.testing.assert_array_equal(on_lanes(model, spec, [x[some] for x in values]), wanted[some])
+            assert cut(parts, len(wanted[some]), threads)
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("n", [1, 7, 8, 9, 16, 17, 33, 701])
+def test_threads_write_their_own_part_of_out_and_nothing_else(
+    arm: sd.Model, parts: list[int], n: int, threads: int
+) -> None:
+    for name in ("rnea", "crba"):
+        spec = bare(name)
+        values = random_inputs(arm, spec, seed=n, batch=(n,))
+        wanted = on_lanes(arm, spec, values)
+        room = np.full((n + 8, *wanted.shape[1:]), np.nan)
+        out = room[4 : n + 4]
+        parts.clear()
+        sd.set_num_threads(threads)
+        assert on_lanes(arm, spec, values, out=out) is out
+        assert cut(parts, n, threads)
+        sd.set_num_threads(1)
+        np.testing.assert_array_equal(out, wanted)
+        assert np.isnan(room[:4]).all()
+        assert np.isnan(room[n + 4 :]).all()
+
+
+@pytest.mark.parametrize("shape", [(1003,), (17, 59)])
+def test_forces_of_threads_are_those_of_one(model: sd.Model, parts: list[int], shape: tuple[int, ...]) -> None:
+    """An optional input with two axes a sample; of one sample for all; NaN in a part behind the first."""
+    spec = SPECS["rnea"]
+    values = random_inputs(model, spec, batch=shape)
+    assert [x.name for x in sorted_inputs(spec)][-1] == "fext"
+    values[-1].reshape(1003, -1)[[700, 1002], 8] = np.nan
+    for some in (values, [*values[:-1], values[-1].reshape(1003, -1, 6)[5]]):
+        sd.set_num_threads(1)
+        wanted = on_lanes(model, spec, some)
+        parts.clear()
+        sd.set_num_threads(3)
+        np.testing.assert_array_equal(on_lanes(model, spec, some), wanted)
+        assert cut(parts, 1003, 3)
+
+
+def test_an_array_that_overlaps_another_threads_part_is_refused(arm: sd.Model, parts: list[int]) -> None:
+    """The first part's results would lie where the second part's inputs are."""
+    sd.set_num_threads(2)
+    kernel, n = rnea_kernel(arm), 1024
+    room = np.random.default_rng(0).normal(size=(2 * n, arm.nv))
+    before, v = room.copy(), np.ones((n, arm.nv))
+    for first in (0, n // 2, n // 2 + 1, n - 1):
+        assert kernel([room[first : first + n], v, v], [room[:n]]) is None
+        assert kernel([room[:n], v, v], [room[first : first + n]]) is None
+        with pytest.raises(sd.ShapeError, match="out overlaps q in memory"):
+            sd.rnea(arm, room[first : first + n], v, v, out=room[:n])
+        np.testing.assert_array_equal(room, before)
 
 
 @pytest.mark.parametrize("n", [0, -3, 1.5, True, "2", None])
@@ -275,7 +365,9 @@ def test_what_is_no_number_of_threads_is_refused(n: Any) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-def test_odd_samples_are_the_untraced_ones_and_good_ones_unchanged(model: sd.Model, threads: int) -> None:
+def test_odd_samples_are_the_untraced_ones_and_good_ones_unchanged(
+    model: sd.Model, parts: list[int], threads: int
+) -> None:
     """NaN and inf come out as NaN, an angle beyond the short sine by the long one; in the tail too."""
     sd.set_num_threads(threads)
     for name in ("rnea", "crba", "aba", "generalized_gravity"):
@@ -289,7 +381,9 @@ def test_odd_samples_are_the_untraced_ones_and_good_ones_unchanged(model: sd.Mod
         if len(values) > 1:
             odd[77] = np.nan
             values[-1][77, -1] = np.nan
+        parts.clear()
         found = on_lanes(model, spec, values)
+        assert cut(parts, 2005, threads)
         good = np.setdiff1d(np.arange(2005), list(odd))
         np.testing.assert_array_equal(found[good], wanted[good])
         again = untraced(model, spec, values)
@@ -357,6 +451,23 @@ def test_a_joint_that_moves_no_inertia_is_named_with_its_sample(name: str) -> No
     values[0][[333, 699], 1] = 0.0
     with pytest.raises(sd.InertiaError, match='"turn" moves no inertia in sample 333, the first of 2'):
         on_lanes(model, spec, values)
+
+
+@pytest.mark.parametrize("sample", [0, 300, 698])
+def test_an_error_in_any_threads_part_is_named(sample: int) -> None:
+    """Of a batch without a program, cut among three threads."""
+    model, spec = rod_on_a_turntable(), bare("aba")
+    values = random_inputs(model, spec, batch=(700,))
+    values[0][:, 1] = np.linspace(0.5, 2.5, 700)
+    sd.set_num_threads(3)
+    wanted = untraced(model, spec, values)
+    values[0][[sample, 699], 1] = 0.0
+    with pytest.raises(sd.InertiaError, match=f'"turn" moves no inertia in sample {sample}, the first of 2'):
+        untraced(model, spec, values)
+    sd.set_num_threads(1)
+    values[0][[sample, 699], 1] = 1.0
+    same = np.setdiff1d(np.arange(700), [sample, 699])
+    np.testing.assert_array_equal(untraced(model, spec, values)[same], wanted[same])
 
 
 def test_a_massless_tip_is_refused_in_every_batch() -> None:
@@ -550,7 +661,7 @@ def test_eight_threads_may_make_the_first_call(fresh: Path, monkeypatch: pytest.
     assert scaled(found[0], wanted, 1) <= ROUNDING
 
 
-def test_threads_that_call_at_once_share_the_team(arm: sd.Model) -> None:
+def test_threads_that_call_at_once_share_the_team(arm: sd.Model, parts: list[int]) -> None:
     """Four threads, each of whose batches runs on three."""
     sd.set_num_threads(3)
     values = random_inputs(arm, bare("rnea"), batch=(4096,))
@@ -565,16 +676,21 @@ def test_threads_that_call_at_once_share_the_team(arm: sd.Model) -> None:
     for thread in threads:
         thread.join()
     assert wrong == []
+    assert sum(parts) == 81 * 4096
+    assert len(parts) == 81 * 3
 
 
 SCRIPT_FORK = """
 import os, time, warnings
 import numpy as np
 import spatialdyn as sd
+from spatialdyn.engines import batches
 warnings.simplefilter("ignore")  # of forking a process with threads
+batches.SHARE = 1
 model, x = sd.load_urdf("two_link"), np.ones((4096, 2))
 sd.set_num_threads(2)
 tau = sd.rnea(model, x, x, x)
+assert len(batches.team._pools) == 1
 child = os.fork()
 if child == 0:
     os._exit(0 if np.array_equal(sd.rnea(model, x, x, x), tau) else 1)

@@ -397,6 +397,24 @@ def test_single_momenta_have_the_unit_of_their_freedom() -> None:
     assert puck["linear momentum of pivot along y"] == "kg m/s"
 
 
+@pytest.mark.parametrize("kind", ["revolute", "planar", "spherical"])
+def test_a_joint_off_the_origin_turns_about_a_line_through_itself(kind: str, rng: np.random.Generator) -> None:
+    """The value is the angular momentum about that line, from the robot's linear momentum and that about its com."""
+    at = np.array([2.0, -3.0, 0.5])
+    builder = sd.ModelBuilder("off")
+    builder.add_body("table", None, kind, (0, 0, 1), at, (2.0, (0.3, 0.1, -0.5), SOLID), "pivot")
+    builder.add_body("arm", "table", "revolute", (0, 1, 0), (0.4, 0, 0), (1.0, (0.2, 0, 0), SOLID), "elbow")
+    model = builder.build()
+    found = {x.name: x for x in sd.conserved_quantities(model)}
+    turn = found["momentum of pivot" if kind == "revolute" else "angular momentum of pivot about z"]
+    assert "(2, -3, 0.5)" in turn.description
+    q, v, p, _ = state(model, rng, (5,))
+    momentum = sd.centroidal_momentum(model, q, v)
+    linear, angular = momentum[:, :3], momentum[:, 3:]
+    about = angular + np.cross(sd.center_of_mass(model, q) - at, linear)
+    assert_close(turn.value(q, p), about[:, 2], ROUNDING)
+
+
 def test_two_links_without_gravity_conserve_the_momentum_of_the_first_only() -> None:
     assert names(two_link()) == []
     assert names(two_link((0.0, 0.0, 0.0))) == ["momentum of j0"]

@@ -165,6 +165,25 @@ def test_operational_and_repeated_frames_are_links() -> None:
     assert {"tool", "tool_"} <= {f.name for f in model.frames}
 
 
+def test_a_joints_link_is_its_first_body_frame_at_the_identity() -> None:
+    theirs, one = chain(pin.JointModelRX(), pin.JointModelRY()), pin.SE3.Identity()
+    moved = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
+    for name, placement in (("off", moved), ("first", one), ("second", one)):
+        theirs.addFrame(pin.Frame(name, 1, 0, placement, pin.FrameType.BODY))
+    model = assert_same_model(theirs)
+    assert {j.name: j.child for j in model.robot.joints if j.kind != "fixed"} == {"j1": "first", "j2": "j2"}
+
+
+def test_a_frames_own_joint_has_a_name_that_is_not_taken() -> None:
+    theirs = pin.Model()
+    theirs.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "tool_fixed")
+    theirs.appendBodyToJoint(1, inertia(), pin.SE3.Identity())
+    for name in ("tool", "tool_"):
+        theirs.addFrame(pin.Frame(name, 1, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model = assert_same_model(theirs)
+    assert sorted(j.name for j in model.robot.joints) == ["tool__fixed", "tool_fixed", "tool_fixed_"]
+
+
 def test_what_a_model_cannot_hold_is_noted() -> None:
     theirs = chain(pin.JointModelFreeFlyer(), pin.JointModelRX())
     theirs.lowerPositionLimit[:3] = [-1.0, -2.0, -3.0]
@@ -211,6 +230,23 @@ def test_unequal_armatures_are_kept() -> None:
     theirs = chain(pin.JointModelFreeFlyer(), pin.JointModelSpherical())
     theirs.armature = np.arange(9.0)
     assert_same_model(theirs)
+
+
+def test_of_unequal_limits_of_a_joint_the_largest_is_kept_and_noted() -> None:
+    theirs = chain(pin.JointModelRX(), pin.JointModelSpherical(), pin.JointModelFreeFlyer())
+    theirs.velocityLimit = np.array([9.0, 1.0, 3.0, 2.0, 4.0, 5.0, 5.0, 5.0, 5.0, 8.0])
+    theirs.effortLimit = np.full(10, 7.0)
+    theirs.damping = np.array([0.1, 0.5, 0.3, 0.4, *[0.2] * 6])
+    model = from_pinocchio(theirs)
+    assert model.velocity_limit.tolist() == [9.0, *[3.0] * 3, *[8.0] * 6]
+    assert model.effort_limit.tolist() == [7.0] * 10
+    assert model.damping.tolist() == [0.1, *[0.5] * 3, *[0.2] * 6]
+    kept = [
+        note for note in model.robot.notes if note.endswith("expected one for all its freedoms; the largest is kept")
+    ]
+    assert [note.split("[")[0] for note in kept] == [
+        'joint "j2" has velocityLimit ', 'joint "j2" has damping ', 'joint "j3" has velocityLimit ',
+    ]  # fmt: skip
 
 
 def test_other_objects_are_refused() -> None:
@@ -360,6 +396,32 @@ def test_states_that_do_not_fit_are_refused() -> None:
         to_mujoco(model, q, v, joints=["free", "elbow"])
     with pytest.raises(sd.ModelError, match="model is a NoneType"):
         to_mujoco(None, q, v)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "part"),
+    [
+        ("floating", (to_mujoco, to_drake), slice(3, 7)),
+        ("floating", (from_mujoco,), slice(3, 7)),
+        ("floating", (from_drake,), slice(0, 4)),
+        ("spherical", (to_mujoco, from_mujoco), slice(0, 4)),
+        ("continuous", (to_mujoco, to_drake), slice(0, 2)),
+        ("planar", (to_mujoco, to_drake), slice(2, 4)),
+    ],
+)
+def test_a_norm_that_is_not_one_is_refused_both_ways(
+    kind: str, changes: tuple[Callable[..., Any], ...], part: slice
+) -> None:
+    model = sd.ModelBuilder().add_body("b", joint=kind, joint_name="one").build(continuous="cos_sin")
+    for change in changes:
+        state = np.zeros((3, model.nq))
+        state[:, part.start] = 1.0
+        change(model, state, np.zeros(model.nv))
+        state[2, part] *= 1.0 + 2e-6
+        with pytest.raises(
+            sd.ConfigurationError, match=r'joint "one" has a .* in sample 2, the first of 1, expected 1'
+        ):
+            change(model, state, np.zeros(model.nv))
 
 
 def test_joints_that_others_lack_are_refused() -> None:

@@ -61,6 +61,21 @@ def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
 
 
 @compiled
+def test_an_input_that_runs_backwards_into_the_result_is_turned_away() -> None:
+    """One that is only noted, after the result; what is all before or behind is taken."""
+    model = random_tree(3, 5, ["revolute"]).model
+    n, count = model.nq, 16 * model.njoints
+    q, memory, axes = np.full(n, 0.1), np.empty(2 * n), {"axis0": model.njoints, "axis1": 4, "axis2": 4}
+    room = np.zeros(n + count + n)
+    X = room[n : n + count].reshape(model.njoints, 4, 4)
+    call = bound(kept.kept("forward_kinematics", ("v",), False), model, {"memory": memory, "result": X}, **axes)
+    for first in (n, n + 2, 2 * n - 2, n + count - 1, n + count, n + count + n - 2):
+        assert call(q, room[first : first - n : -1]) is None
+    for first, last in ((n - 1, None), (n + count + n - 1, n + count - 1)):
+        assert call(q, room[first:last:-1]) is True
+
+
+@compiled
 def test_a_failure_notes_nothing(case: Any) -> None:
     model, s = case
     tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv)

@@ -94,6 +94,7 @@ def test_what_differs_is_not_equal() -> None:
         model.reduced({"elbow": 0.1}),
     ]
     assert len({model, *others}) == len({m.key for m in (model, *others)}) == 6
+    assert all(model != other for other in others)  # a set looks at the keys first
     assert model != model.robot
     assert arm(limits=(0, 1)).build() != model  # but it computes the same
     assert arm(limits=(0, 1)).build().key == model.key
@@ -115,6 +116,16 @@ def test_zeros_of_either_sign_are_one_model() -> None:
 
     assert pendulum(0.0) == pendulum(-0.0)
     assert hash(pendulum(0.0)) == hash(pendulum(-0.0))
+
+
+def test_zeros_of_either_sign_are_one_mimic() -> None:
+    def hand(ratio: float, offset: float) -> Model:
+        made: Model = fingers(("a", None, 0.0, 0.0), ("b", "a", ratio, offset)).build(mimic=True)
+        return made
+
+    assert hand(0.0, 0.0) == hand(-0.0, -0.0)
+    assert hash(hand(0.0, 0.0)) == hash(hand(-0.0, 0.0)) == hash(hand(0.0, -0.0))
+    assert hand(0.0, 0.0).key == hand(-0.0, -0.0).key
 
 
 def test_equal_limits_of_other_types_are_equal_models() -> None:
@@ -356,6 +367,23 @@ def test_a_floating_root_locked_is_a_fixed_one_standing_elsewhere() -> None:
     assert pickle.loads(pickle.dumps(part)) == part
     assert part.reduced({"elbow": 0.1}).frame("base").placement.tolist() == part.frame("base").placement.tolist()
     assert part.subtree("base") == arm().build()
+
+
+def test_a_floating_root_moves_from_where_its_base_stands() -> None:
+    """And is locked there: the base's pose first, then that of the root in it."""
+    rng = np.random.default_rng(3)
+    robot, base = arm().robot(), np.eye(4)
+    base[:3, :3], base[:3, 3] = rpy_matrix(0.3, -0.2, 1.1), (1.0, 2.0, 3.0)
+    full = Model(robot, Options("floating", base=tuple(base.ravel().tolist())))
+    place = np.concatenate([rng.normal(size=3), random_unit(rng, 4)])
+    q = rng.normal(size=2)
+    at_origin = assemble(robot, root="floating")
+    part = full.reduced({"root_joint": place})
+    for name in ("base", "upper", "tool"):
+        whole = np.concatenate([place, q])
+        expected = base @ sd.frame_placement(at_origin, whole, name)
+        close(sd.frame_placement(full, whole, name), expected)
+        close(sd.frame_placement(part, q, name), expected)
 
 
 def test_locking_in_two_steps_is_locking_at_once() -> None:

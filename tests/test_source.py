@@ -14,6 +14,9 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.engines.source import c_code, python_code
+from spatialdyn.engines.trace import Program, Tape
+from spatialdyn.scalars import select
 from spatialdyn.specialize import Specialized
 
 EPS = np.finfo(float).eps
@@ -57,6 +60,29 @@ def test_python_code_equals_the_call_on_any_batch(model: sd.Model, name: str) ->
     for batch in ((), (2, 3)):
         inputs = given(model, k, batch)
         assert_close(function(*inputs), k(*inputs))
+
+
+def test_python_code_broadcasts_each_input_against_the_others(model: sd.Model) -> None:
+    k = sd.specialize(model, sd.rnea)
+    function = run_python(k.python_code(), "rnea")
+    q, v, a = given(model, k, (3, 4))
+    for some in ((q[0, 0], v, a), (q, v[1, 1], a[0]), (q[:, :1], v[0], a[2, 2]), (q[0, 1], v[0, 2], a)):
+        assert_close(function(*some), k(*some))
+
+
+def test_a_choice_at_zero_is_the_programs_own_in_both_languages() -> None:
+    """select(x, b, c) is b above 0 and c at 0, below it and where it is NaN."""
+    tape = Tape()
+    x, b, c = (tape.input(k) for k in range(3))
+    program = Program(tape, [select(x, b, c), select(-x, b, c)], 3)
+    shapes: tuple[dict[str, tuple[int, ...]], ...] = ({"x": (3,)}, {"out": (2,)})
+    function = run_python(python_code("choose", program, *shapes), "choose")
+    for value, wanted in ((1.0, [5.0, 7.0]), (0.0, [7.0, 7.0]), (-1.0, [7.0, 5.0]), (np.nan, [7.0, 7.0])):
+        assert [float(y) for y in program.run([value, 5.0, 7.0])] == wanted
+        assert function([value, 5.0, 7.0]).tolist() == wanted
+    text = c_code("choose", program, *shapes)
+    assert "= x[0] > 0.0 ? x[1] : x[2];" in text
+    assert "= -x[0] > 0.0 ? x[1] : x[2];" in text
 
 
 def test_python_code_has_forces_parameters_and_several_results(model: sd.Model) -> None:

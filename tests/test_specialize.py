@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
+from spatialdyn.engines import batches, jit, narrow
 from spatialdyn.robot_files import find_robot
 from spatialdyn.specialize import Specialized, specialize
 
@@ -582,3 +582,85 @@ def test_a_robot_far_beyond_the_range_of_float32_is_refused_by_name() -> None:
     for call in (sd.rnea, sd.aba):
         with pytest.raises(sd.NonFiniteError, match="float32"):
             specialize(model, call, dtype=np.float32)(*np.ones((3, 2)))
+
+
+@COMPILED
+def test_zeros_of_either_sign_drive_nothing_in_float32(arm: sd.Model) -> None:
+    """At rest without gravity all results are 0, which float32 holds: no sample is left to float64."""
+    k = specialize(arm.with_(gravity=(0.0, 0.0, 0.0)), sd.rnea, dtype=np.float32)
+    assert k._kernel is not None
+    q = State(arm, (16,)).q.astype(np.float32)
+    for zero in (0.0, -0.0):
+        v, out = np.full((16, arm.nv), zero, np.float32), np.ones((16, arm.nv), np.float32)
+        left = k._kernel([q, v, v], [out])
+        assert left is not None
+        assert len(left) == 0
+        assert not out.any()
+
+
+def test_a_rotor_beyond_the_range_of_float32_is_seen(arm: sd.Model) -> None:
+    for value in (1e20, 1e-30):
+        builder = sd.ModelBuilder().add_body("a", armature=value)
+        bodies = builder.build().bodies
+        assert narrow.beyond(bodies) == [1]
+    assert narrow.beyond(arm.bodies) == []
+
+
+# --- threads ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def three_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """Any batch of more than two tiles runs over three threads; a list that takes the size of each part as it runs."""
+    sizes: list[int] = []
+    run = batches.Kernel._part
+
+    def counted(self: Any, n: int, arguments: Any) -> Any:
+        sizes.append(n)
+        return run(self, n, arguments)
+
+    monkeypatch.setattr(batches.Kernel, "_part", counted)
+    monkeypatch.setattr(batches, "SHARE", 1)
+    monkeypatch.setattr(batches, "_kept", type(batches._kept)())  # a kernel reads SHARE when it is loaded
+    sd.set_num_threads(3)
+    yield sizes
+    sd.set_num_threads(1)
+
+
+def by_one_thread(k: Specialized, *values: Any) -> Any:
+    """The same without threads."""
+    sd.set_num_threads(1)
+    try:
+        return k(*values)
+    finally:
+        sd.set_num_threads(3)
+
+
+@COMPILED
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_threads_change_no_bit_of_any_result(model: sd.Model, three_threads: list[int], dtype: Any) -> None:
+    """Two results, forces, a payload for all or for each, batches of two axes, samples that the program leaves."""
+    n, rng = 1003, np.random.default_rng(6)
+    s = State(model, (n,))
+    angle = next(j.idx_q for j in model.joints if j.kind == "revolute")
+    s.q[[5, 900], angle] = 1e6, np.nan
+    s.v[1002, 3] = np.nan
+    s.fext[700, 2, 1] = 1e12  # beyond what float32 answers for
+    payload = np.abs(rng.normal(size=(n, 10)))
+    k = specialize(model, [sd.rnea, sd.kinetic_energy], dtype, inputs={"fext": None, "payload": model.frames[-1].name})
+    values = [s.q, s.v, s.a, s.fext, payload]
+    for some in (values, [*values[:4], payload[7]], [s.q, s.v[3], s.a[:1], s.fext[11], payload]):
+        wanted = by_one_thread(k, *some)
+        three_threads.clear()
+        found = k(*some)
+        assert len(three_threads) == 3
+        assert sum(three_threads) == n
+        for x, y in zip(found, wanted, strict=True):
+            np.testing.assert_array_equal(x, y)
+    folded = k(*(x.reshape(17, 59, *x.shape[1:]) for x in values))
+    for x, y in zip(folded, by_one_thread(k, *values), strict=True):
+        np.testing.assert_array_equal(x.reshape(y.shape), y)
+    out = tuple(np.empty_like(x) for x in wanted)
+    k(*some, out=out)
+    for x, y in zip(out, wanted, strict=True):
+        np.testing.assert_array_equal(x, y)

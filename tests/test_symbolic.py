@@ -143,6 +143,25 @@ def test_routes_to_c_agree_as_expressions(name: str) -> None:
     assert s.simplify(s.C() * sympy.Matrix(s.v) - bias) == sympy.zeros(s.model.nv, 1)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("axis", "xyz")
+def test_g_is_the_strength_of_gravity_whichever_way_it_points(axis: str, sign: int) -> None:
+    """A mass at the end of a joint that slides along it: its torque is -m g upward, m g downward, with one g > 0."""
+    gravity = [sign * 9.81 * (x == axis) for x in "xyz"]
+    builder = sd.ModelBuilder().add_body(
+        "mass", None, "prismatic", [float(x == axis) for x in "xyz"], inertia=(2.0, (0, 0, 0), np.zeros((3, 3)))
+    )
+    model = builder.build(gravity=gravity)
+    s = sd.SymbolicManipulator(model, {"m_1": "m_1", "g": "g"})
+    m, g = of(s, "m_1", "g")
+    assert s.parameters[g] == Rational(981, 100)
+    assert is_zero(s.g() - sympy.Matrix([-sign * m * g]))
+    assert is_zero(s.V() + sign * m * g * s.q[0])
+    free = sd.SymbolicManipulator(model, {f"g_{axis}": "g_a"})
+    assert of(free, "g_a")[0] in free.g().free_symbols
+    assert list(free.parameters.values()) == [sign * Rational(981, 100)]
+
+
 # --- against the numerical calls -------------------------------------------------------------------------
 
 

@@ -292,6 +292,9 @@ class Kernel:
         threads = self.threads(tiles)
         if threads <= 1:
             return self._part(n, [*arguments, *outputs])
+        for k, y in enumerate(outputs):  # each thread sees its own part only
+            if any(np.may_share_memory(x, y) for x in (*inputs, *outputs[:k])):
+                return None
         cuts = [min(tiles * k // threads * self.lanes, n) for k in range(threads + 1)]
         parts = [(b - a, [*self._cut(inputs, a, b, n), *(y[a:b] for y in outputs)]) for a, b in pairwise(cuts)]
         jobs = [team.pool(threads).submit(self._part, *part) for part in parts[1:]]
