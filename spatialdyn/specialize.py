@@ -331,7 +331,8 @@ def _quick_call(inputs: tuple[tuple[str, bool], ...], outputs: tuple[bool, ...],
     given = [f"{name}_{k}" for k, (name, _) in enumerate(inputs)]
     arrays = [name for name, (_, array) in zip(given, inputs, strict=True) if array]
     made, shapes = [f"y{k}" for k in range(len(outputs))], [f"shape{k}" for k in range(len(outputs))]
-    ready = " and ".join(f"{name}.dtype is F8" for name in arrays + made)  # Numba does not look at the byte order
+    # Numba does not look at the byte order; equal dtypes may be other objects
+    ready = " and ".join(f"({name}.dtype is F8 or {name}.dtype == F8)" for name in arrays + made)
     results = [y if array else f"float({y}[0])" for y, array in zip(made, outputs, strict=True)]
     text = [
         f"def make(caller, plan, {', '.join(shapes)}):",
