@@ -745,7 +745,8 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
     ),
     "step": (
         sd.step, {"q": REST, "v": REST, "tau": REST, "dt": 0.1},
-        {"q": (), "v": (), "tau": (), "dt": (*NUMBERS, "minus", "nought", "array", "list", "nested", "several"), "method": (), "fext": ("none",)},
+        {"q": (), "v": (), "tau": (), "dt": (*NUMBERS, "minus", "nought", "array", "list", "nested", "several"),
+         "method": (), "fext": ("none",)},
     ),
     "wrench_at": (
         sd.wrench_at, {"q": REST, "frame": "tip", "force": np.zeros(6)},
