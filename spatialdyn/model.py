@@ -274,7 +274,7 @@ def assemble(
 
 def options_of(root: str, gravity: ArrayLike, continuous: str, mimic: bool) -> Options:
     """The options of ``assemble``. Raises ModelError naming one that is none, and its value."""
-    if not isinstance(mimic, (bool, np.bool_)):
+    if not isinstance(mimic, (bool, np.bool_, int)) or mimic not in (0, 1):
         raise ModelError(f"mimic is {mimic!r}, expected True or False")
     return Options(root, _gravity(gravity), continuous, bool(mimic))
 

@@ -794,11 +794,11 @@ def test_what_is_no_model_is_refused_by_every_room(room: str) -> None:
 MAKERS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, ...]]]] = {
     "assemble": (
         sd.assemble, {"robot": sd.load_urdf("two_link").robot},
-        {"robot": (), "root": (), "gravity": (), "continuous": (), "mimic": ("true", "numpy true")},
+        {"robot": (), "root": (), "gravity": (), "continuous": (), "mimic": ("nought", "true", "numpy true")},
     ),
     "load_urdf": (
         sd.load_urdf, {"source": "two_link"},
-        {"source": (), "root": (), "gravity": (), "continuous": (), "mimic": ("true", "numpy true"), "inertia": (),
+        {"source": (), "root": (), "gravity": (), "continuous": (), "mimic": ("nought", "true", "numpy true"), "inertia": (),
          "snap": ("none", "nought")},
     ),
     "add_body": (
