@@ -798,8 +798,8 @@ MAKERS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str,
     ),
     "load_urdf": (
         sd.load_urdf, {"source": "two_link"},
-        {"source": (), "root": (), "gravity": (), "continuous": (), "mimic": ("nought", "true", "numpy true"), "inertia": (),
-         "snap": ("none", "nought")},
+        {"source": (), "root": (), "gravity": (), "continuous": (), "mimic": ("nought", "true", "numpy true"),
+         "inertia": (), "snap": ("none", "nought")},
     ),
     "add_body": (
         lambda **given: sd.ModelBuilder("arm").add_body(**given), {"name": "hand"},
