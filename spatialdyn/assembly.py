@@ -61,9 +61,9 @@ class Options:
     base: tuple[float, ...] = IDENTITY
 
     def __post_init__(self) -> None:
-        if self.root not in ("fixed", "floating"):
+        if not isinstance(self.root, str) or self.root not in ("fixed", "floating"):
             raise ModelError(f'root is {self.root!r}, expected "fixed" or "floating"')
-        if self.continuous not in ("angle", "cos_sin"):
+        if not isinstance(self.continuous, str) or self.continuous not in ("angle", "cos_sin"):
             raise ModelError(f'continuous is {self.continuous!r}, expected "angle" or "cos_sin"')
 
 

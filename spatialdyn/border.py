@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ModelError, ShapeError, SpatialDynError
+from .errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
 from .recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
+from .robot import masked
 
 Array = NDArray[np.float64]
 REFERENCES = {"local": LOCAL, "world": WORLD, "local_world_aligned": LOCAL_WORLD_ALIGNED}
@@ -25,14 +26,33 @@ def check_model(model: Any) -> Model:
 
 
 def as_array(name: str, value: ArrayLike) -> Array:
-    """A float64 array of anything that reads as real numbers. Raises ShapeError naming the argument."""
+    """A float64 array of anything that reads as real numbers.
+
+    Raises ShapeError naming the argument, NonFiniteError for finite numbers that are too large for float64.
+    """
+    if masked(value):
+        raise ShapeError(f"{name} is masked, expected an array without a mask, which would be lost")
     try:
         x = np.asarray(value)
     except ValueError as error:
         raise ShapeError(f"{name} is ragged, expected an array of numbers") from error
     if x.dtype.kind not in "fiu":
         raise ShapeError(f"{name} has dtype {x.dtype}, expected real numbers")
-    return x.astype(np.float64, copy=False)
+    if x.dtype.kind != "f" or x.dtype.itemsize <= 8:
+        return x.astype(np.float64, copy=False)
+    with np.errstate(over="ignore"):
+        made = x.astype(np.float64)
+    finite = np.isfinite(x)
+    if not np.isfinite(made[finite]).all():
+        raise NonFiniteError(f"{name} holds {abs(x[finite]).max()}, expected the range of float64")
+    return made
+
+
+def as_flag(name: str, value: Any) -> bool:
+    """True or False, Python's or NumPy's. Raises SpatialDynError naming the argument."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise SpatialDynError(f"{name} is {value!r}, expected True or False")
+    return bool(value)
 
 
 def as_number(value: Any) -> float:
@@ -103,7 +123,7 @@ def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> 
 
     Raises ShapeError if it is not of that shape, float64, in C order and writable, or overlaps an input.
     """
-    if not isinstance(out, np.ndarray):
+    if not isinstance(out, np.ndarray) or masked(out):
         raise ShapeError(f"out is a {type(out).__name__}, expected a float64 array of shape {shape}")
     if out.shape != shape:
         raise ShapeError(f"out has shape {out.shape}, expected {shape}")

@@ -68,6 +68,9 @@ class ModelBuilder:
         """
         parent = self._root if parent is None else parent
         joint_name = f"{name}_joint" if joint_name is None else joint_name
+        for what, given in {"name": name, "parent": parent, "joint": joint, "joint_name": joint_name}.items():
+            if not isinstance(given, str):
+                raise ModelError(f'{what} of link "{name}" is {given!r}, expected text')
         if parent not in self._links:
             raise ModelError(f'link "{name}" has parent "{parent}", which robot "{self.name}" does not have')
         if name in self._links:

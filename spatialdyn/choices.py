@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .border import REFERENCES, as_array, check_model, core_shape, frame_of, reference_of
+from .border import REFERENCES, as_array, as_flag, check_model, core_shape, frame_of, reference_of
 from .diagnosis import unit_part
 from .dynamics import calls as public
 from .engines import batches, jit, parameters
@@ -119,11 +120,11 @@ def task_of(
 
 
 def _dtype(dtype: DTypeLike) -> np.dtype:
-    try:
-        found = np.dtype(dtype)
-    except TypeError:
-        found = None
-    if found not in (np.dtype(np.float64), np.dtype(np.float32)):
+    found = None
+    if dtype is None or isinstance(dtype, (str, type, np.dtype)):  # NumPy takes the dtype of whatever has one
+        with suppress(TypeError, ValueError, SyntaxError):
+            found = np.dtype(dtype)
+    if found is None or found not in (np.dtype(np.float64), np.dtype(np.float32)):
         raise SpatialDynError(f"dtype is {dtype!r}, expected float64 or float32")
     return np.dtype(found)
 
@@ -181,12 +182,19 @@ def _labels(inputs: Any) -> list[str]:
     if isinstance(inputs, str):
         return [inputs]
     if not isinstance(inputs, Mapping):
-        return [str(name) for name in inputs]
+        return [str(name) for name in _listed("inputs", inputs)]
     labels = []
     for kind, where in inputs.items():
-        listed = [where] if where is None or isinstance(where, str) else where
+        listed = [where] if where is None or isinstance(where, str) else _listed(f'inputs["{kind}"]', where)
         labels += [str(kind) if w is None else f"{kind}:{w}" for w in listed]
     return labels
+
+
+def _listed(name: str, value: Any) -> list[Any]:
+    try:
+        return list(value)
+    except TypeError:
+        raise SpatialDynError(f"{name} is {value!r}, expected names") from None
 
 
 def _payload(model: Model, where: str) -> Parameter:
@@ -208,6 +216,8 @@ def _payload(model: Model, where: str) -> Parameter:
 def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> dict[str, NDArray[np.float64]]:
     """Flat constants of each fixed input, NaN where it stays an input."""
     known = {x.name: x for spec in specs for x in spec.given if not x.static}
+    if not isinstance(fixed, Mapping):
+        raise SpatialDynError(f"fixed is a {type(fixed).__name__}, expected a mapping of names to values")
     found = {}
     for name, value in fixed.items():
         if name not in known:
@@ -266,7 +276,7 @@ def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArra
     """For each call the places of its output, flat, that are wanted, in the shape of the result."""
     if outputs is None:
         return None
-    listed = [outputs] if isinstance(outputs, (str, int)) else list(outputs)
+    listed = [outputs] if isinstance(outputs, (str, int)) else _listed("outputs", outputs)
     if not listed:
         raise SpatialDynError("outputs is empty, expected names of joints or indices, or None for all")
     if not any(isinstance(s, str) for spec in specs for s in spec.output.shape):
@@ -309,8 +319,7 @@ def static_of(
         values["reference"] = code
     elif code != REFERENCES["local"]:
         raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
-    if not isinstance(classical, (bool, np.bool_)):
-        raise SpatialDynError(f"classical is {classical!r}, expected True or False")
+    classical = as_flag("classical", classical)
     if "classical" in names:
         values["classical"] = int(classical)
     elif classical:

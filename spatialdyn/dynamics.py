@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .border import (
     Array,
     as_array,
+    as_flag,
     batch_shape,
     broadcast,
     check_model,
@@ -81,7 +82,7 @@ def _at_once(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple[Any,
         return None
     given = [x for x in values if x is not None]
     for x in given:
-        if type(x) is not np.ndarray or x.dtype is not F8:
+        if type(x) is not np.ndarray or not (x.dtype is F8 or x.dtype == F8):
             return None
     values_of = tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in static)
     n = len(first)
@@ -92,7 +93,12 @@ def _at_once(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple[Any,
     shape = (n, *shape)
     if out is None:
         out = empty(shape)
-    elif type(out) is not np.ndarray or out.dtype is not F8 or out.shape != shape or not out.flags.c_contiguous:
+    elif (
+        type(out) is not np.ndarray
+        or not (out.dtype is F8 or out.dtype == F8)
+        or out.shape != shape
+        or not out.flags.c_contiguous
+    ):
         return None
     if out.nbytes >= batches.STREAM:
         return None
@@ -110,12 +116,13 @@ def _plan(
     spec: Spec, model: Model, present: tuple[bool, ...], static: tuple[bytes | int, ...]
 ) -> tuple[Spec, tuple[int, ...], batches.Kernel] | None:
     """The call with the inputs that are there, the shape of one sample of its result, and its program; None if there
-    is none, or if an input is no vector.
+    is none, if an input is no vector, or one is lacking.
     """
     varying = [x for x in spec.given if not x.static]
     given = [x for x, there in zip(varying, present, strict=True) if there]
     spec = jit.variant(spec, frozenset(x.name for x in given))
-    if model.mimic_matrix is not None or jit.PLAIN or any(len(x.shape) != 1 for x in given):
+    lacks = any(not (there or x.optional) for x, there in zip(varying, present, strict=True))
+    if lacks or model.mimic_matrix is not None or jit.PLAIN or any(len(x.shape) != 1 for x in given):
         return None
     kernel = _program(spec, model, static, False)
     return None if kernel is None else (spec, core_shape(model, spec.output), kernel)
@@ -241,7 +248,7 @@ def signature(spec: Spec) -> tuple[list[str], list[str]]:
         statements.append("reference = reference_of(reference)")
     if "classical" in static:
         words.append("classical=False")
-        statements.append("classical = 1 if classical else 0")
+        statements.append('classical = 1 if classical is True or as_flag("classical", classical) else 0')
     return [*required, *words, *optional, "out=None"], statements
 
 
@@ -264,10 +271,10 @@ def _public(spec: Spec) -> Callable[..., Any]:
         status = f"{status} if {none} else {rest}"
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
     static = "".join(f"{x.name}, " for x in spec.given if x.static)
-    # Numba does not look at the byte order of an array
+    # Numba does not look at the byte order of an array; equal dtypes may be other objects, at 0.03 µs each
     checked = [x.name for x in spec.given if x.shape and not x.static and not x.optional]
-    native = " and ".join([*(f"{name}.dtype is F8" for name in checked), "result.dtype is F8"])
-    native += "".join(f" and ({name} is None or {name}.dtype is F8)" for name in optional)
+    native = " and ".join(f"({name}.dtype is F8 or {name}.dtype == F8)" for name in (*checked, "result"))
+    native += "".join(f" and ({name} is None or {name}.dtype is F8 or {name}.dtype == F8)" for name in optional)
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),
@@ -284,6 +291,7 @@ def _public(spec: Spec) -> Callable[..., Any]:
         "empty": np.empty,
         "general": general,
         "spec": spec,
+        "as_flag": as_flag,
         "frame_of": frame_of,
         "reference_of": reference_of,
     }
@@ -339,6 +347,8 @@ def docstring(spec: Spec) -> str:
         raises.append("ModelError if there is no such frame, with names like it")
     if "reference" in static:
         raises.append("SpatialDynError for another reference")
+    if "classical" in static:
+        raises.append("SpatialDynError for a classical that is not True or False")
     raises.append("NonFiniteError if finite input gives none")
     lines += [
         "    Raises",

@@ -15,7 +15,7 @@ from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tab
 from .errors import InertiaError, ModelError
 from .inertia import inertia_defect
 from .robot import Joint as RobotJoint
-from .robot import Link, Robot, check_tree, make_link, numbers
+from .robot import Link, Robot, check_tree, make_link, masked, numbers
 from .rows import Joint, frozen, joint_transform
 
 Array = NDArray[np.float64]
@@ -268,9 +268,20 @@ def assemble(
     continuous  "angle": one coordinate; "cos_sin": two, as Pinocchio has it (planar joints too)
     mimic       True makes the coordinates of mimic joints dependent
 
-    Raises ModelError naming the option, or the mimic joint without a leader.
+    Raises ModelError naming the option, or the mimic joint without a leader; or if robot is none.
     """
-    return Model(robot, Options(root, _gravity(gravity), continuous, bool(mimic)))
+    if not isinstance(robot, Robot):
+        raise ModelError(
+            f"robot is a {type(robot).__name__}, expected a Robot, as read_urdf and ModelBuilder make them"
+        )
+    return Model(robot, options_of(root, gravity, continuous, mimic))
+
+
+def options_of(root: str, gravity: ArrayLike, continuous: str, mimic: bool) -> Options:
+    """The options of ``assemble``. Raises ModelError naming one that is none, and its value."""
+    if not isinstance(mimic, (bool, np.bool_, int)) or mimic not in (0, 1):
+        raise ModelError(f"mimic is {mimic!r}, expected True or False")
+    return Options(root, _gravity(gravity), continuous, bool(mimic))
 
 
 def _gravity(gravity: ArrayLike) -> tuple[float, ...]:
@@ -283,9 +294,11 @@ def _gravity(gravity: ArrayLike) -> tuple[float, ...]:
 def _numbers(value: ArrayLike) -> Array:
     """Anything as an array of floats, NaN where it holds something else."""
     try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        return np.array(np.nan)
+        x = np.array(np.nan) if masked(value) else np.asarray(value)
+    except (TypeError, ValueError):
+        x = np.array(np.nan)
+    with np.errstate(over="ignore"):
+        return x.astype(float) if x.dtype.kind in "fiu" else np.array(np.nan)
 
 
 def _pairs(argument: str, value: Any) -> Iterable[tuple[str, Any]]:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -183,7 +184,7 @@ def check_inertias(
 
     Raises InertiaError under "strict", naming the link, its principal moments and the violation.
     """
-    if policy not in ("warn", "strict", "repair"):
+    if not isinstance(policy, str) or policy not in ("warn", "strict", "repair"):
         raise InertiaError(f'inertia policy is {policy!r}, expected "warn", "strict" or "repair"')
     found: list[str] = []
     links: list[Link] = []
@@ -210,10 +211,30 @@ def check_inertias(
     return replace(robot, links=tuple(links), notes=robot.notes + tuple(found))
 
 
+def masked(value: Any, depth: int = 32) -> bool:
+    """Whether an array, or one in a list, has a mask, which NumPy drops where it makes an array of numbers of it."""
+    ma = sys.modules.get("numpy.ma")
+    if ma is None:  # then there is no such array
+        return False
+    if not isinstance(value, (list, tuple)):
+        return isinstance(value, ma.MaskedArray)
+    kinds = set(map(type, value))  # a look at each entry would take longer than NumPy does
+    if any(issubclass(kind, ma.MaskedArray) for kind in kinds):
+        return True
+    return (
+        depth > 0
+        and any(issubclass(kind, (list, tuple)) for kind in kinds)
+        and any(masked(x, depth - 1) for x in value)
+    )
+
+
 def numbers(value: Any, count: int, what: str) -> tuple[float, ...]:
     """So many real numbers as a tuple of floats. Raises ModelError: ``what``, the value, what was expected."""
+    if masked(value):
+        raise ModelError(f"{what} a masked array, expected {count} number{'s' * (count > 1)} without a mask")
     try:
-        x = np.asarray(value, dtype=float).ravel() if np.asarray(value).dtype.kind in "fiu" else None
+        with np.errstate(over="ignore"):
+            x = np.asarray(value, dtype=float).ravel() if np.asarray(value).dtype.kind in "fiu" else None
     except (TypeError, ValueError):
         x = None
     if x is None or len(x) != count:
@@ -237,7 +258,11 @@ def pose_matrix(placement: Any, what: str) -> Array:
         X[:3, 3] = numbers(placement[0], 3, f"{what} has xyz")
     else:
         try:
-            given = np.asarray(placement, dtype=float)
+            given = np.array(np.nan) if masked(placement) else np.asarray(placement)
+            if given.dtype.kind not in "fiu" or not given.ndim:
+                raise TypeError
+            with np.errstate(over="ignore"):
+                given = given.astype(float)
         except (TypeError, ValueError):
             raise ModelError(f"{what} is {placement!r}, expected (3,), (4, 4) or a pair xyz, rpy") from None
         if given.shape == (3,):
@@ -285,7 +310,7 @@ def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
     Raises InertiaError naming the link for a negative or NaN mass, NaN entries, wrong shapes or an asymmetric matrix.
     """
     try:
-        if any(np.asarray(part).dtype.kind not in "fiu" for part in inertia):
+        if any(masked(part) or np.asarray(part).dtype.kind not in "fiu" for part in inertia):
             raise TypeError
         mass, com, I = inertia
         mass, com, I = float(mass), np.asarray(com, float), np.asarray(I, float)

@@ -18,10 +18,11 @@ from . import untraced
 from .border import as_array, broadcast, rows_of
 from .choices import Input, Names, Task, shown, task_of
 from .engines import batches, jit, narrow, quick
-from .engines.source import PRINTERS
+from .engines.source import PRINTERS, RESERVED
 from .engines.trace import Program
 from .errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
+from .robot import masked
 
 
 def specialize(
@@ -67,7 +68,7 @@ def specialize(
         ModelError for a name that is not in the model, or a model with mimic joints
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
-    task = task_of(model, calls, dtype, fixed or {}, inputs, outputs, frame, reference, classical)
+    task = task_of(model, calls, dtype, {} if fixed is None else fixed, inputs, outputs, frame, reference, classical)
     arguments = (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical)
     own_class = type(Specialized.__name__, (Specialized,), {"__module__": __name__})  # see Specialized._make_quick
     made: Specialized = own_class(task, arguments)
@@ -166,7 +167,8 @@ class Specialized:
 
         name  of the function, by default that of the call, several joined by "_"
 
-        Raises SpatialDynError if the name is none; InertiaError where there is no program
+        Raises SpatialDynError if the name is none, an input's, or a word of C or of <math.h>; InertiaError where there
+            is no program
         """
         return self._code("c", name)
 
@@ -187,12 +189,18 @@ class Specialized:
         name = "_".join(spec.name for spec in specs) if name is None else name
         if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
             raise SpatialDynError(f"name is {name!r}, expected letters, digits and _")
+        if name in RESERVED[language]:
+            raise SpatialDynError(f"name is {name!r}, expected a name that has no meaning in {language.title()} yet")
         label = [x.name.partition(":") for x in self._inputs]
         known = {x.name for x in self._task.arguments}
         inputs = {
             kind if kind in known else f"{kind}_{k}": x.shape
             for k, ((kind, _, _), x) in enumerate(zip(label, self._inputs, strict=True), start=1)
         }
+        if name in inputs:
+            raise SpatialDynError(
+                f"name is {name!r}, expected another than those of its arguments, {', '.join(inputs)}"
+            )
         outputs = {spec.output.name: shape for spec, shape in zip(specs, self._shapes, strict=True)}
         if len(outputs) < len(specs) or {name, *inputs} & set(outputs):
             outputs = {f"out_{k}": shape for k, shape in enumerate(self._shapes, start=1)}
@@ -308,7 +316,7 @@ class Specialized:
         if not isinstance(outs, (tuple, list)) or len(outs) != len(shapes):
             raise ShapeError(f"out is {type(out).__name__}, expected a tuple of {len(shapes)} arrays")
         for x, shape in zip(outs, shapes, strict=True):
-            if not isinstance(x, np.ndarray) or x.dtype != dtype or x.shape != shape:
+            if not isinstance(x, np.ndarray) or masked(x) or x.dtype != dtype or x.shape != shape:
                 what = f"shape {x.shape}, {x.dtype}" if isinstance(x, np.ndarray) else type(x).__name__
                 raise ShapeError(f"out is {what}, expected an array of shape {shape}, {dtype}")
             if not (x.flags.c_contiguous and x.flags.writeable):
@@ -331,7 +339,8 @@ def _quick_call(inputs: tuple[tuple[str, bool], ...], outputs: tuple[bool, ...],
     given = [f"{name}_{k}" for k, (name, _) in enumerate(inputs)]
     arrays = [name for name, (_, array) in zip(given, inputs, strict=True) if array]
     made, shapes = [f"y{k}" for k in range(len(outputs))], [f"shape{k}" for k in range(len(outputs))]
-    ready = " and ".join(f"{name}.dtype is F8" for name in arrays + made)  # Numba does not look at the byte order
+    # Numba does not look at the byte order; equal dtypes may be other objects
+    ready = " and ".join(f"({name}.dtype is F8 or {name}.dtype == F8)" for name in arrays + made)
     results = [y if array else f"float({y}[0])" for y, array in zip(made, outputs, strict=True)]
     text = [
         f"def make(caller, plan, {', '.join(shapes)}):",

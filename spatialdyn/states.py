@@ -15,6 +15,7 @@ from .dynamics import calls
 from .errors import NonFiniteError, ShapeError, SpatialDynError
 from .model import Frame, Model
 from .recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
+from .robot import masked
 
 Array = NDArray[np.float64]
 
@@ -64,10 +65,12 @@ def random_configuration(model: Model, rng: np.random.Generator, shape: int | tu
 
 def _shape(shape: int | tuple[int, ...]) -> tuple[int, ...]:
     try:
+        if masked(shape):
+            raise TypeError
         batch = (operator.index(shape),) if np.ndim(shape) == 0 else tuple(operator.index(n) for n in shape)  # type: ignore[arg-type, union-attr]
     except (TypeError, ValueError):
         batch = (-1,)
-    if any(n < 0 for n in batch):
+    if any(n < 0 for n in batch) or math.prod(batch) >= 1 << 48:  # bytes that no memory has
         raise ShapeError(f"shape is {shape!r}, expected a size or a tuple of sizes")
     return batch
 

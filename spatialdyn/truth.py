@@ -18,6 +18,7 @@ from .errors import ConfigurationError, InertiaError, ModelError, NonFiniteError
 from .model import Frame, Model
 from .recursions.checks import singular_row, unit_norm
 from .recursions.spec import Argument, Spec
+from .robot import masked
 
 Numbers = NDArray[Any]
 
@@ -137,6 +138,8 @@ class Exact:
         return [(x, found[x.name]) for x in varying if found.get(x.name) is not None]
 
     def _array(self, argument: Argument, value: Any) -> Numbers:
+        if masked(value):
+            raise ShapeError(f"{argument.name} is masked, expected an array without a mask, which would be lost")
         try:
             given = np.asarray(value)
         except ValueError:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InertiaError, ModelError, UrdfError
 from .inertia import symmetric
-from .model import Model, assemble
+from .model import Model, options_of
 from .robot import (
     WITH_AXIS,
     Joint,
@@ -95,10 +95,11 @@ def load_urdf(
     >>> load_urdf("pendulum").nv
     1
     """
+    options = options_of(root, gravity, continuous, mimic)
     robot, where = _read(source, inertia, snap, stacklevel=4)
-    if mimic:
+    if options.mimic:
         _check_leaders(robot, where)
-    return assemble(robot, root=root, gravity=gravity, continuous=continuous, mimic=mimic)
+    return Model(robot, options)
 
 
 def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None) -> Robot:
@@ -108,7 +109,8 @@ def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None) -> 
 
 def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tuple[Robot, Where]:
     """The robot, and where its links and joints stand."""
-    if snap is not None and not (0.0 <= snap < 0.5 * RIGHT):
+    real = isinstance(snap, (int, float, np.integer, np.floating))
+    if snap is not None and not (real and 0.0 <= snap < 0.5 * RIGHT):
         raise UrdfError(f"snap is {snap!r}, expected an angle from 0 to pi/4, or None")
     if _is_yourdfpy(source):
         robot = _robot(source.robot, nowhere, [], snap)

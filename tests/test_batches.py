@@ -57,6 +57,7 @@ def forget_choices() -> None:
 @pytest.fixture
 def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """No program in memory or on disk; returns the folder of the disk's."""
+    monkeypatch.delenv(store.VARIABLE, raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(batches, "_kept", type(batches._kept)())
     return tmp_path / "spatialdyn"
@@ -574,15 +575,6 @@ def test_what_cannot_be_written_is_kept_in_memory(arm: sd.Model, fresh: Path, mo
     on_lanes(arm, bare("rnea"), values)
     on_lanes(arm, bare("rnea"), values)
     assert seen == ["rnea"]
-
-
-def test_old_files_go(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "MOST", 3)
-    for k in range(6):
-        store.write(f"digest{k}", bytes([k]))
-    assert len(list(fresh.iterdir())) == 3
-    assert store.read("digest5") == b"\x05"
-    assert store.read("digest0") is None
 
 
 def test_other_sources_models_calls_dtypes_and_hosts_are_other_programs(

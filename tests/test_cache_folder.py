@@ -1,12 +1,18 @@
-"""The folder of compiled code may hold or be anything: answers are right, at worst slower, and nobody is warned."""
+"""The folder of compiled code may hold or be anything: answers are right, at worst slower. What another user may have
+put there is not run, and one warning says so; of all else there is none.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
+import stat
 import subprocess
 import sys
+import tempfile
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,8 +41,10 @@ def arm() -> sd.Model:
 @pytest.fixture
 def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An empty folder for compiled code, and nothing in memory."""
+    monkeypatch.delenv(store.VARIABLE, raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(batches, "_kept", type(batches._kept)())
+    monkeypatch.setattr(store, "_once", set())
     return tmp_path / "spatialdyn"
 
 
@@ -151,13 +159,27 @@ def test_a_folder_deleted_meanwhile_is_made_anew(arm: sd.Model, folder: Path, ru
 
 
 def test_what_was_used_last_stays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process makes room once, when it first writes."""
     monkeypatch.setattr(store, "MOST", 2)
-    for k in range(2):
-        store.write(f"digest{k}", b"x")
-        os.utime(folder / f"digest{k}{store.PROGRAM}", (k, k))
+    for kind in (store.PROGRAM, store.KERNEL):
+        for k in range(4):
+            store.write(f"digest{k}", b"x", kind)
+            os.utime(folder / f"digest{k}{kind}", (k, k))
+    assert len(list(folder.iterdir())) == 8
     assert store.read("digest0") == b"x"
-    store.write("digest2", b"x")
-    assert [store.read(f"digest{k}") for k in range(3)] == [b"x", None, b"x"]
+    monkeypatch.setattr(store, "_once", set())  # another process
+    store.write("digest4", b"x")
+    kept = [[store.read(f"digest{k}", kind) for k in range(5)] for kind in (store.PROGRAM, store.KERNEL)]
+    assert kept == [[b"x", None, None, None, b"x"], [None, None, b"x", b"x", None]]
+
+
+def test_a_folder_is_looked_through_once_a_process(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked, listdir = [], os.listdir
+    monkeypatch.setattr(store.os, "listdir", lambda *given: looked.append(1) or listdir(*given))
+    for k in range(5):
+        store.write(f"digest{k}", b"x")
+    assert len(looked) == 2  # for each kind
+    assert len(list(folder.iterdir())) == 5
 
 
 # --- where the folder is --------------------------------------------------------------------------------------
@@ -173,12 +195,12 @@ def refusing(code: int) -> Callable[..., Any]:
 
 
 @ways
-@pytest.mark.parametrize("what", ["mkstemp", "replace", "fdopen", "utime"])
+@pytest.mark.parametrize("what", ["open", "replace", "fdopen", "utime"])
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
 def test_a_folder_that_cannot_be_written_to_keeps_nothing(
     arm: sd.Model, folder: Path, monkeypatch: pytest.MonkeyPatch, run: Any, kind: str, what: str, code: int
 ) -> None:
-    monkeypatch.setattr(store.tempfile if what == "mkstemp" else store.os, what, refusing(code))
+    monkeypatch.setattr(store.os, what, refusing(code))
     wanted, _ = run(arm)
     assert run(arm) == (wanted, what == "utime")
     assert not list(folder.glob("*" + store.PART))
@@ -192,11 +214,233 @@ def test_a_user_without_a_home_keeps_nothing(
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA", store.VARIABLE):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(store.Path, "home", homeless)
     wanted, _ = run(arm)
     assert run(arm) == (wanted, False)
+
+
+def test_our_variable_wins_and_names_the_folder_itself(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    own = tmp_path / "own" / "cache"
+    monkeypatch.setenv(store.VARIABLE, str(own))
+    assert store.folder() == own
+    store.write("digest", b"x")
+    assert os.listdir(own) == ["digest" + store.PROGRAM]
+    assert store.read("digest") == b"x"
+    assert not folder.exists()
+    monkeypatch.delenv(store.VARIABLE)
+    assert store.folder() == folder
+    assert store.read("digest") is None
+
+
+@ways
+def test_an_empty_variable_is_for_no_folder(
+    arm: sd.Model, folder: Path, monkeypatch: pytest.MonkeyPatch, run: Any, kind: str
+) -> None:
+    monkeypatch.setenv(store.VARIABLE, "")
+    assert store.folder() is None
+    wanted, _ = run(arm)
+    assert run(arm) == (wanted, False)
+    assert not folder.exists()
+
+
+# --- whose the folder is --------------------------------------------------------------------------------------
+
+STRANGER = 61234  # the number of no user
+owned = pytest.mark.skipif(not store.OWNED, reason="files have no owner and mode that say who may write")
+ROOT = store.OWNED and os.geteuid() == 0
+
+
+def given_away(path: Path) -> None:
+    """Make a file or folder another user's; if only root can, one that another user may write to."""
+    if ROOT:
+        os.chown(path, STRANGER, -1)
+    else:
+        path.chmod(0o777)
+
+
+def linked(path: Path) -> None:
+    """Put what is there elsewhere, and a link to it in its place."""
+    there = path.with_name("moved")
+    path.rename(there)
+    path.symlink_to(there)
+
+
+def dangling(path: Path) -> None:
+    """A link to nothing in place of a file or folder."""
+    path.rename(path.with_name("moved"))
+    path.symlink_to(path.with_name("nothing"))
+
+
+# What may have happened to a file or folder, and what is said of it.
+PLANTED: dict[str, tuple[Callable[[Path], None], str]] = {
+    "another user's": (given_away, "belongs to user|has mode 0777"),
+    "its group may write": (
+        lambda path: path.chmod(0o770),
+        "mode 0770, expected one that only its owner may write",
+    ),
+    "others may write": (lambda path: path.chmod(0o702), "has mode 0702"),
+    "sticky": (lambda path: path.chmod(0o1777), "has mode 1777"),
+    "a link": (linked, "is a link, expected none; remove it"),
+    "a link to nothing": (dangling, "is a link"),
+}
+planted = pytest.mark.parametrize(("plant", "fault"), PLANTED.values(), ids=PLANTED)
+
+
+def said(caught: Any, path: Path, fault: str) -> None:
+    """One warning that names the path, what is wrong and the cure."""
+    (warning,) = caught
+    text = str(warning.message)
+    assert warning.category is RuntimeWarning
+    assert f'"{path}" ' in text
+    assert re.search(fault, text)
+    assert text.count(store.VARIABLE) == 1
+
+
+@owned
+@ways
+@planted
+def test_code_in_a_folder_of_another_is_not_run(
+    arm: sd.Model, folder: Path, run: Any, kind: str, plant: Any, fault: str
+) -> None:
+    wanted, _ = run(arm)
+    (before,) = [file.read_bytes() for file in folder.iterdir()]
+    plant(folder)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(3):
+            assert run(arm) == (wanted, False)
+    said(caught, folder, fault)
+    moved = folder.with_name("moved")
+    assert [file.read_bytes() for file in (moved if moved.exists() else folder).iterdir()] == [before]
+
+
+@owned
+@ways
+@planted
+def test_a_file_of_another_is_not_run(arm: sd.Model, folder: Path, run: Any, kind: str, plant: Any, fault: str) -> None:
+    """Also where the folder is all right, and the file stays for its owner to look at."""
+    wanted, _ = run(arm)
+    (file,) = folder.iterdir()
+    plant(file)
+    before = {path.name: path.lstat() for path in folder.iterdir()}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(3):
+            assert run(arm) == (wanted, False)
+    said(caught, file, fault)
+    after = {path.name: path.lstat() for path in folder.iterdir()}
+    assert [(name, x.st_mode, x.st_mtime_ns, x.st_ino) for name, x in after.items()] == [
+        (name, x.st_mode, x.st_mtime_ns, x.st_ino) for name, x in before.items()
+    ]
+
+
+@owned
+@pytest.mark.parametrize("umask", [0o000, 0o002, 0o022, 0o077])
+def test_what_is_made_is_its_owners_alone(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, umask: int
+) -> None:
+    own = tmp_path / "a" / "b"
+    monkeypatch.setenv(store.VARIABLE, str(own))
+    before = os.umask(umask)
+    try:
+        store.write("digest", b"x")
+    finally:
+        os.umask(before)
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in (own.parent, own, own / ("digest" + store.PROGRAM))]
+    assert modes == [0o700, 0o700, 0o600]
+    assert store.read("digest") == b"x"
+
+
+@owned
+def test_folders_above_may_be_links_and_shared(folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """People link ~/.cache to another disk; a folder of one's own below a shared one is one's own."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    (tmp_path / "link").symlink_to(shared)
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "link" / "own"))
+    store.write("digest", b"x")
+    assert store.read("digest") == b"x"
+    assert os.listdir(shared / "own") == ["digest" + store.PROGRAM]
+
+
+@pytest.mark.skipif(not ROOT, reason="only root can become another user")
+def test_code_of_root_is_read_by_all_and_kept_in_silence_by_none(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a container whose image holds a cache."""
+    with tempfile.TemporaryDirectory() as place:
+        os.chmod(place, 0o755)
+        monkeypatch.setenv(store.VARIABLE, f"{place}/cache")
+        store.write("digest", b"x")
+        os.chmod(f"{place}/cache", 0o755)
+        for mode, found in ((0o644, b"x"), (0o600, None)):
+            os.chmod(f"{place}/cache/digest{store.PROGRAM}", mode)
+            os.seteuid(STRANGER)
+            try:
+                assert store.read("digest") == found
+                store.write("other", b"x")
+                assert store.read("other") is None
+            finally:
+                os.seteuid(0)
+        os.chown(f"{place}/cache", STRANGER, -1)  # root does not run what a user may have written
+        with pytest.warns(RuntimeWarning, match=f"belongs to user {STRANGER}, expected 0 or root"):
+            assert store.read("digest") is None
+
+
+@owned
+def test_a_file_exchanged_after_the_check_is_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was opened is what is checked and read, in the folder that was opened."""
+    store.write("digest", b"x")
+    other, fstat, done = folder.with_name("other"), os.fstat, []
+    other.mkdir()
+    (other / ("digest" + store.PROGRAM)).write_bytes(store._checksum("digest", b"planted") + b"planted")
+
+    def exchange(handle: int) -> os.stat_result:
+        state = fstat(handle)
+        if not done:
+            done.append(folder.rename(folder.with_name("away")))
+            other.rename(folder)
+        return state
+
+    monkeypatch.setattr(store.os, "fstat", exchange)
+    assert store.read("digest") == b"x"
+    assert done
+    assert store.read("digest") == b"planted"
+
+
+@owned
+@pytest.mark.parametrize("what", ["pipe", "folder"])
+def test_what_is_no_file_is_passed_over(folder: Path, what: str) -> None:
+    """A pipe would be waited for."""
+    store.write("other", b"x")
+    path = folder / ("digest" + store.PROGRAM)
+    os.mkfifo(path, 0o600) if what == "pipe" else path.mkdir(0o700)
+    assert store.read("digest") is None
+
+
+def test_where_names_cannot_be_looked_up_in_open_folders_links_are_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on Windows, which has neither owners nor modes."""
+    monkeypatch.setattr(store, "BY_FOLDER", False)
+    monkeypatch.setattr(store, "OWNED", False)
+    monkeypatch.setattr(store, "_SURE", 0)
+    monkeypatch.delattr(store.os, "O_NOFOLLOW", raising=False)
+    store.write("digest", b"x")
+    folder.chmod(0o777)
+    assert store.read("digest") == b"x"
+    file = folder / ("digest" + store.PROGRAM)
+    for path in (file, folder):
+        try:
+            linked(path)
+        except OSError:
+            pytest.skip("links are for administrators")
+        store._once.clear()
+        with pytest.warns(RuntimeWarning, match="is a link, expected none; remove it"):
+            assert store.read("digest") is None
 
 
 SCRIPT = """

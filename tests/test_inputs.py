@@ -680,12 +680,17 @@ def test_a_builder_refuses_what_is_no_number_by_name(wrong: dict[str, Any]) -> N
 
 # --- calls that take more than arrays -------------------------------------------------------------------------------
 
+LONG = np.longdouble("1e4000")  # infinite where there is no such number
 FOREIGN: dict[str, Any] = {
     "none": None, "whole": 3, "minus": -1, "nought": 0, "huge": 10**400, "word": "x", "bytes": b"x", "list": [],
     "mapping": {}, "nan": math.nan, "inf": math.inf, "object": object(), "float32": np.float32(1), "int64": np.int64(1),
     "true": True, "numpy true": np.True_, "complex": 1j, "function": len, "nested": [[3]], "array": np.array(1.0),
     "of complex": np.zeros(2, complex), "of objects": np.zeros(2, object), "of words": np.array(["a", "b"]),
     "of bools": np.zeros(2, bool), "of dates": np.zeros(2, "M8[s]"), "huge ones": [10**400, 1],
+    "several": np.ones((3, 1, 7)), "type": int, "masked": np.ma.masked_array([0.1, 0.2], [0, 1]),
+    "a masked number": np.ma.masked_array(0.1, True), "masked in a list": [0.1, np.ma.masked],
+    "a list of masked": [np.ma.masked_array([0.1, 0.2], [0, 1])], "a tuple": (np.zeros(2), np.zeros(3)),
+    **({"long": np.array([LONG, 0]), "a long number": LONG} if np.isfinite(LONG) else {}),
 }  # fmt: skip
 COUNTS = ("whole", "int64")
 NUMBERS = ("whole", "float32", "int64")
@@ -697,7 +702,7 @@ REST = [0.0, 0.0]
 ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, ...]]]] = {
     "trade": (sd.trade, {}, TRADED),
     "trade simulate": (sd.trade, {"task": "simulate"}, TRADED),
-    "recommend": (sd.recommend, {}, {**TRADED, "tolerance": (*NUMBERS, "huge", "inf")}),
+    "recommend": (sd.recommend, {}, {**TRADED, "tolerance": (*NUMBERS, "huge", "inf", "a long number")}),
     "simplify": (
         sd.simplify, {},
         {"lock": ("list", "mapping"), "merge_lighter_than": (*NUMBERS, "nought"), "drop": ("list", "mapping")},
@@ -718,8 +723,50 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
     "simulate": (
         sd.simulate, {"q0": REST, "v0": REST, "duration": 1.0, "dt": 0.1},
         {"q0": (), "v0": (), "duration": (*NUMBERS, "nought"), "dt": NUMBERS, "method": (), "rtol": NUMBERS,
-         "atol": NUMBERS, "record": ("none", *COUNTS, "huge")},
+         "atol": NUMBERS, "record": ("none", *COUNTS, "huge"), "fext": ("none",)},
     ),
+    "rollout": (
+        sd.rollout, {"q0": REST, "v0": REST, "dt": 0.1, "steps": 2},
+        {"q0": (), "v0": (), "tau": ("none",), "dt": (*NUMBERS, "array"), "steps": ("array", *NUMBERS, "nought"),
+         "method": (), "pd": ("none",), "record": (*COUNTS, "huge"), "dtype": (), "check": ("true", "numpy true")},
+    ),
+    "constrained_dynamics": (
+        sd.constrained_dynamics, {"q": REST, "v": REST, "tau": REST, "J": np.eye(2), "drift": REST},
+        {"q": (), "v": (), "tau": (), "J": (), "drift": (), "damping": (*NUMBERS, "nought")},
+    ),
+    "impact": (
+        sd.impact, {"q": REST, "v": REST, "J": np.eye(2)},
+        {"q": (), "v": (), "J": (), "restitution": ("nought", "float32", "int64"), "damping": (*NUMBERS, "nought")},
+    ),
+    "specialize": (
+        sd.specialize, {"calls": sd.rnea},
+        {"calls": (), "dtype": ("none",), "fixed": ("none", "mapping"), "inputs": ("list", "mapping"),
+         "outputs": ("none", "nought"), "frame": ("none",), "reference": (), "classical": ()},
+    ),
+    "step": (
+        sd.step, {"q": REST, "v": REST, "tau": REST, "dt": 0.1},
+        {"q": (), "v": (), "tau": (), "dt": (*NUMBERS, "minus", "nought", "array", "list", "nested", "several"),
+         "method": (), "fext": ("none",)},
+    ),
+    "wrench_at": (
+        sd.wrench_at, {"q": REST, "frame": "tip", "force": np.zeros(6)},
+        {"q": (), "frame": (), "force": (), "reference": ()},
+    ),
+    "random_configuration": (
+        sd.random_configuration, {"rng": np.random.default_rng(0)},
+        {"rng": (), "shape": ("whole", "nought", "list", "mapping", "int64", "true", "numpy true", "of objects")},
+    ),
+    "frame_acceleration": (
+        sd.frame_acceleration, {"q": REST, "v": REST, "a": REST, "frame": "tip"},
+        {"q": (), "v": (), "a": (), "frame": (), "reference": (), "classical": ("true", "numpy true"),
+         "out": ("none",)},
+    ),
+    "hamilton_equations": (
+        sd.hamilton_equations, {"q": REST, "p": REST},
+        {"q": (), "p": (), "tau": ("none",), "fext": ("none",)},
+    ),
+    "to_mujoco": (sd.to_mujoco, {"q": REST, "v": REST}, {"q": (), "v": (), "joints": ("none",)}),
+    "from_drake": (sd.from_drake, {"q": REST, "v": REST}, {"q": (), "v": (), "joints": ("none",)}),
 }  # fmt: skip
 
 
@@ -741,3 +788,124 @@ def test_what_is_no_model_is_refused_by_every_room(room: str) -> None:
     for value in FOREIGN.values():
         with pytest.raises(sd.ModelError, match="expected a spatialdyn Model"):
             call(value, **given)
+
+
+# Calls that make a model, and for each of their arguments what of FOREIGN they take.
+MAKERS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, ...]]]] = {
+    "assemble": (
+        sd.assemble, {"robot": sd.load_urdf("two_link").robot},
+        {"robot": (), "root": (), "gravity": (), "continuous": (), "mimic": ("nought", "true", "numpy true")},
+    ),
+    "load_urdf": (
+        sd.load_urdf, {"source": "two_link"},
+        {"source": (), "root": (), "gravity": (), "continuous": (), "mimic": ("nought", "true", "numpy true"),
+         "inertia": (), "snap": ("none", "nought")},
+    ),
+    "add_body": (
+        lambda **given: sd.ModelBuilder("arm").add_body(**given), {"name": "hand"},
+        {"name": ("word",), "parent": ("none",), "joint": (), "axis": (), "placement": ("none",),
+         "inertia": ("none",), "joint_name": ("none", "word"), "limits": (), "mimic": ("none",)},
+    ),
+    "with_": (
+        sd.load_urdf("two_link").with_, {},
+        {"gravity": ("none",), "armature": ("none", "mapping"), "payload": ("none", "mapping")},
+    ),
+    "reduced": (sd.load_urdf("two_link").reduced, {}, {"lock": ("none", "mapping")}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("maker", "name"), [(maker, x) for maker, (_, _, taken) in MAKERS.items() for x in taken])
+def test_what_an_option_cannot_be_is_refused_by_an_error_of_ours(maker: str, name: str) -> None:
+    make, given, taken = MAKERS[maker]
+    for label, value in FOREIGN.items():
+        if label in taken[name]:
+            continue
+        with pytest.raises(sd.SpatialDynError) as caught:
+            make(**{**given, name: value})
+        assert len(str(caught.value)) > 15, label
+
+
+# --- arrays that are not what they look like ------------------------------------------------------------------------
+
+
+def masks(shape: tuple[int, ...]) -> list[Any]:
+    """Arrays of that shape with a mask, which NumPy drops on the way to plain ones."""
+    whole = np.ma.masked_array(np.zeros(shape), np.ones(shape))
+    return [whole, np.ma.masked_array(np.zeros(shape)), list(whole), tuple(whole), [np.ma.masked] * shape[0]]
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_a_masked_array_is_refused_by_name(model: sd.Model, name: str) -> None:
+    spec = SPECS[name]
+    for k, argument in enumerate(sorted_inputs(spec)):
+        for batch in ((), (2,)):
+            values: list[Any] = random_inputs(model, spec, 0, batch)
+            for value in masks(np.shape(values[k]) or (1,)):
+                values[k] = value
+                message = refusal(lambda values=values: public(model, spec, values))
+                assert message == f"{argument.name} is masked, expected an array without a mask, which would be lost"
+
+
+def test_a_masked_out_is_refused() -> None:
+    arm = sd.load_urdf("two_link")
+    program = sd.specialize(arm, sd.rnea)
+    for run in (lambda **out: sd.rnea(arm, REST, REST, REST, **out), lambda **out: program(REST, REST, REST, **out)):
+        for _ in range(2):
+            assert "out is " in refusal(lambda run=run: run(out=np.ma.masked_array([0.0, 0.0], [0, 1])))
+
+
+def test_a_program_refuses_masked_arrays_too() -> None:
+    program = sd.specialize(sd.load_urdf("two_link"), sd.rnea)
+    for value in masks((2,)):
+        for _ in range(2):
+            assert "a is masked" in refusal(lambda value=value: program(REST, REST, value))
+    with pytest.raises(sd.ShapeError, match="v is masked"):
+        sd.exact(sd.load_urdf("two_link"), sd.rnea)(REST, masks((2,))[0], REST)
+
+
+@pytest.mark.skipif(not np.isfinite(LONG), reason="a long double is a double")
+@pytest.mark.parametrize("name", TAKING)
+def test_numbers_beyond_float64_are_refused_by_name(model: sd.Model, name: str) -> None:
+    spec = SPECS[name]
+    for k, argument in enumerate(sorted_inputs(spec)):
+        values: list[Any] = random_inputs(model, spec)
+        values[k] = np.array(values[k], np.longdouble)
+        values[k][...] = -LONG
+        message = refusal(lambda values=values: public(model, spec, values), sd.NonFiniteError)
+        assert message == f"{argument.name} holds 1e+4000, expected the range of float64"
+
+
+@pytest.mark.parametrize("name", [name for name in TAKING if len(SPECS[name].given) > 1])
+def test_none_in_a_batch_for_lanes_is_refused_by_name(name: str) -> None:
+    """A batch of a size that goes straight to its program."""
+    arm, spec = sd.load_urdf("two_link"), SPECS[name]
+    for k, argument in enumerate(sorted_inputs(spec)):
+        if not argument.optional:
+            values: list[Any] = random_inputs(arm, spec, 0, (512,))
+            values[k] = None
+            assert refusal(lambda values=values: public(arm, spec, values)).startswith(f"{argument.name} ")
+
+
+def test_what_drives_constraints_broadcasts_or_is_refused_by_name() -> None:
+    arm, J = sd.load_urdf("two_link"), np.eye(2)[:1]
+    for tau in ([], np.zeros((3, 2)), np.zeros(3)):
+        assert "tau" in refusal(lambda tau=tau: sd.constrained_dynamics(arm, np.zeros((2, 2)), REST, tau, J, [0.0]))
+    assert "q (), v (2,), J (3,)" in refusal(lambda: sd.impact(arm, REST, np.zeros((2, 2)), np.zeros((3, 1, 2))))
+
+
+def test_a_model_without_freedom_stands_still() -> None:
+    post, none = sd.ModelBuilder("post").build(), np.zeros(0)
+    for batch in ((), (3,)):
+        found = sd.rollout(post, np.zeros((*batch, 0)), np.zeros((*batch, 0)), dt=0.1, steps=4)
+        assert [x.shape for x in found] == [(*batch, 4, 0)] * 2
+        found = sd.rollout(post, np.zeros((*batch, 0)), np.zeros((*batch, 0)), np.zeros((4, 0)), dt=0.1)
+        assert [x.shape for x in found] == [(*batch, 4, 0)] * 2
+        q, J = np.zeros((*batch, 0)), np.zeros((*batch, 0, 0))
+        assert [x.shape for x in sd.impact(post, q, q, J)] == [(*batch, 0)] * 2
+        assert [x.shape for x in sd.constrained_dynamics(post, q, q, q, J, q)] == [(*batch, 0)] * 2
+    for call in (
+        lambda: sd.impact(post, none, none, np.zeros((2, 0))),
+        lambda: sd.constrained_dynamics(post, none, none, none, np.zeros((2, 0)), np.zeros(2)),
+    ):
+        assert "J has rank 0, expected its 2 rows to be independent" in refusal(call, sd.ConstraintError)
+    assert (sd.impact(post, none, none, np.zeros((2, 0)), damping=0.1).impulse == 0.0).all()

@@ -76,7 +76,7 @@ BELOW: dict[str, tuple[str, ...]] = {
 UPWARD: dict[tuple[str, str], str] = {}
 
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
-CHANGED = {"engines.batches": {"_kept", "team"}}
+CHANGED = {"engines.batches": {"_kept", "team"}, "engines.store": {"_once"}}
 
 # what recursions import of their own room
 SHARED = {

@@ -146,6 +146,31 @@ def test_names_that_are_none_are_refused(model: sd.Model) -> None:
             k.c_code(name)  # type: ignore[arg-type]
 
 
+def test_words_of_the_language_and_of_the_arguments_are_refused(model: sd.Model) -> None:
+    k = sd.specialize(model, sd.rnea)
+    for name in ("for", "double", "bool", "main", "sin", "sqrtf", "atan2", "fma", "y1", "NAN"):
+        with pytest.raises(sd.SpatialDynError, match=f"name is '{name}', expected a name that has no meaning in C yet"):
+            k.c_code(name)
+    for name in ("lambda", "None", "def", "np", "float", "sin", "atan2", "where"):
+        with pytest.raises(sd.SpatialDynError, match=f"name is '{name}', .* has no meaning in Python yet"):
+            k.python_code(name)
+    for code in (k.c_code, k.python_code):
+        for name in ("q", "v", "a"):
+            with pytest.raises(sd.SpatialDynError, match=f"name is '{name}', expected another .* arguments, q, v, a"):
+                code(name)
+        assert "fortran" in code("fortran")
+        assert "lambda_" in code("lambda_")
+    assert "def goto(" in k.python_code("goto")
+    assert "void lambda(" in k.c_code("lambda")
+
+
+@pytest.mark.parametrize("name", ["x1", "tau", "batch", "fext", "match", "FORCE"])
+def test_other_names_make_code_that_runs(model: sd.Model, name: str, tmp_path: Path) -> None:
+    k = sd.specialize(model, sd.generalized_gravity)
+    (q,) = given(model, k, (3,))
+    assert_close(run_python(k.python_code(name), name)(q), k(q))
+
+
 def test_the_example_is_true() -> None:
     runner = doctest.DocTestRunner()
     for test in doctest.DocTestFinder().find(Specialized.python_code, globs={}):

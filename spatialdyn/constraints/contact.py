@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import as_array, broadcast, check_model
+from ..border import as_array, as_number, batch_shape, broadcast, check_model
 from ..diagnosis import refuse_singular
 from ..dynamics import calls
 from ..engines import jit
@@ -17,6 +17,7 @@ from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
 from ..model import Model
 from ..recursions.contact import bordered_inverse, constrained_samples, factored
 from ..recursions.factor import solve_tree
+from ..recursions.spec import TAU
 from ..scalars import inlined
 
 Array = NDArray[np.float64]
@@ -81,7 +82,9 @@ def constrained_dynamics(
     True
     """
     M, bias = calls["crba"](model, q), calls["nonlinear_effects"](model, q, v)
-    solved = solve(model, M, as_array("tau", tau) - bias, as_array("J", J), as_array("drift", drift), damping)
+    given, J, gamma = as_array("tau", tau), as_array("J", J), as_array("drift", drift)
+    broadcast(["tau", "q and v"], [batch_shape(model, TAU, given), bias.shape[:-1]])
+    solved = solve(model, M, given - bias, J, gamma, damping)
     return Constrained(solved.x, solved.force)
 
 
@@ -111,22 +114,25 @@ def impact(
     >>> bool(abs(after).max() < 1e-12)
     True
     """
-    if not 0.0 <= restitution <= 1.0:
-        raise ConstraintError(f"restitution is {restitution}, expected 0 to 1")
+    elastic = as_number(restitution)
+    if not 0.0 <= elastic <= 1.0:
+        raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
     M, J, v = calls["crba"](model, q), as_array("J", J), as_array("v", v)
     if J.ndim < 2 or v.ndim < 1 or J.shape[-1] != v.shape[-1]:
         raise ShapeError(f"v has shape {v.shape} and J {J.shape}, expected (..., {model.nv}) and (..., m, {model.nv})")
-    gamma = (1.0 + restitution) * (J @ v[..., None])[..., 0]
+    broadcast(["q", "v", "J"], [M.shape[:-2], v.shape[:-1], J.shape[:-2]])
+    gamma = (1.0 + elastic) * (J @ v[..., None])[..., 0]
     solved = solve(model, M, np.zeros(model.nv), J, gamma, damping)
     return Impact(v + solved.x, solved.force)
 
 
 def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: float = 0.0) -> Solved:
     """x (..., nv) and λ (..., m) of M x = r + Jᵀ λ, J x + γ = -damping λ. Raises as ``constrained_dynamics``."""
-    if not damping >= 0.0:
-        raise ConstraintError(f"damping is {damping}, expected 0 or more")
+    softness = as_number(damping)
+    if not 0.0 <= softness < math.inf:
+        raise ConstraintError(f"damping is {damping!r}, expected a finite number of 0 or more")
     n, m = model.nv, J.shape[-2] if J.ndim > 1 else 0
-    cores = {"M": (M, (n, n)), "r": (r, (n,)), "J": (J, (m, n)), "drift": (gamma, (m,))}
+    cores = {"q": (M, (n, n)), "tau": (r, (n,)), "J": (J, (m, n)), "drift": (gamma, (m,))}
     for name, (x, core) in cores.items():
         if x.ndim < len(core) or x.shape[x.ndim - len(core) :] != core:
             wanted = "m, " * (name == "J") + ("m" if name == "drift" else str(n))
@@ -138,7 +144,7 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     out, force, rank = np.empty((count, n)), np.empty((count, m)), np.empty(count)
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
-    run(getattr(_free(model), jit.TABLE), Ms, Js, rs, gammas, np.array([float(damping)]), *factors, out, force, rank)
+    run(getattr(_free(model), jit.TABLE), Ms, Js, rs, gammas, np.array([softness]), *factors, out, force, rank)
     if (rank != m).any():
         _refuse(model, Ms, m, rank, batch)
     return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)

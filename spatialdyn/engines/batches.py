@@ -310,7 +310,7 @@ class Kernel:
         return 1 if team.size == 1 else max(1, min(team.size, tiles // self._share))
 
     def _fit(self, x: NDArray[Any]) -> bool:
-        return x.dtype is self.dtype and x.flags.c_contiguous
+        return (x.dtype is self.dtype or x.dtype == self.dtype) and x.flags.c_contiguous
 
     def _cut(self, inputs: Sequence[NDArray[Any]], first: int, end: int, n: int) -> list[Any]:
         arguments: list[Any] = []

@@ -7,7 +7,8 @@ sizes that comes to it as ``self``. One that is not sure of its arguments return
 has to find out why. Python's lock is held throughout, so nobody else touches what is looked at.
 
 How arrays stand in memory is part of NumPy's C interface and the same since 1.0; ``READY`` says whether this
-process agrees, and where it does not every function made here returns None.
+process agrees, and where it does not every function made here returns None. Of a dtype the type number and the byte
+order are read, not its address: that of an array that was unpickled is another object.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ from .quick import _word
 Array = NDArray[Any]
 F8 = np.float64
 TYPE, DATA, RANK, SHAPE, STRIDES, DTYPE, FLAGS = 1, 2, 3, 4, 5, 7, 8  # words of an array object
+KIND = 3  # word of a dtype: kind, letter, byte order and flags, a byte each, and the type number
+SAME = ~0xFF010000  # the bits in which equal dtypes agree: without flags, and "=" (0x3D) is "<" (0x3C)
 FASTCALL = 0x80  # METH_FASTCALL
 ALIGNED = 0x100  # NPY_ARRAY_ALIGNED
 NEW = 93  # PyArray_New in NumPy's table of functions
@@ -88,11 +91,17 @@ def places(address: int, count: int) -> Any:
 
 
 @inlined
+def is_float64(plan: int, x: int) -> Any:
+    """Whether the numbers of an array are float64 in the byte order of this machine."""
+    return word(word(x, DTYPE), KIND) & SAME == word(plan, FLOAT64)
+
+
+@inlined
 def is_vector(plan: int, x: int, size: int) -> Any:
     """Whether an object is a float64 array of this one axis."""
     return (
         word(x, TYPE) == word(plan, NDARRAY)
-        and word(x, DTYPE) == word(plan, FLOAT64)
+        and is_float64(plan, x)
         and word(x, RANK) & 0xFFFFFFFF == 1
         and word(word(x, SHAPE), 0) == size
         and word(x, FLAGS) & ALIGNED != 0
@@ -104,7 +113,7 @@ def is_matrix(plan: int, x: int, columns: int) -> Any:
     """Whether an object is a float64 array (..., columns) of two axes."""
     return (
         word(x, TYPE) == word(plan, NDARRAY)
-        and word(x, DTYPE) == word(plan, FLOAT64)
+        and is_float64(plan, x)
         and word(x, RANK) & 0xFFFFFFFF == 2
         and word(word(x, SHAPE), 1) == columns
         and word(x, FLAGS) & ALIGNED != 0
@@ -197,6 +206,11 @@ def _words(address: int, count: int) -> list[int]:
     return ctypes.cast(address, ctypes.POINTER(ctypes.c_int64))[:count]
 
 
+def _kind(dtype: np.dtype) -> int:
+    """What ``is_float64`` reads of a dtype."""
+    return _words(id(dtype), KIND + 1)[KIND] & SAME
+
+
 def _as_expected() -> bool:
     """Whether objects and arrays stand in memory as compiled code takes them to."""
     plain = platform.python_implementation() == "CPython" and object.__basicsize__ == 16
@@ -211,6 +225,8 @@ def _as_expected() -> bool:
         and _words(words[SHAPE], 2) == [3, 2]
         and _words(words[STRIDES], 2) == [40, 8]
         and words[DTYPE] == id(np.dtype(F8))
+        and _kind(np.dtype("<f8")) == _DOUBLE << 32 | ord("<") << 16 | ord("d") << 8 | ord("f")
+        and _kind(np.dtype(">f8")) != _kind(np.dtype("<f8"))
         and words[FLAGS] & 0xFFFFFFFF == x.flags.num
         and np.dtype(F8).num == _DOUBLE
         and np.int64(_words(id(number), DATA + 1)[DATA]).view(F8) == number
@@ -228,9 +244,10 @@ def _head() -> list[int]:
     def function(name: str) -> int:
         return ctypes.cast(getattr(api, name), ctypes.c_void_p).value or 0
 
-    constants: list[object] = [None, True, np.ndarray, np.dtype(F8), int, float]
+    constants: list[object] = [None, True, np.ndarray]
     functions = [function(name) for name in ("Py_IncRef", "Py_DecRef", "PyLong_AsSsize_t", "PyErr_Clear")]
-    return [*map(id, constants), _words(table, NEW + 1)[NEW], *functions]
+    heads = [*map(id, constants), _kind(np.dtype(F8)), id(int), id(float)]
+    return [*heads, _words(table, NEW + 1)[NEW], *functions]
 
 
 READY = _as_expected()

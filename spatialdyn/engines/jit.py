@@ -225,11 +225,13 @@ def _plain(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable
     def checked(table: Any, *arguments: Any) -> Any:
         for x, kind in zip(arguments, signature[1:], strict=True):
             if isinstance(kind, types.Array) and (
-                not isinstance(x, np.ndarray)
+                type(x) is not np.ndarray
                 or x.ndim != kind.ndim
                 or x.dtype != (np.int8 if kind.dtype == types.int8 else np.float64)
                 or (kind.mutable and not (x.flags.writeable and x.flags.c_contiguous))
             ):
+                raise TypeError("no such signature")
+            if kind == types.float64 and isinstance(x, np.ndarray):
                 raise TypeError("no such signature")
         return function(table, *arguments)
 

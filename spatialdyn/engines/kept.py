@@ -35,10 +35,7 @@ class Kept(_Cache):
     @property
     def cache_path(self) -> str:
         """The folder of the store, empty where there is none."""
-        try:
-            return str(store.folder())
-        except RuntimeError:
-            return ""
+        return str(store.folder() or "")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The function as compiled for a signature; None if it is not there."""

@@ -6,6 +6,7 @@ Text is made of numbers, indices and the names that the caller gives, and of not
 
 from __future__ import annotations
 
+import keyword
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -130,5 +131,22 @@ class _Text:
         return [f"{entry} = {'-' if minus else ''}{self._at(k)}" for entry, (k, minus) in ends]
 
 
+C_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while alignas alignof bool
+constexpr false nullptr static_assert thread_local true typeof typeof_unqual asm main double_t float_t
+HUGE_VAL HUGE_VALF HUGE_VALL INFINITY NAN FP_FAST_FMA FP_ILOGB0 FP_ILOGBNAN FP_INFINITE FP_NAN FP_NORMAL FP_SUBNORMAL
+FP_ZERO MATH_ERRNO MATH_ERREXCEPT math_errhandling fpclassify isfinite isgreater isgreaterequal isinf isless islessequal
+islessgreater isnan isnormal isunordered signbit
+"""  # keywords up to C23, and what <math.h> declares
+C_FUNCTIONS = """
+acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax fmin
+fmod frexp hypot ilogb ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan nearbyint nextafter
+nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc gamma j0 j1 jn y0 y1 yn
+"""  # each also for float and for long double
+RESERVED: Mapping[str, frozenset[str]] = {  # names that no function of ours can have
+    "c": frozenset([*C_WORDS.split(), *(f + kind for f in C_FUNCTIONS.split() for kind in ("", "f", "l"))]),
+    "python": frozenset([*keyword.kwlist, "np", "float", *(f.split()[-1] for f in FUNCTIONS.values())]),
+}
 Printer = Callable[[str, Program, Shapes, Shapes], str]
 PRINTERS: Mapping[str, Printer] = {"c": c_code, "python": python_code}

@@ -216,7 +216,10 @@ def _places(
             f"joints {quoted(dependent)} have no coordinates, expected a model loaded with mimic=False, for {library} "
             "has coordinates for them"
         )
-    order = model.joints[1:] if joints is None else tuple(model.joint(name) for name in joints)
+    try:
+        order = model.joints[1:] if joints is None else tuple(model.joint(name) for name in tuple(joints))
+    except TypeError:
+        raise SpatialDynError(f"joints is {joints!r}, expected all of the model's, each once") from None
     if {j.name for j in order} != set(model.names[1:]) or len(order) != len(model.names) - 1:
         raise SpatialDynError(f"joints are {quoted(j.name for j in order)}, expected all of the model's, each once")
     places, x, w = [], 0, 0

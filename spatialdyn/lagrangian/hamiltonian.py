@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import as_array, check_model
+from ..border import as_array, as_number, check_model
 from ..dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model import Model
@@ -97,7 +97,7 @@ def poisson_bracket(
     for name, x, size in (("q", q, model.nq), ("p", p, model.nv)):
         if x.shape != (size,):
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): a bracket is of one state")
-    if not (isinstance(step, (int, float)) and 0.0 < step < np.inf):
+    if not 0.0 < as_number(step) < np.inf:
         raise SpatialDynError(f"step is {step!r}, expected a positive number")
     for f, name in ((F, "F"), (G, "G")):
         if not callable(f):

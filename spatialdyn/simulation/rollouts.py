@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..bodies import PRISMATIC, REVOLUTE
-from ..border import as_array, broadcast, check_model
+from ..border import as_array, as_flag, as_number, broadcast, check_model
 from ..dynamics import calls
 from ..engines import batches, jit, loops, narrow
 from ..engines.loops import Driven
@@ -25,6 +25,7 @@ from ..model import Model
 from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.spec import TAU, Argument, Q, Spec, V
+from ..robot import masked
 from . import explicit
 from .system import OK, State, System, held_torque
 
@@ -118,7 +119,7 @@ def rollout(
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     _choice("method", method, METHODS)
-    number = _dtype(dtype)
+    number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     driving = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
@@ -133,7 +134,7 @@ def rollout(
     inputs = {"dt": Driven(np.full((1, 1, 1), dt)), **inputs}
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
-    if B and T:
+    if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, states[0][0], rest, rest)  # which names a joint that moves no inertia
         if model.nq != model.nv:
@@ -141,7 +142,7 @@ def rollout(
         _run(model, method, states, inputs, records, T, every, check, float(dt))
     q, v = records
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
-    if record == "last":
+    if isinstance(record, str):
         q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states)
     return Rollout(q[0], v[0]) if single else Rollout(q, v)
 
@@ -157,15 +158,16 @@ def _choice(name: str, value: Any, known: dict[str, Any]) -> Any:
 
 def _dtype(value: DTypeLike) -> np.dtype[Any]:
     try:
-        name = np.dtype(value).name
-    except TypeError:
+        name = np.dtype(value).name if isinstance(value, (str, type, np.dtype)) else repr(value)
+    except (TypeError, ValueError, SyntaxError):
         name = str(value)
     return _choice("dtype", name, {x: np.dtype(x) for x in ("float64", "float32")})  # type: ignore[no-any-return]
 
 
 def _is_number(x: Any) -> bool:
-    """Whether it is one real number; arrays without axes pass."""
-    return np.ndim(x) == 0 and np.asarray(x).dtype.kind in "iuf"
+    """Whether it is one finite real number; arrays without axes pass."""
+    single = isinstance(x, np.ndarray) and x.ndim == 0 and not masked(x)
+    return math.isfinite(as_number(x[()] if single else x))
 
 
 def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
@@ -174,7 +176,7 @@ def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
         x = as_array(name, value)
         if x.ndim not in (1, 2) or x.shape[-1] != columns:
             raise ShapeError(f"{name} has shape {x.shape}, expected (B, {columns}) or ({columns},)")
-        found.append(x.reshape(-1, columns) if columns else x.reshape(1, 0))
+        found.append(np.atleast_2d(x))
     return found
 
 
@@ -226,7 +228,7 @@ def _driven(name: str, x: Array, shape: tuple[int, int, int]) -> Driven:
 
 
 def _every(record: int | str, steps: int) -> int:
-    if record == "last":
+    if isinstance(record, str) and record == "last":
         return max(1, steps)
     if isinstance(record, (int, np.integer)) and not isinstance(record, bool) and record >= 1:
         return int(record)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
+from ...robot import masked
 
 Array = NDArray[np.float64]
 NUMBERS = "fiub"  # kinds of dtype that become float64
@@ -27,7 +28,7 @@ class RangeError(SpatialDynError, IndexError, OverflowError):
 
 def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
     """A new float64 array of that shape; a column (n, 1) passes for (n,)."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS:
+    if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS and not masked(value):
         made = np.empty(shape)
         value = np.asarray(value)  # an np.matrix keeps two axes whatever is taken of it
         if value.shape == shape:
@@ -42,6 +43,8 @@ def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
 def described(value: Any) -> str:
     """A value in few words."""
     if isinstance(value, np.ndarray):
+        if masked(value):
+            return "a masked array, whose mask would be lost"
         return f"an array of shape {value.shape} and dtype {value.dtype}"
     return f"a {type(value).__name__}"
 

@@ -37,7 +37,7 @@ class Spatial(Value):
                     return
             except TypeError:
                 pass  # not arrays of float64; they may still pass below
-        elif type(linear) is np.ndarray and linear.shape == (6,) and linear.dtype is FLOAT:
+        elif type(linear) is np.ndarray and linear.shape == (6,) and linear.dtype == FLOAT:
             x[:] = linear
             return
         given = [x for x in (linear, array, clone) if x is not None]
