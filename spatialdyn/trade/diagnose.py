@@ -60,9 +60,10 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     q       (nq,)   the only state to look at [rad | m]; by default neutral and, always the same, random ones
 
     Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``programs``, ``stiffest`` and in how many ``states``
-    that was; ``print`` shows it, ``to_json()`` too. Long robots are looked at in fewer states: 512 and neutral to 158
-    freedoms, 250 at 200, 2 from 1000 on. The programs of batches are compiled for it, to 128 freedoms, in a fifth of a
-    second per joint, once a model. There are no digits with mimic joints or where a joint moves no inertia.
+    that was; ``print`` shows it, ``to_json()`` too. Long robots are looked at in fewer states: in neutral and 512
+    others to 157 freedoms, 250 at 200, 2 at 1000. The programs of batches are compiled for it once a model, which takes
+    seconds: of five calls to 32 freedoms, of rnea and aba to 128. There are no digits with mimic joints or where a
+    joint moves no inertia.
     Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms.
 
     >>> import spatialdyn as sd
