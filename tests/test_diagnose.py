@@ -450,10 +450,10 @@ def test_a_motion_with_negative_energy_is_told_from_rounding(least: float, sever
 
 @pytest.mark.parametrize(("off", "named"), [(0.0, True), (1.0e-7, True), (1.4e-7, False)])
 def test_a_body_is_unfelt_to_rounding_only(off: float, named: bool) -> None:
-    """A point on an oblique axis, or so many metres beside: its square is below 64 eps of what it is left of, or not."""
+    """A point on an oblique axis, or so many metres beside: its square is below 64 eps of what leaves it, or not."""
     axis = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)
     builder = sd.ModelBuilder("m")
-    builder.add_body("pin", None, "revolute", axis, None, (1.0, axis + [0.0, 0.0, off], np.zeros((3, 3))))
+    builder.add_body("pin", None, "revolute", axis, None, (1.0, (*axis[:2], off), np.zeros((3, 3))))
     builder.add_body("rod", "pin", "revolute", (0, 0, 1), inertia=BAR)
     assert ("pin" in {f.link for f in rules._unfelt(builder.build(), np.zeros((1, 2)))}) == named
 
@@ -557,7 +557,7 @@ def test_the_number_of_states_is_said() -> None:
 
 @pytest.mark.skipif(jit.PLAIN or not example_robots(), reason="example-robot-data, and heavy")
 def test_neutral_is_one_of_the_states() -> None:
-    """There iCub's neck moves 1e-11 of its inertia, and ABA is off by half a percent; its pivots are far above n eps."""
+    """There iCub's neck moves 1e-11 of its inertia, and ABA is off by half a percent; n eps is far below."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = sd.load_urdf("icub")

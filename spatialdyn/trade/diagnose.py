@@ -14,8 +14,8 @@ from ..engines import batches, jit, narrow
 from ..errors import NonFiniteError, ShapeError
 from ..inertia import inertia_defect
 from ..model import Joint, Model
-from ..states import random_configuration
 from ..recursions import SPECS
+from ..states import random_configuration
 from .digits import EPS as ROUNDING
 from .digits import digits_of, method_errors, program_errors
 from .findings import SEVERITIES, Diagnosis, Finding, Stiffest
@@ -36,7 +36,7 @@ WORSE = 10.0  # times the error of single calls, from which a program has lost a
 LEVELS = (0.5, 0.9, 1.0)  # of states: in the worst of an ill-conditioned robot both lose what others keep
 SLACK = 16.0  # eps that it may lose beside: other roundings, not fewer digits
 # Of the 68 robots of example-robot-data, the widest radius of gyration is 3.2 m on a body of 0.1 m (1 kg m² at 0.1 kg,
-# made up) and the farthest joint 1.2 m off; a millimetre that is taken for a metre is a factor of 1000.
+# made up) and the farthest reach 1 m; a millimetre that is taken for a metre is a factor of 1000.
 WIDE, APART = 3.0, 30.0  # metres: a radius of gyration, and a reach, beyond which units are in doubt
 BESIDE = 100.0  # times as large as the other of them
 HUGE = 300.0  # metres that no link reaches, whatever its radius of gyration
@@ -46,8 +46,8 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     """What is odd about a model, what it costs and what helps, before anything is computed with it.
 
     * links whose inertia no body can have, and links without mass that move
-    * inertias and lengths in other units: a radius of gyration far beyond what the link and its neighbours reach, or far
-      below it
+    * inertias and lengths in other units: a radius of gyration far beyond what the link and its neighbours reach, or
+      far below it
     * bodies 1000 times heavier than all that carry them: what ABA subtracts there is lost
     * the condition of M, its diagonal scaled to 1: what no choice of units removes
     * joints that move no inertia, bodies that no motion can feel
@@ -100,8 +100,7 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
             findings += _digits(model, digits, errors["aba"]["float64"], arrays[0], "" if q is not None else "neutral")
             judged = program_errors(model, arrays) if len(arrays[0]) >= STATES else {}
             programs = {
-                call: {"single": digits_of(alone), "batch": digits_of(batch)}
-                for call, (alone, batch) in judged.items()
+                call: {"single": digits_of(alone), "batch": digits_of(batch)} for call, (alone, batch) in judged.items()
             }
             findings += _programs(model, judged)
     findings.sort(key=lambda f: -SEVERITIES.index(f.severity))
@@ -159,19 +158,17 @@ def _links(model: Model) -> Iterator[Finding]:
 def _units(model: Model) -> Iterator[Finding]:
     """Links that are far wider than far, or the other way round: inertias or lengths in other units than kg and m."""
     links = {link.name: link for link in model.robot.links}
-    radius, reach, farthest = {}, dict.fromkeys(links, 0.0), dict.fromkeys(links, 0.0)
+    radius, reach = {}, dict.fromkeys(links, 0.0)
     for name, link in links.items():
         if link.mass > 0.0:
             moment = float(abs(np.linalg.eigvalsh(np.reshape(link.inertia, (3, 3)))).max())
             radius[name], reach[name] = math.sqrt(moment / link.mass), math.hypot(*link.com)
-    places = [(j.parent, j.child, math.hypot(*np.reshape(j.placement, (4, 4))[:3, 3].tolist())) for j in model.robot.joints]
-    for parent, _, distance in places:
-        reach[parent] = max(reach[parent], distance)
-    for name in links:
-        farthest[name] = reach[name]
-    for parent, child, _ in places:
-        farthest[parent] = max(farthest[parent], reach[child])
-        farthest[child] = max(farthest[child], reach[parent])
+    for j in model.robot.joints:
+        reach[j.parent] = max(reach[j.parent], math.hypot(*np.reshape(j.placement, (4, 4))[:3, 3].tolist()))
+    farthest = dict(reach)
+    for j in model.robot.joints:
+        farthest[j.parent] = max(farthest[j.parent], reach[j.child])
+        farthest[j.child] = max(farthest[j.child], reach[j.parent])
     wide = {n: k for n, k in radius.items() if k > WIDE and k > BESIDE * farthest[n] > 0.0}
     far = {n: r for n, r in reach.items() if r > HUGE or (r > APART and n in radius and r > BESIDE * radius[n])}
     if wide:
@@ -368,9 +365,9 @@ def _loser(model: Model, q: Array) -> tuple[str, str]:
         left = pivots / np.diag(np.asarray(calls["crba"](model, q)))
     k = int(np.argmin(np.where(np.isfinite(left), left, 0.0)))
     joint = _joint_at(model, k)
+    part = max(float(left[k]), 0.0)
     return _link(model, joint), (
-        f'hangs on joint "{joint.name}", which moves {max(float(left[k]), 0.0):.1g} of its inertia when what it carries '
-        "is free to move, and "
+        f'hangs on joint "{joint.name}", which moves {part:.1g} of its inertia when what it carries is free, and '
     )
 
 

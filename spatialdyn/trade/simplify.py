@@ -98,9 +98,10 @@ def simplify(
 
     Returns the Model and its Savings. The cost is the largest difference between the two models over random states, a
     sample and no bound: 4096, or 64 of robots of more than 128 freedoms. What 99.9 % of them are within is beside it,
-    which changes less from sample to sample. It is in the freedoms that are left: of M and, for the same v and a, of tau = rnea, with the frozen joints anywhere within
-    their limits and at rest; and of a = aba, with a torque on the frozen joints that holds them as long as nothing
-    accelerates. Lengths and angles are not weighed against each other: "relative" is of the largest entry.
+    which changes less from sample to sample. It is in the freedoms that are left: of M and, for the same v and a, of
+    tau = rnea, with the frozen joints anywhere within their limits and at rest; and of a = aba, with a torque on the
+    frozen joints that holds them as long as nothing accelerates. Lengths and angles are not weighed against each other:
+    "relative" is of the largest entry.
     Raises  ModelError naming a joint, SpatialDynError for a mass or a name that makes no sense.
 
     >>> import spatialdyn as sd
