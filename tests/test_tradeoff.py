@@ -347,8 +347,8 @@ def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
     even = np.full(1000, 1e-15)
     assert truths.bound(even) == 2e-15
     tailed = np.append(even, 1e-11)
-    assert truths.bound(tailed) == pytest.approx(1e-9)
-    assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15)
+    assert truths.bound(tailed) == pytest.approx(1e-9, rel=1e-6, abs=0.0)
+    assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
     assert truths.bound(np.array([math.inf, 1.0])) == math.inf
     assert truths.bound(np.zeros(4)) == 0.0
 
@@ -356,16 +356,18 @@ def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
 def test_few_errors_have_a_margin_of_four_and_of_how_they_scatter() -> None:
     """The root of the worst over the median, which of fewer than 32 is all that is known."""
     few = np.full(truths.FEW - 1, 1e-15)
-    assert truths.bound(few) == pytest.approx(4e-15)
-    assert truths.bound(np.append(few, 1e-15)) == pytest.approx(2e-15)
+    assert truths.bound(few) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert truths.bound(np.append(few, 1e-15)) == pytest.approx(2e-15, rel=1e-6, abs=0.0)
     for worst, margin in ((9e-15, 4.0), (15.9e-15, 4.0), (25e-15, 5.0), (1e-11, 100.0)):
         few[-1] = worst
-        assert truths.bound(few) == pytest.approx(margin * worst)
-        assert truths.bound(few[-2:]) == pytest.approx(max(4.0, math.sqrt(worst / few[-2:].mean())) * worst)
+        assert truths.bound(few) == pytest.approx(margin * worst, rel=1e-6, abs=0.0)
+        assert truths.bound(few[-2:]) == pytest.approx(
+            max(4.0, math.sqrt(worst / few[-2:].mean())) * worst, rel=1e-6, abs=0.0
+        )
     exact = np.zeros(truths.FEW - 1)
     exact[-1] = 1e-15
-    assert truths.bound(exact) == pytest.approx(4e-15)
-    assert truths.bound(few[-1:]) == pytest.approx(4e-11)
+    assert truths.bound(exact) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert truths.bound(few[-1:]) == pytest.approx(4e-11, rel=1e-6, abs=0.0)
 
 
 def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
@@ -373,9 +375,9 @@ def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
     errors[0] = 1e-11
     for count, tail in ((45, 1e-15), (55, 1e-13)):
         errors[1 : 1 + count] = 1e-13
-        assert truths.bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11)
-    assert truths.bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9)
-    assert truths.bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0)
+        assert truths.bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11, rel=1e-6, abs=0.0)
+    assert truths.bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9, rel=1e-6, abs=0.0)
+    assert truths.bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0, rel=1e-6, abs=0.0)
 
 
 @pytest.mark.parametrize(("size", "measured_by"), [(0.11, 0.11), (0.09, 0.1)])
@@ -401,7 +403,7 @@ def test_samples_of_the_truth_that_are_checked(samples: int, monkeypatch: pytest
 
 def test_of_many_errors_the_margin_is_narrower() -> None:
     even = np.full(truths.MANY, 1e-15)
-    assert truths.bound(even) == pytest.approx(1.25e-15)
+    assert truths.bound(even) == pytest.approx(1.25e-15, rel=1e-6, abs=0.0)
     assert truths.bound(even[1:]) == 2e-15
     steep = np.arange(1.0, truths.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
     assert truths.bound(steep) == pytest.approx(2.0, rel=0.05)
