@@ -538,6 +538,13 @@ def test_programs_are_judged_in_the_samples_that_have_an_answer() -> None:
     assert all(np.isfinite(batch).all() and len(batch) == batches.FROM for _, batch in found.values())
 
 
+@compiled
+@pytest.mark.parametrize(("short", "names"), [(2, set(digits_module.INPUTS)), (1, {"rnea", "aba"})])
+def test_of_long_robots_two_programs_are_judged(monkeypatch: pytest.MonkeyPatch, short: int, names: set[str]) -> None:
+    monkeypatch.setattr(digits_module, "SHORT", short)
+    assert set(sd.diagnose(chain((1.0, 1.0), 0)).programs) == names
+
+
 # --- limits ----------------------------------------------------------------------------------------------
 
 
