@@ -342,7 +342,7 @@ def docstring(spec: Spec) -> str:
     if any(x.unit_norm for x in spec.given):
         raises.append("ConfigurationError for a quaternion or pair whose norm is not 1")
     if spec.pivots:
-        raises.append("InertiaError naming a joint that moves no inertia")
+        raises.append("InertiaError naming a joint that moves no inertia; digits that are lost before: see diagnose")
     if "row" in static:
         raises.append("ModelError if there is no such frame, with names like it")
     if "reference" in static:

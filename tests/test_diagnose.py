@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import json
 import math
 import warnings
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,11 +19,14 @@ from trees import random_inertia, random_tree
 import spatialdyn as sd
 from spatialdyn import cli
 from spatialdyn.dynamics import calls
-from spatialdyn.engines import jit
-from spatialdyn.engines.rounded import DOUBLE, SINGLE, Coin
+from spatialdyn.engines import batches, jit
+from spatialdyn.engines.regroup import regroup
 from spatialdyn.forward import METHODS
-from spatialdyn.trade.digits import EPS, predicted_digits
+from spatialdyn.trade import digits as digits_module
+from spatialdyn.trade.digits import EPS, predicted_digits, program_errors
+from spatialdyn.urdf import example_robots
 
+rules = importlib.import_module("spatialdyn.trade.diagnose")  # the package has the function under that name
 compiled = pytest.mark.skipif(jit.PLAIN, reason="float32 is a program")
 AXES = np.eye(3)
 PROMISED = 0.9  # of the cases are within a digit of what is measured
@@ -118,30 +123,6 @@ def test_a_link_out_of_the_range_of_float32_is_named(mass: float, digits: bool) 
         assert "units" in named["b001"].remedy
     light = chain((mass, mass), 4)
     assert (sd.diagnose(light).digits["aba"]["float32"] > 5.0) == digits
-
-
-def test_the_coin_of_float32_has_its_range() -> None:
-    coin = Coin(SINGLE, 0)
-    assert coin.number(1e39).x == math.inf
-    assert coin.number(-1e39).x == -math.inf
-    assert (coin.number(1e30) * coin.number(1e30)).x == math.inf
-    assert coin.number(1e-46).x == 0.0
-    assert {coin.number(1e-45).x for _ in range(64)} == {0.0, 2.0**-149}
-    assert {coin.number(1.00001e-38).x * 2.0**149 % 1.0 for _ in range(64)} == {0.0}
-    assert coin.number(2.0**-149).x == 2.0**-149
-    wide = Coin(DOUBLE, 0)
-    assert (wide.number(1e200) * 1e-200 * 1e-200).x > 0.0
-    assert wide.number(5e-324).x == 5e-324
-
-
-def test_what_is_exact_tosses_no_coin() -> None:
-    for bits in (DOUBLE, SINGLE):
-        coin = Coin(bits, 0)
-        x = coin.number(1.0 / 3.0)
-        assert (x * 1.0 + 0.0 - x).x == 0.0
-        assert (x / 2.0 * 2.0).x == x.x
-        assert len({(x * x).x for _ in range(64)}) == 2
-        assert all(abs((x * x).x - x.x * x.x) <= 2.0**-bits * x.x * x.x * 2.0 for _ in range(64))
 
 
 def test_one_seed_predicts_the_same_again() -> None:
@@ -288,7 +269,312 @@ def test_nan_is_refused() -> None:
         sd.diagnose(chain((1.0, 1.0), 0), [math.nan, 0.0])
 
 
+# --- mass ratios ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("masses", "severity"),
+    [
+        ((1.0, 999.0), None),
+        ((1.0, 1001.0), "note"),
+        ((1.0, 1.0, 1001.0), "note"),  # exactly two carriers leave it next to nothing to cancel
+        ((1.0, 1.0, 1.0, 1001.0), "warning"),
+        ((1.0, 1.0, 1.0, 999.0), None),
+        ((10.0, 1e-3, 20.0), None),  # heavy, light, heavier: one heavy carrier is enough
+        ((10.0, 1e-3, 1e-3, 9e3), None),
+        ((10.0, 1e-3, 1e-3, 11e3), "warning"),
+    ],
+)
+def test_a_body_is_held_against_the_heaviest_that_carries_it(masses: tuple[float, ...], severity: str | None) -> None:
+    found = list(rules._mass_ratios(chain(masses, 1)))
+    assert [(f.severity, f.link) for f in found] == ([(severity, f"b{len(masses) - 1:03d}")] if severity else [])
+
+
+def test_bodies_on_massless_ones_only_say_so() -> None:
+    builder = sd.ModelBuilder("m").add_body("a", None, "revolute").add_body("b", "a", "revolute", inertia=BAR)
+    (finding,) = rules._mass_ratios(builder.build())
+    assert "hangs on bodies without mass only, at 1 kg" in finding.message
+
+
+# --- units ------------------------------------------------------------------------------------------------
+
+
+def rescaled(name: str, moments: float, lengths: float, only: str | None = None) -> sd.Model:
+    """A robot whose rotational inertias, or centers of mass and places of children, are so many times as large."""
+    robot = sd.load_urdf(name).robot
+    builder = sd.ModelBuilder("copy", robot.root)
+    by_name = {link.name: link for link in robot.links}
+
+    def inertia(link: Any) -> Any:
+        scale = (1.0, 1.0) if only not in (None, link.name) else (moments, lengths)
+        return link.mass, np.array(link.com) * scale[1], np.reshape(link.inertia, (3, 3)) * scale[0]
+
+    placed, joints = {robot.root}, list(robot.joints)
+    while joints:
+        joint = next(j for j in joints if j.parent in placed)
+        joints.remove(joint)
+        placed.add(joint.child)
+        place = np.reshape(joint.placement, (4, 4)).copy()
+        place[:3, 3] *= 1.0 if only not in (None, joint.parent) else lengths
+        parent = None if joint.parent == robot.root else joint.parent
+        kind, child = ("fixed" if joint.kind == "fixed" else "revolute"), by_name[joint.child]
+        words = {} if kind == "fixed" else {"axis": joint.axis}
+        builder.add_body(child.name, parent, kind, placement=place, inertia=inertia(child), **words)
+    return builder.build()
+
+
+def units(model: sd.Model) -> list[tuple[str, str]]:
+    """The findings about units: the link, and which of the two remedies."""
+    return [(f.link, "inertias" if "inertias" in f.remedy else "lengths") for f in rules._units(model)]
+
+
+@pytest.mark.skipif(not example_robots(), reason="example-robot-data is not installed")
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_millimetres_are_seen_in_one_link_and_in_all(name: str) -> None:
+    """In kg mm² of inertia, and in mm of length; in both, lengths alone show it."""
+    model = sd.load_urdf(name)
+    assert units(rescaled(name, 1.0, 1.0)) == []
+    assert [what for _, what in units(rescaled(name, 1e6, 1.0))] == ["inertias"]
+    assert [what for _, what in units(rescaled(name, 1.0, 1e3))] == ["lengths"]
+    assert [what for _, what in units(rescaled(name, 1e6, 1e3))] == ["lengths"]
+    for joint in model.joints[2:6]:
+        link = next(j.parent for j in model.robot.joints if j.name == joint.name)
+        assert units(rescaled(name, 1e6, 1.0, link)) == [(link, "inertias")]
+        assert units(rescaled(name, 1.0, 1e3, link)) == [(link, "lengths")]
+
+
+@pytest.mark.skipif(not example_robots(), reason="example-robot-data is not installed")
+def test_units_of_the_robots_at_hand_are_not_in_doubt() -> None:
+    """One in three: all 68 are silent, seen once; tiago_dual and double_pendulum come closest."""
+    named = {path.parent.name + "/" + path.stem: path for path in example_robots()}
+    for name in ("tiago_dual", "double_pendulum_simple", "icub", "human", "simple_humanoid", "ur10_robot", "baxter"):
+        for path in [path for key, path in named.items() if key.endswith("/" + name)][:1]:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                assert units(sd.load_urdf(path)) == [], name
+
+
+def bar(radius: float, reach: float) -> sd.Model:
+    """One body of 2 kg with this radius of gyration, whose center of mass is so far off its joint."""
+    moments = 2.0 * radius**2 * np.array([1.0, 1.0, 1.0])
+    builder = sd.ModelBuilder("m")
+    return builder.add_body("bar", None, "revolute", (0, 1, 0), None, (2.0, (reach, 0, 0), np.diag(moments))).build()
+
+
+@pytest.mark.parametrize(
+    ("radius", "reach", "found"),
+    [
+        (2.99, 0.001, []),
+        (3.01, 0.001, ["inertias"]),
+        (5.0, 0.0501, []),
+        (5.0, 0.0499, ["inertias"]),
+        (1e3, 0.0, []),  # a flywheel on its axis says nothing of lengths
+        (0.01, 29.9, []),
+        (0.01, 30.1, ["lengths"]),
+        (0.401, 40.0, []),
+        (0.399, 40.0, ["lengths"]),
+        (100.0, 299.0, []),
+        (100.0, 301.0, ["lengths"]),
+    ],
+)
+def test_units_are_in_doubt_from_there_on(radius: float, reach: float, found: list[str]) -> None:
+    assert [what for _, what in units(bar(radius, reach))] == found
+
+
+def test_a_wide_link_beside_long_ones_is_no_matter_of_units() -> None:
+    """A drum without extent of its own at the end of a boom of its size."""
+    drum = (2.0, (0.0, 0.0, 0.001), np.diag([200.0, 200.0, 200.0]))
+    builder = sd.ModelBuilder("m").add_body("boom", None, "revolute", (0, 1, 0), None, (5.0, (2, 0, 0), np.eye(3)))
+    builder.add_body("drum", "boom", "revolute", (0, 0, 1), (4.0, 0, 0), drum)
+    assert units(builder.build()) == []
+
+
+# --- thresholds -------------------------------------------------------------------------------------------
+
+
+def of_digits(float64: float, float32: float, refined: float = 15.0, elsewhere: float = 15.0) -> list[Any]:
+    """The findings about digits that ABA has so many of, at the first of two positions."""
+    model = chain((1.0, 1.0), 0)
+    table = {m: {"float64": float64, "float32": float32} for m in METHODS}
+    table["refined"] = {"float64": refined, "float32": 6.0}
+    errors = np.array([10.0**-float64, 10.0**-elsewhere])
+    return list(rules._digits(model, table, errors, np.zeros((2, 2)), "neutral"))
+
+
+def test_digits_have_two_thresholds_in_float64_and_two_in_float32() -> None:
+    assert of_digits(10.01, 3.01) == []
+    assert [f.severity for f in of_digits(9.99, 3.01)] == ["warning"]
+    assert [f.severity for f in of_digits(6.01, 3.01)] == ["warning"]
+    assert [f.severity for f in of_digits(5.99, 3.01)] == ["error"]
+    (finding,) = of_digits(10.01, 2.99)
+    assert (finding.severity, "turn to float64" in finding.message) == ("note", False)
+    assert "turn to float64" in of_digits(10.01, 0.99)[0].message
+    assert "turn to float64" not in of_digits(10.01, 1.01)[0].message
+
+
+def test_the_remedy_is_a_method_that_keeps_a_digit_more_or_none() -> None:
+    assert 'method="refined", which keeps 7' in of_digits(5.0, 6.0, refined=7.0)[0].remedy
+    assert "no method keeps more" in of_digits(5.0, 6.0, refined=5.9)[0].remedy
+    assert "refined" in of_digits(5.0, 6.0, refined=6.1)[0].remedy
+
+
+def test_a_state_that_loses_alone_is_named() -> None:
+    assert "in neutral, and 15 elsewhere" in of_digits(5.0, 6.0)[0].message
+    assert "in neutral" not in of_digits(5.0, 6.0, elsewhere=4.0)[0].message
+
+
+@pytest.mark.parametrize(("condition", "named"), [(0.99e8, False), (1.01e8, True)])
+def test_a_condition_is_ill_from_half_the_digits_on(condition: float, named: bool) -> None:
+    c = (condition - 1.0) / (condition + 1.0)  # of [[1, c], [c, 1]] it is (1 + c) / (1 - c)
+    found, said = rules._conditions(chain((1.0, 1.0), 0), np.array([[[4.0, 6.0 * c], [6.0 * c, 9.0]]]), "given")
+    assert found["given"] == pytest.approx(condition, rel=1e-6)
+    assert bool(said) == named
+
+
+@pytest.mark.parametrize(("damping", "named"), [(0.99, False), (1.01, True)])
+def test_a_step_below_a_millisecond_is_named(damping: float, named: bool) -> None:
+    """2 I / d is 1 ms for I = 0.11 kg m² and d = 220 N m s."""
+    builder = sd.ModelBuilder("m").add_body("arm", None, "revolute", (0, 0, 1), inertia=BAR, damping=220.0 * damping)
+    model = builder.build()
+    assert bool(list(rules._time_step(model, rules._stiffest(model, sd.crba(model, [[0.0]]))))) == named
+
+
+@pytest.mark.parametrize(("least", "severity"), [(-1e-13, "error"), (-1e-15, "warning")])
+def test_a_motion_with_negative_energy_is_told_from_rounding(least: float, severity: str) -> None:
+    model = sd.ModelBuilder("m").add_body("slab", None, "revolute", inertia=(1.0, (0, 0, 0), np.eye(3))).build()
+    bodies = model.bodies.copy()
+    bodies["inertia"][1] = (1.0, (0.0, 0.0, 0.0), (least, 0.0, 0.0, 1.0, 0.0, 1.0))
+    changed = SimpleNamespace(bodies=bodies, joints=model.joints, frame=model.frame)
+    assert rules._gives_energy(changed, "slab") == (severity == "error")
+
+
+@pytest.mark.parametrize(("off", "named"), [(0.0, True), (1.0e-7, True), (1.4e-7, False)])
+def test_a_body_is_unfelt_to_rounding_only(off: float, named: bool) -> None:
+    """A point on an oblique axis, or so many metres beside: its square is below 64 eps of what leaves it, or not."""
+    axis = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)
+    builder = sd.ModelBuilder("m")
+    builder.add_body("pin", None, "revolute", axis, None, (1.0, (*axis[:2], off), np.zeros((3, 3))))
+    builder.add_body("rod", "pin", "revolute", (0, 0, 1), inertia=BAR)
+    assert ("pin" in {f.link for f in rules._unfelt(builder.build(), np.zeros((1, 2)))}) == named
+
+
+def of_programs(alone: float, batch: float) -> bool:
+    """Whether a program of that error is said to lose digits."""
+    model = chain((1.0, 1.0), 0)
+    return bool(list(rules._programs(model, {"aba": (np.full(8, alone), np.full(8, batch))})))
+
+
+def test_a_program_loses_if_it_is_ten_times_and_sixteen_eps_worse() -> None:
+    eps = EPS["float64"]
+    assert not of_programs(0.0, 15.9 * eps)
+    assert of_programs(0.0, 16.1 * eps)
+    assert not of_programs(1e-9, 0.99e-8)
+    assert of_programs(1e-9, 1.01e-8)
+    assert of_programs(1e-9, math.inf)
+
+
+def test_programs_are_judged_in_usual_states_too() -> None:
+    """Where the worst state of all costs both the same, half of the others say it."""
+    model, alone, batch = chain((1.0, 1.0), 0), np.full(9, 1e-16), np.full(9, 1e-12)
+    alone[0] = batch[0] = 1e-3
+    (finding,) = rules._programs(model, {"aba": (alone, batch)})
+    assert "aba 12.0 of 15.7" in finding.message
+
+
+# --- programs ---------------------------------------------------------------------------------------------
+
+
+def without_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No program is read or kept, for those made here are wrong."""
+    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
+    monkeypatch.setattr(batches, "_from_disk", lambda *arguments: None)
+    monkeypatch.setattr(batches.store, "write", lambda *arguments: None)
+
+
+@compiled
+def test_sound_programs_lose_nothing() -> None:
+    found = sd.diagnose(chain((3.0, 2.0, 1.5), 8))
+    assert set(found.programs) == {"rnea", "crba", "aba", "aba_refined", "minverse"}
+    assert all(min(x.values()) > 13.0 for x in found.programs.values())
+    assert found.of("programs") == ()
+    assert "digits of programs" in str(found)
+    assert json.loads(found.to_json())["programs"] == found.programs
+
+
+@compiled
+@pytest.mark.parametrize(("solved", "names"), [(True, {"aba", "aba_refined", "minverse"}), (False, {"rnea", "crba"})])
+def test_a_fault_in_the_programs_is_seen(monkeypatch: pytest.MonkeyPatch, solved: bool, names: set[str]) -> None:
+    """What subtracts a ring of 1e4 kg m² from a body and adds it again leaves 12 digits of it."""
+    without_disk(monkeypatch)
+
+    def rough(rows: Any, of: bool = False) -> None:
+        regroup(rows, of)
+        if of == solved:
+            for row in rows[1:]:
+                I = row.inertia.I
+                I.xx, I.yy, I.zz = ((x + 1e4) - 1e4 for x in (I.xx, I.yy, I.zz))
+
+    monkeypatch.setattr(batches, "regroup", rough)
+    found = sd.diagnose(chain((3.0, 2.0, 1.0 + 0.125 * solved), 81))
+    (finding,) = found.of("programs")
+    assert finding.severity == "warning"
+    assert f"call for fewer than {batches.FROM} samples" in finding.remedy
+    for name, digits in found.programs.items():
+        assert (f"{name} {digits['batch']:.1f} of {digits['single']:.1f}" in finding.message) == (name in names), name
+        assert (digits["batch"] < 13.5) == (name in names), name
+
+
+@compiled
+def test_programs_are_judged_in_the_samples_that_have_an_answer() -> None:
+    """One that has none is left out of the batch, whose other samples fill it."""
+    builder = sd.ModelBuilder("m")
+    for k in range(2):
+        builder.add_body(f"b{k}", f"b{k - 1}" if k else None, "revolute", (0, 0, 1), (k, 0, 0), BAR)
+    model = builder.build()
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (8, 2))
+    q[3] = np.nan
+    found = program_errors(model, [q, np.zeros((8, 2)), np.ones((8, 2))])
+    assert set(found) == set(digits_module.INPUTS)
+    assert all(np.isfinite(batch).all() and len(batch) == batches.FROM for _, batch in found.values())
+
+
+@compiled
+@pytest.mark.parametrize(("short", "names"), [(2, set(digits_module.INPUTS)), (1, {"rnea", "aba"})])
+def test_of_long_robots_two_programs_are_judged(monkeypatch: pytest.MonkeyPatch, short: int, names: set[str]) -> None:
+    monkeypatch.setattr(digits_module, "SHORT", short)
+    assert set(sd.diagnose(chain((1.0, 1.0), 0)).programs) == names
+
+
 # --- limits ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("nv", "looked", "states"), [(2, 9, rules.STATES + 1), (257, 2, min(rules.STATES, 117) + 1)])
+def test_long_robots_are_looked_at_in_fewer_states(nv: int, looked: int, states: int) -> None:
+    positions, arrays = rules._states(chain((1.0,) * nv, 0), None)
+    assert (len(positions), *map(len, arrays)) == (looked, states, states, states)
+    assert (arrays[0][0] == 0.0).all()
+
+
+def test_the_number_of_states_is_said() -> None:
+    found = sd.diagnose(chain((1.0, 1.0), 0))
+    assert found.states == rules.STATES + 1
+    assert f"the worst of {found.states} states" in str(found)
+    assert json.loads(found.to_json())["states"] == found.states
+
+
+@pytest.mark.skipif(jit.PLAIN or not example_robots(), reason="example-robot-data, and heavy")
+def test_neutral_is_one_of_the_states() -> None:
+    """There iCub's neck moves 1e-11 of its inertia, and ABA is off by half a percent; n eps is far below."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = sd.load_urdf("icub")
+    q, v, tau = np.asarray(sd.neutral(model)), *np.random.default_rng(0).normal(size=(2, model.nv))
+    errors = digits_module.method_errors(model, [q[None], v[None], tau[None]])
+    assert 1e-3 < errors["aba"]["float64"][0] < 1e-1
+    table = {m: {d: digits_module.digits_of(e) for d, e in found.items()} for m, found in errors.items()}
+    finding = next(rules._digits(model, table, errors["aba"]["float64"], q[None], ""))
+    assert finding.severity == "error"
+    assert 'hangs on joint "neck_roll", which moves 1e-11 of its inertia' in finding.message
 
 
 def test_every_kind_of_joint_and_a_floating_root_are_looked_at() -> None:
@@ -322,7 +608,7 @@ def test_text_and_json_say_the_same() -> None:
     assert [f["message"] for f in record["findings"]] == [f.message for f in found.findings]
     assert all(f.message in str(found) and f.remedy in str(found) for f in found.findings)
     assert record["stiffest"]["dt"] is None
-    assert repr(found).startswith("<Diagnosis chain: warning, ")
+    assert repr(found).startswith(f"<Diagnosis chain: {found.severity}, ")
 
 
 def test_the_worst_comes_first() -> None:

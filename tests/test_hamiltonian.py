@@ -524,6 +524,39 @@ def test_a_drift_is_told_from_noise(rng: np.random.Generator) -> None:
     assert drifting.slope >= 10.0 * drifting.slope_error
 
 
+@pytest.mark.parametrize(
+    ("values", "slope", "error"),
+    [
+        ((0.0, 1.0, 0.0), 0.0, math.sqrt(1 / 3)),  # squares left 2/3, over 3 - 2, over a spread of t of 2
+        ((0.0, 1.0, 0.0, 1.0), 0.2, math.sqrt(0.08)),  # 0.8 over 4 - 2, over 5
+        ((1.0, 0.0, 0.0, 0.0, 1.0), 0.0, math.sqrt(0.04)),  # 1.2 over 5 - 2, over 10
+    ],
+)
+def test_few_points_leave_two_fewer_for_the_error_of_the_slope(
+    values: tuple[float, ...], slope: float, error: float
+) -> None:
+    """By hand: the line takes two of the points, which of three leaves one."""
+    found = line_of(np.array(values), np.arange(len(values), dtype=float))
+    assert_close(found.slope, slope, 100 * EPS)
+    assert_close(found.slope_error, error, 100 * EPS)
+    doubled = line_of(np.array(values), 0.5 * np.arange(len(values)))
+    assert_close(doubled.slope_error, 2.0 * error, 100 * EPS)
+
+
+def test_three_times_that_increase_are_enough() -> None:
+    assert line_of(np.zeros(3), np.arange(3.0)).drift == 0.0
+    for t in ([0.0, 1.0, 1.0], [0.0, 1.0]):
+        with pytest.raises(sd.ShapeError, match="at least 3 times that increase"):
+            line_of(np.zeros(len(t)), np.array(t))
+    assert line_of(np.zeros(3), np.array([0.0, 1.0, np.nextafter(1.0, 2.0)])).slope == 0.0
+
+
+def test_drift_is_the_farthest_from_the_first_value_on_either_side() -> None:
+    t = np.arange(4.0)
+    assert line_of(np.array([2.0, 2.5, 1.0, 2.0]), t).drift == 1.0
+    assert line_of(np.array([2.0, 1.5, 3.0, 2.0]), t).drift == 1.0
+
+
 def test_explicit_euler_is_seen_to_gain_energy() -> None:
     model, dt = two_link(), 2e-3
     q, v = np.array([0.8, 0.6]), np.zeros(2)

@@ -163,6 +163,56 @@ def test_a_cheaper_way_is_taken_if_more_states_say_so_and_no_other() -> None:
     assert len(asked) == 3
 
 
+@pytest.mark.parametrize(("ns", "asked"), [(89.0, True), (92.0, False)])
+def test_only_a_way_that_is_a_tenth_faster_is_worth_more_states(ns: float, asked: bool) -> None:
+    """Of one that costs 100: 100 / 1.1 is 90.9."""
+    options = [Option("quick", "", 7e-7, 1e-7, 2e-6, ns), Option("sound", "", 1e-9, 1e-9, 2e-9, 100.0)]
+    tried: list[Any] = []
+
+    def further(open_: Any, tolerance: float) -> dict[str, Any]:
+        tried.extend(open_)
+        return {}
+
+    found = Tradeoff("m", "mass_matrix", marked(options), 4096, 4096, 0.0, 0.0, "", further)
+    assert advice(found, 1e-6).option.name == "sound"
+    assert bool(tried) == asked
+
+
+@pytest.mark.parametrize("tolerance", [2e-9, 1.99e-9])
+def test_a_bound_that_is_the_tolerance_is_within_it(tolerance: float) -> None:
+    found = Tradeoff("m", "mass_matrix", marked([Option("x", "", 1e-9, 1e-9, 2e-9, 1.0)]), 4, 4, 0.0, 0.0, "", None)
+    if tolerance < 2e-9:
+        with pytest.raises(sd.SpatialDynError, match=r"expected at least 2.0e-09, the bound of x"):
+            advice(found, tolerance)
+    else:
+        assert advice(found, tolerance).option.name == "x"
+
+
+@pytest.mark.parametrize(("count", "margin"), [(truths.MANY - 1, 2.0), (truths.MANY, 1.25)])
+def test_more_states_have_the_narrow_margin_from_65536_on(count: int, margin: float) -> None:
+    options = [Option("quick", "", 7e-7, 1e-7, 2e-6, 10.0), Option("sound", "", 1e-9, 1e-9, 2e-9, 100.0)]
+    for tolerance, name in ((0.99 * margin * 7e-7, "sound"), (1.01 * margin * 7e-7, "quick")):
+        found = Tradeoff(
+            "m", "mass_matrix", marked(options), 4096, 4096, 0.0, 0.0, "", lambda *x: {"quick": np.full(count, 7e-7)}
+        )
+        assert advice(found, tolerance).option.name == name
+
+
+def test_what_judges_others_is_a_hundred_times_finer() -> None:
+    names = (("judged", 1e-6, 2e-6, 1.0), ("dear", 1e-10, 1e-10, 9.0), ("fine", 0.9e-8, 0.9e-8, 5.0))
+    options = [Option(n, "", error, 0.0, bound, ns) for n, error, bound, ns in names]
+    open_ = options[:1]
+    finer = motions._finer(options, open_, 1e-5)
+    assert finer is not None
+    assert finer.name == "fine"  # cheapest whose bound is below 1e-2 of the error
+    beyond = [options[0], options[1], Option("near", "", 1.1e-8, 0.0, 1.1e-8, 5.0)]
+    finer = motions._finer(beyond, open_, 1e-5)
+    assert finer is not None
+    assert finer.name == "dear"
+    assert motions._finer([options[0], beyond[2]], open_, 1.0e-6) is None  # 1.1e-8 is above 1e-2 of the tolerance
+    assert motions._finer([options[0], beyond[2]], open_, 1.2e-6) is beyond[2]
+
+
 @compiled
 def test_more_states_are_other_states_and_end_where_a_way_fails() -> None:
     model = MODELS["two_link"]()
@@ -297,15 +347,63 @@ def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
     even = np.full(1000, 1e-15)
     assert truths.bound(even) == 2e-15
     tailed = np.append(even, 1e-11)
-    assert truths.bound(tailed) == pytest.approx(1e-9)
-    assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15)
+    assert truths.bound(tailed) == pytest.approx(1e-9, rel=1e-6, abs=0.0)
+    assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
     assert truths.bound(np.array([math.inf, 1.0])) == math.inf
     assert truths.bound(np.zeros(4)) == 0.0
 
 
+def test_few_errors_have_a_margin_of_four_and_of_how_they_scatter() -> None:
+    """The root of the worst over the median, which of fewer than 32 is all that is known."""
+    few = np.full(truths.FEW - 1, 1e-15)
+    assert truths.bound(few) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert truths.bound(np.append(few, 1e-15)) == pytest.approx(2e-15, rel=1e-6, abs=0.0)
+    for worst, margin in ((9e-15, 4.0), (15.9e-15, 4.0), (25e-15, 5.0), (1e-11, 100.0)):
+        few[-1] = worst
+        assert truths.bound(few) == pytest.approx(margin * worst, rel=1e-6, abs=0.0)
+        assert truths.bound(few[-2:]) == pytest.approx(
+            max(4.0, math.sqrt(worst / few[-2:].mean())) * worst, rel=1e-6, abs=0.0
+        )
+    exact = np.zeros(truths.FEW - 1)
+    exact[-1] = 1e-15
+    assert truths.bound(exact) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert truths.bound(few[-1:]) == pytest.approx(4e-11, rel=1e-6, abs=0.0)
+
+
+def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
+    errors = np.full(1000, 1e-15)
+    errors[0] = 1e-11
+    for count, tail in ((45, 1e-15), (55, 1e-13)):
+        errors[1 : 1 + count] = 1e-13
+        assert truths.bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11, rel=1e-6, abs=0.0)
+    assert truths.bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9, rel=1e-6, abs=0.0)
+    assert truths.bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0, rel=1e-6, abs=0.0)
+
+
+@pytest.mark.parametrize(("size", "measured_by"), [(0.11, 0.11), (0.09, 0.1)])
+def test_a_sample_next_to_nothing_is_measured_by_a_tenth_of_the_median(size: float, measured_by: float) -> None:
+    truth = np.array([[1.0], [1.0], [1.0], [size]])
+    found = truth + np.array([[0.0], [0.0], [0.0], [1e-6]])
+    assert truths.of_calls("aba", found, truth)[3] == pytest.approx(1e-6 / measured_by)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+def test_samples_of_the_truth_that_are_checked(samples: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two, or as many as there are."""
+    seen = []
+
+    def counted(model: sd.Model, call: Any, bits: int) -> Any:
+        return lambda *arrays: seen.append(arrays) or sd.exact(model, call, bits)(*arrays)
+
+    monkeypatch.setattr(truths, "exact", counted)
+    model = sd.load_urdf("two_link")
+    truths.truths(model, "crba", evaluations.random_states(model, "mass_matrix", samples, 0))
+    assert len(seen) == min(samples, truths.CHECKED) == min(samples, 2)
+
+
 def test_of_many_errors_the_margin_is_narrower() -> None:
     even = np.full(truths.MANY, 1e-15)
-    assert truths.bound(even) == pytest.approx(1.25e-15)
+    assert truths.bound(even) == pytest.approx(1.25e-15, rel=1e-6, abs=0.0)
     assert truths.bound(even[1:]) == 2e-15
     steep = np.arange(1.0, truths.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
     assert truths.bound(steep) == pytest.approx(2.0, rel=0.05)

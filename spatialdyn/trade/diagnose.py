@@ -10,41 +10,60 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..border import as_array, check_model
 from ..dynamics import calls
-from ..engines import narrow
+from ..engines import batches, jit, narrow
 from ..errors import NonFiniteError, ShapeError
 from ..inertia import inertia_defect
 from ..model import Joint, Model
+from ..recursions import SPECS
 from ..states import random_configuration
-from .digits import State, predicted_digits
+from .digits import EPS as ROUNDING
+from .digits import digits_of, method_errors, program_errors
 from .findings import SEVERITIES, Diagnosis, Finding, Stiffest
 
 Array = NDArray[np.float64]
 
-SAMPLES = 8  # states in which M is looked at
-EPS = float(np.finfo(float).eps)
+SAMPLES = 8  # random states in which M is looked at
+LARGE = 256  # freedoms above which M is looked at in one random state: each costs O(n³)
+STATES = 8 if jit.PLAIN else batches.FROM  # in which digits are measured, and what a batch is worth a program from
+WORK = 2e9  # cubed freedoms in all of these states: crba_solve takes n³/3 operations
+EPS = ROUNDING["float64"]
 HEAVY = 1e3  # a body so many times heavier than all that carry it costs a digit or more
 POOR = 10.0  # digits of ABA in float64 below which a warning is due
 LOST = 6.0  # and below which it is an error
 FEW = 3.0  # digits of float32 below which it is worth a note
 ILL = 1e8  # scaled condition of M: half of the digits of float64
+WORSE = 10.0  # times the error of single calls, from which a program has lost a digit
+LEVELS = (0.5, 0.9, 1.0)  # of states: in the worst of an ill-conditioned robot both lose what others keep
+SLACK = 16.0  # eps that it may lose beside: other roundings, not fewer digits
+# Of the 68 robots of example-robot-data, the widest radius of gyration is 3.2 m on a body of 0.1 m (1 kg m² at 0.1 kg,
+# made up) and the farthest reach 1 m; a millimetre that is taken for a metre is a factor of 1000.
+WIDE, APART = 3.0, 30.0  # metres: a radius of gyration, and a reach, beyond which units are in doubt
+BESIDE = 100.0  # times as large as the other of them
+HUGE = 300.0  # metres that no link reaches, whatever its radius of gyration
 
 
 def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     """What is odd about a model, what it costs and what helps, before anything is computed with it.
 
     * links whose inertia no body can have, and links without mass that move
+    * inertias and lengths in other units: a radius of gyration far beyond what the link and its neighbours reach, or
+      far below it
     * bodies 1000 times heavier than all that carry them: what ABA subtracts there is lost
     * the condition of M, its diagonal scaled to 1: what no choice of units removes
     * joints that move no inertia, bodies that no motion can feel
-    * digits to expect of ``forward_dynamics``, by method, in float64 and float32
+    * digits of ``forward_dynamics`` by method, in float64 and float32, measured against double-double arithmetic
+    * batches whose program on SIMD lanes has a digit less than single calls
     * links too light or too heavy for float32's range, with which programs turn to float64
     * the largest time step for explicit integrators, were the damping of the joints a torque
 
     model   Model
     q       (nq,)   the only state to look at [rad | m]; by default neutral and, always the same, random ones
 
-    Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``stiffest``; ``print`` shows it, ``to_json()`` too.
-    Digits take a tenth of a second per joint or so; there are none with mimic joints or where a joint moves no inertia.
+    Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``programs``, ``stiffest`` and in how many ``states``
+    that was; ``print`` shows it, ``to_json()`` too. Long robots are looked at in fewer states: in neutral and 512
+    others to 157 freedoms, 250 at 200, 2 at 1000. The programs of batches are compiled for it once a model, which takes
+    seconds: of five calls to 32 freedoms, of rnea and aba to 128. There are no digits with mimic joints or where a
+    joint moves no inertia.
     Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms.
 
     >>> import spatialdyn as sd
@@ -55,13 +74,14 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     True
     """
     check_model(model)
-    states = _states(model, q)
-    findings = [*_links(model), *_mass_ratios(model)]
+    positions, arrays = _states(model, q)
+    findings = [*_links(model), *_units(model), *_mass_ratios(model)]
     condition: dict[str, float] = {}
     digits: dict[str, dict[str, float]] = {}
+    programs: dict[str, dict[str, float]] = {}
     stiffest: Stiffest | None = None
+    states = 0
     if model.nv:
-        positions = np.array([state[0] for state in states])
         M = np.asarray(calls["crba"](model, positions))
         singular = list(_singular(model, M))
         findings += [*singular, *_unfelt(model, positions), *_out_of_range(model, M)]
@@ -71,29 +91,44 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
             stiffest = _stiffest(model, M)
             findings += _time_step(model, stiffest)
         if model.mimic_matrix is None and not singular:
-            chosen = states if q is not None else states[1:4] if model.nv <= 10 else states[1:2]
-            digits = predicted_digits(model, chosen)
-            findings += _digits(model, digits)
+            states = len(arrays[0])
+            errors = method_errors(model, arrays)
+            digits = {
+                method: {dtype: digits_of(found, ROUNDING[dtype]) for dtype, found in of.items()}
+                for method, of in errors.items()
+            }
+            findings += _digits(model, digits, errors["aba"]["float64"], arrays[0], "" if q is not None else "neutral")
+            judged = program_errors(model, arrays) if len(arrays[0]) >= STATES else {}
+            programs = {
+                call: {"single": digits_of(alone), "batch": digits_of(batch)} for call, (alone, batch) in judged.items()
+            }
+            findings += _programs(model, judged)
     findings.sort(key=lambda f: -SEVERITIES.index(f.severity))
-    return Diagnosis(model.name, tuple(findings), condition, digits, stiffest)
+    return Diagnosis(model.name, tuple(findings), condition, digits, stiffest, programs, states)
 
 
-def _states(model: Model, q: ArrayLike | None) -> list[State]:
-    """The states to look at: q, or neutral and SAMPLES random ones; v and tau are normal.
+def _states(model: Model, q: ArrayLike | None) -> tuple[Array, list[Array]]:
+    """The positions in which M is looked at, and the q, v, tau in which digits are measured; v and tau are normal.
 
+    Both start with q, or with neutral, and random positions follow only where q is not given.
     Raises ShapeError, NonFiniteError for a q that is none.
     """
     rng = np.random.default_rng(0)
+    count = int(max(1, min(STATES, WORK // max(model.nv, 1) ** 3)))
     if q is None:
-        positions = [np.asarray(calls["neutral"](model)), *random_configuration(model, rng, SAMPLES)]
+        rest = np.asarray(calls["neutral"](model))[None]
+        drawn = random_configuration(model, rng, max(count, SAMPLES))
+        looked = drawn[: SAMPLES if model.nv <= LARGE else 1]
+        positions, measured = np.concatenate([rest, looked]), np.concatenate([rest, drawn[:count]])
     else:
         given = as_array("q", q)
         if given.shape != (model.nq,):
             raise ShapeError(f"q has shape {given.shape}, expected ({model.nq},)")
         if not np.isfinite(given).all():
             raise NonFiniteError(f"q is {given.tolist()}, expected finite numbers")
-        positions = [given]
-    return [(x, rng.normal(size=model.nv), rng.normal(size=model.nv)) for x in positions]
+        positions, measured = given[None], np.tile(given, (count, 1))
+    v, tau = rng.normal(size=(2, len(measured), model.nv))
+    return positions, [np.ascontiguousarray(measured), v, tau]
 
 
 # --- bodies ----------------------------------------------------------------------------------------------
@@ -118,6 +153,42 @@ def _links(model: Model) -> Iterator[Finding]:
         if link.mass > 0.0 and model.frame(f"link:{link.name}").joint == 0:
             what = f"of {link.mass:.6g} kg is fixed in the world, so no motion can feel it"
             yield Finding("note", "unfelt", link.name, what, 'nothing to do, or root="floating"')
+
+
+def _units(model: Model) -> Iterator[Finding]:
+    """Links that are far wider than far, or the other way round: inertias or lengths in other units than kg and m."""
+    links = {link.name: link for link in model.robot.links}
+    radius, reach = {}, dict.fromkeys(links, 0.0)
+    for name, link in links.items():
+        if link.mass > 0.0:
+            moment = float(abs(np.linalg.eigvalsh(np.reshape(link.inertia, (3, 3)))).max())
+            radius[name], reach[name] = math.sqrt(moment / link.mass), math.hypot(*link.com)
+    for j in model.robot.joints:
+        reach[j.parent] = max(reach[j.parent], math.hypot(*np.reshape(j.placement, (4, 4))[:3, 3].tolist()))
+    farthest = dict(reach)
+    for j in model.robot.joints:
+        farthest[j.parent] = max(farthest[j.parent], reach[j.child])
+        farthest[j.child] = max(farthest[j.child], reach[j.parent])
+    wide = {n: k for n, k in radius.items() if k > WIDE and k > BESIDE * farthest[n] > 0.0}
+    far = {n: r for n, r in reach.items() if r > HUGE or (r > APART and n in radius and r > BESIDE * radius[n])}
+    if wide:
+        worst = max(wide, key=lambda n: wide[n] / farthest[n])
+        others = f", as have {len(wide) - 1} others of {len(radius)}" if len(wide) > 1 else ""
+        yield Finding(
+            "warning", "units", worst,
+            f"has a radius of gyration of {wide[worst]:.3g} m, and with its neighbours reaches {farthest[worst]:.3g} m"
+            f"{others}: units?",
+            "give rotational inertias in kg m², which are 1e-6 of those in kg mm²",
+        )  # fmt: skip
+    if far:
+        worst = max(far, key=lambda n: far[n])
+        others = f", as do {len(far) - 1} others of {len(reach)}" if len(far) > 1 else ""
+        width = f"has a radius of gyration of {radius[worst]:.3g} m and " if worst in radius else ""
+        yield Finding(
+            "warning", "units", worst,
+            f"{width}reaches {far[worst]:.3g} m, to its center of mass or its farthest joint{others}: units?",
+            "give lengths in m, which are 1e-3 of those in mm",
+        )  # fmt: skip
 
 
 def _gives_energy(model: Model, link: str) -> bool:
@@ -227,9 +298,11 @@ def _stiffest(model: Model, M: Array) -> Stiffest | None:
     free = np.einsum("kii->ki", inverse)
     if not (np.isfinite(inverse).all() and (free > 0.0).all()):
         return None
-    rates, vectors = np.linalg.eigh(root[:, None] * inverse * root)
-    at = int(np.argmax(rates[:, -1]))
-    rate = float(rates[at, -1])
+    rate = 0.0
+    if root.any():
+        rates, vectors = np.linalg.eigh(root[:, None] * inverse * root)
+        at = int(np.argmax(rates[:, -1]))
+        rate = float(rates[at, -1])
     if rate > 0.0:
         k = int(np.argmax(abs(vectors[at, :, -1])))
     else:
@@ -253,22 +326,66 @@ def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
 # --- digits ----------------------------------------------------------------------------------------------
 
 
-def _digits(model: Model, digits: dict[str, dict[str, float]]) -> Iterator[Finding]:
-    """What ABA loses, at the link that is heaviest beside what carries it, and who keeps it."""
+def _digits(
+    model: Model, digits: dict[str, dict[str, float]], errors: Array, positions: Array, first: str
+) -> Iterator[Finding]:
+    """What ABA loses, at the link that is heaviest beside what carries it or at the joint that keeps least of its
+    inertia, and which method keeps it.
+
+    errors  (n,) of ABA in float64, in n positions
+    first   name of the first of them, if the others are random
+    """
     aba = digits["aba"]
     better = {m: d["float64"] for m, d in digits.items()}
     best = max(better, key=lambda m: (better[m] > better["refined"] + 1.0, m == "refined"))
-    link = _heaviest(model)
     if aba["float64"] < POOR:
+        only = f" in {first}, and {digits_of(errors[1:]):.0f} elsewhere" if first and not int(np.argmax(errors)) else ""
+        link, what = _loser(model, positions[int(np.argmax(errors))])
+        remedy = f'take method="{best}", which keeps {better[best]:.0f}'
+        if better[best] <= aba["float64"] + 1.0:
+            remedy = "no method keeps more: give the joint an armature, or stay away from there"
         yield Finding(
             "error" if aba["float64"] < LOST else "warning", "digits", link,
-            f"leaves ABA about {aba['float64']:.0f} digits in float64",
-            f'take method="{best}", which keeps {better[best]:.0f}',
+            f"{what}leaves ABA about {aba['float64']:.0f} digits in float64{only}", remedy,
         )  # fmt: skip
     if aba["float32"] < FEW:
         lost = ", whose programs turn to float64 where a pivot is lost" if aba["float32"] < 1.0 else ""
         what = f"leaves ABA about {aba['float32']:.0f} digits in float32{lost}"
-        yield Finding("note", "digits", link, what, "stay with float64")
+        yield Finding("note", "digits", _heaviest(model), what, "stay with float64")
+
+
+def _loser(model: Model, q: Array) -> tuple[str, str]:
+    """The link that costs ABA its digits in a state, and why: its mass, or how little inertia its joint keeps."""
+    if any(own > HEAVY * heaviest for _, own, heaviest, _ in _ratios(model)):
+        return _heaviest(model), ""
+    n, spec = model.nv, SPECS["minverse"]
+    pivots = np.empty(n)
+    with np.errstate(all="ignore"):
+        spec.recursion(model.bodies, np.zeros(n + 1, spec.work), q, np.empty((n, n)), pivots)
+        left = pivots / np.diag(np.asarray(calls["crba"](model, q)))
+    k = int(np.argmin(np.where(np.isfinite(left), left, 0.0)))
+    joint = _joint_at(model, k)
+    part = max(float(left[k]), 0.0)
+    return _link(model, joint), (
+        f'hangs on joint "{joint.name}", which moves {part:.1g} of its inertia when what it carries is free, and '
+    )
+
+
+def _programs(model: Model, judged: dict[str, tuple[Array, Array]]) -> Iterator[Finding]:
+    """Calls whose batches lose a digit that single calls keep."""
+    lost = {}
+    for call, errors in judged.items():
+        for level in LEVELS:
+            alone, batch = (float(np.quantile(x, level, method="higher")) for x in errors)
+            if batch > WORSE * alone + SLACK * EPS:
+                lost[call] = digits_of(np.array(alone)), digits_of(np.array(batch))
+    if lost:
+        which = ", ".join(f"{call} {batch:.1f} of {alone:.1f}" for call, (alone, batch) in lost.items())
+        yield Finding(
+            "warning", "programs", _heaviest(model),
+            f"is part of a robot whose batches of {batches.FROM} and more keep fewer digits than single calls: {which}",
+            f"call for fewer than {batches.FROM} samples at once, which runs no program",
+        )  # fmt: skip
 
 
 def _out_of_range(model: Model, M: Array) -> Iterator[Finding]:

@@ -13,7 +13,7 @@ class Finding(NamedTuple):
     """One thing that is odd about a model.
 
     severity  "note", "warning" or "error": good to know, costs digits, results are wrong or refused
-    kind      inertia, mass ratio, condition, unfelt, singular, digits, range or time step
+    kind      inertia, units, mass ratio, condition, unfelt, singular, digits, programs, range or time step
     link      name of the link it is about
     message   what was found, with its figure
     remedy    what to do about it
@@ -52,6 +52,8 @@ class Diagnosis(NamedTuple):
     condition  {"neutral" or "given", "sampled"}: condition of M scaled to a unit diagonal, the worst of each
     digits     {method: {"float64": digits, "float32": digits}} to expect of ``forward_dynamics``, at worst
     stiffest   Stiffest, or None if nothing moves
+    programs   {call: {"single": digits, "batch": digits}}, at worst, of calls that run as programs on SIMD lanes
+    states     how many states digits are of
     """
 
     name: str
@@ -59,6 +61,8 @@ class Diagnosis(NamedTuple):
     condition: dict[str, float]
     digits: dict[str, dict[str, float]]
     stiffest: Stiffest | None
+    programs: dict[str, dict[str, float]]
+    states: int
 
     @property
     def severity(self) -> str:
@@ -77,6 +81,8 @@ class Diagnosis(NamedTuple):
             "findings": [f._asdict() for f in self.findings],
             "condition": {where: _finite(x) for where, x in self.condition.items()},
             "digits": self.digits,
+            "programs": self.programs,
+            "states": self.states,
             "stiffest": None if self.stiffest is None else {**self.stiffest._asdict(), "dt": _finite(self.stiffest.dt)},
         }
 
@@ -95,6 +101,11 @@ class Diagnosis(NamedTuple):
             lines += ["digits of forward dynamics   float64  float32"]
             for method, found in self.digits.items():
                 lines.append(f"  {method:<26} {found['float64']:>7.1f}  {found['float32']:>7.1f}")
+            lines.append(f"  the worst of {self.states} states")
+        if self.programs:
+            lines += ["digits of programs             single    batch"]
+            for call, found in self.programs.items():
+                lines.append(f"  {call:<26} {found['single']:>7.1f}  {found['batch']:>7.1f}")
         s = self.stiffest
         if s is not None:
             limit = f"dt {s.dt:.3g} s" if s.rate > 0.0 else f"dt = {2.0 * s.inertia:.3g} / damping"
