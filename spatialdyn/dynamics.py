@@ -166,9 +166,11 @@ def _untraced(
         passed = [y for x, step in stepped for y in (x[first:end] if step else x, step)]
         return kernel(table, end - first, *passed, *static, rest[first:end], status[first:end])
 
-    bad = batches.team.share(n, SHARE, part)
-    if not everything:
-        flat[samples] = rest.reshape((n, -1))
+    bad = 0
+    for first, end in batches.slices(n, len(model.bodies), math.prod(core)):
+        bad += batches.team.share(first, end, SHARE, part)
+        if not everything:
+            flat[samples[first:end]] = rest[first:end].reshape((end - first, -1))
     if bad:
         diagnose(spec, model, stepped, batch, static, rest, status, samples)
 
