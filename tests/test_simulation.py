@@ -118,8 +118,8 @@ def test_compiled_loops_are_kept_on_disk() -> None:
     """A second one is read."""
     for _ in range(2):
         compiled.cache_clear()
-        sd.simulate(sd.load_urdf("two_link"), Q0, V0, 0.1, 0.01, "rk4")
-    loop = compiled(integrators["rk4"], False, None)
+        sd.simulate(sd.load_urdf("two_link"), Q0, V0, 0.1, 0.01, "stormer_verlet")
+    loop = compiled(integrators["stormer_verlet"], False, None)
     assert sum(loop.stats.cache_hits.values()) == 1  # type: ignore[attr-defined]
 
 
@@ -350,7 +350,7 @@ def test_a_stalled_step_names_time_residual_and_a_smaller_dt(arm: sd.Model) -> N
 @pytest.mark.parametrize("name", ["explicit_euler", "rk4"])
 def test_a_state_that_blows_up_stops_and_says_when(arm: sd.Model, name: str) -> None:
     with pytest.raises(
-        sd.SimulationError, match=r"the state is not finite any more at t = \S+ s, after steps of 0.5 s"
+        sd.SimulationError, match=r"diverged at t = \S+ s: the state is not finite any more; reduce dt, to 0.125 s say"
     ) as caught:
         sd.simulate(arm, Q0, V0, 1e5, 0.5, name)
     kept = caught.value.trajectory
@@ -528,12 +528,12 @@ def test_which_way_depends_on_the_robot_and_the_method_alone(arm: sd.Model) -> N
 
 
 @COMPILED
-@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+@pytest.mark.parametrize(("method", "far"), [("semi_implicit_euler", 1e5), ("rk4", 5e4)])  # a sum over the stages
 def test_from_the_first_step_without_an_answer_on_it_is_the_table(
-    arm: sd.Model, method: str, monkeypatch: pytest.MonkeyPatch
+    arm: sd.Model, method: str, far: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An angle that passes the program's range in the middle: bits are the same however the run is cut and sliced."""
-    q0, v0 = [1e5 - 5.0, 0.6], [100.0, 0.0]
+    q0, v0 = [far - 5.0, 0.6], [100.0, 0.0]
     tables: list[int] = []
     right = runs.compiled
 
@@ -576,7 +576,11 @@ def slider(gravity: float = -10.0) -> sd.Model:
     return builder.build(gravity=(0.0, 0.0, gravity))
 
 
+IGNORED = "ignore:.* has joint damping or friction"
+
+
 @pytest.mark.parametrize(("method", "dt"), [("rk4", 0.03), ("rk4", 0.1), ("explicit_euler", 0.1)])
+@pytest.mark.filterwarnings(IGNORED)
 def test_a_motion_that_diverges_is_not_blamed_on_the_robot(method: str, dt: float) -> None:
     """Fingers of a Panda, a few grams beside an arm, that fly a million metres away."""
     model = sd.load_urdf("panda")
@@ -586,6 +590,7 @@ def test_a_motion_that_diverges_is_not_blamed_on_the_robot(method: str, dt: floa
 
 
 @COMPILED
+@pytest.mark.filterwarnings(IGNORED)
 def test_an_energy_that_explodes_is_an_error_with_its_time() -> None:
     """Finite all the way, and 3e7 J where gravity has 1e5."""
     model = sd.load_urdf("panda")
