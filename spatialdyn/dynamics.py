@@ -167,10 +167,16 @@ def _untraced(
         return kernel(table, end - first, *passed, *static, rest[first:end], status[first:end])
 
     bad = 0
-    for first, end in batches.slices(n, len(model.bodies), math.prod(core)):
-        bad += batches.team.share(first, end, SHARE, part)
-        if not everything:
-            flat[samples[first:end]] = rest[first:end].reshape((end - first, -1))
+    first = end = 0
+    try:
+        for first, end in batches.slices(n, len(model.bodies), math.prod(core)):
+            bad += batches.team.share(first, end, SHARE, part)
+            if not everything:
+                flat[samples[first:end]] = rest[first:end].reshape((end - first, -1))
+            first = end
+    except KeyboardInterrupt:
+        flat[samples[first:]] = np.nan  # out holds what was done
+        raise
     if bad:
         diagnose(spec, model, stepped, batch, static, rest, status, samples)
 

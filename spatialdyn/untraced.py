@@ -70,12 +70,18 @@ def _by_kernel(
         status = np.empty(n, np.int8)
         kernel, bad = jit.batch(spec), 0
         flat = out.reshape((n, -1))
-        for a, b in batches.slices(n, len(model.bodies), flat.shape[1]):
-            passed = [y for x, step in inputs for y in (x[a:b] if step else x, step)]
-            bad += kernel(getattr(model, jit.TABLE), b - a, *passed, *static, out[a:b], status[a:b])
-            chosen = flat[a:b] if task.wanted is None else flat[a:b, task.wanted[k].ravel()]
-            with np.errstate(over="ignore"):
-                result[samples[a:b]] = chosen
+        a = 0
+        try:
+            for a, b in batches.slices(n, len(model.bodies), flat.shape[1]):
+                passed = [y for x, step in inputs for y in (x[a:b] if step else x, step)]
+                bad += kernel(getattr(model, jit.TABLE), b - a, *passed, *static, out[a:b], status[a:b])
+                chosen = flat[a:b] if task.wanted is None else flat[a:b, task.wanted[k].ravel()]
+                with np.errstate(over="ignore"):
+                    result[samples[a:b]] = chosen
+                a = b
+        except KeyboardInterrupt:
+            result[samples[a:]] = np.nan  # out holds what was done
+            raise
         if bad:
             diagnose(spec, model, inputs, batch, static, out, status, samples)
         flat = flat if task.wanted is None else flat[:, task.wanted[k].ravel()]

@@ -293,7 +293,7 @@ class Kernel:
         self.address, self.workspace = self._loaded.address("kernel"), workspace
         self.inputs, self.outputs = layout.inputs, tuple(map(len, layout.outputs))
         self._room = room(self.inputs, self.outputs, workspace, self.lanes, self.dtype.itemsize)
-        self._share, self.reach = max(1, SHARE // len(code)), max(1, REACH // len(code))
+        self._share, self._length = max(1, SHARE // len(code)), len(code)
         kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self.inputs)
         kinds += [ctypes.py_object] * (len(self.outputs) + 1)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64)
@@ -305,7 +305,8 @@ class Kernel:
         inputs   (n, columns) in C order, or (1, columns) for one that serves all samples
         outputs  (n, columns) in C order
 
-        None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything.
+        None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything. At
+        Ctrl-C, which is heard between slices, outputs hold what was done, and NaN for the other samples.
         """
         n, arguments = len(outputs[0]), []
         for x, columns in zip(inputs, self.inputs, strict=True):
@@ -328,9 +329,19 @@ class Kernel:
             more = min(reach, tiles - tile)
             cuts = [min((tile + more * k // threads) * self.lanes, n) for k in range(threads + 1)]
             parts = [(b - a, [*self._cut(inputs, a, b, n), *(y[a:b] for y in outputs)]) for a, b in pairwise(cuts)]
-            made = team.run([partial(self._part, *part) for part in parts])
+            try:
+                made = team.run([partial(self._part, *part) for part in parts])
+            except KeyboardInterrupt:  # what is left to be done again, or at all, is NaN
+                for y in outputs:
+                    y[np.concatenate([*found, np.arange(cuts[0], n)])] = np.nan
+                raise
             found += [samples + first for first, samples in zip(cuts, made, strict=False)]
         return np.concatenate(found)
+
+    @property
+    def reach(self) -> int:
+        """How many tiles, or steps of one, a thread runs before Ctrl-C is looked at."""
+        return max(1, REACH // self._length)
 
     def threads(self, tiles: int) -> int:
         """How many threads are worth waking for so many tiles, of those there may be."""
