@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"spatialdyn: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as interrupt:
-        print(f"spatialdyn: {interrupt or 'interrupted'}", file=sys.stderr)
+        print(f"spatialdyn: {str(interrupt) or 'interrupted'}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader, head say, has seen enough
         sys.stderr.close()

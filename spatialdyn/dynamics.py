@@ -348,6 +348,7 @@ def docstring(spec: Spec) -> str:
     if "reference" in static:
         raises.append("SpatialDynError for another reference")
     raises.append("NonFiniteError if finite input gives none")
+    raises.append("KeyboardInterrupt at Ctrl-C, soon also in a long batch: out holds what was done, NaN for the rest")
     lines += [
         "    Raises",
         *(f"        {r}" for r in raises),
