@@ -304,9 +304,7 @@ def test_ctrl_c_ends_every_command_in_one_line(
 
 
 @pytest.mark.parametrize(("method", "warned"), [("explicit_euler", True), ("rk4", False)])
-def test_simulate_says_how_far_energy_went(
-    method: str, warned: bool, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_says_how_far_energy_went(method: str, warned: bool, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--q0", "1.0", "--duration", "10", "--dt", "0.01", "--method", method]
     status, out, err = run(capsys, "simulate", "pendulum", *options)
     assert (status, err) == (0, "")

@@ -86,7 +86,8 @@ def test_a_rollout_in_slices_gives_the_same_bits(
 ) -> None:
     """Of samples, of steps, of both; torques of every step, or of every sample too."""
     q, v, _ = states(arm, 43)
-    for tau in (np.random.default_rng(2).standard_normal((20, 2)), np.random.default_rng(2).standard_normal((43, 20, 2))):
+    each = np.random.default_rng(2).standard_normal((43, 20, 2))
+    for tau in (each[0], each):
         with monkeypatch.context() as patch:
             patch.setattr(batches.Kernel, "threads", lambda self, tiles: 1)
             wanted = sd.rollout(arm, q, v, tau, dt=1e-3, record=record)
@@ -99,7 +100,9 @@ def test_a_rollout_in_slices_gives_the_same_bits(
             np.testing.assert_array_equal(x, y)
 
 
-@pytest.mark.parametrize(("steps", "every", "most"), [(20, 1, 6), (20, 3, 7), (20, 7, 3), (20, 20, 6), (5, 9, 2), (6, 3, 3)])
+@pytest.mark.parametrize(
+    ("steps", "every", "most"), [(20, 1, 6), (20, 3, 7), (20, 7, 3), (20, 20, 6), (5, 9, 2), (6, 3, 3)]
+)
 def test_pieces_end_where_a_record_is_due(steps: int, every: int, most: int) -> None:
     done, records = 0, []
     for first, count, each in loops._pieces(steps, every, most):

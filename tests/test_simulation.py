@@ -417,10 +417,14 @@ def test_a_loop_of_simulations_ends_at_ctrl_c(arm: sd.Model) -> None:
         signal.raise_signal(signal.SIGINT)
         return [0.0, 0.0]
 
-    with pytest.raises(KeyboardInterrupt):
+    def loop() -> None:
+        nonlocal begun
         for _ in range(3):
             begun += 1
             sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=torque)
+
+    with pytest.raises(KeyboardInterrupt):
+        loop()
     assert begun == 1
 
 

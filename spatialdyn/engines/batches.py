@@ -324,7 +324,7 @@ class Kernel:
             return self._part(n, [*arguments, *outputs])
         if any(np.may_share_memory(y, x) for k, y in enumerate(outputs) for x in (*inputs, *outputs[:k])):
             return None  # which a part would not see of the others
-        found = []
+        found: list[NDArray[np.intp]] = []
         for tile in range(0, tiles, reach):
             more = min(reach, tiles - tile)
             cuts = [min((tile + more * k // threads) * self.lanes, n) for k in range(threads + 1)]

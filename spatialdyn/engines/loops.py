@@ -75,7 +75,7 @@ def run(
     bits = np.full(tiles, (1 << width) - 1, np.uint16)
     least = kernel.reach * threads
     group = max(threads, least // steps)
-    starts_of = [np.empty_like(s) for s in states], [np.empty_like(s) for s in states]
+    reached = [np.empty_like(s) for s in states], [np.empty_like(s) for s in states]
 
     def part(passed: list[Any], numbers: tuple[int, ...], first: int, end: int) -> None:
         buffer = np.empty(2 * (end - first) + 2 + space, np.uint8)
@@ -83,16 +83,16 @@ def run(
         bits[first:end] &= buffer[: 2 * (end - first)].view(np.uint16)
 
     for tile in range(0, tiles, group):
-        more = min(group, tiles - tile)
+        several = min(group, tiles - tile)
         now: Sequence[NDArray[Any]] = states
-        for k, (step, count, each) in enumerate(_pieces(steps, every, max(1, least // more))):
+        for k, (step, count, each) in enumerate(_pieces(steps, every, max(1, least // several))):
             passed: list[Any] = [kernel.address, *now]
             for x in inputs:
                 passed += [x.rows if x.rows.shape[1] == 1 else x.rows[:, step:], *x.steps()]
-            now = starts_of[k % 2]
+            now = reached[k % 2]
             passed += [*(r[:, step // every :] for r in records), *now]
             numbers = (n, count, each, steps // every)
-            cuts = pairwise(tile + more * j // threads for j in range(threads + 1))
+            cuts = pairwise(tile + several * j // threads for j in range(threads + 1))
             team.run([partial(part, passed, numbers, *cut) for cut in cuts])
     starts = np.minimum(np.arange(tiles) * width, n - width)
     lane = np.arange(width)

@@ -222,7 +222,8 @@ def _run(
         at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
         if at is not None:
             risen, t = trajectory.energy[at] - trajectory.energy[0], trajectory.t[at]
-            cure = "rtol and atol" if method.family is None else f"dt, to {steps.dt / 4:g} s say instead of {steps.dt:g}"
+            finer = f"dt, to {steps.dt / 4:g} s say instead of {steps.dt:g}"
+            cure = "rtol and atol" if method.family is None else finer
             diverged = SimulationError(
                 f"{method.name} diverged at t = {t:.9g} s: the energy has risen by {risen:.3g} J, where gravity and "
                 f"the motion at the beginning account for {scale_of(T, V)[at]:.3g} J; reduce {cure}"
