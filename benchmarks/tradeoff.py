@@ -49,7 +49,6 @@ METHODS = (
 )
 HORIZONS = {1.0: 80, 100.0: 2500, 2000.0: 50_000}  # seconds: steps of the coarsest run, 1/80 s, 1/25 s and again
 FINER = 4
-LONG = 5000  # steps from which a run may be a program
 SAMPLES = 400  # energies that are looked at
 RTOL = (1e-6, 1e-9, 1e-12)
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-12)
@@ -149,12 +148,10 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
 
 
 def _warm(model: sd.Model, q0: Any, v0: Any, method: str) -> None:
-    """Have compiled what a method needs: the loop of a short run, and the program of a long one."""
-    steps = (2, LONG) if sd.integrators[method].family else (1,)
+    """Have compiled what a method needs."""
     with warnings.catch_warnings(), contextlib.suppress(sd.SpatialDynError):
         warnings.simplefilter("ignore")
-        for count in steps:
-            sd.simulate(model, q0, v0, count * 1e-9, 1e-9, method, record=count)
+        sd.simulate(model, q0, v0, 2e-9, 1e-9, method)
 
 
 def _runs(

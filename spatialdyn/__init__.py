@@ -27,6 +27,7 @@ from .errors import (
     NonFiniteError,
     ShapeError,
     SimulationError,
+    SimulationInterrupt,
     SpatialDynError,
     UrdfError,
 )
@@ -58,8 +59,8 @@ __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstraintError", "Diagnosis", "Exact", "Finding", "Frame",
     "Impact", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError", "Option", "PD",
-    "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SpatialDynError", "Specialized",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "assemble", "check_conservation",
+    "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "assemble", "check_conservation",
     "compare_with_pinocchio", "conserved_quantities", "constrained_dynamics", "diagnose", "exact", "forward_dynamics",
     "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "integrators",
     "kernels", "load_urdf", "poisson_bracket", "random_configuration", "recommend", "rollout", "simplify", "simulate",

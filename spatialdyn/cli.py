@@ -2,7 +2,7 @@
 ``check ROBOT``, ``trade ROBOT``, ``port SCRIPT``.
 
 Exit status: 0 all is well, 1 disagreement with Pinocchio, or a script uses what is not there, 2 bad input, which is
-said on stderr in one line.
+said on stderr in one line, 130 Ctrl-C, likewise.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from . import __version__
 from .commands import check, compare, derive, info, port, simulate, trade
 from .errors import SpatialDynError
+
+INTERRUPTED = 130  # 128 and the number of the signal, as shells have it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,6 +29,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SpatialDynError as error:
         print(f"spatialdyn: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt as interrupt:
+        print(f"spatialdyn: {str(interrupt) or 'interrupted'}", file=sys.stderr)
+        return INTERRUPTED
     except BrokenPipeError:  # the reader, head say, has seen enough
         sys.stderr.close()
         return 0

@@ -173,9 +173,17 @@ def _untraced(
         passed = [y for x, step in stepped for y in (x[first:end] if step else x, step)]
         return kernel(table, end - first, *passed, *static, rest[first:end], status[first:end])
 
-    bad = batches.team.share(n, SHARE, part)
-    if not everything:
-        flat[samples] = rest.reshape((n, -1))
+    bad = 0
+    first = end = 0
+    try:
+        for first, end in batches.slices(n, len(model.bodies), math.prod(core)):
+            bad += batches.team.share(first, end, SHARE, part)
+            if not everything:
+                flat[samples[first:end]] = rest[first:end].reshape((end - first, -1))
+            first = end
+    except KeyboardInterrupt:
+        flat[samples[first:]] = np.nan  # out holds what was done
+        raise
     if bad:
         diagnose(spec, model, stepped, batch, static, rest, status, samples)
 
@@ -350,6 +358,7 @@ def docstring(spec: Spec) -> str:
     if "classical" in static:
         raises.append("SpatialDynError for a classical that is not True or False")
     raises.append("NonFiniteError if finite input gives none")
+    raises.append("KeyboardInterrupt at Ctrl-C, soon also in a long batch: out holds what was done, NaN for the rest")
     lines += [
         "    Raises",
         *(f"        {r}" for r in raises),

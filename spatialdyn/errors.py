@@ -41,3 +41,13 @@ class SimulationError(SpatialDynError):
     """A simulation that cannot go on; what was recorded up to then is its ``trajectory``, None if nothing was."""
 
     trajectory: Any = None
+
+
+class SimulationInterrupt(KeyboardInterrupt):
+    """Ctrl-C during a simulation; what was recorded up to then is its ``trajectory``.
+
+    It is a KeyboardInterrupt, so a loop around simulations ends as any other, and one that does not catch it never
+    goes on.
+    """
+
+    trajectory: Any = None

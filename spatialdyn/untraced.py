@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .border import full_shape
 from .choices import Input, Task
 from .diagnosis import diagnose
-from .engines import jit, parameters
+from .engines import batches, jit, parameters
 from .errors import NonFiniteError
 from .model import Model
 
@@ -68,15 +68,23 @@ def _by_kernel(
         static = tuple(task.static[x.name] for x in spec.given if x.static)
         out = np.empty((n, *(full_shape(model, spec.output) or (1,))))
         status = np.empty(n, np.int8)
-        passed = [part for pair in inputs for part in pair]
-        bad = jit.batch(spec)(getattr(model, jit.TABLE), n, *passed, *static, out, status)
+        kernel, bad = jit.batch(spec), 0
         flat = out.reshape((n, -1))
-        if task.wanted is not None:
-            flat = flat[:, task.wanted[k].ravel()]
-        with np.errstate(over="ignore"):
-            result[samples] = flat
+        a = 0
+        try:
+            for a, b in batches.slices(n, len(model.bodies), flat.shape[1]):
+                passed = [y for x, step in inputs for y in (x[a:b] if step else x, step)]
+                bad += kernel(getattr(model, jit.TABLE), b - a, *passed, *static, out[a:b], status[a:b])
+                chosen = flat[a:b] if task.wanted is None else flat[a:b, task.wanted[k].ravel()]
+                with np.errstate(over="ignore"):
+                    result[samples[a:b]] = chosen
+                a = b
+        except KeyboardInterrupt:
+            result[samples[a:]] = np.nan  # out holds what was done
+            raise
         if bad:
             diagnose(spec, model, inputs, batch, static, out, status, samples)
+        flat = flat if task.wanted is None else flat[:, task.wanted[k].ravel()]
         if task.dtype == np.float32 and not np.isfinite(result[samples][np.isfinite(flat)]).all():
             raise NonFiniteError(f"{spec.name} leaves the range of float32, expected dtype=np.float64 for such input")
 

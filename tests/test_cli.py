@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import warnings
@@ -272,6 +273,55 @@ def test_simulate_reports_saves_and_draws(tmp_path: Path, capsys: pytest.Capture
     assert "energy  " in out
     assert Trajectory.load(saved).q[0].tolist() == [0.5, -0.3]
     assert drawn.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_simulate_shows_what_there_is_at_ctrl_c(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(done: int, total: int) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("spatialdyn.commands.simulate.watched", lambda: stop)
+    path = str(tmp_path / "run.npz")
+    status, out, err = run(capsys, "simulate", "two_link", "--duration", "1e4", "--save", path)
+    assert status == 130
+    kept = Trajectory.load(path)
+    assert kept.interrupted
+    assert 2 <= len(kept) < 1000
+    assert err == f"spatialdyn: interrupted at t = {kept.t[-1]:g} s of 10000 s\n"
+    assert out.startswith(f"two_link: {len(kept)} samples of {kept.t[-1]:g} s by rk4")
+    assert "energy  " in out
+
+
+def test_ctrl_c_ends_every_command_in_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(arguments: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("spatialdyn.commands.simulate.load", stop)
+    assert run(capsys, "simulate", "two_link") == (130, "", "spatialdyn: interrupted\n")
+
+
+@pytest.mark.parametrize(("method", "warned"), [("explicit_euler", True), ("rk4", False)])
+def test_simulate_says_how_far_energy_went(method: str, warned: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--q0", "1.0", "--duration", "10", "--dt", "0.01", "--method", method]
+    status, out, err = run(capsys, "simulate", "pendulum", *options)
+    assert (status, err) == (0, "")
+    motion = sd.simulate(sd.load_urdf("pendulum"), [1.0], [0.0], 10.0, 0.01, method)
+    T = np.asarray(sd.kinetic_energy(motion.model, motion.q, motion.v))
+    far, V = abs(motion.energy - motion.energy[0]).max(), motion.energy - T
+    share = 100.0 * far / (abs(V - V[0]).max() + T[0])
+    assert (share > 10.0) == warned
+    assert f"at most {far:.3g} J, {share:.2g} % of its scale" in out
+    assert (f"warning energy changes by {share:.2g} % of its scale though nothing drives the robot" in out) == warned
+
+
+def test_a_simulation_that_diverges_is_no_result(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "simulate", "panda", "--dt", "0.03", "--duration", "10")
+    assert (status, out) == (2, "")
+    assert err.startswith("spatialdyn: rk4 diverged at t = ")
+    assert "reduce dt" in err
 
 
 def test_simulate_refuses_bad_numbers(capsys: pytest.CaptureFixture[str]) -> None:

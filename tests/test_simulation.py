@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import warnings
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines import jit
 from spatialdyn.simulation import integrators, runs, traced
+from spatialdyn.simulation.energy import exploded, scale_of
 from spatialdyn.simulation.loop import compiled
 
 EPS = np.finfo(float).eps
@@ -116,8 +118,8 @@ def test_compiled_loops_are_kept_on_disk() -> None:
     """A second one is read."""
     for _ in range(2):
         compiled.cache_clear()
-        sd.simulate(sd.load_urdf("two_link"), Q0, V0, 0.1, 0.01, "rk4")
-    loop = compiled(integrators["rk4"], False, None)
+        sd.simulate(sd.load_urdf("two_link"), Q0, V0, 0.1, 0.01, "stormer_verlet")
+    loop = compiled(integrators["stormer_verlet"], False, None)
     assert sum(loop.stats.cache_hits.values()) == 1  # type: ignore[attr-defined]
 
 
@@ -348,7 +350,7 @@ def test_a_stalled_step_names_time_residual_and_a_smaller_dt(arm: sd.Model) -> N
 @pytest.mark.parametrize("name", ["explicit_euler", "rk4"])
 def test_a_state_that_blows_up_stops_and_says_when(arm: sd.Model, name: str) -> None:
     with pytest.raises(
-        sd.SimulationError, match=r"the state is not finite any more at t = \S+ s, after steps of 0.5 s"
+        sd.SimulationError, match=r"diverged at t = \S+ s: the state is not finite any more; reduce dt, to 0.125 s say"
     ) as caught:
         sd.simulate(arm, Q0, V0, 1e5, 0.5, name)
     kept = caught.value.trajectory
@@ -367,30 +369,83 @@ def test_damping_that_acts_nowhere_is_said_once() -> None:
 # --- how it ends, and what it tells meanwhile -------------------------------------------------------------
 
 
-def test_ctrl_c_leaves_what_was_recorded(arm: sd.Model) -> None:
+@pytest.mark.parametrize("name", [*METHODS, "velocity_verlet", "dop853"])
+@pytest.mark.parametrize("record", [1, 4])
+def test_ctrl_c_leaves_what_was_recorded_and_the_last_state(arm: sd.Model, name: str, record: int) -> None:
     def torque(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
         if t > 0.055:
             raise KeyboardInterrupt
+        return [0.1, 0.0]
+
+    with pytest.raises(sd.SimulationInterrupt, match=r"interrupted at t = 0\.0\d* s of 0.1 s") as caught:
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=torque, record=record)
+    assert isinstance(caught.value, KeyboardInterrupt)
+    run = caught.value.trajectory
+    assert run.interrupted
+    assert "interrupted" in repr(run)
+    if name == "dop853":  # whose steps are its own
+        assert run.t[0] == 0.0
+        return
+    whole = sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=lambda t, q, v: [0.1, 0.0])
+    last = round(run.t[-1] / 0.01)
+    assert last in (4, 5)  # by then the function has said no: methods ask within a step, and at its end for the sample
+    at = sorted({*range(0, last + 1, record), last})
+    np.testing.assert_array_equal(run.t, whole.t[at])
+    for part in ("q", "v", "p"):
+        np.testing.assert_allclose(getattr(run, part), getattr(whole, part)[at], rtol=0, atol=100 * TINY)
+
+
+@pytest.mark.parametrize("start", [sd.simulate, sd.hamilton_simulation])
+@pytest.mark.parametrize("name", [*METHODS, "dop853"])
+def test_ctrl_c_in_the_first_torque_leaves_the_first_state(arm: sd.Model, name: str, start: Any) -> None:
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(sd.SimulationInterrupt, match=r"interrupted at t = 0 s of 0.1 s") as caught:
+        start(arm, Q0, V0, 0.1, 0.01, name, torque=torque)
+    run = caught.value.trajectory
+    assert run.t.tolist() == [0.0]
+    assert run.q.tolist() == [Q0]
+    assert np.isfinite(run.energy).all()
+    assert np.isnan(run.tau).all()  # it never said
+
+
+def test_a_loop_of_simulations_ends_at_ctrl_c(arm: sd.Model) -> None:
+    begun = 0
+
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
+        signal.raise_signal(signal.SIGINT)
         return [0.0, 0.0]
 
-    for name in (*METHODS, "dop853"):
-        with pytest.warns(RuntimeWarning, match=r"interrupted at t = 0\.0\d* s of 0.1 s"):
-            run = sd.simulate(arm, Q0, V0, 0.1, 0.01, name, torque=torque)
-        assert run.interrupted
-        assert (1 if name == "dop853" else 5) <= len(run) <= 6
-        assert "interrupted" in repr(run)
+    def loop() -> None:
+        nonlocal begun
+        for _ in range(3):
+            begun += 1
+            sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=torque)
+
+    with pytest.raises(KeyboardInterrupt):
+        loop()
+    assert begun == 1
 
 
 @COMPILED
-def test_ctrl_c_is_heard_between_slices_of_the_compiled_loop(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["rk4", "stormer_verlet"])
+def test_ctrl_c_is_heard_between_slices_of_the_compiled_loop(arm: sd.Model, name: str) -> None:
+    """The state is one between two samples, that of a run that ends there."""
+
     def stop(done: int, total: int) -> None:
         if done > 1000:
-            raise KeyboardInterrupt
+            signal.raise_signal(signal.SIGINT)
 
-    with pytest.warns(RuntimeWarning, match="interrupted at t = "):
-        run = sd.simulate(arm, Q0, V0, 1e6, 1e-3, record=1000, progress=stop)
+    with pytest.raises(sd.SimulationInterrupt, match="interrupted at t = ") as caught:
+        sd.simulate(arm, Q0, V0, 1e5, 1e-3, name, record=1 << 20, progress=stop)
+    run = caught.value.trajectory
     assert run.interrupted
-    assert 1 < len(run) < 1e6
+    assert 1 < len(run) < 100
+    wanted = sd.simulate(arm, Q0, V0, run.t[-1], 1e-3, name, record=1 << 20)
+    assert wanted.t[-1] == run.t[-1]
+    np.testing.assert_array_equal(run.q[-1], wanted.q[-1])
+    np.testing.assert_array_equal(run.v[-1], wanted.v[-1])
     assert runs.SLICE <= 0.1  # seconds until it is heard
 
 
@@ -416,10 +471,38 @@ def test_the_table_of_methods_names_all() -> None:
     ]  # fmt: skip
 
 
-# --- long simulations by a program ----------------------------------------------------------------------
+# --- one way, whatever the number of steps ----------------------------------------------------------------
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
+def same_bits(run: sd.Trajectory, other: sd.Trajectory, samples: int) -> None:
+    for name in ("t", "q", "v", "p", "tau", "energy"):
+        np.testing.assert_array_equal(getattr(run, name)[:samples], getattr(other, name)[:samples], err_msg=name)
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_the_first_steps_of_a_run_are_those_of_a_shorter_one(arm: sd.Model, name: str) -> None:
+    """To the last bit, and so are momenta and energies, whatever the number of samples."""
+    counts = (3, 20) if jit.PLAIN else (1, 10, 511, 1000, 4999)
+    long = sd.simulate(arm, Q0, V0, (30 if jit.PLAIN else 5002) * 1e-3, 1e-3, name)
+    for count in counts:
+        same_bits(sd.simulate(arm, Q0, V0, count * 1e-3, 1e-3, name), long, count + 1)
+
+
+@COMPILED
+@pytest.mark.parametrize("slice_", [0.0, 1e-4])
+def test_slices_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch, slice_: float) -> None:
+    model, rng = random_tree(11, 5, floating=True).model, np.random.default_rng(4)
+    q0, v0 = sd.random_configuration(model, rng), 0.1 * rng.standard_normal(model.nv)
+    torque = 0.1 * rng.standard_normal((301, model.nv))
+    for name in METHODS:
+        wanted = sd.simulate(model, q0, v0, 0.3005, 1e-3, name, torque=torque, record=7)
+        with monkeypatch.context() as patch:
+            patch.setattr(runs, "SLICE", slice_)
+            patch.setattr(runs, "STEPS", 3)
+            same_bits(sd.simulate(model, q0, v0, 0.3005, 1e-3, name, torque=torque, record=7), wanted, len(wanted))
+
+
+@COMPILED
 @pytest.mark.parametrize("method", ["explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4"])
 @pytest.mark.parametrize("record", [1, 7, 40, 1000])
 def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPatch, method: str, record: int) -> None:
@@ -428,9 +511,9 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
     q0, v0 = sd.random_configuration(model, rng), 0.1 * rng.standard_normal(model.nv)
     torque = 0.1 * rng.standard_normal((101, model.nv))
     given: dict[str, Any] = {"method": method, "torque": torque, "record": record}
-    wanted = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
-    monkeypatch.setattr(traced, "FROM", 1)
     found = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
+    monkeypatch.setattr(runs, "program", lambda *_: None)
+    wanted = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
     for name in ("t", "tau"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
     for name in ("q", "v", "p", "energy"):
@@ -438,16 +521,121 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
         assert abs(x - y).max() <= 1e4 * EPS * max(1.0, abs(y).max())  # a hundred steps, rounded otherwise
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
-def test_what_a_program_has_no_answer_for_is_told_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(traced, "FROM", 1)
+@COMPILED
+def test_which_way_depends_on_the_robot_and_the_method_alone(arm: sd.Model) -> None:
+    rk4, euler = integrators["rk4"], integrators["semi_implicit_euler"]
+    long = sd.load_urdf("talos_full_v2", root="floating")
+    assert traced._kernel(arm, rk4) is not None
+    assert traced._kernel(arm, rk4) is traced._kernel(arm, rk4)
+    assert rk4.evaluations * long.nv > traced.MOST >= euler.evaluations * long.nv
+    assert traced._kernel(long, rk4) is None
+
+
+@COMPILED
+@pytest.mark.parametrize(("method", "far"), [("semi_implicit_euler", 1e5), ("rk4", 5e4)])  # a sum over the stages
+def test_from_the_first_step_without_an_answer_on_it_is_the_table(
+    arm: sd.Model, method: str, far: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An angle that passes the program's range in the middle: bits are the same however the run is cut and sliced."""
+    q0, v0 = [far - 5.0, 0.6], [100.0, 0.0]
+    tables: list[int] = []
+    right = runs.compiled
+
+    def counted(*arguments: Any) -> Any:
+        def loop(*passed: Any) -> None:
+            tables.append(passed[-10])
+            right(*arguments)(*passed)
+
+        return loop
+
+    monkeypatch.setattr(runs, "compiled", counted)
+    long = sd.simulate(arm, q0, v0, 0.4, 1e-3, method)
+    first = min(tables)
+    assert 5 < first < 350
+    for count in (first - 1, first, first + 1, 300):
+        same_bits(sd.simulate(arm, q0, v0, count * 1e-3, 1e-3, method), long, count + 1)
+    monkeypatch.setattr(runs, "SLICE", 0.0)
+    tables.clear()
+    same_bits(sd.simulate(arm, q0, v0, 0.4, 1e-3, method), long, 401)
+    assert min(tables) == first
+
+
+@COMPILED
+def test_what_a_program_has_no_answer_for_is_told_as_ever() -> None:
     model = sd.load_urdf("two_link")
-    with pytest.raises(sd.SimulationError, match="not finite any more at t") as caught:
+    with pytest.raises(sd.SimulationError, match=r"diverged at t = .* not finite any more") as caught:
         sd.simulate(model, [0.1, 0.2], [1e120, 0.0], 1.0, 0.01, "explicit_euler")
     assert caught.value.trajectory is not None
     far = sd.simulate(model, [2e5 * np.pi, 0.2], [0.0, 0.0], 0.1, 0.01)  # beyond the short sine
     near = sd.simulate(model, [0.0, 0.2], [0.0, 0.0], 0.1, 0.01)
     assert abs(far.v - near.v).max() <= 1e-8
+
+
+# --- motions that diverge ---------------------------------------------------------------------------------
+
+
+def slider(gravity: float = -10.0) -> sd.Model:
+    builder = sd.ModelBuilder()
+    builder.add_body("slide", joint="prismatic", axis=(0, 0, 1), inertia=(2.0, (0, 0, 0), np.eye(3)))
+    return builder.build(gravity=(0.0, 0.0, gravity))
+
+
+IGNORED = "ignore:.* has joint damping or friction"
+
+
+@pytest.mark.parametrize(
+    ("method", "dt"), [pytest.param("rk4", 0.03, marks=COMPILED), ("rk4", 0.1), ("explicit_euler", 0.1)]
+)
+@pytest.mark.filterwarnings(IGNORED)
+def test_a_motion_that_diverges_is_not_blamed_on_the_robot(method: str, dt: float) -> None:
+    """Fingers of a Panda, a few grams beside an arm, that fly a million metres away."""
+    model = sd.load_urdf("panda")
+    q0 = sd.random_configuration(model, np.random.default_rng(0))
+    with pytest.raises(sd.SimulationError, match=rf"{method} diverged at t = .*reduce dt, to {dt / 4:g} s say"):
+        sd.simulate(model, q0, np.zeros(model.nv), 10.0, dt, method)
+
+
+@COMPILED
+@pytest.mark.filterwarnings(IGNORED)
+def test_an_energy_that_explodes_is_an_error_with_its_time() -> None:
+    """Finite all the way, and 3e7 J where gravity has 1e5."""
+    model = sd.load_urdf("panda")
+    q0 = sd.random_configuration(model, np.random.default_rng(0))
+    with pytest.raises(sd.SimulationError, match=r"diverged at t = .*: the energy has risen by .* J, where") as caught:
+        sd.simulate(model, q0, np.zeros(model.nv), 100.0, 0.01, "rk4")
+    run = caught.value.trajectory
+    assert run.t[-1] == 100.0
+    assert np.isfinite(run.q).all()
+
+
+def test_motions_that_gain_what_is_theirs_are_no_divergence(arm: sd.Model) -> None:
+    """Free fall, a torque that goes on, a start from rest by explicit Euler, a robot that never moves."""
+    fall = sd.simulate(slider(), [0.0], [0.0], 0.1, 0.01, "explicit_euler")
+    assert fall.v[-1, 0] == pytest.approx(-1.0)
+    pushed = sd.simulate(slider(0.0), [0.0], [0.0], 100.0, 10.0, torque=[1e6])
+    assert pushed.energy[-1] == pytest.approx(0.5 * 2.0 * (5e5 * 100.0) ** 2)
+    late = np.zeros((20, 1))
+    late[3] = 1e6  # between two samples
+    assert len(sd.simulate(slider(0.0), [0.0], [0.0], 0.2, 0.01, torque=late, record=10)) == 3
+    asked = sd.simulate(slider(0.0), [0.0], [0.0], 1.0, 0.1, torque=lambda t, q, v: [1e6], record=10)
+    assert asked.v[-1, 0] == pytest.approx(5e5)
+    for steps in (1, 2, 3, 10):
+        for method in ("explicit_euler", "semi_implicit_euler"):
+            sd.simulate(arm, [0.5, 0.1], [0.0, 0.0], steps * 1e-2, 1e-2, method)
+    still = sd.simulate(arm, [-np.pi / 2, 0.0], [0.0, 0.0], 0.1, 0.01)
+    assert abs(still.v).max() <= 1e-12
+
+
+@pytest.mark.parametrize(("factor", "found"), [(99.0, None), (101.0, 3)])
+def test_the_threshold_of_an_explosion_is_a_hundred_times_the_scale(factor: float, found: int | None) -> None:
+    T, V = np.array([1.0, 1.0, 1.5, 1.0]), np.array([0.0, -0.5, -1.0, -1.0])
+    T[3] += 1.0 + factor * 2.0
+    v, steps = np.zeros((4, 1)), np.arange(4)
+    np.testing.assert_allclose(scale_of(T, V), [1.0, 1.5, 2.0, 2.0], rtol=1e-8)
+    assert exploded(steps * 0.1, v, T, V, np.zeros(1), steps) == found
+    assert exploded(steps * 0.1, v + 1e4, T, V, np.ones(1), steps) is None  # 3000 J of work
+    T[2] = np.nan
+    assert exploded(steps * 0.1, v, T, V, np.zeros(1), steps) == 2
 
 
 def test_a_trajectory_says_how_well_it_was_conserved() -> None:

@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics import calls
-from ..errors import SpatialDynError
+from ..errors import SimulationInterrupt, SpatialDynError
 from ..model import Model
 from ..simulation import Trajectory, integrators, simulate
+from ..simulation.energy import scale_of
 from ..states import random_configuration
 from .printing import watched
 from .robots import add_robot, load
 from .targets import check_file, check_plot
 
 Array = NDArray[np.float64]
+LARGE = 0.1  # of its scale, beyond which a change of energy is warned of
 
 
 def add(commands: Any) -> None:
@@ -53,12 +55,16 @@ def _run(arguments: argparse.Namespace) -> int:
     if q0 is None:
         q0 = random_configuration(model, np.random.default_rng(0))
     v0 = _numbers("--v0", arguments.v0, model.nv)
+    stopped = None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        run = simulate(
-            model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt, arguments.method,
-            record=arguments.record, progress=watched(),
-        )  # fmt: skip
+        try:
+            run = simulate(
+                model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt,
+                arguments.method, record=arguments.record, progress=watched(),
+            )  # fmt: skip
+        except SimulationInterrupt as interrupt:
+            run, stopped = interrupt.trajectory, interrupt
     for line in _report(model, run):
         print(line)
     for warning in caught:
@@ -69,6 +75,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         _write("--plot", arguments.plot, run.plot().savefig)
         print(f"drawn   {arguments.plot}")
+    if stopped is not None:
+        raise stopped  # which the command line says in one line
     return 0
 
 
@@ -98,10 +106,22 @@ def _report(model: Model, run: Trajectory) -> list[str]:
     method = integrators[run.method]
     change = run.energy - run.energy[0]
     T = calls["kinetic_energy"](model, run.q, run.v)
-    return [
+    far, scale = float(abs(change).max()), float(scale_of(T, run.energy - T)[-1])
+    lines = [
         f"{model.name}: {len(run)} samples of {run.t[-1]:g} s by {run.method}, dt {run.dt:g} s",
         f"method  order {method.order}, preserves {method.preserves}; {method.note}",
-        f"energy  {run.energy[0]:.9g} J, changes by {change[-1]:.3g} J, at most {abs(change).max():.3g} J; "
-        f"kinetic at most {T.max():.4g} J",
+        f"energy  {run.energy[0]:.9g} J, changes by {change[-1]:.3g} J, at most {far:.3g} J, {_share(far, scale)} of "
+        f"its scale; kinetic at most {T.max():.4g} J",
         f"q(end)  {np.array2string(run.q[-1], precision=6, max_line_width=10_000)}",
     ]
+    if not far <= LARGE * scale:
+        cure = "rtol and atol" if method.family is None else "dt"
+        lines.append(
+            f"warning energy changes by {_share(far, scale)} of its scale though nothing drives the robot, expected at "
+            f"most {LARGE:.0%}: the motion is not to be trusted; reduce {cure}"
+        )
+    return lines
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{100.0 * part / whole:.2g} %" if whole > 0.0 else "0 %" if part == 0.0 else "all"

@@ -15,9 +15,11 @@ import os
 import struct
 import sys
 import threading
+import time
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -41,6 +43,9 @@ FROM = 512  # samples from which a batch is worth a program
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 KEPT = 128  # programs in memory
 SHARE = 16 << 20  # bytes of machine code to run through before another thread is worth waking: some 100 µs
+REACH = 1 << 30  # bytes of machine code to run through before Ctrl-C is looked at: some 50 ms, in each thread
+SLICE = 0.05  # seconds between two looks at Ctrl-C where samples are no program's
+FIRST = 1 << 18  # rows times rows, or results, of the samples before the first look: 2 to 30 ms
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
 STREAM = 16 << 20  # bytes of output from which it goes past the caches: half the time of crba of talos
 
@@ -69,14 +74,37 @@ class _Team:
                 self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
             return self._pools[threads]
 
-    def share(self, n: int, least: int, part: Callable[[int, int], int]) -> int:
-        """The sum of ``part(first, end)`` over n samples cut among the threads, with at least so many for each."""
+    def run(self, parts: Sequence[Callable[[], Any]]) -> list[Any]:
+        """The results of parts, the first in this thread; all have ended when it returns, or raises."""
+        jobs = [self.pool(len(parts)).submit(part) for part in parts[1:]]
+        try:
+            return [parts[0](), *(job.result() for job in jobs)]
+        finally:
+            wait(jobs)
+
+    def share(self, first: int, end: int, least: int, part: Callable[[int, int], int]) -> int:
+        """The sum of ``part(first, end)`` over samples cut among the threads, with at least so many for each."""
+        n = end - first
         threads = max(1, min(self.size, n // least))
         if threads == 1:
-            return part(0, n)
-        cuts = [n * k // threads for k in range(threads + 1)]
-        jobs = [self.pool(threads).submit(part, *cut) for cut in pairwise(cuts[1:])]
-        return part(*cuts[:2]) + sum(job.result() for job in jobs)
+            return part(first, end)
+        cuts = [first + n * k // threads for k in range(threads + 1)]
+        return sum(self.run([partial(part, *cut) for cut in pairwise(cuts)]))
+
+
+def slices(n: int, rows: int, results: int) -> Iterator[tuple[int, int]]:
+    """(first, end) of n samples in turn, so many at a time that the caller takes some SLICE seconds for them: between
+    them Ctrl-C is heard.
+
+    rows, results  of the table, and numbers of a sample, which say how many may be dared at first
+    """
+    end, count = 0, max(1, FIRST // (rows * max(rows, results)))
+    while end < n:
+        began, done = time.perf_counter(), end
+        end = min(n, done + count)
+        yield done, end
+        spent = max(time.perf_counter() - began, 1e-6)
+        count = max(1, int(min(10.0 * count, count * SLICE / spent)))
 
 
 team = _Team()
@@ -265,7 +293,7 @@ class Kernel:
         self.address, self.workspace = self._loaded.address("kernel"), workspace
         self.inputs, self.outputs = layout.inputs, tuple(map(len, layout.outputs))
         self._room = room(self.inputs, self.outputs, workspace, self.lanes, self.dtype.itemsize)
-        self._share = max(1, SHARE // len(code))
+        self._share, self._length = max(1, SHARE // len(code)), len(code)
         kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self.inputs)
         kinds += [ctypes.py_object] * (len(self.outputs) + 1)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64)
@@ -277,7 +305,8 @@ class Kernel:
         inputs   (n, columns) in C order, or (1, columns) for one that serves all samples
         outputs  (n, columns) in C order
 
-        None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything.
+        None, with nothing done, if arrays are not of these sizes, order and dtype, or outputs overlap anything. At
+        Ctrl-C, which is heard between slices, outputs hold what was done, and NaN for the other samples.
         """
         n, arguments = len(outputs[0]), []
         for x, columns in zip(inputs, self.inputs, strict=True):
@@ -290,20 +319,29 @@ class Kernel:
                 return None
         tiles = -(-n // self.lanes)
         threads = self.threads(tiles)
-        if threads <= 1:
+        reach = self.reach * threads
+        if threads <= 1 and tiles <= reach:
             return self._part(n, [*arguments, *outputs])
-        for k, y in enumerate(outputs):  # each thread sees its own part only
-            if any(np.may_share_memory(x, y) for x in (*inputs, *outputs[:k])):
-                return None
-        cuts = [min(tiles * k // threads * self.lanes, n) for k in range(threads + 1)]
-        parts = [(b - a, [*self._cut(inputs, a, b, n), *(y[a:b] for y in outputs)]) for a, b in pairwise(cuts)]
-        jobs = [team.pool(threads).submit(self._part, *part) for part in parts[1:]]
-        found = []
-        for first, samples in zip(cuts, [self._part(*parts[0]), *(job.result() for job in jobs)], strict=False):
-            if samples is None:
-                return None
-            found.append(samples + first)
+        if any(np.may_share_memory(y, x) for k, y in enumerate(outputs) for x in (*inputs, *outputs[:k])):
+            return None  # which a part would not see of the others
+        found: list[NDArray[np.intp]] = []
+        for tile in range(0, tiles, reach):
+            more = min(reach, tiles - tile)
+            cuts = [min((tile + more * k // threads) * self.lanes, n) for k in range(threads + 1)]
+            parts = [(b - a, [*self._cut(inputs, a, b, n), *(y[a:b] for y in outputs)]) for a, b in pairwise(cuts)]
+            try:
+                made = team.run([partial(self._part, *part) for part in parts])
+            except KeyboardInterrupt:  # what is left to be done again, or at all, is NaN
+                for y in outputs:
+                    y[np.concatenate([*found, np.arange(cuts[0], n)])] = np.nan
+                raise
+            found += [samples + first for first, samples in zip(cuts, made, strict=False)]
         return np.concatenate(found)
+
+    @property
+    def reach(self) -> int:
+        """How many tiles, or steps of one, a thread runs before Ctrl-C is looked at."""
+        return max(1, REACH // self._length)
 
     def threads(self, tiles: int) -> int:
         """How many threads are worth waking for so many tiles, of those there may be."""

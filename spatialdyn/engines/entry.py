@@ -115,13 +115,14 @@ def entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: 
 
 
 def loop(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: int) -> str:
-    """``loop(kernel, *states, *(input, sample, time), *records, room, first, end, n, steps, every)``: tiles, each
-    through all steps before the next, by a program whose outputs are its first inputs anew.
+    """``loop(kernel, *states, *(input, sample, time), *records, *ends, room, first, end, n, steps, every, kept)``:
+    tiles, each through all steps before the next, by a program whose outputs are its first inputs anew.
 
     states        columns of the states, arrays (n, columns) in C order
     kernel        the program's address; its inputs are the states, then the others
     sample, time  how many numbers on the row of an input for the next sample and the next step is
-    records       arrays (n, steps // every, columns): the states after each so many steps
+    records       arrays (n, kept, columns), or from a row on: the states after each so many steps
+    ends          arrays (n, columns): the states after all steps
     room          takes a bit a sample, 16 bits a tile, and behind them what ``room`` counts
     first, end    tiles to run; the last tile of all ends with sample n >= lanes, and so overlaps the one before it
     """
@@ -132,8 +133,8 @@ def loop(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: i
     start = [code.data(f"%s{k}") for k in range(len(states))]
     data = [code.data(x) for x in xs]
     records = [code.data(f"%r{k}") for k in range(len(states))]
+    ends = [code.data(f"%e{k}") for k in range(len(states))]
     bits = code.data("%room")
-    kept = put("sdiv i64 %steps, %every")
     flag = byte(bits, times(put("sub i64 %end, %first"), 2))
     work = code.boundary(byte(flag, 2))
     offset, buffers = padded(workspace), []
@@ -168,17 +169,19 @@ def loop(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: i
     code.block(f"i1 {due}, label %keep, label %stepped", "keep")
     for k, row in enumerate(wide):
         for r in range(lanes):
-            place = put(f"add i64 {times(put(f'add i64 {sample}, {r}'), kept)}, %record")
+            place = put(f"add i64 {times(put(f'add i64 {sample}, {r}'), '%kept')}, %record")
             code.copy(byte(records[k], times(place, row)), byte(f"%b{k}", r * row), row)
     code.block("label %stepped", "stepped")
     code.block(f"i1 {put('icmp slt i64 %t.next, %steps')}, label %step, label %tile.done", "tile.done")
+    for k, (done, row) in enumerate(zip(ends, wide, strict=True)):
+        code.copy(byte(done, times(sample, row)), f"%b{k}", lanes * row)
     code.do(f"store i16 %fine.next, ptr {byte(bits, times(put('sub i64 %tile, %first'), 2))}")
     code.do("%tile.next = add i64 %tile, 1")
     code.block("label %tiles", "done")
     given = "".join(f"ptr %s{k}, " for k in range(len(states)))
     given += "".join(f"ptr {x}, i64 {x}.sample, i64 {x}.time, " for x in xs)
-    given += "".join(f"ptr %r{k}, " for k in range(len(states)))
-    numbers = ", ".join(f"i64 %{x}" for x in ("first", "end", "n", "steps", "every"))
+    given += "".join(f"ptr %{x}{k}, " for x in "re" for k in range(len(states)))
+    numbers = ", ".join(f"i64 %{x}" for x in ("first", "end", "n", "steps", "every", "kept"))
     return _function("loop", f"ptr %kernel, {given}ptr %room, {numbers}", code, "ret void", "void")
 
 

@@ -1,13 +1,14 @@
 """Programs run step after step: one whose outputs are its first inputs anew, a tile of samples through all steps.
 
-The states of a tile stay in the first cache; nothing goes through Python between the steps.
+The states of a tile stay in the first cache; nothing goes through Python between the steps but where Ctrl-C would have
+to wait: then some tiles at a time, and of few tiles some steps.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -38,7 +39,7 @@ def _loop(
     loaded = target.Loaded(target.assembled(loop(states, inputs, workspace, width, size)))
     given: list[Any] = [ctypes.c_void_p, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
-    given += [ctypes.py_object] * (len(states) + 1) + [ctypes.c_int64] * 5
+    given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
     return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("loop"))
 
 
@@ -68,25 +69,47 @@ def run(
     columns = tuple(s.shape[1] for s in states)
     size = kernel.dtype.itemsize
     _, call = _loop(columns, len(inputs), kernel.workspace, width, size)
-    passed: list[Any] = [kernel.address, *states]
-    for x in inputs:
-        passed += [x.rows, *x.steps()]
-    passed += records
     tiles = -(-n // width)
     threads = max(1, min(team.size, kernel.threads(tiles * steps), tiles))
-    bits = np.empty(tiles, np.uint16)
     space = room(columns, columns, kernel.workspace, width, size)
+    bits = np.full(tiles, (1 << width) - 1, np.uint16)
+    least = kernel.reach * threads
+    group = max(threads, least // steps)
+    reached = [np.empty_like(s) for s in states], [np.empty_like(s) for s in states]
 
-    def part(first: int, end: int) -> None:
+    def part(passed: list[Any], numbers: tuple[int, ...], first: int, end: int) -> None:
         buffer = np.empty(2 * (end - first) + 2 + space, np.uint8)
-        call(*passed, buffer, first, end, n, steps, every)
-        bits[first:end] = buffer[: 2 * (end - first)].view(np.uint16)
+        call(*passed, buffer, first, end, *numbers)
+        bits[first:end] &= buffer[: 2 * (end - first)].view(np.uint16)
 
-    cuts = list(pairwise(tiles * k // threads for k in range(threads + 1)))
-    jobs = [team.pool(threads).submit(part, *cut) for cut in cuts[1:]]
-    part(*cuts[0])
-    for job in jobs:
-        job.result()
+    for tile in range(0, tiles, group):
+        several = min(group, tiles - tile)
+        now: Sequence[NDArray[Any]] = states
+        for k, (step, count, each) in enumerate(_pieces(steps, every, max(1, least // several))):
+            passed: list[Any] = [kernel.address, *now]
+            for x in inputs:
+                passed += [x.rows if x.rows.shape[1] == 1 else x.rows[:, step:], *x.steps()]
+            now = reached[k % 2]
+            passed += [*(r[:, step // every :] for r in records), *now]
+            numbers = (n, count, each, steps // every)
+            cuts = pairwise(tile + several * j // threads for j in range(threads + 1))
+            team.run([partial(part, passed, numbers, *cut) for cut in cuts])
     starts = np.minimum(np.arange(tiles) * width, n - width)
     lane = np.arange(width)
     return np.unique((starts[:, None] + lane)[(bits[:, None] >> lane & 1) == 0])
+
+
+def _pieces(steps: int, every: int, most: int) -> Iterator[tuple[int, int, int]]:
+    """(first step, how many, after how many of them to record) of pieces of at most ``most`` steps, which end where a
+    record is due or have none.
+    """
+    if most >= every:
+        size = most - most % every
+        for first in range(0, steps, size):
+            yield first, min(size, steps - first), every
+        return
+    for mark in range(0, steps, every):
+        end = min(mark + every, steps)
+        for first in range(mark, end, most):
+            count = min(most, end - first)
+            yield first, count, count if first + count == mark + every else steps + 1

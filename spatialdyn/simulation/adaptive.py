@@ -59,7 +59,13 @@ def run_adaptive(
     for end in ends:
         run = solver(slope(first), steps.time(first), y, steps.time(end), rtol=tolerances[0], atol=tolerances[1])
         while run.status == "running":
-            problem = run.step()
+            reached = run.t, run.y.copy()
+            try:
+                problem = run.step()
+            except KeyboardInterrupt:
+                at, (q, v) = reached[0], (calls["normalize"](model, reached[1][:nq]), reached[1][nq:])
+                recorder.end(at, q, v, torque.unasked(min(int(at / steps.dt), end)))
+                raise
             if run.status == "failed":
                 raise SimulationError(f"{recorder.method.name} gives up at t = {run.t:.9g} s: {problem}")
             _record(recorder, run, torque, end)

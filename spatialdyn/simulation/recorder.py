@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..border import as_number
 from ..dynamics import calls
+from ..engines import batches
 from ..errors import NonFiniteError, SpatialDynError
 from ..model import Model
+from ..specialize import Specialized, specialize
 from .methods import Method
 from .trajectory import Trajectory
 
@@ -59,6 +62,7 @@ class Recorder:
     at    (2,)  steps done, samples written
     t     times of all samples that are to come
     rows  arrays of q, of v or p, and of tau
+    split  kinetic and potential energy of the samples of the last ``trajectory``
     """
 
     def __init__(self, model: Model, method: Method, steps: Steps, every: int) -> None:
@@ -71,6 +75,7 @@ class Recorder:
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
         self.at = np.zeros(2, np.int64)
+        self.split = (np.empty(0), np.empty(0))
 
     @property
     def moves_p(self) -> bool:
@@ -83,24 +88,45 @@ class Recorder:
             rows[self.at[1]] = x
         self.at[1] += 1
 
+    def end(self, t: float, q: Array, w: Array, tau: Array) -> None:
+        """Write the state in which an interrupted simulation stopped, unless it is the last sample."""
+        row = int(self.at[1])
+        if row < len(self.t) and t > self.t[row - 1]:
+            self.t[row] = t
+            self.put(q, w, tau)
+
     def trajectory(self, interrupted: bool = False) -> Trajectory:
         """What there is so far; of v and p the one that is not recorded is computed here, for all samples at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
-        v = _of_samples("velocity_from_momentum", model, q, w) if self.moves_p else w
-        p = w if self.moves_p else _of_samples("momentum", model, q, w)
-        energy = _of_samples("kinetic_energy", model, q, v) + _of_samples("potential_energy", model, q)
+        v = _of_samples(model, ("velocity_from_momentum",), q, w)[0] if self.moves_p else w
+        p, T, V = _of_samples(model, ("momentum", "kinetic_energy", "potential_energy"), q, v)
         t = np.array(self.t[:n])
-        return Trajectory(t, q, v, p, tau, energy, self.method.name, self.steps.dt, model.name, interrupted, model)
+        p = w if self.moves_p else p
+        self.split = T, V
+        return Trajectory(t, q, v, p, tau, T + V, self.method.name, self.steps.dt, model.name, interrupted, model)
 
 
-def _of_samples(name: str, model: Model, *arrays: Array) -> Array:
-    """A call on all samples; NaN where a state is so large that its answer is no number."""
+@lru_cache(maxsize=batches.KEPT)
+def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
+    """Calls as one program, which answers for any number of samples: their bits do not depend on how many there are."""
+    return specialize(model, [calls[name] for name in names])
+
+
+def _of_samples(model: Model, names: tuple[str, ...], *arrays: Array) -> list[Array]:
+    """Calls on all samples; NaN where a state is so large that its answer is no number."""
+    n = len(arrays[0])
     try:
-        return np.asarray(calls[name](model, *arrays))
+        return list(_specialized(model, names)(*arrays))
     except NonFiniteError:
-        if len(arrays[0]) == 1:
-            return np.full((1, model.nv) if name in ("momentum", "velocity_from_momentum") else 1, np.nan)
-        half = len(arrays[0]) // 2
-        parts = [_of_samples(name, model, *(x[at] for x in arrays)) for at in (slice(half), slice(half, None))]
-        return np.concatenate(parts)
+        if n == 1:
+            return [_alone(model, name, *arrays) for name in names]
+        parts = [_of_samples(model, names, *(x[at] for x in arrays)) for at in (slice(n // 2), slice(n // 2, None))]
+        return [np.concatenate(both) for both in zip(*parts, strict=True)]
+
+
+def _alone(model: Model, name: str, q: Array, w: Array) -> Array:
+    try:
+        return np.asarray(calls[name](model, *((q,) if name == "potential_energy" else (q, w))))
+    except NonFiniteError:
+        return np.full((1, model.nv) if name in ("momentum", "velocity_from_momentum") else 1, np.nan)

@@ -108,6 +108,7 @@ def rollout(
         InertiaError naming a joint that moves no inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
         ModelError for a model with mimic joints, or gains where no position is a number
+        KeyboardInterrupt at Ctrl-C, which is heard between slices of samples and steps; no bit depends on them
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")

@@ -32,6 +32,11 @@ class Torque:
     user: Callable[..., None] | None
     compiled: bool
 
+    def unasked(self, step: int) -> Array:
+        """The torque (nv,) at the beginning of a step if no function has to be asked for it, else NaN."""
+        held = self.held[min(step, len(self.held) - 1)]
+        return np.array(held) if self.user is None else np.full(len(held), np.nan)
+
     def at(self, step: int, t: float, q: Array, v: Array) -> Array:
         """The torque (nv,) at the beginning of a step. Raises SimulationError if it is not finite."""
         tau: Array = np.array(self.held[min(step, len(self.held) - 1)])

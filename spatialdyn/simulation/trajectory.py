@@ -26,7 +26,8 @@ class Trajectory:
     q            (N, nq)   joint positions [rad | m]
     v            (N, nv)   joint velocities [rad/s | m/s]
     p            (N, nv)   joint momenta M(q) v [kg m²/s | kg m/s]
-    tau          (N, nv)   joint torques at these times; of torques held over steps, those of the step that begins there
+    tau          (N, nv)   joint torques at these times, of those held over steps that of the step that begins there;
+                           NaN where Ctrl-C came before a function had said
     energy       (N,)      T + V [J]
     method, dt   what made it
     robot        name of the model

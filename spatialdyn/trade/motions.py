@@ -182,7 +182,7 @@ def _option(model: Model, label: str, code: str, truth: Motion, duration: float,
 
     errors, seconds, note = [], [], ""
     motions = range(truth.q.shape[1])
-    for k in motions if len(motions) > 1 else (0, 0):  # the first run may have a program compiled
+    for k in motions if len(motions) > 1 else (0, 0):  # the faster of two at least
         start = (truth.q[0, k], truth.v[0, k], duration, True)
         try:
             with warnings.catch_warnings():
