@@ -335,3 +335,82 @@ def test_another_method_is_refused_by_its_name() -> None:
     for method in ("lu", None, ["aba"]):
         with pytest.raises(sd.SpatialDynError, match=r"method is .*, expected one of aba, crba, refined, square_root"):
             sd.forward_dynamics(model, [0, 0], [0, 0], [0, 0], method=method)  # type: ignore[arg-type]
+
+
+def cart_pole(cart: tuple[float, float] = (1.0, 1.0), axis: str = "1 0 0") -> str:
+    """URDF of a cart, (mass, principal moment), and a pole on a root without mass: floating, it slides for nothing."""
+
+    def inertial(mass: float, moment: float, z: float) -> str:
+        I = f'ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"'
+        return f'<inertial><origin xyz="0 0 {z}"/><mass value="{mass}"/><inertia {I}/></inertial>'
+
+    return f"""<robot name="cart_pole"><link name="rail"/>
+        <link name="cart">{inertial(*cart, 0.0)}</link><link name="pole">{inertial(0.1, 1.0, 0.5)}</link>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="{axis}"/>
+          <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+        <joint name="swing" type="continuous"><parent link="cart"/><child link="pole"/><origin xyz="0 0 0.1"/>
+          <axis xyz="0 1 0"/></joint></robot>"""
+
+
+def floating_cart_pole(oblique: bool) -> sd.Model:
+    """The same, built, its slider along an axis of frames or oblique to them."""
+    builder, rng = sd.ModelBuilder("cart_pole"), np.random.default_rng(0)
+    along, place = (rng.normal(size=3), random_placement(rng)) if oblique else (AXES[0], None)
+    builder.add_body("rail", None, "floating", joint_name="root_joint")
+    builder.add_body("cart", "rail", "prismatic", along, place, random_inertia(rng))
+    builder.add_body("pole", "cart", "revolute", (0, 1, 0), (0, 0, 0.1), random_inertia(rng))
+    return builder.build()
+
+
+@pytest.mark.parametrize(
+    ("robot", "method"), [*((robot, m) for robot in ("built", "urdf") for m in METHODS), ("oblique", "square_root")]
+)
+def test_a_root_without_mass_that_a_joint_undoes_is_refused_in_every_state(robot: str, method: str) -> None:
+    model = sd.load_urdf(cart_pole(), root="floating") if robot == "urdf" else floating_cart_pole(robot == "oblique")
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        q, (v, tau) = sd.random_configuration(model, rng), rng.normal(size=(2, model.nv))
+        with pytest.raises(sd.InertiaError, match="root_joint"):
+            sd.forward_dynamics(model, q, v, tau, method=method)
+
+
+@pytest.mark.parametrize("robot", ["tree", "massless root"])
+@pytest.mark.parametrize("name", SPECS)
+def test_no_answer_depends_on_what_scratch_held_before(name: str, robot: str) -> None:
+    """Compiled, scratch is memory as it is found; a joint without rows of inertia once read what was never written."""
+    spec, rng = SPECS[name], np.random.default_rng(1)
+    model = floating_cart_pole(False) if robot == "massless root" else random_tree(2, 5).model
+    if spec.work is None:
+        return
+    q, v = sd.random_configuration(model, rng), rng.normal(size=model.nv)
+    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+    inputs: list[Any] = []
+    for x in spec.inputs:
+        shape = () if x is None else tuple(sizes[k] if isinstance(k, str) else k for k in x.shape)
+        if x is None:
+            inputs.append(None)
+        elif x.static:
+            inputs.append(np.eye(4) if shape else model.joints[-1].row if x.name == "row" else 1)
+        else:
+            inputs.append(q if x.unit_norm else rng.normal(size=shape) if shape else 0.3)
+    found = []
+    for junk in (0.0, 3.7):
+        work = np.zeros(len(model.bodies), spec.work)
+        work.view(np.float64)[:] = junk
+        out = np.zeros(tuple(sizes[k] if isinstance(k, str) else k for k in spec.output.shape) or (1,))
+        beside = [np.full(size, junk) for size in spec.beside(model.nv)]
+        with np.errstate(all="ignore"):
+            spec.recursion(model.bodies, work, *inputs, out, *beside)
+        found.append(np.concatenate([out.ravel(), *(x.ravel() for x in beside[: spec.pivots])]))
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("cart", [(1.0, 1.0), (0.1, 0.01)], ids=["cart", "light cart"])
+def test_compare_says_what_is_singular_of_a_root_without_mass(cart: tuple[float, float]) -> None:
+    pytest.importorskip("pinocchio")
+    compared = sd.compare_with_pinocchio(cart_pole(cart), "floating", samples=4)
+    assert compared.ok, [row for row in compared.rows if not row.ok]
+    rows = {row.call: row for row in compared.rows}
+    for name in METHODS.values():
+        assert "M is singular" in rows[name].note
+        assert "root_joint" in rows[name].note
