@@ -12,8 +12,9 @@ from trees import random_inertia, random_placement, random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import batches, jit
-from spatialdyn.forward import METHODS
+from spatialdyn.forward import METHODS, MOST_ROWS
 from spatialdyn.recursions import SPECS
+from spatialdyn.trade.truths import truths
 
 EPS = np.finfo(float).eps
 AGREE = 5e-12  # of the largest entry: random trees of a dozen joints are conditioned up to 1e4 (seen: 2e-13)
@@ -271,6 +272,103 @@ def test_long_chains_keep_their_digits(method: str) -> None:
     model = chain([1.0] * 60, 1)
     q, v, tau = state(model, 1)
     assert error(sd.forward_dynamics(model, q, v, tau, method=method), truth(model, q, v, tau)) <= EXACT
+
+
+# --- double-double ----------------------------------------------------------------------------------------
+
+ULPS = 4.0  # times what an ulp of q, v and tau moves the exact answer: lanes take the sine of an angle an ulp away
+
+
+def oblique_chain(tip: float) -> sd.Model:
+    """Seven links about parallel axes that lie along no axis of a frame: each turn rounds off the plane of the rest."""
+    rng, builder = np.random.default_rng(0), sd.ModelBuilder("oblique")
+    axis = rng.normal(size=3)
+    for k in range(7):
+        mass, com, I = random_inertia(rng)
+        scale = (tip if k == 6 else 1.0) / mass
+        body = (mass * scale, com, scale * I)
+        builder.add_body(f"b{k}", f"b{k - 1}" if k else None, "revolute", axis, rng.uniform(-0.5, 0.5, 3), body)
+    return builder.build()
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
+@pytest.mark.parametrize("tip", [1.0, 1e6, 1e9])
+def test_extended_keeps_its_digits_where_refinement_does_not(tip: float) -> None:
+    model, n = oblique_chain(tip), batches.FROM
+    rng = np.random.default_rng(1)
+    q, (v, tau) = rng.uniform(-3.0, 3.0, (n, model.nv)), rng.normal(size=(2, n, model.nv))
+    given = [q, v, tau]
+    wanted, doubt = truths(model, "aba", given)
+    assert doubt < 1e-20
+    near = [np.nextafter(x, np.where(rng.random(x.shape) < 0.5, np.inf, -np.inf)) for x in given]
+    scale = abs(wanted).max(axis=1)
+    moved = abs(truths(model, "aba", near, 0)[0] - wanted).max(axis=1) / scale
+    lanes = abs(sd.forward_dynamics(model, *given, method="extended") - wanted).max(axis=1) / scale
+    assert (lanes <= ULPS * np.maximum(moved, 0.5 * EPS)).all()
+    alone = sd.forward_dynamics(model, q[3], v[3], tau[3], method="extended")
+    assert error(alone, wanted[3]) <= 0.5 * EPS  # rounded once, at the very end
+    if tip > 1.0:
+        refined = abs(sd.aba_refined(model, *given) - wanted).max(axis=1) / scale
+        assert refined.max() > 1e4 * lanes.max()
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
+@pytest.mark.parametrize("forces", [False, True])
+def test_extended_takes_what_every_method_takes(forces: bool) -> None:
+    """All kinds of joint, forces, batches that broadcast, an angle beyond the short sine, and a NaN in a sample."""
+    made = random_tree(1, 4, floating=True)
+    model, rng, n = made.model, np.random.default_rng(0), batches.FROM
+    states = [random_state(made.tree, rng) for _ in range(8)]
+    pick = rng.integers(8, size=n)
+    q, v, tau = (np.array([getattr(s, name) for s in states])[pick] for name in ("q", "v", "tau"))
+    fext = states[0].fext if forces else None
+    turning = next(j for j in model.joints[1:] if j.nq == 1 and j.kind == "revolute")
+    q[5, turning.idx_q] += 3e5
+    v[7, 0] = np.nan
+    found = sd.forward_dynamics(model, q, v, tau, fext, "extended")
+    assert np.isnan(found[7]).any()
+    for k in (0, 5, 6, n - 1):
+        args = (q[k], v[k], tau[k]) if fext is None else (q[k], v[k], tau[k], fext)
+        wanted = sd.exact(model, sd.aba)(*args).astype(float)
+        near = [error(sd.exact(model, sd.aba)(np.nextafter(q[k], s * np.inf), *args[1:]), wanted) for s in (1, -1)]
+        assert error(found[k], wanted) <= ULPS * max(*near, 0.5 * EPS)
+        assert error(sd.forward_dynamics(model, *args, method="extended"), wanted) <= EPS
+    out = np.empty((2, 3, model.nv))
+    assert sd.forward_dynamics(model, q[0], v[:3], tau[:1].repeat(2, 0)[:, None], fext, "extended", out=out) is out
+    np.testing.assert_array_equal(out[1], out[0])
+    alone = sd.forward_dynamics(model, q[0], v[1], tau[0], fext, "extended")
+    np.testing.assert_array_equal(out[0, 1], alone)
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of a long chain takes minutes")
+def test_extended_takes_robots_too_long_for_a_program() -> None:
+    model = chain([1.0] * (MOST_ROWS + 1), 1)
+    q, v, tau = state(model, 1)
+    many = sd.forward_dynamics(model, *(np.tile(x, (batches.FROM, 1)) for x in (q, v, tau)), method="extended")
+    np.testing.assert_array_equal(many[-1], truth(model, q, v, tau))
+
+
+def test_extended_refuses_what_aba_refuses() -> None:
+    model = sd.load_urdf(cart_pole(), root="floating")
+    with pytest.raises(sd.InertiaError, match="root_joint"):
+        sd.forward_dynamics(model, sd.neutral(model), *np.zeros((2, model.nv)), method="extended")
+    with pytest.raises(sd.ShapeError):
+        sd.forward_dynamics(model, np.zeros(3), *np.zeros((2, model.nv)), method="extended")
+
+
+@pytest.mark.parametrize("armature", [1e15, 1e20])
+def test_a_joint_behind_a_huge_rotor_keeps_its_own_digits(armature: float) -> None:
+    """What a rotor leaves of its joint's acceleration is next to nothing of the parent's, and is found apart from it."""
+    for seed in range(6):
+        builder, rng = sd.ModelBuilder("arm"), np.random.default_rng(seed)
+        for k in range(5):
+            place, body = rng.uniform(-0.5, 0.5, 3), random_inertia(rng)
+            rotor, parent = armature if k == 3 else 0.0, f"b{k - 1}" if k else None
+            builder.add_body(f"b{k}", parent, "revolute", AXES[k % 3], place, body, armature=rotor)
+        model = builder.build()
+        q, v, tau = state(model, seed)
+        wanted = truth(model, q, v, tau)
+        assert (abs(sd.aba_square_root(model, q, v, tau) - wanted) <= EXACT * abs(wanted)).all()
 
 
 # --- units ------------------------------------------------------------------------------------------------
