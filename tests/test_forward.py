@@ -316,13 +316,13 @@ def test_extended_keeps_its_digits_where_refinement_does_not(tip: float) -> None
 @pytest.mark.parametrize("forces", [False, True])
 def test_extended_takes_what_every_method_takes(forces: bool) -> None:
     """All kinds of joint, forces, batches that broadcast, an angle beyond the short sine, and a NaN in a sample."""
-    made = random_tree(1, 4, floating=True)
+    made = random_tree(0, 5, ["revolute", "spherical"], floating=True)
     model, rng, n = made.model, np.random.default_rng(0), batches.FROM
     states = [random_state(made.tree, rng) for _ in range(8)]
     pick = rng.integers(8, size=n)
     q, v, tau = (np.array([getattr(s, name) for s in states])[pick] for name in ("q", "v", "tau"))
     fext = states[0].fext if forces else None
-    turning = next(j for j in model.joints[1:] if j.nq == 1 and j.kind == "revolute")
+    turning = next(j for j in model.joints[1:] if j.kind == "revolute")
     q[5, turning.idx_q] += 3e5
     v[7, 0] = np.nan
     found = sd.forward_dynamics(model, q, v, tau, fext, "extended")
