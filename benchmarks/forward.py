@@ -1,10 +1,11 @@
 """Forward dynamics by every method: its digits on chains of unequal links, beside Pinocchio and MuJoCo, and its cost.
 
-``python benchmarks/forward.py [--json FILE] [--only errors|many|costs] [--rounds 15] [--states 3000]`` prints the largest forward error
-max|a - a*| / max|a*| over random states, and the median in brackets; a* is ABA in 120 bits on the doubles of our model.
-"one ulp" is how far a* goes when every input moves by an ulp. Then the same of every method in many states of one chain
-of each shape, as a batch, and the largest error in units of how far an ulp moves a* in its state (half an eps at least);
-a* is there ABA in double-double, which is held against 160 bits. Then the time of a call and of a sample of a batch.
+``python benchmarks/forward.py [--json FILE] [--only errors|many|costs] [--rounds 15] [--states 3000]`` prints the
+largest forward error max|a - a*| / max|a*| over random states, and the median in brackets; a* is ABA in 120 bits on the
+doubles of our model. "one ulp" is how far a* goes when every input moves by an ulp. Then the largest error of every
+method in many states of one chain of each shape, as a batch, and in brackets in units of how far an ulp moves a* in its
+state (half an eps at least); a* is there ABA in double-double, which is held against 160 bits. Then the time of a call
+and of a sample of a batch.
 forward.json beside this file holds all of it.
 
 Joints turn about coordinate axes and frames are shifted, not turned, so that all three libraries hold the same numbers,
@@ -28,7 +29,7 @@ from measure import interleaved
 from numpy.typing import NDArray
 
 import spatialdyn as sd
-from spatialdyn.forward import EXTENDED, METHODS
+from spatialdyn.forward import EXTENDED, METHODS, MOST_ROWS
 from spatialdyn.trade.truths import truths
 
 Array = NDArray[np.float64]
@@ -243,9 +244,9 @@ def oblique(tip: float) -> sd.Model:
 
 
 def of_each_shape() -> Iterator[tuple[str, sd.Model]]:
-    """A chain of each shape, those of a thousand links left out, and those about oblique axes."""
+    """A chain of each shape, those that are too long for SIMD lanes left out, and those about oblique axes."""
     for name, case in cases():
-        if len(case.masses) <= LARGEST:
+        if len(case.masses) <= MOST_ROWS:
             yield name, ours(shapes(case, np.random.default_rng(7)) if case.shaped else rods(case))
     for tip in OBLIQUE:
         yield f"7 links, oblique, tip {tip:g}", oblique(tip)

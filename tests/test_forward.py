@@ -358,7 +358,7 @@ def test_extended_refuses_what_aba_refuses() -> None:
 
 @pytest.mark.parametrize("armature", [1e15, 1e20])
 def test_a_joint_behind_a_huge_rotor_keeps_its_own_digits(armature: float) -> None:
-    """What a rotor leaves of its joint's acceleration is next to nothing of the parent's, and is found apart from it."""
+    """What a rotor leaves of its joint's acceleration is next to nothing of the parent's: it is found apart from it."""
     for seed in range(6):
         builder, rng = sd.ModelBuilder("arm"), np.random.default_rng(seed)
         for k in range(5):
@@ -480,7 +480,7 @@ def test_no_answer_depends_on_what_scratch_held_before(name: str, robot: str) ->
     model = floating_cart_pole(False) if robot == "massless root" else random_tree(2, 5).model
     if spec.work is None:
         return
-    q, v = sd.random_configuration(model, rng), rng.normal(size=model.nv)
+    q = sd.random_configuration(model, rng)
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
     inputs: list[Any] = []
     for x in spec.inputs:
