@@ -1,8 +1,11 @@
 """Forward dynamics by every method: its digits on chains of unequal links, beside Pinocchio and MuJoCo, and its cost.
 
-``python benchmarks/forward.py [--json FILE] [--only errors|costs] [--rounds 15]`` prints the largest forward error
-max|a - a*| / max|a*| over random states, and the median in brackets; a* is ABA in 120 bits on the doubles of our model.
-"one ulp" is how far a* goes when every input moves by an ulp. Then the time of a call and of a sample of a batch.
+``python benchmarks/forward.py [--json FILE] [--only errors|many|costs] [--rounds 15] [--states 3000]`` prints the
+largest forward error max|a - a*| / max|a*| over random states, and the median in brackets; a* is ABA in 120 bits on the
+doubles of our model. "one ulp" is how far a* goes when every input moves by an ulp. Then the largest error of every
+method in many states of one chain of each shape, as a batch, and in brackets in units of how far an ulp moves a* in its
+state (half an eps at least); a* is there ABA in double-double, which is held against 160 bits. Then the time of a call
+and of a sample of a batch.
 forward.json beside this file holds all of it.
 
 Joints turn about coordinate axes and frames are shifted, not turned, so that all three libraries hold the same numbers,
@@ -26,7 +29,8 @@ from measure import interleaved
 from numpy.typing import NDArray
 
 import spatialdyn as sd
-from spatialdyn.forward import METHODS
+from spatialdyn.forward import EXTENDED, METHODS, MOST_ROWS
+from spatialdyn.trade.truths import truths
 
 Array = NDArray[np.float64]
 AXES = np.eye(3)
@@ -225,6 +229,50 @@ def errors(case: Case) -> dict[str, dict[str, float]]:
     return {name: {k: float(np.quantile(e, x)) for k, x in levels.items()} for name, e in found.items()}
 
 
+# --- digits of many states ------------------------------------------------------------------------------------
+
+EVERY = (*METHODS, EXTENDED)
+OBLIQUE = (1.0, *TIPS)
+
+
+def oblique(tip: float) -> sd.Model:
+    """Seven links of any shape about parallel axes that lie along no axis of a frame, a tip that much heavier."""
+    rng = np.random.default_rng(7)
+    axis = rng.normal(size=3)
+    case = Case(True, [1.0] * 6 + [tip], 1, shaped=True)
+    return ours([body._replace(axis=axis) for body in shapes(case, rng)])
+
+
+def of_each_shape() -> Iterator[tuple[str, sd.Model]]:
+    """A chain of each shape, those that are too long for SIMD lanes left out, and those about oblique axes."""
+    for name, case in cases():
+        if len(case.masses) <= MOST_ROWS:
+            yield name, ours(shapes(case, np.random.default_rng(7)) if case.shaped else rods(case))
+    for tip in OBLIQUE:
+        yield f"7 links, oblique, tip {tip:g}", oblique(tip)
+
+
+def many(model: sd.Model, states: int) -> dict[str, dict[str, float]]:
+    """Of every method what nine of ten errors are below, the worst, and the worst in units of what an ulp moves."""
+    rng = np.random.default_rng(7)
+    q, (v, tau) = rng.uniform(-np.pi, np.pi, (states, model.nq)), rng.normal(size=(2, states, model.nv))
+    given = [q, v, tau]
+    truth, _ = truths(model, "aba", given)
+    size = abs(truth).max(axis=1)
+    ulp = np.zeros(states)
+    for _ in range(TRIES):
+        near = [np.nextafter(x, np.where(rng.random(x.shape) < 0.5, np.inf, -np.inf)) for x in given]
+        ulp = np.maximum(ulp, abs(truths(model, "aba", near, 0)[0] - truth).max(axis=1) / size)
+    found = {"one ulp": ulp}
+    for method in EVERY:
+        found[method] = abs(sd.forward_dynamics(model, *given, method=method) - truth).max(axis=1) / size
+    least = np.maximum(ulp, 0.5 * np.finfo(float).eps)
+    return {
+        name: {"most": float(np.quantile(e, 0.9)), "worst": float(e.max()), "in ulps": float((e / least).max())}
+        for name, e in found.items()
+    }
+
+
 # --- cost ---------------------------------------------------------------------------------------------------
 
 WITH_LAST = Case(True, [1.0] * 7, 1, shaped=True)
@@ -236,11 +284,12 @@ def costs(rounds: int, samples: int = 4096) -> dict[str, dict[str, float]]:
     model = ours(chain)
     s = state(model, np.random.default_rng(0))
     runs = {name: (lambda run=run: run(s.q, s.v, s.tau)) for name, run in ways(chain, model).items()}
+    runs[EXTENDED] = lambda: sd.forward_dynamics(model, s.q, s.v, s.tau, method=EXTENDED)
     call = {name: 1e6 * t for name, t in interleaved(runs, rounds, 0.02).items()}
     q, v, tau = np.random.default_rng(0).normal(size=(3, samples, model.nv))
-    many = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in METHODS}
+    batch = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in EVERY}
     sd.set_num_threads(1)
-    return {"call": call, "batch": {name: 1e9 * t / samples for name, t in interleaved(many, rounds, 0.05).items()}}
+    return {"call": call, "batch": {name: 1e9 * t / samples for name, t in interleaved(batch, rounds, 0.05).items()}}
 
 
 def main() -> None:
@@ -248,12 +297,13 @@ def main() -> None:
     assert __doc__
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=15)
-    parser.add_argument("--only", choices=("errors", "costs"))
+    parser.add_argument("--only", choices=("errors", "many", "costs"))
+    parser.add_argument("--states", type=int, default=3000, help="of each shape in the second table")
     parser.add_argument("--json", type=Path, help="written; what is not run is kept")
     chosen = parser.parse_args()
     path: Path | None = chosen.json
     results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path and path.exists() else {}
-    if chosen.only != "costs":
+    if chosen.only in (None, "errors"):
         print(f"{'worst (median) error of accelerations':40s}" + "".join(f"{name:>19s}" for name in NAMES))
         results["errors"] = {}
         for name, case in cases():
@@ -261,12 +311,19 @@ def main() -> None:
             results["errors"][name] = {"states": case.states, **found}
             cells = [f"{x['worst']:.1e} ({x['usual']:.0e})" if (x := found.get(k)) else "" for k in NAMES]
             print(f"{name:40s}" + "".join(f"{c:>19s}" for c in cells), flush=True)
-    if chosen.only != "errors":
+    if chosen.only in (None, "many"):
+        names = (*EVERY, "one ulp")
+        print(f"{f'{chosen.states} states: worst error (in ulps)':40s}" + "".join(f"{name:>19s}" for name in names))
+        results["many"] = {"states": chosen.states, "chains": {}}
+        for name, model in of_each_shape():
+            found = results["many"]["chains"][name] = many(model, chosen.states)
+            cells = [f"{found[k]['worst']:.1e} ({found[k]['in ulps']:.1g})" for k in names]
+            print(f"{name:40s}" + "".join(f"{c:>19s}" for c in cells), flush=True)
+    if chosen.only in (None, "costs"):
         results["costs"] = costs(chosen.rounds)
-        print(
-            f"{'µs a call, 7 links':40s}" + "".join(f"{results['costs']['call'].get(k, 0):19.2f}" for k in NAMES[:-1])
-        )
-        print(f"{'ns a sample of a batch':40s}" + "".join(f"{x:19.1f}" for x in results["costs"]["batch"].values()))
+        for what, words in (("call", "µs a call, 7 links"), ("batch", "ns a sample of a batch")):
+            found = results["costs"][what]
+            print(f"{words:40s}" + "".join(f"{f'{name} {x:.2f}':>19s}" for name, x in found.items()))
     if path:
         path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 

@@ -12,8 +12,9 @@ from trees import random_inertia, random_placement, random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import batches, jit
-from spatialdyn.forward import METHODS
+from spatialdyn.forward import METHODS, MOST_ROWS
 from spatialdyn.recursions import SPECS
+from spatialdyn.trade.truths import truths
 
 EPS = np.finfo(float).eps
 AGREE = 5e-12  # of the largest entry: random trees of a dozen joints are conditioned up to 1e4 (seen: 2e-13)
@@ -273,6 +274,103 @@ def test_long_chains_keep_their_digits(method: str) -> None:
     assert error(sd.forward_dynamics(model, q, v, tau, method=method), truth(model, q, v, tau)) <= EXACT
 
 
+# --- double-double ----------------------------------------------------------------------------------------
+
+ULPS = 4.0  # times what an ulp of q, v and tau moves the exact answer: lanes take the sine of an angle an ulp away
+
+
+def oblique_chain(tip: float) -> sd.Model:
+    """Seven links about parallel axes that lie along no axis of a frame: each turn rounds off the plane of the rest."""
+    rng, builder = np.random.default_rng(0), sd.ModelBuilder("oblique")
+    axis = rng.normal(size=3)
+    for k in range(7):
+        mass, com, I = random_inertia(rng)
+        scale = (tip if k == 6 else 1.0) / mass
+        body = (mass * scale, com, scale * I)
+        builder.add_body(f"b{k}", f"b{k - 1}" if k else None, "revolute", axis, rng.uniform(-0.5, 0.5, 3), body)
+    return builder.build()
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
+@pytest.mark.parametrize("tip", [1.0, 1e6, 1e9])
+def test_extended_keeps_its_digits_where_refinement_does_not(tip: float) -> None:
+    model, n = oblique_chain(tip), batches.FROM
+    rng = np.random.default_rng(1)
+    q, (v, tau) = rng.uniform(-3.0, 3.0, (n, model.nv)), rng.normal(size=(2, n, model.nv))
+    given = [q, v, tau]
+    wanted, doubt = truths(model, "aba", given)
+    assert doubt < 1e-20
+    near = [np.nextafter(x, np.where(rng.random(x.shape) < 0.5, np.inf, -np.inf)) for x in given]
+    scale = abs(wanted).max(axis=1)
+    moved = abs(truths(model, "aba", near, 0)[0] - wanted).max(axis=1) / scale
+    lanes = abs(sd.forward_dynamics(model, *given, method="extended") - wanted).max(axis=1) / scale
+    assert (lanes <= ULPS * np.maximum(moved, 0.5 * EPS)).all()
+    alone = sd.forward_dynamics(model, q[3], v[3], tau[3], method="extended")
+    assert error(alone, wanted[3]) <= 0.5 * EPS  # rounded once, at the very end
+    if tip > 1.0:
+        refined = abs(sd.aba_refined(model, *given) - wanted).max(axis=1) / scale
+        assert refined.max() > 1e4 * lanes.max()
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
+@pytest.mark.parametrize("forces", [False, True])
+def test_extended_takes_what_every_method_takes(forces: bool) -> None:
+    """All kinds of joint, forces, batches that broadcast, an angle beyond the short sine, and a NaN in a sample."""
+    made = random_tree(0, 5, ["revolute", "spherical"], floating=True)
+    model, rng, n = made.model, np.random.default_rng(0), batches.FROM
+    states = [random_state(made.tree, rng) for _ in range(8)]
+    pick = rng.integers(8, size=n)
+    q, v, tau = (np.array([getattr(s, name) for s in states])[pick] for name in ("q", "v", "tau"))
+    fext = states[0].fext if forces else None
+    turning = next(j for j in model.joints[1:] if j.kind == "revolute")
+    q[5, turning.idx_q] += 3e5
+    v[7, 0] = np.nan
+    found = sd.forward_dynamics(model, q, v, tau, fext, "extended")
+    assert np.isnan(found[7]).any()
+    for k in (0, 5, 6, n - 1):
+        args = (q[k], v[k], tau[k]) if fext is None else (q[k], v[k], tau[k], fext)
+        wanted = sd.exact(model, sd.aba)(*args).astype(float)
+        near = [error(sd.exact(model, sd.aba)(np.nextafter(q[k], s * np.inf), *args[1:]), wanted) for s in (1, -1)]
+        assert error(found[k], wanted) <= ULPS * max(*near, 0.5 * EPS)
+        assert error(sd.forward_dynamics(model, *args, method="extended"), wanted) <= EPS
+    out = np.empty((2, 3, model.nv))
+    assert sd.forward_dynamics(model, q[0], v[:3], tau[:1].repeat(2, 0)[:, None], fext, "extended", out=out) is out
+    np.testing.assert_array_equal(out[1], out[0])
+    alone = sd.forward_dynamics(model, q[0], v[1], tau[0], fext, "extended")
+    np.testing.assert_array_equal(out[0, 1], alone)
+
+
+@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of a long chain takes minutes")
+def test_extended_takes_robots_too_long_for_a_program() -> None:
+    model = chain([1.0] * (MOST_ROWS + 1), 1)
+    q, v, tau = state(model, 1)
+    many = sd.forward_dynamics(model, *(np.tile(x, (batches.FROM, 1)) for x in (q, v, tau)), method="extended")
+    np.testing.assert_array_equal(many[-1], truth(model, q, v, tau))
+
+
+def test_extended_refuses_what_aba_refuses() -> None:
+    model = sd.load_urdf(cart_pole(), root="floating")
+    with pytest.raises(sd.InertiaError, match="root_joint"):
+        sd.forward_dynamics(model, sd.neutral(model), *np.zeros((2, model.nv)), method="extended")
+    with pytest.raises(sd.ShapeError):
+        sd.forward_dynamics(model, np.zeros(3), *np.zeros((2, model.nv)), method="extended")
+
+
+@pytest.mark.parametrize("armature", [1e15, 1e20])
+def test_a_joint_behind_a_huge_rotor_keeps_its_own_digits(armature: float) -> None:
+    """What a rotor leaves of its joint's acceleration is next to nothing of the parent's: it is found apart from it."""
+    for seed in range(6):
+        builder, rng = sd.ModelBuilder("arm"), np.random.default_rng(seed)
+        for k in range(5):
+            place, body = rng.uniform(-0.5, 0.5, 3), random_inertia(rng)
+            rotor, parent = armature if k == 3 else 0.0, f"b{k - 1}" if k else None
+            builder.add_body(f"b{k}", parent, "revolute", AXES[k % 3], place, body, armature=rotor)
+        model = builder.build()
+        q, v, tau = state(model, seed)
+        wanted = truth(model, q, v, tau)
+        assert (abs(sd.aba_square_root(model, q, v, tau) - wanted) <= EXACT * abs(wanted)).all()
+
+
 # --- units ------------------------------------------------------------------------------------------------
 
 
@@ -335,3 +433,82 @@ def test_another_method_is_refused_by_its_name() -> None:
     for method in ("lu", None, ["aba"]):
         with pytest.raises(sd.SpatialDynError, match=r"method is .*, expected one of aba, crba, refined, square_root"):
             sd.forward_dynamics(model, [0, 0], [0, 0], [0, 0], method=method)  # type: ignore[arg-type]
+
+
+def cart_pole(cart: tuple[float, float] = (1.0, 1.0), axis: str = "1 0 0") -> str:
+    """URDF of a cart, (mass, principal moment), and a pole on a root without mass: floating, it slides for nothing."""
+
+    def inertial(mass: float, moment: float, z: float) -> str:
+        I = f'ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"'
+        return f'<inertial><origin xyz="0 0 {z}"/><mass value="{mass}"/><inertia {I}/></inertial>'
+
+    return f"""<robot name="cart_pole"><link name="rail"/>
+        <link name="cart">{inertial(*cart, 0.0)}</link><link name="pole">{inertial(0.1, 1.0, 0.5)}</link>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="{axis}"/>
+          <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+        <joint name="swing" type="continuous"><parent link="cart"/><child link="pole"/><origin xyz="0 0 0.1"/>
+          <axis xyz="0 1 0"/></joint></robot>"""
+
+
+def floating_cart_pole(oblique: bool) -> sd.Model:
+    """The same, built, its slider along an axis of frames or oblique to them."""
+    builder, rng = sd.ModelBuilder("cart_pole"), np.random.default_rng(0)
+    along, place = (rng.normal(size=3), random_placement(rng)) if oblique else (AXES[0], None)
+    builder.add_body("rail", None, "floating", joint_name="root_joint")
+    builder.add_body("cart", "rail", "prismatic", along, place, random_inertia(rng))
+    builder.add_body("pole", "cart", "revolute", (0, 1, 0), (0, 0, 0.1), random_inertia(rng))
+    return builder.build()
+
+
+@pytest.mark.parametrize(
+    ("robot", "method"), [*((robot, m) for robot in ("built", "urdf") for m in METHODS), ("oblique", "square_root")]
+)
+def test_a_root_without_mass_that_a_joint_undoes_is_refused_in_every_state(robot: str, method: str) -> None:
+    model = sd.load_urdf(cart_pole(), root="floating") if robot == "urdf" else floating_cart_pole(robot == "oblique")
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        q, (v, tau) = sd.random_configuration(model, rng), rng.normal(size=(2, model.nv))
+        with pytest.raises(sd.InertiaError, match="root_joint"):
+            sd.forward_dynamics(model, q, v, tau, method=method)
+
+
+@pytest.mark.parametrize("robot", ["tree", "massless root"])
+@pytest.mark.parametrize("name", SPECS)
+def test_no_answer_depends_on_what_scratch_held_before(name: str, robot: str) -> None:
+    """Compiled, scratch is memory as it is found; a joint without rows of inertia once read what was never written."""
+    spec, rng = SPECS[name], np.random.default_rng(1)
+    model = floating_cart_pole(False) if robot == "massless root" else random_tree(2, 5).model
+    if spec.work is None:
+        return
+    q = sd.random_configuration(model, rng)
+    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+    inputs: list[Any] = []
+    for x in spec.inputs:
+        shape = () if x is None else tuple(sizes[k] if isinstance(k, str) else k for k in x.shape)
+        if x is None:
+            inputs.append(None)
+        elif x.static:
+            inputs.append(np.eye(4) if shape else model.joints[-1].row if x.name == "row" else 1)
+        else:
+            inputs.append(q if x.unit_norm else rng.normal(size=shape) if shape else 0.3)
+    found = []
+    for junk in (0.0, 3.7):
+        work = np.zeros(len(model.bodies), spec.work)
+        work.view(np.float64)[:] = junk
+        out = np.zeros(tuple(sizes[k] if isinstance(k, str) else k for k in spec.output.shape) or (1,))
+        beside = [np.full(size, junk) for size in spec.beside(model.nv)]
+        with np.errstate(all="ignore"):
+            spec.recursion(model.bodies, work, *inputs, out, *beside)
+        found.append(np.concatenate([out.ravel(), *(x.ravel() for x in beside[: spec.pivots])]))
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("cart", [(1.0, 1.0), (0.1, 0.01)], ids=["cart", "light cart"])
+def test_compare_says_what_is_singular_of_a_root_without_mass(cart: tuple[float, float]) -> None:
+    pytest.importorskip("pinocchio")
+    compared = sd.compare_with_pinocchio(cart_pole(cart), "floating", samples=4)
+    assert compared.ok, [row for row in compared.rows if not row.ok]
+    rows = {row.call: row for row in compared.rows}
+    for name in METHODS.values():
+        assert "M is singular" in rows[name].note
+        assert "root_joint" in rows[name].note

@@ -31,6 +31,7 @@ from ..errors import SpatialDynError
 from ..recursions.checks import EPS
 from ..recursions.spec import Spec
 from . import lanes, narrow, store, target
+from .doubled import doubled
 from .entry import DATA, room
 from .jit import STAMP
 from .origins import move_origins
@@ -136,12 +137,14 @@ class Choice(NamedTuple):
     parameters  of the table, which become inputs, after the others
     outputs     for each call the places of the wanted entries of its output, flat; empty for all of all
     ranged      samples in which what float32 cannot hold may count are left to the caller
+    doubled     in double-double, on the table as it is: its numbers are exact
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
     parameters: tuple[Parameter, ...] = ()
     outputs: tuple[tuple[int, ...], ...] = ()
     ranged: bool = False
+    doubled: bool = False
 
 
 ALL = Choice()
@@ -164,9 +167,10 @@ def record(
         if not spec.traces:
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(choice.fixed)
-    tape, rows = Tape(), table(bodies)
+    tape = Tape()
+    rows = table(bodies, tape.unfolded) if choice.doubled else table(bodies)
     taken = withdraw(rows, choice.parameters)
-    if all(spec.regroup for spec in specs):
+    if all(spec.regroup for spec in specs) and not choice.doubled:
         in_body = choice.parameters or any(x.name == "fext" for spec in specs for x in spec.given)
         if not in_body and dtype == np.float64:  # float32 would feel the way
             move_origins(rows)
@@ -222,7 +226,9 @@ def record(
             margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else float(np.finfo(dtype).eps))
             pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
             results += [margin for margin, _ in margins]
-    program, sizes_of = Program(tape, results, count), None
+    program, sizes_of = Program(tape, results, count, fuse=not choice.doubled), None
+    if choice.doubled:
+        program = doubled(program, target.host()[3])
     if choice.ranged:
         driving = None if moves else [k for k, x in enumerate(kinds) if x != POSITION]
         sizes_of, least = narrow.ranges(bodies, driving)

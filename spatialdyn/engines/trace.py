@@ -60,6 +60,10 @@ class Tape:
         x = float(value)
         return Number(self, self.line(Operation(CONST, value=abs(x))), bool(np.signbit(x)))
 
+    def unfolded(self, value: float) -> Any:
+        """A Number of a constant but 0 and ±1, so that none meets another in float64."""
+        return value if value in (0.0, 1.0, -1.0) else self.number(value)
+
 
 class Number:
     """A value to be computed: a line of the tape, and whether it is negated.

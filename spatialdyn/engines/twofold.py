@@ -221,7 +221,7 @@ def recorded(bodies: NDArray[Any], inputs: int, made: Callable[..., Sequence[Any
     tape = Tape()
     x = np.empty(inputs, dtype=object)
     x[:] = [tape.input(k) for k in range(inputs)]
-    rows = table(bodies, lambda value: value if value in (0.0, 1.0, -1.0) else tape.number(value))
+    rows = table(bodies, tape.unfolded)
     return assembled(Program(tape, made(rows, x), inputs, fuse=False))
 
 

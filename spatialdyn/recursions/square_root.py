@@ -48,6 +48,7 @@ from .stack import Row, put_row, reflect, row_of, triangular
 
 FOLDED = 12  # rows that children leave before they are made six
 ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are made 6, and 1 of the armature
+BLUR = 16.0  # n eps that rounding makes of a root that is 0: up to 3 on random floating robots of massless root
 
 WORK = table_dtype(
     X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
@@ -65,8 +66,8 @@ def aba_square_root(
     Then once a += M⁻¹ (τ - RNEA(q, v, a)) with the rows that are there: a joint whose axis a heavy link feels no more
     than a light one mixes their rows, and the light one's may lose digits.
 
-    pivots    (nv), written: the root of D times that of a bound on the composite inertia, for a joint is singular here
-              when the first is next to nothing of the second
+    pivots    (nv), written: the root of D times that of a bound on the composite inertia, over BLUR, for a joint is
+              singular here when the first is next to nothing of the second
     residual  (nv), written: what the last step has changed
     """
     _roots(bodies, work, q, v, pivots)
@@ -107,11 +108,13 @@ def _roots(bodies: Any, work: Any, q: Any, v: Any, pivots: Any) -> None:
     for i in range(n, 0, -1):
         b, here = bodies[i], work[i]
         rows = _gather(b, here)
+        if rows == 0:  # the scratch may hold anything
+            put_row(here.stack, 0, Row(0.0, zero_force(), 0.0))
         reflect(here.stack, 0, rows, 0)
         first = row_of(here.stack, 0)
         here.s, here.z = first.s, first.z
         put_force(here.r, first.r)
-        pivots[i - 1] = abs(first.s) * sqrt(b.armature + b.bound.x)
+        pivots[i - 1] = abs(first.s) * sqrt(b.armature + b.bound.x) / BLUR
         if b.parent > 0:
             _hand_over(here, work[b.parent], rows)
 

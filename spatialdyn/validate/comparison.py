@@ -191,7 +191,8 @@ def _refused(call: Call, model: Model, peer: Peer, states: States, theirs: Array
         M = peer.mass_matrices(states)
         if singular(M):
             row = by_identity(BY_LABEL["rnea"], model, states, "")
-            note = f"InertiaError, as M is singular (Pinocchio gives {gives}); rnea = M a + bias instead"
+            what = str(error).partition(":")[0].partition(" in sample")[0]
+            note = f"InertiaError, as M is singular: {what} (Pinocchio gives {gives}); rnea = M a + bias instead"
             return Row(call.label, row.error, row.bound, row.ok, note)
     elif peer.pin.computeTotalMass(peer.model) == 0.0 and gives != "numbers":
         return Row(call.label, None, BOUND, True, "refused, as no mass moves (Pinocchio gives no finite numbers)")
