@@ -31,6 +31,8 @@ installed = pytest.mark.skipif(not example_robots(), reason="example-robot-data 
 
 CALLS, AXES = list(digits.CALLS), np.eye(3)
 SAMPLES = 12  # of each kind of pose
+ROBOTS = [("icub_reduced", name) for name in ("crba", "aba", "aba_refined")]
+ROBOTS += [(robot, name) for robot in ("ur5", "panda", "so101") for name in CALLS]
 
 
 def held(model: sd.Model, name: str, dtypes: tuple[Any, ...] = (np.float64, np.float32), few: int = SAMPLES) -> None:
@@ -86,10 +88,7 @@ def test_batches_of_random_trees_of_rods_keep_the_digits_of_single_calls(seed: i
 
 @compiled
 @installed
-@pytest.mark.parametrize(
-    ("robot", "name"),
-    [*(("icub_reduced", name) for name in ("crba", "aba", "aba_refined")), *((r, c) for r in ("ur5", "panda", "so101") for c in CALLS)],
-)  # fmt: skip
+@pytest.mark.parametrize(("robot", "name"), ROBOTS)
 def test_batches_of_robots_keep_the_digits_of_single_calls(robot: str, name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of inertias that no body can have
