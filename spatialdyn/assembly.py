@@ -259,7 +259,7 @@ def tabulate(
     at, row = 0, 1
     for index, ((joint, parent, X), kind) in enumerate(zip(moving, kinds, strict=True), start=1):
         nq, nv = table.NQ[kind], table.NV[kind]
-        put_joint(bodies, row, kind, X if parent == index - 1 else moving[index - 2].X, subspace(joint.kind, joint.axis), at)
+        put_joint(bodies, row, kind, X, subspace(joint.kind, joint.axis), at)
         bodies["parent"][row] = joints[parent].row
         bodies["armature"][row : row + nv] = joint.armature
         last = row + nv - 1
