@@ -21,7 +21,8 @@ from .rows import Joint, frozen, joint_transform
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
 
-DEEP = 40  # levels by which a printed tree is indented; below them it writes the level, as n links would take n² columns
+DEEP = 40  # levels by which a printed tree is indented; then it writes the level: n links would take n² columns
+
 
 class Model:
     """A robot ready to be computed with: immutable, hashable by content, safe to share between threads.
