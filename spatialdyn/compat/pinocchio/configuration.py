@@ -17,8 +17,10 @@ from .chance import GENERATOR
 from .compiled import made
 from .frame import ARG0, ARG1, ArgumentPosition
 from .model import Model
+from .strictness import strict
 
 Array = NDArray[np.float64]
+FAR = 1e30  # the products of seven such numbers are numbers
 
 
 def _compiled(model: Any) -> Any:
@@ -55,7 +57,10 @@ def integrate(model: Any, q: Any, v: Any) -> Array:
 
 
 def difference(model: Any, q1: Any, q2: Any) -> Array:
-    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round."""
+    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
+
+    Coordinates that stand for no limit count as 1e30 where their joint has several, so that none is lost.
+    """
     try:
         found: Array | None = model._made.difference(q1, q2)
         if found is not None:
@@ -63,7 +68,8 @@ def difference(model: Any, q1: Any, q2: Any) -> Array:
     except AttributeError:  # no Model, or an edited one
         pass
     compiled = _compiled(model)
-    found = dynamics.calls["difference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
+    found = dynamics.calls["difference"](compiled, q1, q2)
     return found
 
 
@@ -76,9 +82,21 @@ def interpolate(model: Any, q1: Any, q2: Any, alpha: float) -> Array:
     except AttributeError:  # no Model, or an edited one
         pass
     compiled = _compiled(model)
-    q1, q2 = vector("q1", q1, model.nq), vector("q2", q2, model.nq)
+    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
     found = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
     return found
+
+
+def _within_reach(model: Any, q: Array) -> Array:
+    """q with what stands for no limit small enough for the products of a difference; as it is in strict mode.
+
+    Pinocchio's limits of a free flyer are the largest number, quaternion and all, and programs take differences to
+    them for the sake of the other joints.
+    """
+    if strict() or not (abs(q) > FAR).any():
+        return q
+    reach = np.concatenate([np.full(joint.nq, FAR if joint.nq > 1 else NO_LIMIT / 2.0) for joint in model.joints[1:]])
+    return np.where(np.isfinite(q), np.clip(q, -reach, reach), q)
 
 
 def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
