@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies import ANY_NORM, FLOATING, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE_CS, SPHERICAL
+from ..bodies import ANY_NORM, FLOATING, PLANAR, PLANAR_CS, PRISMATIC
 from ..scalars import inlined
+from .joints import norms_within
 
 UNIT_TOLERANCE = 2e-6  # on the squared norm: a norm within 1e-6 of 1, so that float32 input passes
-ROUNDING = 1e-12  # on the squared norm
 EPS = 2.220446049250313e-16
 LARGEST = 1.7976931348623157e308
 
@@ -23,37 +23,6 @@ def unit_norm(bodies: Any, q: Any) -> bool:
     A NaN is let through, to come out as NaN.
     """
     return bodies[0].kind == ANY_NORM or norms_within(bodies, q, UNIT_TOLERANCE)
-
-
-@inlined
-def off_norm(bodies: Any, q: Any) -> bool:
-    """Whether the table takes q as it is, and a quaternion or pair is off its unit norm by more than rounding."""
-    return bodies[0].kind == ANY_NORM and not norms_within(bodies, q, ROUNDING)
-
-
-@inlined
-def norms_within(bodies: Any, q: Any, tolerance: Any) -> bool:
-    """Whether the squared norm of every quaternion and (cos, sin) pair of q is within a tolerance of 1."""
-    for i in range(1, len(bodies)):
-        kind, k = bodies[i].kind, bodies[i].at
-        if kind < REVOLUTE_CS:
-            continue
-        count = 0
-        if kind == REVOLUTE_CS:
-            count = 2
-        elif kind == SPHERICAL:
-            count = 4
-        elif kind == FLOATING:
-            k, count = k + 3, 4
-        elif kind == PLANAR_CS:
-            k, count = k + 2, 2
-        if count > 0:
-            square = 0.0
-            for m in range(k, k + count):
-                square += q[m] * q[m]
-            if abs(square - 1.0) > tolerance:
-                return False
-    return True
 
 
 @inlined

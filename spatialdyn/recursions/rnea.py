@@ -18,8 +18,7 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
-from .checks import off_norm
-from .joints import joint_motion, place_joint
+from .joints import joint_motion, off_norm, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
 WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force, l=Vec)  # l: where q is off its norm

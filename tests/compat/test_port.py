@@ -102,10 +102,10 @@ def test_an_alias_given_anew_is_forgotten() -> None:
         "robot = pin.robot_wrapper.RobotWrapper(model)",
     ],
 )
-def test_viewing_a_robot_is_listed_with_advice(source: str) -> None:
+def test_viewing_a_robot_is_listed_with_what_it_does(source: str) -> None:
     used = found(f"import pinocchio as pin\n{source}\nrobot.initViewer()\nrobot.nq")
-    assert used["RobotWrapper.initViewer"].status == OUT_OF_SCOPE
-    assert "meshcat" in used["RobotWrapper.initViewer"].note
+    assert used["RobotWrapper.initViewer"].status == DIFFERENT
+    assert "nothing, and one warning" in used["RobotWrapper.initViewer"].note
     assert used["RobotWrapper.nq"].status == SUPPORTED
 
 

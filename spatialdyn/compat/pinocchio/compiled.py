@@ -23,7 +23,7 @@ from ...errors import ModelError
 from ...interop.pinocchio import check_depth_first, fresh_name
 from ...model import Model as Compiled
 from ...recursions import SPECS
-from ...recursions.checks import ROUNDING
+from ...recursions.joints import ROUNDING
 from ...robot import Joint as RobotJoint
 from ...robot import Link, Mimic, Robot, make_joint, make_link
 from .inertia import Inertia

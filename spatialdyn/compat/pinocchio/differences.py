@@ -59,7 +59,9 @@ DIFFERENCES = (
         "OutOfScopeError, a NotImplementedError",
     ),
     Difference(
-        "visualize, RobotWrapper.initViewer, RobotWrapper.display and what else shows a robot",
+        "visualize, visualize.BaseVisualizer, visualize.MeshcatVisualizer, visualize.GepettoVisualizer, "
+        "visualize.ViserVisualizer, visualize.RVizVisualizer, visualize.Panda3dVisualizer, RobotWrapper.initViewer, "
+        "RobotWrapper.loadViewerModel, RobotWrapper.display, RobotWrapper.play",
         "a picture",
         "nothing, and one warning",
     ),

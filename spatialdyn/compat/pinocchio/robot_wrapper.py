@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import centroidal, configuration, dynamics, jacobians, kinematics
 from .arguments import ValueRuntimeError
-from .coverage import OutOfScopeAttributeError
+from .coverage import OutOfScopeAttributeError, OutOfScopeError
 from .frame import LOCAL
 from .geometry import buildModelsFromUrdf, createDatas
 from .inertia import Inertia
@@ -313,5 +313,5 @@ class RobotWrapper:
         return jacobians.computeFrameJacobian(self.model, self.data, q, frame_id)
 
     def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
-        """Geometry is out of scope; raises NotImplementedError."""
-        (self.visual_model if visual else self.collision_model).updateGeometryPlacements()
+        """Raises OutOfScopeError: there is no geometry."""
+        raise OutOfScopeError("updateGeometryPlacements: geometry is out of scope of spatialdyn; place it by data.oMi")

@@ -20,7 +20,21 @@ def _start() -> bool:
     return word == "1"
 
 
-_on = _start()
+class Switch:
+    """Whether strict mode is on."""
+
+    def __init__(self) -> None:
+        self.on = _start()
+
+    def turn(self, on: bool) -> None:
+        """Turn it on or off; what was made of models under the other mode is forgotten."""
+        if on is not self.on:
+            self.on = on
+            for model in list(MODELS):
+                model._made = None
+
+
+_SWITCH = Switch()
 
 
 def strict(on: bool | None = None) -> bool:
@@ -41,13 +55,9 @@ def strict(on: bool | None = None) -> bool:
     >>> pin.strict(before)
     True
     """
-    global _on
-    before = _on
-    if on is None or on is before:
-        return before
-    if not isinstance(on, bool):
-        raise SpatialDynError(f"strict is {on!r}, expected True, False or None")
-    _on = on
-    for model in list(MODELS):
-        model._made = None
+    before = _SWITCH.on
+    if on is not None:
+        if not isinstance(on, bool):
+            raise SpatialDynError(f"strict is {on!r}, expected True, False or None")
+        _SWITCH.turn(on)
     return before

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, ClassVar
 
 from .coverage import OutOfScopeAttributeError, OutOfScopeError
@@ -17,15 +18,12 @@ from .geometry import GeometryData, GeometryModel
 from .model import Model
 
 _ADVICE = "draw the poses data.oMi with meshcat or viser"
-_warned = False
 
 
+@cache
 def _warn() -> None:
     """Say once a process that nothing is shown."""
-    global _warned
-    if not _warned:
-        _warned = True
-        warnings.warn(f"visualizers of spatialdyn show nothing: {_ADVICE}", stacklevel=4)
+    warnings.warn(f"visualizers of spatialdyn show nothing: {_ADVICE}", stacklevel=3)
 
 
 class BaseVisualizer:
