@@ -13,7 +13,8 @@ STATUSES = {SUPPORTED, DIFFERENT, OUT_OF_SCOPE}
 
 def test_the_names_are_the_wheels() -> None:
     pin = pytest.importorskip("pinocchio", minversion="4.1")
-    assert {name for name in dir(pin) if not name.startswith("_")} == NAMES
+    later = {"visualize", "deprecation"}  # modules that are there once somebody has imported them
+    assert {name for name in dir(pin) if not name.startswith("_")} - later == NAMES
 
 
 def test_every_name_has_a_status_and_what_is_not_there_a_note() -> None:

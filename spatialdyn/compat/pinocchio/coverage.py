@@ -197,6 +197,6 @@ def _differences() -> dict[str, str]:
         if x.switched:
             continue
         for name in re.findall(r"[\w.]+", x.what):
-            if name.split(".")[0] in NAMES or name in MEMBERS:
+            if name.split(".")[0] in NAMES | MEMBERS:
                 found.setdefault(name, []).append(f"{x.what}: {x.here}, in Pinocchio {x.pinocchio}")
     return {name: "; ".join(notes) for name, notes in found.items()}

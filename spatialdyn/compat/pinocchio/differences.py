@@ -92,6 +92,9 @@ DIFFERENCES = (
         "those",
         "what the name says, or as before",
     ),
+    Difference(
+        "data.dhg, data.f of a second computeAllTerms with one data", "added to what was there", "as after the first"
+    ),
     Difference("centres of mass of joints that carry no mass", "NaN", "the joint's origin, at rest"),
     Difference("data fields that are scratch: Yaba, Fcrb, U, D, joints ...", "there", "AttributeError saying so"),
     Difference(

@@ -78,7 +78,8 @@ class GeometryObject(_Bookkeeping):
     meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
     """
 
-    _beyond = "physicsMaterial saveToText saveToXML saveToBinary loadFromText loadFromXML loadFromBinary"
+    _beyond = """physicsMaterial saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML
+        loadFromBinary loadFromString"""
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
         if isinstance(name, GeometryObject):
