@@ -69,7 +69,9 @@ def _said(case: ET.Element) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="a checkout of pink, with its folder tests")
-    parser.add_argument("--run", choices=("wheel", "face"), help="run the tests once under this module, in this process")
+    parser.add_argument(
+        "--run", choices=("wheel", "face"), help="run the tests once under this module, in this process"
+    )
     parser.add_argument("--report", type=Path, help="with --run, where pytest writes its XML")
     given = parser.parse_args()
     folder = given.folder.resolve()

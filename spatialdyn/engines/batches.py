@@ -137,7 +137,7 @@ def record(
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(choice.fixed)
     tape, rows = Tape(), table(bodies)
-    rows[0].kind = 0  # what is off its unit norm is left to the caller, whatever the table says of it
+    vars(rows[0])["kind"] = 0  # what is off its unit norm is left to the caller, whatever the table says of it
     taken = withdraw(rows, choice.parameters)
     if all(spec.regroup for spec in specs):
         in_body = choice.parameters or any(x.name == "fext" for spec in specs for x in spec.given)

@@ -119,6 +119,15 @@ def test_members_out_of_scope_say_what_to_use_instead(name: str) -> None:
 
 
 def test_differences_name_what_they_concern() -> None:
-    for name in ("RobotWrapper.com", "RobotWrapper.initViewer", "visualize.MeshcatVisualizer", "GeometryModel", "Model.armature", "buildReducedModel", "computeMinverse", "Data.saveToText"):
+    for name in (
+        "RobotWrapper.com",
+        "RobotWrapper.initViewer",
+        "visualize.MeshcatVisualizer",
+        "GeometryModel",
+        "Model.armature",
+        "buildReducedModel",
+        "computeMinverse",
+        "Data.saveToText",
+    ):
         assert entry(name).status == DIFFERENT, name
         assert entry(name).note

@@ -61,9 +61,16 @@ def test_bookkeeping_of_shapes_is_that_of_the_wheel() -> None:
         seen += [list(data.activeCollisionPairs)]
         other = geometry.copy()
         other.removeAllCollisionPairs()
-        seen += [len(other.collisionPairs), len(geometry.collisionPairs), len(pin.GeometryModel(geometry).collisionPairs)]
+        seen += [
+            len(other.collisionPairs),
+            len(geometry.collisionPairs),
+            len(pin.GeometryModel(geometry).collisionPairs),
+        ]
         geometry.removeGeometryObject("g1")
-        seen += [[x.name for x in geometry.geometryObjects], sorted((p.first, p.second) for p in geometry.collisionPairs)]
+        seen += [
+            [x.name for x in geometry.geometryObjects],
+            sorted((p.first, p.second) for p in geometry.collisionPairs),
+        ]
         one = geometry.geometryObjects[1]
         seen += [one.name, one.parentJoint, one.parentFrame, list(one.placement.translation), one.meshPath]
         seen += [list(one.meshScale), one.overrideMaterial, one.disableCollision, one.meshTexturePath]

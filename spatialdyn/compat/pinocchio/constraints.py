@@ -65,7 +65,8 @@ class RigidConstraintModel:
                 raise ModelError(f"joint index is {at}, expected one from 0 to {model.njoints - 1}")
         self.joint1_id, self.joint2_id = map(int, joints)
         self.joint1_placement, self.joint2_placement = (
-            SE3(expected(given.get(name, SE3.Identity()), SE3, name)) for name in ("joint1_placement", "joint2_placement")
+            SE3(expected(given.get(name, SE3.Identity()), SE3, name))
+            for name in ("joint1_placement", "joint2_placement")
         )
         self.reference_frame = ReferenceFrame(given.get("reference_frame", ReferenceFrame.LOCAL))
         self.name = ""

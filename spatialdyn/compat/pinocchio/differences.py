@@ -114,7 +114,7 @@ DIFFERENCES = (
         "finite: of joints with several coordinates those beyond 1e30 count as that",
     ),
     Difference(
-        "configurations off their unit norm, not strict: dDifference, and what Pinocchio computes in the world's axes or "
+        "configurations off their unit norm, not strict: dDifference, what Pinocchio computes in the world's axes or "
         "with inertias it turns: crba, computeMinverse, computeCoriolisMatrix, aba in WORLD, computeAllTerms, ccrba, "
         "dccrba, computeJointTorqueRegressor, and derivatives",
         "numbers that contradict its rnea and aba, for the matrix of such a q is no rotation",

@@ -103,9 +103,9 @@ def liMi(run: Any) -> Array:
 def _undone(A: Array, X: Array) -> Array:
     """A⁻¹ X, what is least where some A have no inverse."""
     try:
-        out: Array = np.linalg.solve(A, X)
+        out: Array = np.asarray(np.linalg.solve(A, X), np.float64)
     except np.linalg.LinAlgError:
-        out = np.linalg.pinv(A) @ X
+        out = np.asarray(np.linalg.pinv(A) @ X, np.float64)
     out[:, 3] = 0.0, 0.0, 0.0, 1.0
     return out
 

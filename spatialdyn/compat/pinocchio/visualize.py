@@ -54,7 +54,9 @@ class BaseVisualizer:
         if copy_models:
             given = [None if x is None else x.copy() for x in given]
         self.model, self.collision_model, self.visual_model = given
-        self.data, self.collision_data, self.visual_data = data, collision_data, visual_data
+        self.data: Any = data
+        self.collision_data: Any = collision_data
+        self.visual_data: Any = visual_data
         self.viewer: Any = None
         if data is None:
             self.rebuildData()
@@ -90,26 +92,26 @@ class BaseVisualizer:
     def display(self, q: Any = None) -> None:
         """Nothing."""
 
-    def play(self, q_trajectory: Any, dt: Any = None, callback: Any = None, capture: bool = False, **named: Any) -> None:
+    def play(
+        self, q_trajectory: Any, dt: Any = None, callback: Any = None, capture: bool = False, **named: Any
+    ) -> None:
         """Nothing; the callback is called as for a picture of each configuration: ``callback(k, q, self)``."""
         if callback is not None:
             for k, q in enumerate(q_trajectory):
                 callback(k, q, self)
 
     def __getattr__(self, name: str) -> Any:
-        if name in _IDLE:
+        if name in _IDLE.split():
             return _nothing
         raise OutOfScopeAttributeError(f"a visualizer of spatialdyn has no {name}, for it shows nothing: {_ADVICE}")
 
 
-_IDLE = frozenset(
-    """
+_IDLE = """
     addGeometryObject clean delete disableCameraControl displayCollisions displayFrames displayVisuals
     drawFrameVelocities enableCameraControl initializeFrames loadViewerGeometryObject loadViewerModel reload reset
     setBackgroundColor setCameraPose setCameraPosition setCameraPreset setCameraTarget setCameraZoom sleep updateFrames
     updatePlacements
-    """.split()
-)
+"""
 
 
 def _nothing(*arguments: Any, **named: Any) -> None:
