@@ -450,9 +450,8 @@ def _mix_pairs(q0: Any, q1: Any, k: int, t: Scalar, out: Any) -> None:
     safe = select(apart, s, 1.0)
     a, b = select(apart, sin((1.0 - t) * angle) / safe, 1.0 - t), select(apart, sin(t * angle) / safe, t)
     x, y = a * c0 + b * c1, a * s0 + b * s1
-    n, back = c0 * c0 + s0 * s0, size - (3.141592653589793 - 1e-6)  # half a turn: it stays where it was
-    n = 1.0 / sqrt(select(n, n, 1.0))
-    x, y = select(back, n * c0, x), select(back, n * s0, y)
+    back = size - (3.141592653589793 - 1e-6)  # half a turn: it stays where it was
+    x, y = select(back, c0, x), select(back, s0, y)
     on = _on(c * c + s * s)
     _put_pair(out, k, select(on, out[k], x), select(on, out[k + 1], y))
 
