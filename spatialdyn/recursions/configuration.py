@@ -195,9 +195,10 @@ def _move(b: Any, q: Any, m: Motion, free: bool, out: Any) -> None:
     if b.kind == REVOLUTE or b.kind == PRISMATIC:
         out[k] = q[k] + m.w.z
     elif b.kind == REVOLUTE_CS:
-        _turn_pair(q, k, m.w.z, out)
         if free:
             _pull_pair(q, k, m.w.z, out)
+        else:
+            _turn_pair(q, k, m.w.z, out)
     elif b.kind == SPHERICAL:
         a = product(_quat(q, k), exp_rotation(m.w))
         _put_quat(out, k, _pulled(a) if free else unit(a))
@@ -211,10 +212,10 @@ def _move(b: Any, q: Any, m: Motion, free: bool, out: Any) -> None:
         _put_pair(out, k, q[k] + p.x, q[k + 1] + p.y)
         if b.kind == PLANAR:
             out[k + 2] = q[k + 2] + m.w.z
+        elif free:
+            _leave_pair(q, k + 2, m.w.z, out)
         else:
             _turn_pair(q, k + 2, m.w.z, out)
-            if free:
-                _leave_pair(q, k + 2, m.w.z, out)
 
 
 @inlined
