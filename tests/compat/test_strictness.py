@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import os
 import pickle
 import subprocess
@@ -269,6 +270,11 @@ def test_the_switch_takes_a_bool() -> None:
     for x in (1, "yes", np.bool_(True)):
         with pytest.raises(sd.SpatialDynError, match="expected True, False or None"):
             ours.strict(x)  # type: ignore[arg-type]
+    assert ours.strict() is False
+
+
+def test_the_example_of_the_switch_holds() -> None:
+    assert doctest.testmod(sys.modules[ours.strict.__module__]).failed == 0
     assert ours.strict() is False
 
 

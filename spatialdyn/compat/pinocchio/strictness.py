@@ -51,7 +51,7 @@ def strict(on: bool | None = None) -> bool:
     >>> before = pin.strict(True)
     >>> pin.Model().getFrameId("hand")
     Traceback (most recent call last):
-    spatialdyn.errors.ModelError: robot "" has no frame "hand", expected "universe"
+    spatialdyn.errors.ModelError: frame "hand" is not in robot ""
     >>> pin.strict(before)
     True
     """
