@@ -51,6 +51,8 @@ class Frame(NamedTuple):
 class Options:
     """How a robot is made a Model: root, gravity [m/s²], continuous, mimic, and where a fixed root link stands.
 
+    ``any_norm`` takes quaternions and (cos, sin) pairs as they are, where they are refused off their unit norm.
+
     Raises ModelError naming the option and its value.
     """
 
@@ -59,6 +61,7 @@ class Options:
     continuous: str = "angle"
     mimic: bool = False
     base: tuple[float, ...] = IDENTITY
+    any_norm: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.root, str) or self.root not in ("fixed", "floating"):
@@ -267,6 +270,7 @@ def tabulate(
         joints.append(Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, matrix(X), frozen(joint.axis)))
         at, row = at + nq, row + nv
     bodies[0].at, bodies[0].dofs = at, len(joints)
+    bodies[0].kind = table.ANY_NORM if options.any_norm else 0
     put_vec(bodies[0].gravity, Vec(*options.gravity))
     _put_last(bodies)
     return completed(bodies), joints

@@ -8,7 +8,7 @@ S is constant in the body's frame for every kind, so the joint's bias accelerati
 column      meaning
 parent      row of the parent
 joint       index of the joint whose body hangs on this row, 0 where none does (the world; rows before the last)
-kind        how q moves the row: the constants below
+kind        how q moves the row: the constants below (row 0: ANY_NORM where q need not be of unit norm, else 0)
 dofs        rows of the joint, on its first row; 0 on the others (row 0: the number of joints, the world counted)
 at          place of the joint's first coordinate in q (row 0: nq)
 last        last row of the subtree: rows i .. last are those that row i moves
@@ -57,5 +57,6 @@ SPHERICAL = 4  # q: quaternion x y z w
 FLOATING = 5  # q: x y z, quaternion x y z w
 PLANAR = 6  # q: x, y along S of its first two rows, angle about S of the third
 PLANAR_CS = 7  # q: x, y, cos, sin of the angle
+ANY_NORM = 1  # row 0: quaternions and (cos, sin) pairs are taken as they are
 NQ = (0, 1, 1, 2, 4, 7, 3, 4)  # coordinates of each kind
 NV = (0, 1, 1, 1, 3, 6, 3, 3)  # freedoms of each kind

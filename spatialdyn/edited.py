@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .assembly import NOTHING, Tables, about_origin, completed, digest, refuse_overflow
+from .bodies import ANY_NORM
 from .errors import ModelError
 from .euclidean import Vec
 from .model import Model
@@ -23,6 +24,7 @@ def edited(
     links: Mapping[int, Link],
     joints: Mapping[int, Joint],
     gravity: tuple[float, float, float] | None = None,
+    any_norm: bool | None = None,
 ) -> Model:
     """The Model that is made of its robot with some links and joints in place of others, to the bit.
 
@@ -30,6 +32,7 @@ def edited(
     links    place in ``robot.links`` -> a Link of the same name
     joints   place in ``robot.joints`` -> a Joint that differs in placement and armature alone
     gravity  (3,) [m/s²], as it is if left out
+    any_norm whether q may be off its unit norm, as it is if left out
 
     Raises ModelError for a model of another kind; ModelError, InertiaError naming the joint whose placement or inertia
     is beyond the largest float.
@@ -59,6 +62,9 @@ def edited(
     if gravity is not None:
         options = replace(options, gravity=gravity)
         put_vec(bodies[0].gravity, Vec(*gravity))
+    if any_norm is not None:
+        options = replace(options, any_norm=any_norm)
+        bodies[0].kind = ANY_NORM if any_norm else 0
     bodies = completed(bodies)
     refuse_overflow(robot.name, bodies, rows)
     armature = np.array(bodies["armature"][1:])

@@ -84,7 +84,8 @@ SHARED = {
     "factor", "derivatives", "stack", "inertia_roots",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "urdf_xml", "robot_files", "engines"}
-SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port"}  # themselves, and a script
+# themselves, and a script; one reads an environment variable
+SAVE = {"simulation.trajectory", "compat.pinocchio.stored", "commands.port", "compat.pinocchio.strictness"}
 NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
 PRINT = {"cli", "commands"}
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}

@@ -169,6 +169,7 @@ def record(
     fixed, known = iter(static), dict(choice.fixed)
     tape = Tape()
     rows = table(bodies, tape.unfolded) if choice.doubled else table(bodies)
+    vars(rows[0])["kind"] = 0  # what is off its unit norm is left to the caller, whatever the table says of it
     taken = withdraw(rows, choice.parameters)
     if all(spec.regroup for spec in specs) and not choice.doubled:
         in_body = choice.parameters or any(x.name == "fext" for spec in specs for x in spec.given)

@@ -6,6 +6,10 @@ back on the unit sphere, q/|q| to rounding, so no drift builds up. A joint of on
 displacement is carried as w.z of a twist, which lets every kind share ``twist``, ``_move`` and ``_between``, and
 a planar joint's twist is written in its own x, y and normal.
 
+Where the table takes coordinates of ANY_NORM, those off the unit sphere give what Pinocchio 4.1 makes of them: a
+product is scaled by (3 - |q|²)/2, which is 1/|q| to first order, and a logarithm grows with |q|. Where Pinocchio has a
+NaN there is a number here.
+
 The exponentials and their derivatives are in ``lie``.
 
 Row i of the table belongs to v[i - 1]; no array may overlap ``out``, and all of ``out`` is written.
@@ -15,8 +19,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
-from ..euclidean import Rot, Vec, minus, plus, rotate, unrotate, zero
+from ..bodies import ANY_NORM, FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
+from ..euclidean import Rot, Vec, cross, dot, minus, plus, rotate, times, unrotate, zero
 from ..scalars import Scalar, atan2, cos, inlined, select, sin, sqrt
 from ..spatial import Motion, scale_motion
 from .lie import (
@@ -27,6 +31,7 @@ from .lie import (
     exp_jacobian,
     exp_rotation,
     exp_travel,
+    log_factors,
     log_jacobian,
     log_rotation,
     log_travel,
@@ -102,7 +107,7 @@ def integrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
     """
     for i in range(1, len(bodies)):
         if bodies[i].kind != FOLLOW:
-            _move(bodies[i], q, twist(bodies[i], i - 1, v), out)
+            _move(bodies[i], q, twist(bodies[i], i - 1, v), bodies[0].kind == ANY_NORM, out)
 
 
 @inlined
@@ -116,7 +121,7 @@ def difference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
     """
     for i in range(1, len(bodies)):
         if bodies[i].kind != FOLLOW:
-            put_twist(bodies[i], i - 1, _between(bodies[i], q0, q1), out)
+            put_twist(bodies[i], i - 1, _between(bodies[i], q0, q1, bodies[0].kind == ANY_NORM), out)
 
 
 @inlined
@@ -129,7 +134,10 @@ def interpolate(bodies: Any, q0: Any, q1: Any, t: Scalar, out: Any) -> None:
     """
     for i in range(1, len(bodies)):
         if bodies[i].kind != FOLLOW:
-            _move(bodies[i], q0, scale_motion(t, _between(bodies[i], q0, q1)), out)
+            free = bodies[0].kind == ANY_NORM
+            _move(bodies[i], q0, scale_motion(t, _between(bodies[i], q0, q1, free)), free, out)
+            if free and bodies[i].kind == REVOLUTE_CS:
+                _mix_pairs(q0, q1, bodies[i].at, t, out)
 
 
 @inlined
@@ -166,7 +174,7 @@ def ddifference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
             out[0, r, r] = -1.0
             out[1, r, r] = 1.0
         elif b.kind != FOLLOW:
-            m = _between(b, q0, q1)
+            m = _between(b, q0, q1, bodies[0].kind == ANY_NORM)
             _put_tangent(b, r, log_jacobian(m, -1.0), -1.0, out, 0)
             _put_tangent(b, r, log_jacobian(m, 1.0), 1.0, out, 1)
 
@@ -181,46 +189,59 @@ def _one_freedom(b: Any) -> bool:
 
 
 @inlined
-def _move(b: Any, q: Any, m: Motion, out: Any) -> None:
-    """The coordinates of joint b after the twist m."""
+def _move(b: Any, q: Any, m: Motion, free: bool, out: Any) -> None:
+    """The coordinates of joint b after the twist m; ``free`` of any norm."""
     k = b.at
     if b.kind == REVOLUTE or b.kind == PRISMATIC:
         out[k] = q[k] + m.w.z
     elif b.kind == REVOLUTE_CS:
-        _turn_pair(q, k, m.w.z, out)
+        if free:
+            _pull_pair(q, k, m.w.z, out)
+        else:
+            _turn_pair(q, k, m.w.z, out)
     elif b.kind == SPHERICAL:
-        _put_quat(out, k, unit(product(_quat(q, k), exp_rotation(m.w))))
+        a = product(_quat(q, k), exp_rotation(m.w))
+        _put_quat(out, k, _pulled(a) if free else unit(a))
     elif b.kind == FLOATING:
         a, e = _quat(q, k + 3), exp_rotation(m.w)
         _put_point(out, k, plus(_point(q, k), rotate(matrix(a), exp_travel(m))))
-        _put_quat(out, k + 3, unit(product(a, scale_quat(select(-e.w, -1.0, 1.0), e))))
+        a = product(a, scale_quat(select(-e.w, -1.0, 1.0), e))
+        _put_quat(out, k + 3, _pulled(a) if free else unit(a))
     elif b.kind == PLANAR or b.kind == PLANAR_CS:
         p = rotate(_heading(b, q), exp_travel(m))
         _put_pair(out, k, q[k] + p.x, q[k + 1] + p.y)
         if b.kind == PLANAR:
             out[k + 2] = q[k + 2] + m.w.z
+        elif free:
+            _leave_pair(q, k + 2, m.w.z, out)
         else:
             _turn_pair(q, k + 2, m.w.z, out)
 
 
 @inlined
-def _between(b: Any, q0: Any, q1: Any) -> Motion:
-    """The twist of joint b from q0 to q1."""
+def _between(b: Any, q0: Any, q1: Any, free: bool) -> Motion:
+    """The twist of joint b from q0 to q1; ``free`` of any norm."""
     k = b.at
     if b.kind == REVOLUTE_CS:
-        return Motion(Vec(0.0, 0.0, _pair_angle(q0, q1, k)), zero())
+        return Motion(Vec(0.0, 0.0, _free_angle(q0, q1, k) if free else _pair_angle(q0, q1, k)), zero())
     if b.kind == SPHERICAL:
-        return Motion(log_rotation(product(conjugate(_quat(q0, k)), _quat(q1, k))), zero())
+        a = product(conjugate(_quat(q0, k)), _quat(q1, k))
+        w = log_rotation(a)
+        return Motion(times(_norm(a), w) if free else w, zero())
     if b.kind == FLOATING:
         a = _quat(q0, k + 3)
-        w = log_rotation(product(conjugate(a), _quat(q1, k + 3)))
-        return Motion(w, log_travel(w, unrotate(matrix(a), minus(_point(q1, k), _point(q0, k)))))
+        p = unrotate(matrix(a), minus(_point(q1, k), _point(q0, k)))
+        a = product(conjugate(a), _quat(q1, k + 3))
+        w = log_rotation(a)
+        if free:
+            return Motion(times(_norm(a), w), _free_travel(w, _norm(a), p))
+        return Motion(w, log_travel(w, p))
     if b.kind == PLANAR or b.kind == PLANAR_CS:
         if b.kind == PLANAR:
             turned = q1[k + 2] - q0[k + 2]
             angle = atan2(sin(turned), cos(turned))
         else:
-            angle = _pair_angle(q0, q1, k + 2)
+            angle = _free_angle(q0, q1, k + 2) if free else _pair_angle(q0, q1, k + 2)
         w = Vec(0.0, 0.0, angle)
         return Motion(w, log_travel(w, unrotate(_heading(b, q0), Vec(q1[k] - q0[k], q1[k + 1] - q0[k + 1], 0.0))))
     return Motion(Vec(0.0, 0.0, q1[k] - q0[k]), zero())
@@ -344,6 +365,96 @@ def _pair_angle(q0: Any, q1: Any, k: int) -> Scalar:
     """The angle from one (cos, sin) pair to another, in [-π, π]."""
     c0, s0, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
     return atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1)
+
+
+# --- off the unit sphere, as Pinocchio 4.1 has it ---------------------------------------------------------
+
+OFF = 1e-12  # squared norms that differ from 1 by less are rounding, and the exact formulas hold
+
+
+@inlined
+def _on(square: Scalar) -> Scalar:
+    """Positive where a squared norm is 1 to rounding."""
+    return OFF - select(square - 1.0, square - 1.0, 1.0 - square)
+
+
+@inlined
+def _norm(a: Quat) -> Scalar:
+    """|a|; 1 where it is that to rounding."""
+    n = a.x * a.x + a.y * a.y + a.z * a.z + a.w * a.w
+    return select(_on(n), 1.0, sqrt(n))
+
+
+@inlined
+def _free_travel(w: Vec, n: Scalar, p: Vec) -> Vec:
+    """``log_travel`` of the rotation vector w of a quaternion of norm n, which stands for n w and u for n² u."""
+    t = dot(w, w)
+    u, beta = log_factors(t)
+    turns = t - 1.5e-8  # Pinocchio's series for θ < 1.2e-4 knows of no norm
+    u = select(turns, n * n * u, u)
+    off = select(_on(n * n), -1.0, turns)
+    beta = select(off, (1.0 - u) / select(off, n * n * t, 1.0), beta)
+    w = times(n, w)
+    return plus(plus(times(u, p), times(-0.5, cross(w, p))), times(beta * dot(w, p), w))
+
+
+@inlined
+def _pulled(a: Quat) -> Quat:
+    """a (3 - |a|²)/2: on the unit sphere to first order."""
+    return scale_quat(0.5 * (3.0 - (a.x * a.x + a.y * a.y + a.z * a.z + a.w * a.w)), a)
+
+
+@inlined
+def _pull_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
+    """Turn the (cos, sin) pair at place k by an angle, and scale it in that way."""
+    c, s = cos(angle), sin(angle)
+    x, y = q[k] * c - q[k + 1] * s, q[k + 1] * c + q[k] * s
+    scale = 0.5 * (3.0 - (x * x + y * y))
+    _put_pair(out, k, scale * x, scale * y)
+
+
+@inlined
+def _leave_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
+    """Turn the pair at place k by an angle; one off the unit circle keeps its norm."""
+    c, s = cos(angle), sin(angle)
+    x, y = q[k] * c - q[k + 1] * s, q[k + 1] * c + q[k] * s
+    n = x * x + y * y
+    on = _on(n)
+    scale = 1.0 / sqrt(select(on, n, 1.0))
+    _put_pair(out, k, scale * x, scale * y)
+
+
+@inlined
+def _free_angle(q0: Any, q1: Any, k: int) -> Scalar:
+    """The angle from one pair to another by their products c = q0 · q1 and s = q0 × q1.
+
+    Off the unit circle 0 where c > 1, ±π where c < -1, the arc sine of s where c > 0.995, else the arc cosine of c.
+    """
+    c0, s0, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
+    c, s = c0 * c1 + s0 * s1, c0 * s1 - s0 * c1
+    sign, x, y = select(s, 1.0, -1.0), 1.0 - c * c, 1.0 - s * s
+    sign = select(-s, sign, 1.0)
+    by_cosine = sign * atan2(sqrt(select(x, x, 0.0)), c)  # 0 or π beyond [-1, 1]
+    by_sine = atan2(s, sqrt(select(y, y, 0.0)))
+    angle = select(select(c - 0.995, 1.0 - c, -1.0), by_sine, by_cosine)
+    return select(_on(c * c + s * s), atan2(s, c), angle)
+
+
+@inlined
+def _mix_pairs(q0: Any, q1: Any, k: int, t: Scalar, out: Any) -> None:
+    """Between pairs off the unit circle: their sum, weighted by sines of parts of the angle between them."""
+    c0, s0, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
+    c, s = c0 * c1 + s0 * s1, c0 * s1 - s0 * c1
+    angle = atan2(s, c)
+    size = select(angle, angle, -angle)
+    apart = size - 1e-6
+    safe = select(apart, s, 1.0)
+    a, b = select(apart, sin((1.0 - t) * angle) / safe, 1.0 - t), select(apart, sin(t * angle) / safe, t)
+    x, y = a * c0 + b * c1, a * s0 + b * s1
+    back = size - (3.141592653589793 - 1e-6)  # half a turn: it stays where it was
+    x, y = select(back, c0, x), select(back, s0, y)
+    on = _on(c * c + s * s)
+    _put_pair(out, k, select(on, out[k], x), select(on, out[k + 1], y))
 
 
 _ANY_Q = Argument("q", ("nq",), "rad | m", "joint positions, of any norm but 0")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies import FLOATING, FOLLOW, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
+from ..bodies import ANY_NORM, FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
 from ..euclidean import Rot, Vec, add_rot, plus, rotate, times, zero
 from ..scalars import Scalar, cos, inlined, sin
 from ..spatial import Motion, Pose, add_motion, compose, identity_pose, scale_motion, zero_motion
@@ -17,6 +17,8 @@ from ..tables import (
     rot_of,
     vec_of,
 )
+
+ROUNDING = 1e-12  # of a squared norm
 
 
 @inlined
@@ -103,3 +105,34 @@ def joint_motion(bodies: Any, i: int, v: Any) -> Motion:
     for k in range(i, i + bodies[i].dofs):
         vJ = add_motion(vJ, scale_motion(v[k - 1], motion_of(bodies[k].S)))
     return vJ
+
+
+@inlined
+def off_norm(bodies: Any, q: Any) -> bool:
+    """Whether the table takes q as it is, and a quaternion or pair is off its unit norm by more than rounding."""
+    return bodies[0].kind == ANY_NORM and not norms_within(bodies, q, ROUNDING)
+
+
+@inlined
+def norms_within(bodies: Any, q: Any, tolerance: Any) -> bool:
+    """Whether the squared norm of every quaternion and (cos, sin) pair of q is within a tolerance of 1."""
+    for i in range(1, len(bodies)):
+        kind, k = bodies[i].kind, bodies[i].at
+        if kind < REVOLUTE_CS:
+            continue
+        count = 0
+        if kind == REVOLUTE_CS:
+            count = 2
+        elif kind == SPHERICAL:
+            count = 4
+        elif kind == FLOATING:
+            k, count = k + 3, 4
+        elif kind == PLANAR_CS:
+            k, count = k + 2, 2
+        if count > 0:
+            square = 0.0
+            for m in range(k, k + count):
+                square += q[m] * q[m]
+            if abs(square - 1.0) > tolerance:
+                return False
+    return True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import Vec, cross, negative, plus, rate_of_spin, rotate, spin_matrix, times, unrotate, zero
+from ..euclidean import Rot, Vec, cross, minus, negative, plus, rate_of_spin, rotate, spin_matrix, times, unrotate, zero
 from ..scalars import inlined
 from ..spatial import Force, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ..tables import (
@@ -18,10 +18,10 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
-from .joints import joint_motion, place_joint
+from .joints import joint_motion, off_norm, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
-WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force)
+WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force, l=Vec)  # l: where q is off its norm
 
 
 @inlined
@@ -31,7 +31,13 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
     Per body ω, ω̇ and the acceleration a of its origin, gravity's taken away. With U = ω̇~ + ω̃² a point at p
     accelerates by a + U p, so the linear velocity is never needed and a fifth of the work of the spatial form is
     saved. A joint's own velocity (w, l) adds ω × w to ω̇ and (2 ω - w) × l to a.
+
+    Where q is taken as it is and off its unit norm, X.R turns no cross product: ``_unturned`` is what the spatial form
+    has more there.
     """
+    off = v is not None and off_norm(bodies, q)
+    if off:
+        put_vec(work[0].l, zero())
     put_vec(work[0].w, zero())
     put_vec(work[0].dw, zero())
     put_vec(work[0].dv, negative(vec_of(bodies[0].gravity)))
@@ -57,6 +63,10 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
             w, dw = vec_of(parent.w), vec_of(parent.dw)
             ai = unrotate(X.R, plus(vec_of(parent.dv), rotate(spin_matrix(w, dw), X.p)))
             vJ = joint_motion(bodies, i, v)
+            if off:
+                l = plus(vec_of(parent.l), cross(w, X.p))
+                ai = plus(ai, _unturned(X.R, w, l))
+                put_vec(here.l, plus(unrotate(X.R, l), vJ.v))
             w = plus(unrotate(X.R, w), vJ.w)
             dw = plus(unrotate(X.R, dw), cross(w, vJ.w))
             ai = plus(ai, cross(plus(w, plus(w, negative(vJ.w))), vJ.v))
@@ -79,6 +89,12 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
             t = t + b.armature * a[i - 1]
         tau[i - 1] = t
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
+
+
+@inlined
+def _unturned(R: Rot, w: Vec, l: Vec) -> Vec:
+    """(Rᵀω) × (Rᵀl) - Rᵀ(ω × l), null for a rotation."""
+    return minus(cross(unrotate(R, w), unrotate(R, l)), unrotate(R, cross(w, l)))
 
 
 @inlined

@@ -2,7 +2,8 @@
 
 Vectors are [linear; angular]; a free flyer has q = [x y z, quaternion x y z w] and v in its own axes; continuous
 joints have q = [cos, sin]; external forces are given in the joints' own frames. What differs from Pinocchio on purpose
-is listed in ``differences``.
+is listed in ``differences``; ``strict(True)`` turns names that are not there and coordinates off their unit norm into
+errors.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from . import cholesky as cholesky
+from . import deprecation as deprecation
 from . import explog as explog
 from . import liegroups as liegroups
 from . import linalg as linalg
@@ -17,6 +19,7 @@ from . import robot_wrapper as robot_wrapper
 from . import rpy as rpy
 from . import shortcuts as shortcuts
 from . import utils as utils
+from . import visualize as visualize
 from .builders import buildModelFromUrdf as buildModelFromUrdf
 from .builders import buildModelFromXML as buildModelFromXML
 from .centroidal import ccrba as ccrba
@@ -47,6 +50,9 @@ from .configuration import neutral as neutral
 from .configuration import normalize as normalize
 from .configuration import randomConfiguration as randomConfiguration
 from .configuration import squaredDistance as squaredDistance
+from .constraints import ContactType as ContactType
+from .constraints import RigidConstraintData as RigidConstraintData
+from .constraints import RigidConstraintModel as RigidConstraintModel
 from .contact import computeKKTContactDynamicMatrixInverse as computeKKTContactDynamicMatrixInverse
 from .contact import forwardDynamics as forwardDynamics
 from .contact import getKKTContactDynamicMatrixInverse as getKKTContactDynamicMatrixInverse
@@ -77,6 +83,7 @@ from .containers import StdVec_Vector3 as StdVec_Vector3
 from .coverage import coverage as coverage
 from .coverage import missing
 from .data import Data as Data
+from .deprecation import deprecated as deprecated
 from .derivatives import computeABADerivatives as computeABADerivatives
 from .derivatives import computeCentroidalDynamicsDerivatives as computeCentroidalDynamicsDerivatives
 from .derivatives import computeForwardKinematicsDerivatives as computeForwardKinematicsDerivatives
@@ -148,7 +155,12 @@ from .frame import KinematicLevel as KinematicLevel
 from .frame import ReferenceFrame as ReferenceFrame
 from .geometry import COLLISION as COLLISION
 from .geometry import VISUAL as VISUAL
+from .geometry import CollisionPair as CollisionPair
+from .geometry import GeometryData as GeometryData
 from .geometry import GeometryModel as GeometryModel
+from .geometry import GeometryNoMaterial as GeometryNoMaterial
+from .geometry import GeometryObject as GeometryObject
+from .geometry import GeometryPhongMaterial as GeometryPhongMaterial
 from .geometry import GeometryType as GeometryType
 from .geometry import buildModelsFromUrdf as buildModelsFromUrdf
 from .geometry import createDatas as createDatas
@@ -238,6 +250,7 @@ from .se3 import SE3 as SE3
 from .srdf import loadReferenceConfigurations as loadReferenceConfigurations
 from .srdf import loadReferenceConfigurationsFromXML as loadReferenceConfigurationsFromXML
 from .srdf import loadRotorParameters as loadRotorParameters
+from .strictness import strict as strict
 from .symmetric import Symmetric3 as Symmetric3
 from .tangent import compactTangentMap as compactTangentMap
 from .tangent import tangentMap as tangentMap
@@ -254,12 +267,13 @@ from .versions import WITH_OPENMP as WITH_OPENMP
 from .versions import WITH_SDFORMAT as WITH_SDFORMAT
 from .versions import WITH_URDFDOM as WITH_URDFDOM
 from .versions import ScalarType as ScalarType
+from .versions import __raw_version__ as __raw_version__
 from .versions import __version__ as __version__
 from .versions import checkVersionAtLeast as checkVersionAtLeast
 from .versions import printVersion as printVersion
 
 if not TYPE_CHECKING:  # type checkers go by ``as``, and would take a name that is not there for one of any type
-    __all__ = sorted({*NAMES} & {*globals()} | {"coverage", "differences"})
+    __all__ = sorted({*NAMES} & {*globals()} | {"coverage", "differences", "strict"})
 
     def __getattr__(name: str) -> Any:
         """Say what to use instead of a name that Pinocchio has and this face has not."""

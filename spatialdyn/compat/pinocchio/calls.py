@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import dynamics
-from ...errors import InertiaError, ShapeError
+from ...errors import ShapeError
 from .arguments import NUMBERS, ArgumentError, described
 from .compiled import Made
 from .data import prepared
@@ -63,12 +63,7 @@ def perform(model: Any, data: Any, kind: str, *values: Any, fext: Any = None) ->
     if fext is not None:
         fext = forces(fext, compiled, model.njoints)
         given.append(fext)
-    try:
-        found = dynamics.calls[entry.call](compiled.model, *given)
-    except InertiaError:  # a joint that moves no inertia
-        if model.strict:
-            raise
-        found = np.nan
+    found = dynamics.calls[entry.call](compiled.model, *given)
     run.keep(*arrays)  # before the result, which may be one of them: somebody holds it
     run.result[...] = found
     run.fext = fext

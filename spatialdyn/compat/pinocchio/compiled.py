@@ -16,17 +16,20 @@ from numpy.typing import NDArray
 from ... import kept
 from ...assembly import Options
 from ...border import core_shape
+from ...diagnosis import unit_part
 from ...edited import edited
 from ...engines.builtin import READY, refused
 from ...errors import ModelError
 from ...interop.pinocchio import check_depth_first, fresh_name
 from ...model import Model as Compiled
 from ...recursions import SPECS
+from ...recursions.joints import ROUNDING
 from ...robot import Joint as RobotJoint
 from ...robot import Link, Mimic, Robot, make_joint, make_link
 from .inertia import Inertia
 from .joint_mimic import JointModelMimic
 from .model import Model
+from .strictness import strict
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -34,12 +37,13 @@ ROOT = "universe"
 
 
 class Given(NamedTuple):
-    """The numbers of a Model that a Made depends on: inertias, placements, armature, gravity."""
+    """What of a Model a Made depends on: inertias, placements, armature, gravity; and whether norms are checked."""
 
     inertias: Array
     placements: Array
     armature: Array
     gravity: Array
+    strict: bool
 
 
 class Made:
@@ -60,7 +64,9 @@ class Made:
         self.rows = np.array([model.joints[k].row for k in places], np.intp)
         self.joints = None if model.njoints == len(places) else places
         self.frames: Placed | None = None  # of joints_as_frames
-        self.units: list[slice] | None = None  # quaternions and pairs in q
+        firsts = [(joint, model.bodies[joint.row - joint.nv + 1]) for joint in model.joints[1:]]
+        parts = [unit_part(int(first["kind"]), joint.idx_q) for joint, first in firsts]
+        self.units = [part for part in parts if part is not None]  # quaternions and pairs in q
 
     def edited(self, model: Compiled, given: Given) -> Made:
         """The same for a model of the same tree."""
@@ -78,6 +84,12 @@ class Made:
             call = kept.made(name).bind(self.model, **self.words, **axes)
         self.__dict__[name] = call
         return call
+
+    def off_norm(self, q: Array) -> bool:
+        """Whether a quaternion or pair of q is off its unit norm by more than rounding, and is taken so."""
+        return self.model.options.any_norm and any(
+            abs(part @ part - 1.0) > ROUNDING for part in (q[unit] for unit in self.units)
+        )
 
     @property
     def whole(self) -> bool:
@@ -154,7 +166,7 @@ def joints_as_frames(model: Model) -> Placed:
 def _given(model: Model) -> Given:
     inertias = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
     placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
-    return Given(inertias, placements, model._arrays["armature"].copy(), model.gravity._x.copy())
+    return Given(inertias, placements, model._arrays["armature"].copy(), model.gravity._x.copy(), strict())
 
 
 def _made(model: Model) -> Made:
@@ -190,7 +202,7 @@ def _made(model: Model) -> Made:
         last.append(len(joints))
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
     gravity = tuple(model.gravity.linear.tolist())
-    compiled = Compiled(robot, Options("fixed", gravity, "cos_sin", mimics))
+    compiled = Compiled(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
     return Made(compiled, np.array(last, np.intp), _given(model))
 
 
@@ -218,9 +230,10 @@ def _edited(model: Model, before: Made) -> Made | None:
             given = replace(given, placement=_pose(X))
         joints[k] = make_joint(given)
     gravity = None if (now.gravity == then.gravity).all() else tuple(now.gravity[:3].tolist())
-    if not links and not joints and gravity is None:
+    norms = None if now.strict == then.strict else not now.strict
+    if not links and not joints and gravity is None and norms is None:
         return before
-    return before.edited(edited(compiled, links, joints, gravity), now)
+    return before.edited(edited(compiled, links, joints, gravity, norms), now)
 
 
 def _check_gravity(model: Model) -> None:

@@ -17,9 +17,10 @@ from .chance import GENERATOR
 from .compiled import made
 from .frame import ARG0, ARG1, ArgumentPosition
 from .model import Model
+from .strictness import strict
 
 Array = NDArray[np.float64]
-UNITS = {"continuous": (0, 2), "spherical": (0, 4), "floating": (3, 7), "planar": (2, 4)}  # parts of unit norm
+FAR = 1e30  # the products of seven such numbers are numbers
 
 
 def _compiled(model: Any) -> Any:
@@ -41,8 +42,8 @@ def neutral(model: Any) -> Array:
 def integrate(model: Any, q: Any, v: Any) -> Array:
     """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
 
-    Raises ArgumentError, a TypeError, for what is no array, ShapeError, a ValueError, for wrong sizes, and
-    ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
+    Raises ArgumentError, a TypeError, for what is no array, ShapeError, a ValueError, for wrong sizes, and in strict
+    mode ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
     """
     try:
         found: Array | None = model._made.integrate(q, v)
@@ -56,7 +57,10 @@ def integrate(model: Any, q: Any, v: Any) -> Array:
 
 
 def difference(model: Any, q1: Any, q2: Any) -> Array:
-    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round."""
+    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
+
+    Coordinates that stand for no limit count as 1e30 where their joint has several, so that none is lost.
+    """
     try:
         found: Array | None = model._made.difference(q1, q2)
         if found is not None:
@@ -64,7 +68,8 @@ def difference(model: Any, q1: Any, q2: Any) -> Array:
     except AttributeError:  # no Model, or an edited one
         pass
     compiled = _compiled(model)
-    found = dynamics.calls["difference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
+    found = dynamics.calls["difference"](compiled, q1, q2)
     return found
 
 
@@ -77,9 +82,21 @@ def interpolate(model: Any, q1: Any, q2: Any, alpha: float) -> Array:
     except AttributeError:  # no Model, or an edited one
         pass
     compiled = _compiled(model)
-    q1, q2 = vector("q1", q1, model.nq), vector("q2", q2, model.nq)
+    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
     found = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
     return found
+
+
+def _within_reach(model: Any, q: Array) -> Array:
+    """q with what stands for no limit small enough for the products of a difference; as it is in strict mode.
+
+    Pinocchio's limits of a free flyer are the largest number, quaternion and all, and programs take differences to
+    them for the sake of the other joints.
+    """
+    if strict() or not (abs(q) > FAR).any():
+        return q
+    reach = np.concatenate([np.full(joint.nq, FAR if joint.nq > 1 else NO_LIMIT / 2.0) for joint in model.joints[1:]])
+    return np.where(np.isfinite(q), np.clip(q, -reach, reach), q)
 
 
 def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
@@ -116,23 +133,23 @@ def isNormalized(model: Any, q: Any, prec: float = 1e-12) -> bool:
 
 def _unit_parts(model: Any, q: Array) -> list[Array]:
     """The quaternions and pairs of a configuration."""
-    compiled = made(model)
-    if compiled.units is None:
-        compiled.units = []
-        for joint in model.joints[1:]:
-            at = joint.idx_q
-            for step in joint.steps():
-                first, n = UNITS.get(step.kind, (1, 1))
-                if n > first:
-                    compiled.units.append(slice(at + first, at + n))
-                at += n
-    return [q[unit] for unit in compiled.units]
+    return [q[unit] for unit in made(model).units]
 
 
 def isSameConfiguration(model: Any, q1: Any, q2: Any, prec: float) -> bool:
-    """Whether two configurations are the same to within prec, a quaternion and its opposite being one rotation."""
+    """Whether two configurations are the same to within prec, a quaternion and its opposite being one rotation.
+
+    Quaternions and pairs off their unit norm are the same if their numbers are, to within prec of the smaller norm.
+    """
+    prec = number(prec, "prec")
+    parts = zip(*(_unit_parts(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2))), strict=True)
+    for x, y in parts:
+        norms = [math.hypot(*part.tolist()) for part in (x, y)]
+        apart = [math.hypot(*(x - s * y).tolist()) for s in ((1.0, -1.0) if len(x) == 4 else (1.0,))]
+        if max(abs(n - 1.0) for n in norms) > 1e-6 and min(apart) > prec * min(norms):
+            return False
     v = difference(model, normalize(model, q1), normalize(model, q2))
-    return bool((abs(v) <= number(prec, "prec")).all())
+    return bool((abs(v) <= prec).all())
 
 
 # --- derivatives -----------------------------------------------------------------------------------------
@@ -177,14 +194,12 @@ def dIntegrateTransport(model: Any, q: Any, v: Any, Jin: Any, argument_position:
 def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = None) -> Array:
     """A random configuration (nq,) between the bounds, those of the model if not given; rotations are uniform.
 
-    A coordinate without a finite limit is drawn from one of width 2 (Pinocchio: not finite), unless ``model.strict`` is
-    False.
+    A coordinate without a finite limit is drawn from one of width 2 (Pinocchio: not finite).
     """
     _compiled(model)
     lower = vector("lower_bound", model.lowerPositionLimit if lower_bound is None else lower_bound, model.nq)
     upper = vector("upper_bound", model.upperPositionLimit if upper_bound is None else upper_bound, model.nq)
-    if model.strict:
-        lower, upper = _finite(lower, upper)
+    lower, upper = _finite(lower, upper)
     with np.errstate(over="ignore", invalid="ignore"):
         q: Array = lower + (upper - lower) * GENERATOR.random(model.nq)
     for part in _unit_parts(model, q):

@@ -248,14 +248,13 @@ class Data(Stored):
 
     def _state(self) -> dict[str, Any]:
         fields = {name: x.tolist() for name, (_, x) in self.copy()._given.items()}
-        return {"format": self._format, "model": state(self.model), "strict": self.model.strict, "fields": fields}
+        return {"format": self._format, "model": state(self.model), "fields": fields}
 
     def _become(self, given: Mapping[str, Any]) -> None:
         """Hold the fields of a state and nothing else; its model is made anew unless it is this one's."""
         if state(self.model) != given["model"]:
             model = Model()
             fill(model, given["model"])
-            model.strict = given["strict"]
             self.__dict__.clear()
             Data.__init__(self, model)
         self.__dict__.update(_runs={}, _filling={}, _given={}, _bound={})

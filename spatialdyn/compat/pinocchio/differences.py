@@ -1,6 +1,7 @@
 """Where this face differs from Pinocchio on purpose.
 
-``model.strict = False`` turns those with ``switched`` to Pinocchio's way, for calls with that model and its copies.
+Those with ``switched`` are Pinocchio's way unless ``strict(True)`` was called or the environment variable
+SPATIALDYN_STRICT is 1; the others hold always.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from typing import NamedTuple
 
 
 class Difference(NamedTuple):
-    """What is concerned, what Pinocchio does, what this face does, and whether ``model.strict = False`` switches it."""
+    """What is concerned, what Pinocchio does, what this face does, and whether it does so in strict mode only."""
 
     what: str
     pinocchio: str
@@ -27,14 +28,12 @@ DIFFERENCES = (
     Difference(
         "aba, computeMinverse with a joint that moves no inertia",
         "NaN or infinite entries",
-        "InertiaError naming the joint; NaN if switched",
-        True,
+        "InertiaError naming the joint",
     ),
     Difference(
         "randomConfiguration where a limit is not finite",
         "infinite or NaN coordinates",
         "coordinates from a range of width 2",
-        True,
     ),
     Difference(
         "lowerVelocityLimit, and lowerEffortLimit of the sample models", "the upper limit", "the upper limit's negative"
@@ -50,9 +49,21 @@ DIFFERENCES = (
         "that of rnea",
     ),
     Difference(
-        "geometry returned by buildModelsFromUrdf",
-        "shapes and meshes",
-        "a GeometryModel that raises NotImplementedError when it is used",
+        "GeometryModel, GeometryData, GeometryObject, CollisionPair: what takes a collision library",
+        "results of coal",
+        "OutOfScopeError, a NotImplementedError and AttributeError",
+    ),
+    Difference(
+        "RigidConstraintModel, RigidConstraintData: what takes a constraint solver",
+        "Jacobians, errors, forces",
+        "OutOfScopeError, a NotImplementedError",
+    ),
+    Difference(
+        "visualize, visualize.BaseVisualizer, visualize.MeshcatVisualizer, visualize.GepettoVisualizer, "
+        "visualize.ViserVisualizer, visualize.RVizVisualizer, visualize.Panda3dVisualizer, RobotWrapper.initViewer, "
+        "RobotWrapper.loadViewerModel, RobotWrapper.display, RobotWrapper.play",
+        "a picture",
+        "nothing, and one warning",
     ),
     Difference(
         "joint indices that are not there (appendBodyToJoint, addFrame)",
@@ -81,6 +92,9 @@ DIFFERENCES = (
         "those",
         "what the name says, or as before",
     ),
+    Difference(
+        "data.dhg, data.f of a second computeAllTerms with one data", "added to what was there", "as after the first"
+    ),
     Difference("centres of mass of joints that carry no mass", "NaN", "the joint's origin, at rest"),
     Difference("data fields that are scratch: Yaba, Fcrb, U, D, joints ...", "there", "AttributeError saying so"),
     Difference(
@@ -90,7 +104,22 @@ DIFFERENCES = (
         "getFrameJacobian after forwardKinematics at another q", "a mixture of both", "the Jacobian where data.J is"
     ),
     Difference("indices of joints and frames that are not there, in getters", "a crash or memory", "RangeError"),
-    Difference("quaternions and (cos, sin) pairs off their unit norm by more than 1e-6", "taken", "ConfigurationError"),
+    Difference(
+        "quaternions and (cos, sin) pairs off their unit norm by more than 1e-6", "taken", "ConfigurationError", True
+    ),
+    Difference(
+        "configurations off their unit norm, not strict: difference, interpolate, distance where Pinocchio has NaN, as "
+        "to the limits of a free flyer",
+        "NaN or infinite entries",
+        "finite: of joints with several coordinates those beyond 1e30 count as that",
+    ),
+    Difference(
+        "configurations off their unit norm, not strict: dDifference, what Pinocchio computes in the world's axes or "
+        "with inertias it turns: crba, computeMinverse, computeCoriolisMatrix, aba in WORLD, computeAllTerms, ccrba, "
+        "dccrba, computeJointTorqueRegressor, and derivatives",
+        "numbers that contradict its rnea and aba, for the matrix of such a q is no rotation",
+        "those of the same matrix by this face's formulas, or InertiaError",
+    ),
     Difference("arrays of the other byte order", "read as they stand", "read as what they are"),
     Difference("aba with too few external forces", "memory behind them", "ShapeError"),
     Difference("compactTangentMap of a joint of more than six velocities", "memory is overwritten", "ShapeError"),

@@ -93,8 +93,20 @@ def oMf(run: Any) -> Array:
 def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = np.ascontiguousarray(oMi(run))
+    if run.made.off_norm(run.q):  # no rotations: their transposes undo nothing
+        return _undone(X[run.parents], X)
     out = np.empty_like(X)
     kept.relative_all(X, run.parents, X, out)
+    return out
+
+
+def _undone(A: Array, X: Array) -> Array:
+    """A⁻¹ X, what is least where some A have no inverse."""
+    try:
+        out: Array = np.asarray(np.linalg.solve(A, X), np.float64)
+    except np.linalg.LinAlgError:
+        out = np.asarray(np.linalg.pinv(A) @ X, np.float64)
+    out[:, 3] = 0.0, 0.0, 0.0, 1.0
     return out
 
 

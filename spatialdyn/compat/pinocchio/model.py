@@ -18,6 +18,7 @@ from .joint import JointModel
 from .owned import Owned
 from .se3 import SE3
 from .stored import FORMAT, Stored, fill, state
+from .strictness import strict
 from .tree import Listener, Tree
 
 Array = NDArray[np.float64]
@@ -78,7 +79,6 @@ class Model(Tree, Arrays, Stored):
         self._sealed = True
         if clone is not None:
             fill(self, state(expected(clone, Model, "clone")))
-            self.strict = clone.strict
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in FIXED and "_sealed" in vars(self):
@@ -189,10 +189,11 @@ class Model(Tree, Arrays, Stored):
     def getFrameId(self, name: str, type: int = ANY_FRAME) -> int:
         """Index of the frame of that name and type.
 
-        Raises ModelError, a ValueError, if there are several, and if there is none (nframes if not ``strict``).
+        nframes if there is none. Raises ModelError, a ValueError, if there are several, and in strict mode if there is
+        none.
         """
         found = self._frame(expected(name, str, "frame name"), type)
-        if found is None and self.strict:
+        if found is None and strict():
             others = [self.frames[k].type.name for k in self._frames(name, ANY_FRAME)]
             if others:
                 kinds = " or ".join(kind.name for kind in FrameType if kind & type)
@@ -253,7 +254,7 @@ class Model(Tree, Arrays, Stored):
     __hash__ = object.__hash__
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (state(self), self.strict)
+        return _restored, (state(self),)
 
     def __repr__(self) -> str:
         lines = [f"Nb joints = {self.njoints} (nq={self.nq},nv={self.nv})"]
@@ -261,9 +262,8 @@ class Model(Tree, Arrays, Stored):
         return "\n".join([*lines, ""])
 
 
-def _restored(given: Mapping[str, Any], strict: bool) -> Model:
+def _restored(given: Mapping[str, Any]) -> Model:
     """The model of a state."""
     model = Model()
     fill(model, given)
-    model.strict = strict
     return model

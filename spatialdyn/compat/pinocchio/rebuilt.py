@@ -145,7 +145,7 @@ class _Part:
 def _like(model: Model) -> Model:
     """A model of nothing, with the name and gravity of another."""
     made = Model()
-    made.name, made.strict, made.gravity = model.name, model.strict, model.gravity
+    made.name, made.gravity = model.name, model.gravity
     return made
 
 

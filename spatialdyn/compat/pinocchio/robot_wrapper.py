@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import centroidal, configuration, dynamics, jacobians, kinematics
-from .coverage import OutOfScopeAttributeError
+from .arguments import ValueRuntimeError
+from .coverage import OutOfScopeAttributeError, OutOfScopeError
 from .frame import LOCAL
 from .geometry import buildModelsFromUrdf, createDatas
 from .inertia import Inertia
@@ -17,11 +18,9 @@ from .model import Model
 from .motion import Force, Motion
 from .rebuilt import buildReducedModel
 from .se3 import SE3
+from .visualize import MeshcatVisualizer
 
 Array = NDArray[np.float64]
-VIEWING = (
-    "display displayCollisions displayVisuals getViewerNodeName initViewer loadViewerModel play setVisualizer viewer"
-)
 OTHER_FILES = "initFromMJCF initFromSDF"
 
 
@@ -36,7 +35,6 @@ class RobotWrapper:
     """
 
     _instead: ClassVar[dict[str, str]] = {
-        **dict.fromkeys(VIEWING.split(), "viewers are out of scope of spatialdyn; show oMi with meshcat or viser"),
         **dict.fromkeys(OTHER_FILES.split(), "only URDFs are read, expected BuildFromURDF"),
     }
 
@@ -94,6 +92,56 @@ class RobotWrapper:
         if name in self._instead:
             raise OutOfScopeAttributeError(f"{name}: {self._instead[name]}")
         raise AttributeError(f"a RobotWrapper has no attribute {name!r}")
+
+    # --- viewers, which show nothing: see ``visualize`` ------------------------------------------------------
+
+    @property
+    def viewer(self) -> Any:
+        """The visualizer's viewer; None if there is none."""
+        return None if self.viz is None else self.viz.viewer
+
+    def setVisualizer(self, visualizer: Any, init: bool = True, copy_models: bool = False) -> None:
+        """Use a visualizer, made anew for this robot's models unless told not to."""
+        if init:
+            visualizer.__init__(self.model, self.collision_model, self.visual_model, copy_models)
+        self.viz = visualizer
+
+    def initViewer(self, share_data: bool = True, *arguments: Any, **named: Any) -> None:
+        """Make a MeshcatVisualizer unless there is a visualizer, and hand it the other arguments."""
+        if self.viz is None:
+            data = (self.data, self.collision_data, self.visual_data) if share_data else (None, None, None)
+            models = self.model, self.collision_model, self.visual_model
+            self.viz = MeshcatVisualizer(*models, not share_data, *data)
+        self.viz.initViewer(*arguments, **named)
+
+    def _shown(self) -> Any:
+        if self.viz is None:
+            raise ValueRuntimeError("the robot has no visualizer, expected initViewer or setVisualizer before")
+        return self.viz
+
+    def loadViewerModel(self, *arguments: Any, **named: Any) -> None:
+        """The visualizer's method."""
+        self._shown().loadViewerModel(*arguments, **named)
+
+    def display(self, q: Any) -> None:
+        """The visualizer's method."""
+        self._shown().display(q)
+
+    def displayCollisions(self, visibility: bool) -> None:
+        """The visualizer's method."""
+        self._shown().displayCollisions(visibility)
+
+    def displayVisuals(self, visibility: bool) -> None:
+        """The visualizer's method."""
+        self._shown().displayVisuals(visibility)
+
+    def getViewerNodeName(self, geometry_object: Any, geometry_type: Any) -> Any:
+        """The visualizer's method."""
+        return self._shown().getViewerNodeName(geometry_object, geometry_type)
+
+    def play(self, q_trajectory: Any, dt: float) -> None:
+        """The visualizer's method."""
+        self._shown().play(q_trajectory, dt)
 
     @property
     def nq(self) -> int:
@@ -265,5 +313,5 @@ class RobotWrapper:
         return jacobians.computeFrameJacobian(self.model, self.data, q, frame_id)
 
     def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
-        """Geometry is out of scope; raises NotImplementedError."""
-        (self.visual_model if visual else self.collision_model).updateGeometryPlacements()
+        """Raises OutOfScopeError: there is no geometry."""
+        raise OutOfScopeError("updateGeometryPlacements: geometry is out of scope of spatialdyn; place it by data.oMi")

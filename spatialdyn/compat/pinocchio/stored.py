@@ -65,9 +65,7 @@ def state(model: Any) -> dict[str, Any]:
 
 def fill(model: Any, given: Mapping[str, Any]) -> None:
     """Make a model what a state says."""
-    strict = model.strict
     model.__init__()
-    model.strict = strict
     model.name = given["name"]
     model.gravity = _value(Motion, given["gravity"])
     for k, entry in enumerate(given["joints"]):

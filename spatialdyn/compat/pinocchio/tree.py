@@ -17,6 +17,7 @@ from .joints import JointModelRX
 from .motion import Motion
 from .owned import Owned, owned
 from .se3 import SE3
+from .strictness import MODELS, strict
 
 Array = NDArray[np.float64]
 GRAVITY = (0.0, 0.0, -9.81)
@@ -51,10 +52,7 @@ class Tree:
     idx_qs, nqs, idx_vs, nvs                            (njoints,) where each joint's numbers stand, and how many
     supports, subtrees, children                        (njoints,) lists of indices
     gravity                                             Motion
-    strict                                              whether asking for a name that is not there is an error
     """
-
-    strict = True
 
     gravity981 = np.array(GRAVITY)
     gravity981.flags.writeable = False
@@ -64,6 +62,7 @@ class Tree:
         self._placed: Any = None  # what `compiled.placed` made of the frames
         self._before: Any = None  # the last _made, None once more than numbers were written
         self._edited = Listener(self, "_made")
+        MODELS.add(self)
         rehung = Listener(self, "_made", "_placed", "_before")
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
@@ -158,11 +157,11 @@ class Tree:
         self.inertias[joint] = self.inertias[joint] + (inertia if placement is None else placement.act(inertia))
 
     def getJointId(self, name: str) -> int:
-        """Index of the joint of that name. Raises ModelError if there is none (njoints if not ``strict``)."""
+        """Index of the joint of that name. njoints if there is none, ModelError in strict mode."""
         expected(name, str, "joint name")
         if name in self.names:
             return self.names.index(name)
-        if self.strict:
+        if strict():
             raise ModelError(missing("joint", name, self.name, self.names))
         return self.njoints
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VERSION = 4, 1, 0
 VERSION = (PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VERSION)
-__version__ = ".".join(map(str, VERSION))
+__version__ = __raw_version__ = ".".join(map(str, VERSION))
 
 WITH_URDFDOM = True  # robots are read from URDF
 WITH_COLLISION = WITH_HPP_FCL = WITH_HPP_FCL_BINDINGS = False

@@ -1,0 +1,92 @@
+"""The tests of pink, a client of Pinocchio, under Pinocchio and with the face in its place.
+
+    git clone https://github.com/stephane-caron/pink && python benchmarks/pink_suite.py pink
+
+Counts of tests that pass under each, and the tests that pass under Pinocchio alone. The interpreter needs what pink's
+tests need: pin, qpsolvers and its solvers, robot_descriptions (which clones robots into ROBOT_DESCRIPTIONS_CACHE),
+xacrodoc, loop-rate-limiters, pytest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.abc
+import importlib.util
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+FACE = "spatialdyn.compat.pinocchio"
+
+
+class Stand(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds the face's modules under Pinocchio's names: ``pinocchio.visualize`` is ``FACE.visualize`` itself."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        """The spec of a module of Pinocchio's, None for any other."""
+        return importlib.util.spec_from_loader(name, self) if name.split(".")[0] in ("pin", "pinocchio") else None
+
+    def create_module(self, spec: Any) -> Any:
+        """The face's module."""
+        module = importlib.import_module(FACE + spec.name.partition(".")[1] + spec.name.partition(".")[2])
+        self.own = module.__spec__
+        return module
+
+    def exec_module(self, module: Any) -> None:
+        """Nothing: it was run under its own name, whose spec it keeps."""
+        module.__spec__ = self.own
+
+
+def tests(folder: Path, face: bool, arguments: list[str]) -> int:
+    """Run pytest on a folder in this process."""
+    import pytest
+
+    if face:
+        sys.meta_path.insert(0, Stand())
+    sys.path.insert(0, str(folder))
+    return int(pytest.main(["-q", "-p", "no:cacheprovider", "--rootdir", str(folder), *arguments]))
+
+
+def outcomes(folder: Path, face: bool) -> dict[str, str]:
+    """What became of each test: "" if it passed, else the first line of what it says."""
+    with TemporaryDirectory() as where:
+        report = Path(where) / "report.xml"
+        command = [sys.executable, __file__, str(folder), "--run", "face" if face else "wheel", "--report", str(report)]
+        subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, check=False)
+        cases = ET.parse(report).getroot().iter("testcase")
+        return {f"{x.get('classname')}.{x.get('name')}": _said(x) for x in cases}
+
+
+def _said(case: ET.Element) -> str:
+    found = [part for part in case if part.tag in ("failure", "error", "skipped")]
+    return "" if not found else (found[0].get("message") or found[0].tag).strip().partition("\n")[0][:160]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="a checkout of pink, with its folder tests")
+    parser.add_argument(
+        "--run", choices=("wheel", "face"), help="run the tests once under this module, in this process"
+    )
+    parser.add_argument("--report", type=Path, help="with --run, where pytest writes its XML")
+    given = parser.parse_args()
+    folder = given.folder.resolve()
+    if not (folder / "tests").is_dir():
+        parser.error(f"{folder} has no folder tests, expected a checkout of pink")
+    if given.run:
+        more = [] if given.report is None else [f"--junitxml={given.report}"]
+        sys.exit(tests(folder, given.run == "face", [str(folder / "tests"), *more]))
+    wheel, face = outcomes(folder, False), outcomes(folder, True)
+    passed = [name for name, said in wheel.items() if not said]
+    lost = {name: face.get(name, "not collected") for name in passed if face.get(name, "not collected")}
+    print(f"{len(wheel)} tests: {len(passed)} pass under Pinocchio, {len(passed) - len(lost)} of those with the face")
+    for name, said in lost.items():
+        print(f"  {name}: {said}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,17 @@
+"""Fixtures of the face's tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+import spatialdyn.compat.pinocchio as pin
+
+
+@pytest.fixture
+def strict_mode() -> Iterator[None]:
+    """Strict mode, for one test."""
+    before = pin.strict(True)
+    yield
+    pin.strict(before)

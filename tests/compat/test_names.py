@@ -1,0 +1,227 @@
+"""Names that clients import, for what they do without a collision library, a viewer or a constraint solver."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+import spatialdyn.compat.pinocchio as ours
+from spatialdyn.compat.pinocchio import visualize
+
+theirs = pytest.importorskip("pinocchio")
+
+VISUALIZERS = "Base Meshcat Gepetto Viser RViz Panda3d"
+
+
+def arm(pin: Any) -> Any:
+    model = pin.Model()
+    for k in range(3):
+        model.addJoint(k, pin.JointModelRX(), pin.SE3.Identity(), f"j{k}")
+        model.addFrame(pin.Frame(f"f{k}", k + 1, 0, pin.SE3.Identity(), pin.OP_FRAME))
+    return model
+
+
+def shapes(pin: Any, model: Any) -> Any:
+    box = None if pin is ours else pin.coal.Box(1.0, 1.0, 1.0)
+    geometry = pin.GeometryModel()
+    for k, joint in enumerate((1, 2, 3, 3)):
+        place = pin.SE3(np.eye(3), np.array([float(k), 0.0, 0.0]))
+        assert geometry.addGeometryObject(pin.GeometryObject(f"g{k}", joint, joint, place, box)) == k
+    return geometry
+
+
+def public(x: Any) -> set[str]:
+    return {name for name in dir(x) if not name.startswith("_")}
+
+
+def test_bookkeeping_of_shapes_is_that_of_the_wheel() -> None:
+    said = []
+    for pin in (ours, theirs):
+        geometry = shapes(pin, arm(pin))
+        seen: list[Any] = [geometry.ngeoms, geometry.getGeometryId("g2"), geometry.getGeometryId("none")]
+        seen += [geometry.existGeometryName("g1"), geometry.existGeometryName("g9")]
+        geometry.addCollisionPair(pin.CollisionPair(0, 2))
+        geometry.addCollisionPair(pin.CollisionPair(0, 2))
+        seen += [len(geometry.collisionPairs), geometry.existCollisionPair(pin.CollisionPair(0, 2))]
+        geometry.addAllCollisionPairs()
+        seen += [sorted((p.first, p.second) for p in geometry.collisionPairs)]
+        geometry.removeCollisionPair(pin.CollisionPair(0, 1))
+        seen += [len(geometry.collisionPairs), geometry.findCollisionPair(pin.CollisionPair(0, 1))]
+        data = geometry.createData()
+        data.deactivateCollisionPair(1)
+        seen += [list(data.activeCollisionPairs), len(data.oMg), len(pin.GeometryData(geometry).oMg)]
+        data.deactivateAllCollisionPairs()
+        data.activateCollisionPair(0)
+        seen += [list(data.activeCollisionPairs)]
+        other = geometry.copy()
+        other.removeAllCollisionPairs()
+        seen += [
+            len(other.collisionPairs),
+            len(geometry.collisionPairs),
+            len(pin.GeometryModel(geometry).collisionPairs),
+        ]
+        geometry.removeGeometryObject("g1")
+        seen += [
+            [x.name for x in geometry.geometryObjects],
+            sorted((p.first, p.second) for p in geometry.collisionPairs),
+        ]
+        one = geometry.geometryObjects[1]
+        seen += [one.name, one.parentJoint, one.parentFrame, list(one.placement.translation), one.meshPath]
+        seen += [list(one.meshScale), one.overrideMaterial, one.disableCollision, one.meshTexturePath]
+        seen += [pin.CollisionPair(1, 2) == pin.CollisionPair(2, 1), pin.CollisionPair(1, 2) == pin.CollisionPair(1, 3)]
+        seen += [(pin.CollisionPair(1, 2).copy().first, pin.CollisionPair(1, 2).second)]
+        said.append(seen)
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("name", ["GeometryModel", "GeometryData", "GeometryObject", "CollisionPair"])
+def test_every_attribute_of_the_wheels_class_is_there_or_says_what_it_takes(name: str) -> None:
+    geometry = shapes(ours, arm(ours))
+    made = {
+        "GeometryModel": geometry, "GeometryData": geometry.createData(), "GeometryObject": geometry.geometryObjects[0],
+        "CollisionPair": ours.CollisionPair(0, 1),
+    }[name]  # fmt: skip
+    assert isinstance(made, getattr(ours, name))
+    for attribute in public(getattr(theirs, name)):
+        if not hasattr(made, attribute):
+            with pytest.raises(NotImplementedError, match="takes a collision library"):
+                getattr(made, attribute)
+    with pytest.raises(AttributeError) as raised:
+        made.frobnicate
+    assert not isinstance(raised.value, NotImplementedError)
+    assert isinstance(copy.deepcopy(made), type(made))
+    assert isinstance(pickle.loads(pickle.dumps(made)), type(made))
+
+
+def test_wrong_shapes_and_pairs_are_refused() -> None:
+    geometry = shapes(ours, arm(ours))
+    with pytest.raises(sd.ModelError, match="collision pair has geometry 9, expected 0 to 3"):
+        geometry.addCollisionPair(ours.CollisionPair(0, 9))
+    with pytest.raises(sd.ModelError, match='there is no geometry "none"'):
+        geometry.removeGeometryObject("none")
+    with pytest.raises(sd.ModelError, match="geometry 2 twice"):
+        ours.CollisionPair(2, 2)
+    with pytest.raises(TypeError, match="GeometryObject got 2 arguments"):
+        ours.GeometryObject("a", 1)
+    with pytest.raises(TypeError, match="placement is a int, expected SE3"):
+        ours.GeometryObject("a", 1, 2, 3)
+    with pytest.raises(NotImplementedError, match="CreateCapsule takes a collision library"):
+        ours.GeometryObject.CreateCapsule(1.0, 1.0)
+    assert (geometry.ngeoms, geometry.collisionPairs) == (4, [])
+    capsule = ours.GeometryObject("c", 1, ours.SE3.Identity(), None)
+    model = arm(ours)
+    capsule.parentFrame = 3
+    geometry.addGeometryObject(capsule, model)
+    assert capsule.parentJoint == model.frames[3].parentJoint == 3
+    assert ours.GeometryObject(capsule).name == "c"
+    assert isinstance(capsule.meshMaterial, ours.GeometryNoMaterial)
+    assert ours.GeometryPhongMaterial().meshShininess == 0.0
+
+
+@pytest.mark.parametrize("given", [(), (1,), (2, 3), (1, "r"), (2, 3, "r")])
+def test_contacts_hold_what_the_wheels_hold(given: tuple[Any, ...]) -> None:
+    made = []
+    for pin in (ours, theirs):
+        place = pin.SE3(np.eye(3), np.array([1.0, 2.0, 3.0]))
+        rest: list[Any] = [place] if given and given[0] == 1 else [place, 1, place] if given else []
+        rest += [pin.LOCAL_WORLD_ALIGNED] if "r" in given else []
+        made.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, arm(pin), 2, *rest))
+    mine, other = made
+    for name in ("joint1_id", "joint2_id", "name"):
+        assert getattr(mine, name) == getattr(other, name), name
+    for name in ("joint1_placement", "joint2_placement", "desired_contact_placement"):
+        assert (getattr(mine, name).homogeneous == getattr(other, name).homogeneous).all()
+    assert (str(mine.type), str(mine.reference_frame)) == (str(other.type), str(other.reference_frame))
+    assert mine.residualSize() == other.residualSize() == 3
+    data = mine.createData()
+    assert isinstance(data, ours.RigidConstraintData)
+    assert (data.contact_force.vector == other.createData().contact_force.vector).all()
+    assert mine.copy().joint1_id == ours.RigidConstraintModel(mine).joint1_id == 2
+    assert ours.ContactType.names.keys() == theirs.ContactType.names.keys()
+    for call in (mine.calc, mine.jacobian, lambda: mine.m_baumgarte_parameters, lambda: ours.constraintDynamics):
+        with pytest.raises(NotImplementedError, match="forwardDynamics"):
+            call()
+
+
+def test_wrong_contacts_are_refused() -> None:
+    with pytest.raises(sd.ModelError, match="joint index is 9, expected one from 0 to 3"):
+        ours.RigidConstraintModel(ours.ContactType.CONTACT_6D, arm(ours), 9)
+    with pytest.raises(TypeError, match="contact_type is a int"):
+        ours.RigidConstraintModel(1, arm(ours), 1)
+    with pytest.raises(TypeError, match="CONTACT_UNDEFINED, expected CONTACT_3D"):
+        ours.RigidConstraintModel(ours.ContactType.CONTACT_UNDEFINED, arm(ours), 1)
+    with pytest.raises(TypeError, match="expected contact_type, model, joint1_id"):
+        ours.RigidConstraintModel(ours.ContactType.CONTACT_6D, arm(ours), 1, nonsense=1)
+
+
+@pytest.mark.parametrize("name", VISUALIZERS.split())
+def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    visualize._warn.cache_clear()
+    model, kind = arm(ours), getattr(visualize, f"{name}Visualizer")
+    with pytest.warns(UserWarning, match="visualizers of spatialdyn show nothing"):
+        shown = kind(model, ours.GeometryModel(), ours.GeometryModel())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert isinstance(kind(model), visualize.BaseVisualizer)
+        assert kind(model, copy_models=True).model is not model
+        viewer = object()
+        shown.initViewer(viewer, open=True)
+        assert shown.viewer is viewer
+        shown.loadViewerModel("world", color=[1.0, 1.0, 1.0, 1.0])
+        assert shown.display(ours.neutral(model)) is None
+        assert shown.display() is None
+        seen: list[int] = []
+        shown.play([ours.neutral(model)] * 2, 0.1, callback=lambda k, q, viz: seen.append(k))
+        assert seen == [0, 1]
+        assert (shown.model, shown.data.model) == (model, model)
+    peer = getattr(theirs, "visualize", None) or __import__("pinocchio.visualize", fromlist=["x"])
+    for method in public(getattr(peer, f"{name}Visualizer")) - {"loadMeshFromFile", "loadPrimitive"}:
+        if not method.isupper() and callable(getattr(getattr(peer, f"{name}Visualizer"), method)):
+            assert callable(getattr(shown, method, None)) or name != "Base", method
+    with pytest.raises(NotImplementedError, match="show nothing"):
+        shown.captureImage()
+    with pytest.raises(NotImplementedError, match="show nothing"), shown.create_video_ctx("film"):
+        pass
+    with pytest.raises(AttributeError, match="has no frobnicate"):
+        shown.frobnicate()
+
+
+def test_a_robot_is_shown_by_nothing_too() -> None:
+    visualize._warn.cache_clear()
+    robot = ours.RobotWrapper(arm(ours))
+    assert robot.viewer is None
+    with pytest.raises(RuntimeError, match="expected initViewer or setVisualizer before"):
+        robot.display(robot.q0)
+    with pytest.warns(UserWarning, match="show nothing"):
+        robot.initViewer(viewer="window", loadModel=True)
+    assert robot.viz.data is robot.data
+    assert robot.viewer == "window"
+    robot.loadViewerModel("world")
+    robot.display(robot.q0)
+    robot.displayCollisions(True)
+    robot.displayVisuals(False)
+    robot.play([robot.q0], 0.1)
+    other = visualize.MeshcatVisualizer()
+    robot.setVisualizer(other)
+    assert robot.viz is other
+    assert other.model is robot.model
+    assert robot.getViewerNodeName(ours.GeometryObject("g", 1, ours.SE3.Identity(), None), ours.VISUAL) == "g"
+
+
+def test_functions_that_leave_warn() -> None:
+    @ours.deprecated("use rnea")
+    def old(x: int) -> int:
+        """One more."""
+        return x + 1
+
+    with pytest.warns(ours.deprecation.DeprecatedWarning, match="old is deprecated: use rnea"):
+        assert old(1) == 2
+    assert old.__doc__ == "One more.\n\nDeprecated: use rnea"
+    assert ours.deprecation.deprecated is ours.deprecated
+    assert ours.__raw_version__ == theirs.__raw_version__ == ours.__version__
