@@ -51,7 +51,7 @@ ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are made 6, 
 
 WORK = table_dtype(
     X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
-    w=Vec, dw=Vec, dv=Vec, f=Force, l=Vec, rows=int, relative=int, stack=(float, (ROWS, 8)),
+    w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec, rows=int, relative=int, stack=(float, (ROWS, 8)),
     reach=(float, (6,)), felt=(float, (6,)),
 )  # fmt: skip
 
