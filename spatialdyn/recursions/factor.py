@@ -12,7 +12,7 @@ from .crba import crba
 from .rnea import rnea
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
-WORK = table_dtype(X=Pose, Ic=Inertia, w=Vec, dw=Vec, dv=Vec, f=Force)
+WORK = table_dtype(X=Pose, Ic=Inertia, w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec)
 
 
 @inlined

@@ -15,7 +15,7 @@ from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
 WORK = table_dtype(
     X=Pose, v=Motion, c=Motion, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float,
-    w=Vec, dw=Vec, dv=Vec, f=Force,
+    w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec,
 )  # fmt: skip
 
 

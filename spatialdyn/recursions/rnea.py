@@ -21,7 +21,7 @@ from ..tables import (
 from .joints import joint_motion, off_norm, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
-WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force, l=Vec)  # l: where q is off its norm
+WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec)  # lv: linear velocity, where q is off its norm
 
 
 @inlined
@@ -37,7 +37,7 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
     """
     off = v is not None and off_norm(bodies, q)
     if off:
-        put_vec(work[0].l, zero())
+        put_vec(work[0].lv, zero())
     put_vec(work[0].w, zero())
     put_vec(work[0].dw, zero())
     put_vec(work[0].dv, negative(vec_of(bodies[0].gravity)))
@@ -64,9 +64,9 @@ def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) ->
             ai = unrotate(X.R, plus(vec_of(parent.dv), rotate(spin_matrix(w, dw), X.p)))
             vJ = joint_motion(bodies, i, v)
             if off:
-                l = plus(vec_of(parent.l), cross(w, X.p))
+                l = plus(vec_of(parent.lv), cross(w, X.p))
                 ai = plus(ai, _unturned(X.R, w, l))
-                put_vec(here.l, plus(unrotate(X.R, l), vJ.v))
+                put_vec(here.lv, plus(unrotate(X.R, l), vJ.v))
             w = plus(unrotate(X.R, w), vJ.w)
             dw = plus(unrotate(X.R, dw), cross(w, vJ.w))
             ai = plus(ai, cross(plus(w, plus(w, negative(vJ.w))), vJ.v))

@@ -52,7 +52,7 @@ BLUR = 16.0  # n eps that rounding makes of a root that is 0: up to 3 on random 
 
 WORK = table_dtype(
     X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
-    w=Vec, dw=Vec, dv=Vec, f=Force, rows=int, relative=int, stack=(float, (ROWS, 8)),
+    w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec, rows=int, relative=int, stack=(float, (ROWS, 8)),
     reach=(float, (6,)), felt=(float, (6,)),
 )  # fmt: skip
 
