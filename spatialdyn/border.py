@@ -44,7 +44,7 @@ def as_array(name: str, value: ArrayLike) -> Array:
         made = x.astype(np.float64)
     finite = np.isfinite(x)
     if not np.isfinite(made[finite]).all():
-        raise NonFiniteError(f"{name} holds {abs(x[finite]).max()}, expected the range of float64")
+        raise NonFiniteError(f"{name} holds {abs(x[finite]).max()!s}, expected the range of float64")
     return made
 
 

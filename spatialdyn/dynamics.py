@@ -279,10 +279,12 @@ def _public(spec: Spec) -> Callable[..., Any]:
         status = f"{status} if {none} else {rest}"
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
     static = "".join(f"{x.name}, " for x in spec.given if x.static)
-    # Numba does not look at the byte order of an array; equal dtypes may be other objects, at 0.03 µs each
+    # Numba looks neither at the byte order of an array nor at its mask; equal dtypes may be other objects (0.03 µs each)
     checked = [x.name for x in spec.given if x.shape and not x.static and not x.optional]
-    native = " and ".join(f"({name}.dtype is F8 or {name}.dtype == F8)" for name in (*checked, "result"))
-    native += "".join(f" and ({name} is None or {name}.dtype is F8 or {name}.dtype == F8)" for name in optional)
+    plain = "type({0}) is ndarray and ({0}.dtype is F8 or {0}.dtype == F8)"
+    native = " and ".join(plain.format(name) for name in (*checked, "result"))
+    native += "".join(f" and ({name} is None or {plain.format(name)})" for name in optional)
+    native += "".join(f" and not isinstance({x.name}, ndarray)" for x in spec.given if not (x.shape or x.static))
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),
@@ -297,6 +299,7 @@ def _public(spec: Spec) -> Callable[..., Any]:
     scope: dict[str, Any] = {
         "F8": F8,
         "empty": np.empty,
+        "ndarray": np.ndarray,
         "general": general,
         "spec": spec,
         "as_flag": as_flag,

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numba import carray, config, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
 from ..bodies import BODIES
 from ..recursions import SPECS
@@ -309,6 +309,16 @@ _MESSAGES = {
 }
 
 
+def _number(x: Any) -> Any:
+    """A float, of an array without axes its entry."""
+    return x
+
+
+@overload(_number)
+def _number_of(x):  # type: ignore[no-untyped-def]
+    return (lambda x: x[()]) if isinstance(x, types.Array) else (lambda x: x)
+
+
 @cache
 def opened(name: str) -> Callable[..., None]:
     """The kernel of a public call for use inside jitted code, optional inputs last; see ``kernels``."""
@@ -316,8 +326,9 @@ def opened(name: str) -> Callable[..., None]:
     required = [x for x in spec.given if not x.optional]
     optional = [x for x in spec.given if x.optional]
     parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]
-    body = _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
-    function = define(f"{name}_open", parameters, body, _scope(spec))
+    body = [f"{x.name} = number({x.name})" for x in required if not (x.shape or x.static)]
+    body += _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
+    function = define(f"{name}_open", parameters, body, {**_scope(spec), "number": _number})
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
     return jitted(function)
 
