@@ -279,12 +279,12 @@ def _public(spec: Spec) -> Callable[..., Any]:
         status = f"{status} if {none} else {rest}"
     varying = "".join(f"{x.name}, " for x in spec.given if not x.static)
     static = "".join(f"{x.name}, " for x in spec.given if x.static)
-    # Numba looks neither at the byte order of an array nor at its mask; equal dtypes may be other objects (0.03 µs each)
+    # Numba looks neither at the byte order of an array nor at its mask; equal dtypes may be two objects (0.03 µs each)
     checked = [x.name for x in spec.given if x.shape and not x.static and not x.optional]
     plain = "type({0}) is ndarray and ({0}.dtype is F8 or {0}.dtype == F8)"
     native = " and ".join(plain.format(name) for name in (*checked, "result"))
     native += "".join(f" and ({name} is None or {plain.format(name)})" for name in optional)
-    native += "".join(f" and not isinstance({x.name}, ndarray)" for x in spec.given if not (x.shape or x.static))
+    native += "".join(f" and isinstance({x.name}, (float, int))" for x in spec.given if not (x.shape or x.static))
     text = [
         f"def {spec.name}(model, {', '.join(parameters)}):",
         *(f"    {line}" for line in statements),
