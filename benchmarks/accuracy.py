@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import spatialdyn as sd
-from spatialdyn.urdf import example_robots, robot_names
+from spatialdyn.urdf.load import example_robots, robot_names
 
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import spatialdyn as sd
-from spatialdyn.urdf import find_robot
+from spatialdyn.urdf.load import find_robot
 
 Array = NDArray[np.float64]
 

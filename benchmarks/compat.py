@@ -78,7 +78,7 @@ def robot(name: str) -> Callable[[Any], dict[str, Any]]:
     """A robot in a state, the same for both."""
 
     def values(pin: Any) -> dict[str, Any]:
-        from spatialdyn.urdf import find_robot
+        from spatialdyn.urdf.load import find_robot
 
         rng = np.random.default_rng(0)
         model = pin.buildModelFromUrdf(str(find_robot(name)))

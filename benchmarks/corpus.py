@@ -18,8 +18,8 @@ from cases import Array, deepest, load, random_state
 from tables import Bar
 
 import spatialdyn as sd
-from spatialdyn.dynamics import calls
-from spatialdyn.urdf import example_robots
+from spatialdyn.calls.dynamics import calls
+from spatialdyn.urdf.load import example_robots
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 64 * EPS  # both sides round the same equations in another order

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from cases import CALLS, ROBOTS, deepest, load
 
-from spatialdyn.urdf import find_robot
+from spatialdyn.urdf.load import find_robot
 
 FIRST = """
 import time; start = time.perf_counter()

@@ -4,8 +4,8 @@
 
 The worst error of a batch over random states and over straight ones (neutral, right angles, and nearly either) is to be
 at most 4 times that of single calls, and 4 eps; in float32 4 times what the single call's would be there, and 4 eps of
-float32. The diagonal of M is positive wherever the truth's is. An error is that of ``trade.truths``: of M each entry
-over √(M_ii M_jj), else over the largest of the sample; one above 1 counts as 1, for no digit is left.
+float32. The diagonal of M is positive wherever the truth's is. An error is that of ``accuracy.references``: of M each
+entry over √(M_ii M_jj), else over the largest of the sample; one above 1 counts as 1, for no digit is left.
 
 Goes through the robots of example-robot-data and chains of thin rods. Prints what fails and, of each call, where most
 of the bound is used; the exit status is the number of failures. Needs example-robot-data and mpmath.
@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 from tables import Bar
 
 import spatialdyn as sd
-from spatialdyn.engines import batches
-from spatialdyn.trade.truths import of_calls, truths
+from spatialdyn.accuracy.references import of_calls, truths
+from spatialdyn.engines.programs import batch_kernels
 
 Array = NDArray[np.float64]
 
 TIMES = 4.0  # what single calls lose
 EPS = 4.0  # and so many of the precision's own
-LEAST = batches.FROM  # samples of a batch on lanes
+LEAST = batch_kernels.FROM  # samples of a batch on lanes
 FAR = 1e3  # rad; two quadrotors have limits of 1e16
 THIN = (1e-6, 1e-9, 1e-12)  # inertia of a rod about itself; about its end it is 1/12
 CALLS = {"rnea": "qva", "crba": "q", "aba": "qvt", "aba_refined": "qvt", "minverse": "q"}

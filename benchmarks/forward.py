@@ -29,8 +29,8 @@ from measure import interleaved
 from numpy.typing import NDArray
 
 import spatialdyn as sd
-from spatialdyn.forward import EXTENDED, METHODS, MOST_ROWS
-from spatialdyn.trade.truths import truths
+from spatialdyn.accuracy.references import truths
+from spatialdyn.calls.forward_dynamics import EXTENDED, METHODS, MOST_ROWS
 
 Array = NDArray[np.float64]
 AXES = np.eye(3)

@@ -14,21 +14,23 @@ import pinocchio as pin
 from measure import per_call
 from peers import installed
 
-from spatialdyn.engines import target, vectors
+from spatialdyn.engines.programs import host_cpu, llvm_vectors
 
 CHAINS = 16  # independent ones hide the latency of a multiply-add, 4 cycles or so
 DEEP = 8  # of each chain in one turn of the loop
 TURNS = 100_000
 BYTES = 256 << 20  # far above the caches
-SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, polynomials (engines/vectors.py)
-    scalar: 15 + 2 * (len(vectors.HALF_PI[scalar, True]) + len(vectors.SINE[scalar]) + len(vectors.COSINE[scalar]) - 2)
+SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, polynomials (llvm_vectors.py)
+    scalar: 15
+    + 2
+    * (len(llvm_vectors.HALF_PI[scalar, True]) + len(llvm_vectors.SINE[scalar]) + len(llvm_vectors.COSINE[scalar]) - 2)
     for scalar in ("double", "float")
 }
 
 
 def machine() -> dict[str, Any]:
     """Names and versions, and the two limits."""
-    processor, _, width, _ = target.host()
+    processor, _, width, _ = host_cpu.host()
     return {
         "processor": numba.core.config.CPU_NAME or processor,
         "cores": os.cpu_count(),
@@ -55,7 +57,7 @@ def flops(operations: dict[str, int], scalar: str = "double") -> int:
 @cache
 def peak(scalar: str) -> float:
     """Multiply-adds in independent chains of whole vectors: flops a nanosecond, the best of some runs."""
-    lanes_of = target.host()[2] // (8 if scalar == "double" else 4)
+    lanes_of = host_cpu.host()[2] // (8 if scalar == "double" else 4)
     v, suffix = f"<{lanes_of} x {scalar}>", f"v{lanes_of}f{64 if scalar == 'double' else 32}"
     half = "<" + ", ".join([f"{scalar} 0.5"] * lanes_of) + ">"
     names = [f"x{c}" for c in range(CHAINS)]
@@ -71,7 +73,7 @@ def peak(scalar: str) -> float:
     ends = [f"  store {v} %{x}_{DEEP}, ptr %p{c}" for c, x in enumerate(names)]
     text = f"declare {v} @llvm.fma.{suffix}({v}, {v}, {v})\n" + _loop(starts, phis, body, ends)
     run = _Compiled(text)
-    room = _aligned(CHAINS * target.host()[2])
+    room = _aligned(CHAINS * host_cpu.host()[2])
     seconds = min(per_call(lambda: run(TURNS, room.ctypes.data), 1) for _ in range(20))
     return 2.0 * TURNS * DEEP * CHAINS * lanes_of / seconds * 1e-9
 
@@ -79,8 +81,8 @@ def peak(scalar: str) -> float:
 @cache
 def stores() -> dict[str, float]:
     """Bytes a nanosecond written to memory that is mapped: by memset, by copying, and past the caches."""
-    lanes_of = target.host()[2] // 8
-    v, size = f"<{lanes_of} x double>", target.host()[2]
+    lanes_of = host_cpu.host()[2] // 8
+    v, size = f"<{lanes_of} x double>", host_cpu.host()[2]
     body = [f"  %at = getelementptr {v}, ptr %io, i64 %k", f"  store {v} zeroinitializer, ptr %at, align {size}, "]
     body[-1] += "!nontemporal !0"
     run = _Compiled(_loop([], [], body, []) + "!0 = !{i32 1}\n")
@@ -103,7 +105,7 @@ def _aligned(size: int) -> np.ndarray:
 def _loop(before: list[str], phis: list[str], body: list[str], after: list[str]) -> str:
     """``kernel(turns, io)`` as LLVM text."""
     parts = ["\n".join(x) for x in (before, phis, body, after)]
-    wide = 8 * target.host()[2]
+    wide = 8 * host_cpu.host()[2]
     return f"""
 define void @kernel(i64 %turns, ptr %io) #0 {{
 entry:
@@ -128,7 +130,7 @@ class _Compiled:
     """LLVM text as a function of (turns, address), for this processor."""
 
     def __init__(self, text: str) -> None:
-        self._loaded = target.Loaded(target.assembled(text))
+        self._loaded = host_cpu.Loaded(host_cpu.assembled(text))
         self._call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(self._loaded.address("kernel"))
 
     def __call__(self, turns: int, address: int) -> None:

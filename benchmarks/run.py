@@ -28,7 +28,7 @@ from measure import interleaved
 from tables import Bar, show
 
 import spatialdyn as sd
-from spatialdyn.engines import batches
+from spatialdyn.engines.programs import batch_kernels
 
 HERE = Path(__file__).parent
 FLOAT32 = 2e-2  # of the largest entry: a check that the right thing was computed; the error is reported
@@ -137,7 +137,7 @@ def limits(case: Case, call: str, k: sd.Specialized, ns: float) -> dict[str, Any
         return dict.fromkeys(("operations", "flops_per_ns", "peak_share", "bytes_per_ns", "store_share"))
     flops = machine.flops(k.operations) / ns
     written = 8 * sum(int(np.prod(shape)) for shape in cases.shapes(case, call))
-    large = written * case.samples >= batches.STREAM
+    large = written * case.samples >= batch_kernels.STREAM
     return {
         "operations": k.operations,
         "flops_per_ns": flops,

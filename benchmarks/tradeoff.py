@@ -31,9 +31,9 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.simulation.reference import exact_motion
-from spatialdyn.trade import evaluations, motions, truths
-from spatialdyn.trade.tradeoff import advice
+from spatialdyn.accuracy import call_errors, integrator_errors, references
+from spatialdyn.accuracy.tradeoff import advice
+from spatialdyn.simulation.reference_motion import exact_motion
 
 HERE = Path(__file__).parent
 ANYMAL = "anymal_b_simple_description/robots/anymal"
@@ -132,7 +132,7 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
         q0 = sd.random_configuration(model, rng)
         v0 = rng.normal(size=model.nv) if floats else np.zeros(model.nv)
         began, second = time.perf_counter(), SECOND.get(name, 1.0)
-        truth = exact_motion(model, q0[None], v0[None], np.linspace(0.0, second, motions.SAMPLES + 1))
+        truth = exact_motion(model, q0[None], v0[None], np.linspace(0.0, second, integrator_errors.SAMPLES + 1))
         spent, certain = time.perf_counter() - began, truth.error.max()
         print(f"\n{name}: truth of {second:g} s in {spent:.1f} s, certain to {certain:.0e}")
         rows = []
@@ -163,7 +163,7 @@ def _runs(
     for k in range(6):
         if adaptive and k == len(RTOL):
             return
-        dt = duration / motions.SAMPLES if adaptive else duration / steps / FINER**k
+        dt = duration / integrator_errors.SAMPLES if adaptive else duration / steps / FINER**k
         words = {"rtol": RTOL[k], "atol": 1e-3 * RTOL[k], "dt": duration / SAMPLES} if adaptive else {"dt": dt}
         if not k and truth is None and _expected(model, q0, v0, duration, method, words) * duration > seconds:
             return
@@ -185,7 +185,7 @@ def _run(
 ) -> dict[str, Any]:  # fmt: skip
     """One run: its cost, errors of energy and state, and what went wrong."""
     count = max(1, round(duration / words["dt"]))
-    samples = motions.SAMPLES if truth is not None else SAMPLES
+    samples = integrator_errors.SAMPLES if truth is not None else SAMPLES
     words = {**words, "dt": duration / samples} if "rtol" in words else words
     record = max(1, (samples if "rtol" in words else count) // samples)
     row: dict[str, Any] = {"method": method, "duration": duration, **words, "note": ""}
@@ -212,7 +212,7 @@ def _run(
         try:
             kinetic = np.asarray(sd.kinetic_energy(model, run.q, run.v))
             row["energy"] = _finite(float(abs(run.energy - run.energy[0]).max() / kinetic.max()))
-            row["state"] = None if truth is None else _finite(motions.off(model, run, truth, 0))
+            row["state"] = None if truth is None else _finite(integrator_errors.off(model, run, truth, 0))
         except sd.NonFiniteError as error:  # of a state that is all but lost
             row["note"] = str(error)
     return row
@@ -235,16 +235,16 @@ def of_promises(quick: bool) -> dict[str, Any]:
     broken = slower = luck = 0
     for name, make in list(PROMISED.items())[: 3 if quick else None]:
         model = make()
-        for task in evaluations.TASKS:
+        for task in call_errors.TASKS:
             found = sd.trade(model, task)
-            first = evaluations.TASKS[task][0]
-            fresh = evaluations.random_states(model, task, FRESH, seed=1)
-            truth, _ = truths.truths(model, first, fresh)
+            first = call_errors.TASKS[task][0]
+            fresh = call_errors.random_states(model, task, FRESH, seed=1)
+            truth, _ = references.truths(model, first, fresh)
             wrong: dict[str, float] = {}
             for x in found.options:
                 assert x.run is not None
                 try:
-                    wrong[x.name] = float(truths.of_calls(first, np.asarray(x.run(*fresh)), truth).max())
+                    wrong[x.name] = float(references.of_calls(first, np.asarray(x.run(*fresh)), truth).max())
                 except sd.SpatialDynError:  # a pivot that float32 has lost
                     wrong[x.name] = math.inf
             again = {x.name: x.ns for x in sd.trade(model, task, states=32).options}
@@ -284,12 +284,12 @@ def of_promises(quick: bool) -> dict[str, Any]:
 
 def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> float:
     """The share of MANY fresh states in which the error of a way is beyond a tolerance."""
-    first, bad, many = evaluations.TASKS[task][0], 0, 0
+    first, bad, many = call_errors.TASKS[task][0], 0, 0
     assert way.run is not None
-    for k in range(truths.MANY // 4096):
-        fresh = evaluations.random_states(model, task, 4096, [2, k])
-        truth, _ = truths.truths(model, first, fresh, 0)
-        bad += int((truths.of_calls(first, np.asarray(way.run(*fresh)), truth) > tolerance).sum())
+    for k in range(references.MANY // 4096):
+        fresh = call_errors.random_states(model, task, 4096, [2, k])
+        truth, _ = references.truths(model, first, fresh, 0)
+        bad += int((references.of_calls(first, np.asarray(way.run(*fresh)), truth) > tolerance).sum())
         many += len(truth)
     return bad / many
 

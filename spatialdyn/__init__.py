@@ -14,11 +14,19 @@ quaternions x y z w, the velocity of a floating base in its own frame.
 
 from __future__ import annotations
 
-from . import dynamics as _dynamics
-from .builder import ModelBuilder
+from .accuracy.diagnose import diagnose
+from .accuracy.findings import Diagnosis, Finding
+from .accuracy.results import Option, Recommendation, Tradeoff
+from .accuracy.simplify import simplify
+from .accuracy.tradeoff import recommend, trade
+from .calls import dynamics as _dynamics
+from .calls.dynamics import *
+from .calls.exact import Exact, exact
+from .calls.forward_dynamics import forward_dynamics
+from .calls.specialize import Specialized, specialize
+from .calls.states import random_configuration, step, wrench_at
 from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
-from .dynamics import *
-from .engines.jit import kernels
+from .engines.compiled.numba_kernels import kernels
 from .errors import (
     ConfigurationError,
     ConstraintError,
@@ -31,27 +39,19 @@ from .errors import (
     SpatialDynError,
     UrdfError,
 )
-from .forward import forward_dynamics
 from .interop.names import suggestion as _suggestion
 from .interop.pinocchio import from_pinocchio
 from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
-from .lagrangian.christoffel import ChristoffelC, verify_skew_symmetry
-from .lagrangian.conservation import check_conservation
+from .lagrangian.check_conservation import check_conservation
 from .lagrangian.conserved import conserved_quantities
+from .lagrangian.coriolis_constructions import ChristoffelC, verify_skew_symmetry
 from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
-from .lagrangian.symbolic import SymbolicManipulator
-from .model import Frame, Joint, Model, assemble
-from .robot import Robot
+from .lagrangian.symbolic_manipulator import SymbolicManipulator
+from .model.builder import ModelBuilder
+from .model.model import Frame, Joint, Model, assemble
+from .model.robot import Robot
 from .simulation import PD, Rollout, Trajectory, hamilton_simulation, integrators, rollout, simulate
-from .specialize import Specialized, specialize
-from .states import random_configuration, step, wrench_at
-from .trade.diagnose import diagnose
-from .trade.findings import Diagnosis, Finding
-from .trade.options import Option, Recommendation, Tradeoff
-from .trade.simplify import simplify
-from .trade.tradeoff import recommend, trade
-from .truth import Exact, exact
-from .urdf import load_urdf
+from .urdf.load import load_urdf
 from .validate import compare_with_pinocchio
 
 __version__ = "0.1.0"

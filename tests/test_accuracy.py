@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.urdf import example_robots, robot_names
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.urdf.load import example_robots, robot_names
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 if not (BENCHMARKS / "accuracy.py").exists():
@@ -44,9 +44,9 @@ NAMES = [n for n, path in robot_names().items() if path in set(example_robots())
 
 EPS32 = float(np.finfo(np.float32).eps)
 SINGLE = {"rnea": 8 * EPS32, "crba": 16 * EPS32}  # of some fifty bodies, inputs rounded besides; measured 5 and 11
-HUNDRED = 100 if not jit.PLAIN else 20
+HUNDRED = 100 if not numba_kernels.PLAIN else 20
 BATCH = 24  # not a multiple of the lanes
-compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 
 
 def worst(model: sd.Model, name: str, states: int = 1, seed: int = 0) -> float:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spatialdyn import algebra, layouts, operators, spatial
-from spatialdyn.recursions import lie
+from spatialdyn.algebra import lie, public_arrays, spatial
+from spatialdyn.compat.native import operator_kernels, operators
 
 EPS = float(np.finfo(float).eps)
 FUSED = 32 * EPS  # compiled code may fuse a product and a sum, plain Python does not; entries are of order one
@@ -50,7 +50,7 @@ def given(kind: str, rng: np.random.Generator) -> Any:
         if kind == "quat":
             return q
         seven, pose = np.concatenate([rng.standard_normal(3), q]), np.empty((4, 4))
-        algebra.from_seven(seven, pose)
+        operator_kernels.from_seven(seven, pose)
         return seven if kind == "seven" else pose
     return abs(x) if kind == "body" else x
 
@@ -64,12 +64,12 @@ def test_compiled_operators_give_what_their_source_gives(name: str) -> None:
         inputs = [given(kind, rng) for kind in takes]
         before = [x.copy() for x in inputs]
         out, plain = np.full(SHAPES[made[0]], np.nan), np.full(SHAPES[made[0]], np.nan)
-        getattr(algebra, name)(*inputs, out)
+        getattr(operator_kernels, name)(*inputs, out)
         arguments = [
-            getattr(layouts, f"get_{kind}")(x.tolist() if x.ndim == 1 else x)
+            getattr(public_arrays, f"get_{kind}")(x.tolist() if x.ndim == 1 else x)
             for kind, x in zip(takes, inputs, strict=True)
         ]
-        getattr(layouts, f"put_{made[0]}")(plain, operator(*arguments))
+        getattr(public_arrays, f"put_{made[0]}")(plain, operator(*arguments))
         assert np.abs(out - plain).max() <= FUSED * max(1.0, np.abs(plain).max())
         assert all(np.array_equal(x, y) for x, y in zip(inputs, before, strict=True))
 
@@ -77,8 +77,8 @@ def test_compiled_operators_give_what_their_source_gives(name: str) -> None:
 def test_an_input_may_be_the_output() -> None:
     rng = np.random.default_rng(0)
     A, B, out = given("pose", rng), given("pose", rng), np.empty((4, 4))
-    algebra.compose(A, B, out)
-    algebra.compose(A, B, A)
+    operator_kernels.compose(A, B, out)
+    operator_kernels.compose(A, B, A)
     assert np.array_equal(A, out)
 
 
@@ -88,20 +88,20 @@ def test_an_input_may_be_the_output() -> None:
 def test_quaternion_of_a_matrix_is_exact_at_half_a_turn(turn: tuple[float, ...]) -> None:
     q = np.array(turn, float) / np.linalg.norm(turn)
     R, back = np.empty((3, 3)), np.empty(4)
-    algebra.quat_matrix(q, R)
-    algebra.matrix_quat(R, back)
+    operator_kernels.quat_matrix(q, R)
+    operator_kernels.matrix_quat(R, back)
     assert min(np.abs(back - q).max(), np.abs(back + q).max()) <= 4 * EPS
 
 
 def test_checked_makers_take_any_layout_and_tell_what_is_wrong() -> None:
     R, p, out = np.arange(9.0).reshape(3, 3), np.arange(6.0)[::2], np.empty((4, 4))
-    assert algebra.made_pose()(out, R.T, p) == algebra.OK
+    assert operator_kernels.made_pose()(out, R.T, p) == operator_kernels.OK
     assert np.array_equal(out, np.vstack([np.column_stack([R.T, p]), [0.0, 0.0, 0.0, 1.0]]))
-    assert algebra.made_pose()(out, np.eye(4), p) == algebra.SIZE
-    assert algebra.made_vector()(np.empty(6), np.zeros(2), p) == algebra.SIZE
+    assert operator_kernels.made_pose()(out, np.eye(4), p) == operator_kernels.SIZE
+    assert operator_kernels.made_vector()(np.empty(6), np.zeros(2), p) == operator_kernels.SIZE
     body = np.empty(10)
-    assert algebra.made_body()(body, 1.0, p, np.eye(3)) == algebra.OK
-    assert algebra.made_body()(body, 1.0, p, np.zeros((3, 3))) == algebra.OK
-    assert algebra.made_body()(body, 1.0, p, R) == algebra.SYMMETRY
-    assert algebra.made_body()(body, 1.0, p, np.diag([1.0, 1.0, -0.1])) == algebra.SIGN
-    assert algebra.point_to_parent()(np.empty(3), np.eye(4), np.zeros(4)) == algebra.SIZE
+    assert operator_kernels.made_body()(body, 1.0, p, np.eye(3)) == operator_kernels.OK
+    assert operator_kernels.made_body()(body, 1.0, p, np.zeros((3, 3))) == operator_kernels.OK
+    assert operator_kernels.made_body()(body, 1.0, p, R) == operator_kernels.SYMMETRY
+    assert operator_kernels.made_body()(body, 1.0, p, np.diag([1.0, 1.0, -0.1])) == operator_kernels.SIGN
+    assert operator_kernels.point_to_parent()(np.empty(3), np.eye(4), np.zeros(4)) == operator_kernels.SIZE

@@ -20,14 +20,15 @@ from test_engine import EPS, kernel_inputs, options, public, random_inputs, run_
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn import dynamics
-from spatialdyn.engines import batches, jit, store, target
+from spatialdyn.calls import dynamics
+from spatialdyn.engines.compiled import disk_cache, numba_kernels
+from spatialdyn.engines.programs import batch_kernels, host_cpu
+from spatialdyn.model.robot import Mimic
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
-from spatialdyn.robot import Mimic
-from spatialdyn.urdf import example_robots
+from spatialdyn.urdf.load import example_robots
 
-pytestmark = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: every sample goes the plain way")
+pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: every sample goes the plain way")
 
 Array = NDArray[np.float64]
 B = 512  # the least batch that runs on lanes
@@ -57,9 +58,9 @@ def forget_choices() -> None:
 @pytest.fixture
 def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """No program in memory or on disk; returns the folder of the disk's."""
-    monkeypatch.delenv(store.VARIABLE, raising=False)
+    monkeypatch.delenv(disk_cache.VARIABLE, raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
+    monkeypatch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())
     return tmp_path / "spatialdyn"
 
 
@@ -67,15 +68,15 @@ def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Any batch of more than a tile runs over threads; returns a list that takes the size of each part as it runs."""
     sizes: list[int] = []
-    run = batches.Kernel._part
+    run = batch_kernels.Kernel._part
 
     def counted(self: Any, n: int, arguments: Any) -> Any:
         sizes.append(n)
         return run(self, n, arguments)
 
-    monkeypatch.setattr(batches.Kernel, "_part", counted)
-    monkeypatch.setattr(batches, "SHARE", 1)
-    monkeypatch.setattr(batches, "_kept", type(batches._kept)())  # a kernel reads SHARE when it is loaded
+    monkeypatch.setattr(batch_kernels.Kernel, "_part", counted)
+    monkeypatch.setattr(batch_kernels, "SHARE", 1)
+    monkeypatch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())  # a kernel reads SHARE when it is loaded
     return sizes
 
 
@@ -83,7 +84,7 @@ def cut(parts: list[int], n: int, threads: int, dtype: Any = np.float64) -> bool
     """Whether the parts noted since the last look are n samples, cut between tiles into one for each thread."""
     sizes = parts.copy()
     parts.clear()
-    lanes = target.lanes_of(dtype)
+    lanes = host_cpu.lanes_of(dtype)
     tiles = -(-n // lanes)
     even = sum(sizes) == n and max(sizes) <= (tiles // threads + 1) * lanes
     whole = [size % lanes for size in sizes].count(0) >= len(sizes) - 1  # the last tile alone may be filled up
@@ -108,14 +109,14 @@ def arm() -> sd.Model:
 def untraced(model: sd.Model, spec: Spec, values: list[Any], **more: Any) -> Any:
     """The public call by the kernel for any model."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batches, "FROM", NEVER)
+        patch.setattr(batch_kernels, "FROM", NEVER)
         return public(model, spec, values, **more)
 
 
 def on_lanes(model: sd.Model, spec: Spec, values: list[Any], **more: Any) -> Any:
     """The public call on lanes at any size, failing if it goes another way."""
     seen = []
-    run = batches.Kernel.__call__
+    run = batch_kernels.Kernel.__call__
 
     def counted(self: Any, *arguments: Any) -> Any:
         samples = run(self, *arguments)
@@ -124,8 +125,8 @@ def on_lanes(model: sd.Model, spec: Spec, values: list[Any], **more: Any) -> Any
         return samples
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batches, "FROM", 1)
-        patch.setattr(batches.Kernel, "__call__", counted)
+        patch.setattr(batch_kernels, "FROM", 1)
+        patch.setattr(batch_kernels.Kernel, "__call__", counted)
         found = public(model, spec, values, **more)
     assert len(seen) == 1
     return found
@@ -142,7 +143,7 @@ def scaled(x: Any, y: Any, axes: int) -> float:
 
 def bare(name: str) -> Spec:
     """A call without its optional inputs."""
-    return jit.variant(SPECS[name], frozenset())
+    return numba_kernels.variant(SPECS[name], frozenset())
 
 
 # --- the same as the kernel for any model ---------------------------------------------------------------
@@ -155,7 +156,7 @@ def test_lanes_equal_the_untraced_call(model: sd.Model, name: str) -> None:
     static = [value for x, value in zip(spec.given, static, strict=True) if x.static]
     values = random_inputs(model, spec, batch=(B + 3,))
     wanted = untraced(model, spec, values)
-    if not batches.fits((spec,), model.bodies):
+    if not batch_kernels.fits((spec,), model.bodies):
         assert not spec.traces
         np.testing.assert_array_equal(public(model, spec, values), wanted)
         return
@@ -500,13 +501,13 @@ import pickle, sys
 from pathlib import Path
 import numpy as np
 import spatialdyn as sd
-from spatialdyn.engines import batches, lanes
+from spatialdyn.engines.programs import batch_kernels, simd
 task, found, how = sys.argv[1:]
 model, q, v, a = pickle.loads(Path(task).read_bytes())
 def refuse(*arguments, **named):
     raise AssertionError("made anew")
 if how == "second":
-    batches.record = lanes.compiled = refuse
+    batch_kernels.record = simd.compiled = refuse
 results = [sd.rnea(model, q, v, a), sd.crba(model, q)]
 v[1] = np.nan
 results.append(sd.rnea(model, q, v, a))
@@ -516,7 +517,7 @@ Path(found).write_bytes(pickle.dumps(results))
     for how in ("first", "second"):
         run_python(script, str(tmp_path / "task"), str(tmp_path / how), how, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
         found.append(pickle.loads((tmp_path / how).read_bytes()))
-    assert len(list((tmp_path / "cache").rglob("*" + store.PROGRAM))) == 2
+    assert len(list((tmp_path / "cache").rglob("*" + disk_cache.PROGRAM))) == 2
     for x, y in zip(*found, strict=True):
         np.testing.assert_array_equal(x, y)
     assert scaled(found[0][0], untraced(arm, bare("rnea"), [q, v, a]), 1) <= ROUNDING
@@ -525,18 +526,18 @@ Path(found).write_bytes(pickle.dumps(results))
 def recordings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The names of the calls that are recorded from now on."""
     seen: list[str] = []
-    record = batches.record
+    record = batch_kernels.record
 
     def counted(specs: Any, *arguments: Any, **named: Any) -> Any:
         seen.extend(spec.name for spec in specs)
         return record(specs, *arguments, **named)
 
-    monkeypatch.setattr(batches, "record", counted)
+    monkeypatch.setattr(batch_kernels, "record", counted)
     return seen
 
 
-def rnea_kernel(model: sd.Model) -> batches.Kernel:
-    kernel = batches.kernel((bare("rnea"),), model.bodies, model.key)
+def rnea_kernel(model: sd.Model) -> batch_kernels.Kernel:
+    kernel = batch_kernels.kernel((bare("rnea"),), model.bodies, model.key)
     assert kernel is not None
     return kernel
 
@@ -546,7 +547,7 @@ def test_a_damaged_file_is_made_anew(arm: sd.Model, fresh: Path, monkeypatch: py
     seen = recordings(monkeypatch)
     values = random_inputs(arm, bare("rnea"), batch=(B,))
     wanted = on_lanes(arm, bare("rnea"), values)
-    (file,) = fresh.glob("*" + store.PROGRAM)
+    (file,) = fresh.glob("*" + disk_cache.PROGRAM)
     whole = file.read_bytes()
     middle = len(whole) // 2
     file.write_bytes(
@@ -557,12 +558,12 @@ def test_a_damaged_file_is_made_anew(arm: sd.Model, fresh: Path, monkeypatch: py
             "head": bytes([whole[0] ^ 1]) + whole[1:],
         }[damage]
     )
-    batches._kept.clear()
+    batch_kernels._kept.clear()
     forget_choices()
     np.testing.assert_array_equal(on_lanes(arm, bare("rnea"), values), wanted)
     assert seen == ["rnea", "rnea"]
     assert file.read_bytes() == whole
-    batches._kept.clear()
+    batch_kernels._kept.clear()
     forget_choices()
     on_lanes(arm, bare("rnea"), values)
     assert seen == ["rnea", "rnea"]
@@ -586,19 +587,19 @@ def test_other_sources_models_calls_dtypes_and_hosts_are_other_programs(
     assert len(seen) == 1
     heavier = arm.with_(gravity=(0, 0, -1))
     assert rnea_kernel(heavier) is not first
-    batches.kernel((SPECS["rnea"],), arm.bodies, arm.key)
-    batches.kernel((bare("rnea"),), arm.bodies, arm.key, dtype=np.float32)
-    batches.kernel((bare("aba"),), arm.bodies, arm.key)
+    batch_kernels.kernel((SPECS["rnea"],), arm.bodies, arm.key)
+    batch_kernels.kernel((bare("rnea"),), arm.bodies, arm.key, dtype=np.float32)
+    batch_kernels.kernel((bare("aba"),), arm.bodies, arm.key)
     assert len(seen) == 5
-    monkeypatch.setattr(batches, "STAMP", "edited")
+    monkeypatch.setattr(batch_kernels, "STAMP", "edited")
     assert rnea_kernel(arm) is not first
-    name, features, width, fma = target.host()
-    monkeypatch.setattr(target, "host", lambda: (name, features + ",", width, fma))
-    monkeypatch.setattr(batches, "_from_disk", lambda *arguments: None)
-    monkeypatch.setattr(batches, "_made", lambda *arguments: seen.append("other host"))
-    batches.kernel((bare("rnea"),), arm.bodies, arm.key)
+    name, features, width, fma = host_cpu.host()
+    monkeypatch.setattr(host_cpu, "host", lambda: (name, features + ",", width, fma))
+    monkeypatch.setattr(batch_kernels, "_from_disk", lambda *arguments: None)
+    monkeypatch.setattr(batch_kernels, "_made", lambda *arguments: seen.append("other host"))
+    batch_kernels.kernel((bare("rnea"),), arm.bodies, arm.key)
     assert seen[-2:] == ["rnea", "other host"]
-    assert len(list(fresh.glob("*" + store.PROGRAM))) == 6
+    assert len(list(fresh.glob("*" + disk_cache.PROGRAM))) == 6
 
 
 def test_an_equal_model_shares_the_program(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -609,22 +610,22 @@ def test_an_equal_model_shares_the_program(arm: sd.Model, fresh: Path, monkeypat
 
 
 def test_no_more_programs_are_kept_than_stated(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batches, "KEPT", 3)
+    monkeypatch.setattr(batch_kernels, "KEPT", 3)
     models = [random_tree(seed, 2, ["revolute"]).model for seed in range(5)]
     values = [random_inputs(model, bare("rnea"), batch=(B,)) for model in models]
     results = [on_lanes(model, bare("rnea"), some) for model, some in zip(models, values, strict=True)]
-    assert len(batches._kept) == 3
+    assert len(batch_kernels._kept) == 3
     seen = recordings(monkeypatch)
     for model, some, wanted in zip(models, values, results, strict=True):
         np.testing.assert_array_equal(on_lanes(model, bare("rnea"), some), wanted)
     assert seen == []  # the disk has them
-    assert len(batches._kept) <= 3
+    assert len(batch_kernels._kept) <= 3
 
 
 def test_what_chooses_a_program_holds_no_more_of_them_than_are_kept() -> None:
     most = dynamics._program.cache_info().maxsize
     assert most is not None
-    assert most <= batches.KEPT
+    assert most <= batch_kernels.KEPT
 
 
 def test_eight_threads_may_make_the_first_call(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -676,13 +677,13 @@ SCRIPT_FORK = """
 import os, time, warnings
 import numpy as np
 import spatialdyn as sd
-from spatialdyn.engines import batches
+from spatialdyn.engines.programs import batch_kernels
 warnings.simplefilter("ignore")  # of forking a process with threads
-batches.SHARE = 1
+batch_kernels.SHARE = 1
 model, x = sd.load_urdf("two_link"), np.ones((4096, 2))
 sd.set_num_threads(2)
 tau = sd.rnea(model, x, x, x)
-assert len(batches.team._pools) == 1
+assert len(batch_kernels.team._pools) == 1
 child = os.fork()
 if child == 0:
     os._exit(0 if np.array_equal(sd.rnea(model, x, x, x), tau) else 1)
@@ -710,18 +711,18 @@ def test_a_forked_child_has_threads_of_its_own() -> None:
 def test_a_model_of_too_many_rows_goes_untraced(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
     values = random_inputs(arm, bare("rnea"), batch=(B,))
     wanted = untraced(arm, bare("rnea"), values)
-    monkeypatch.setattr(batches, "record", None)
-    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
-    monkeypatch.setattr(batches, "MOST_ROWS", arm.nv - 1)
+    monkeypatch.setattr(batch_kernels, "record", None)
+    monkeypatch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())
+    monkeypatch.setattr(batch_kernels, "MOST_ROWS", arm.nv - 1)
     np.testing.assert_array_equal(sd.rnea(arm, *values), wanted)
-    assert not batches.fits((bare("rnea"),), arm.bodies)
-    monkeypatch.setattr(batches, "MOST_ROWS", arm.nv)
-    assert batches.fits((bare("rnea"),), arm.bodies)
+    assert not batch_kernels.fits((bare("rnea"),), arm.bodies)
+    monkeypatch.setattr(batch_kernels, "MOST_ROWS", arm.nv)
+    assert batch_kernels.fits((bare("rnea"),), arm.bodies)
 
 
 def test_a_batch_below_the_stated_size_makes_no_program(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    values = random_inputs(arm, bare("rnea"), batch=(batches.FROM - 1,))
-    monkeypatch.setattr(batches, "kernel", None)
+    values = random_inputs(arm, bare("rnea"), batch=(batch_kernels.FROM - 1,))
+    monkeypatch.setattr(batch_kernels, "kernel", None)
     np.testing.assert_array_equal(sd.rnea(arm, *values), untraced(arm, bare("rnea"), values))
 
 

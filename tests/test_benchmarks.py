@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
+from spatialdyn.engines.compiled import numba_kernels
 
 pytest.importorskip("pinocchio")
 pytest.importorskip("mpmath")
@@ -36,7 +36,7 @@ import tradeoff  # noqa: E402
 SAMPLES = 20
 EPS = float(np.finfo(float).eps)
 CONGRUENT = 1e3 * EPS  # M of a short chain of rods, added up in another order
-compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit, parameters
-from spatialdyn.engines.batches import pivot_margins
-from spatialdyn.engines.parameters import Parameter, changed
-from spatialdyn.engines.trace import table
-from spatialdyn.recursions.checks import singular_row
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.compiled.checks import singular_row
+from spatialdyn.engines.programs import parameters
+from spatialdyn.engines.programs.batch_kernels import pivot_margins
+from spatialdyn.engines.programs.parameters import Parameter, changed
+from spatialdyn.engines.programs.tracer import table
 
 Array = NDArray[np.float64]
 SLACK = 1e-12  # rounding of sums of a few dozen products
-STATES = 3 if jit.PLAIN else 40
+STATES = 3 if numba_kernels.PLAIN else 40
 LOADS = ((0.3, 0.0, 0.0), (0.0, -0.7, 0.2), (2.0, 1.0, -1.0))  # where a payload's com is in its frame
 
 

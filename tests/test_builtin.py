@@ -13,10 +13,10 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn import kept
-from spatialdyn.engines import builtin
+from spatialdyn.compat.native import recorded_calls
+from spatialdyn.engines.compiled import cpython
 
-pytestmark = pytest.mark.skipif(not builtin.READY, reason="nothing is compiled, or Python is not as expected")
+pytestmark = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,9 @@ def state() -> Any:
 
 def bound(name: str, model: sd.Model, *axes: int) -> Any:
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    return kept.made(name).bind(model, table=model.address, **sizes, **{f"axis{k}": n for k, n in enumerate(axes)})
+    return recorded_calls.made(name).bind(
+        model, table=model.address, **sizes, **{f"axis{k}": n for k, n in enumerate(axes)}
+    )
 
 
 def test_a_builtin_gives_the_bits_of_the_call(model: Any, state: Any) -> None:
@@ -90,7 +92,7 @@ def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:
     X, placements, joints = np.tile(np.eye(4), (3, 1, 1)), np.tile(np.eye(4), (2, 1, 1)), np.array([1, 2])
     X[:, 0, 3], out = (0.0, 1.0, 2.0), np.zeros((2, 4, 4))
     words = {"joints": joints, "placements": placements, "poses": X, "result": out}
-    call = kept.placed_one().bind(frames=2, **{name: x.ctypes.data for name, x in words.items()})
+    call = recorded_calls.placed_one().bind(frames=2, **{name: x.ctypes.data for name, x in words.items()})
     assert call(1) is True
     assert out[:, 0, 3].tolist() == [0.0, 2.0]
     for wrong in (-1, 2, 10**30, -(10**30), 1.0, True, np.int64(1), None, "1"):
@@ -126,7 +128,7 @@ def test_no_memory_is_lost(model: Any, state: Any) -> None:
 
 def test_a_plan_has_the_words_it_says() -> None:
     with pytest.raises(TypeError, match="no words"):
-        kept.placed_one().bind(poses=0, result=0, frames=0, joints=0, placements=0, more=1)
+        recorded_calls.placed_one().bind(poses=0, result=0, frames=0, joints=0, placements=0, more=1)
 
 
 def test_a_builtin_keeps_what_it_points_at(state: Any) -> None:
@@ -139,8 +141,8 @@ def test_a_builtin_keeps_what_it_points_at(state: Any) -> None:
 
 def test_a_builtin_can_be_had_for_another_model_of_the_same_sizes(model: Any, state: Any) -> None:
     other, s, call = model.with_(gravity=[1.0, 2.0, 3.0]), state, bound("rnea", model, model.nv)
-    builtin.retarget(call, other)
-    builtin.retarget(len, other)  # which has no plan
+    cpython.retarget(call, other)
+    cpython.retarget(len, other)  # which has no plan
     np.testing.assert_array_equal(call(s.q, s.v, s.a), sd.rnea(other, s.q, s.v, s.a))
 
 
@@ -148,7 +150,7 @@ def test_functions_may_outlive_what_they_are_made_by() -> None:
     """Collected together, in any order: memory is overwritten as it is freed, so what is looked at too late shows."""
     script = """
 import gc
-from spatialdyn.engines.builtin import Builtin
+from spatialdyn.engines.compiled.cpython import Builtin
 for k in range(3):
     made = Builtin(f"nothing{k}", [], ["one"], ["return yes(plan)"], {})
     functions = [made.bind(one=1) for _ in range(20)]

@@ -24,10 +24,11 @@ from test_engine import PACKAGE, run_python
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit, store
+from spatialdyn.engines.compiled import disk_cache, numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions import SPECS
 
-pytestmark = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 
 SPEC = SPECS["potential_energy"]  # the shortest to compile
 SAMPLES = 520
@@ -41,10 +42,10 @@ def arm() -> sd.Model:
 @pytest.fixture
 def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An empty folder for compiled code, and nothing in memory."""
-    monkeypatch.delenv(store.VARIABLE, raising=False)
+    monkeypatch.delenv(disk_cache.VARIABLE, raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
-    monkeypatch.setattr(store, "_once", set())
+    monkeypatch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())
+    monkeypatch.setattr(disk_cache, "_once", set())
     return tmp_path / "spatialdyn"
 
 
@@ -57,19 +58,19 @@ def by_kernel(model: sd.Model, spec: Any = SPEC) -> tuple[float, bool]:
     """The potential energy, or the gravity's work of another call, by a kernel as a new process has it: from disk or
     compiled; and whether it was on disk.
     """
-    kernel: Any = jit.single.__wrapped__(spec)
+    kernel: Any = numba_kernels.single.__wrapped__(spec)
     out = np.zeros(columns(model, spec))
-    assert kernel(model.address, np.full(model.nq, 0.5), out) == jit.OK
+    assert kernel(model.address, np.full(model.nq, 0.5), out) == numba_kernels.OK
     return float(out.sum()), sum(kernel.stats.cache_hits.values()) == 1
 
 
 def by_program(model: sd.Model, spec: Any = SPEC) -> tuple[float, bool]:
     """The same by a program on lanes."""
-    batches._kept.clear()
-    recorded, record = [], batches.record
+    batch_kernels._kept.clear()
+    recorded, record = [], batch_kernels.record
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batches, "record", lambda *arguments: recorded.append(1) or record(*arguments))
-        program = batches.kernel((spec,), model.bodies, model.key)
+        patch.setattr(batch_kernels, "record", lambda *arguments: recorded.append(1) or record(*arguments))
+        program = batch_kernels.kernel((spec,), model.bodies, model.key)
     assert program is not None
     out = np.zeros((SAMPLES, columns(model, spec)))
     left = program([np.full((SAMPLES, model.nq), 0.5)], [out])
@@ -79,8 +80,8 @@ def by_program(model: sd.Model, spec: Any = SPEC) -> tuple[float, bool]:
 
 
 WAYS: dict[str, tuple[Callable[..., tuple[float, bool]], str]] = {
-    "kernel": (by_kernel, store.KERNEL),
-    "program": (by_program, store.PROGRAM),
+    "kernel": (by_kernel, disk_cache.KERNEL),
+    "program": (by_program, disk_cache.PROGRAM),
 }
 ways = pytest.mark.parametrize(("run", "kind"), WAYS.values(), ids=WAYS)
 
@@ -147,7 +148,7 @@ def test_a_folder_where_a_file_should_be_stays(arm: sd.Model, folder: Path, run:
     for _ in range(2):
         assert run(arm) == (wanted, False)
     assert (file / "inside").is_dir()
-    assert not list(folder.glob("*" + store.PART))
+    assert not list(folder.glob("*" + disk_cache.PART))
 
 
 @ways
@@ -160,24 +161,24 @@ def test_a_folder_deleted_meanwhile_is_made_anew(arm: sd.Model, folder: Path, ru
 
 def test_what_was_used_last_stays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process makes room once, when it first writes."""
-    monkeypatch.setattr(store, "MOST", 2)
-    for kind in (store.PROGRAM, store.KERNEL):
+    monkeypatch.setattr(disk_cache, "MOST", 2)
+    for kind in (disk_cache.PROGRAM, disk_cache.KERNEL):
         for k in range(4):
-            store.write(f"digest{k}", b"x", kind)
+            disk_cache.write(f"digest{k}", b"x", kind)
             os.utime(folder / f"digest{k}{kind}", (k, k))
     assert len(list(folder.iterdir())) == 8
-    assert store.read("digest0") == b"x"
-    monkeypatch.setattr(store, "_once", set())  # another process
-    store.write("digest4", b"x")
-    kept = [[store.read(f"digest{k}", kind) for k in range(5)] for kind in (store.PROGRAM, store.KERNEL)]
+    assert disk_cache.read("digest0") == b"x"
+    monkeypatch.setattr(disk_cache, "_once", set())  # another process
+    disk_cache.write("digest4", b"x")
+    kept = [[disk_cache.read(f"digest{k}", kind) for k in range(5)] for kind in (disk_cache.PROGRAM, disk_cache.KERNEL)]
     assert kept == [[b"x", None, None, None, b"x"], [None, None, b"x", b"x", None]]
 
 
 def test_a_folder_is_looked_through_once_a_process(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked, listdir = [], os.listdir
-    monkeypatch.setattr(store.os, "listdir", lambda *given: looked.append(1) or listdir(*given))
+    monkeypatch.setattr(disk_cache.os, "listdir", lambda *given: looked.append(1) or listdir(*given))
     for k in range(5):
-        store.write(f"digest{k}", b"x")
+        disk_cache.write(f"digest{k}", b"x")
     assert len(looked) == 2  # for each kind
     assert len(list(folder.iterdir())) == 5
 
@@ -200,10 +201,10 @@ def refusing(code: int) -> Callable[..., Any]:
 def test_a_folder_that_cannot_be_written_to_keeps_nothing(
     arm: sd.Model, folder: Path, monkeypatch: pytest.MonkeyPatch, run: Any, kind: str, what: str, code: int
 ) -> None:
-    monkeypatch.setattr(store.os, what, refusing(code))
+    monkeypatch.setattr(disk_cache.os, what, refusing(code))
     wanted, _ = run(arm)
     assert run(arm) == (wanted, what == "utime")
-    assert not list(folder.glob("*" + store.PART))
+    assert not list(folder.glob("*" + disk_cache.PART))
 
 
 @ways
@@ -214,9 +215,9 @@ def test_a_user_without_a_home_keeps_nothing(
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA", store.VARIABLE):
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA", disk_cache.VARIABLE):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(store.Path, "home", homeless)
+    monkeypatch.setattr(disk_cache.Path, "home", homeless)
     wanted, _ = run(arm)
     assert run(arm) == (wanted, False)
 
@@ -225,23 +226,23 @@ def test_our_variable_wins_and_names_the_folder_itself(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     own = tmp_path / "own" / "cache"
-    monkeypatch.setenv(store.VARIABLE, str(own))
-    assert store.folder() == own
-    store.write("digest", b"x")
-    assert os.listdir(own) == ["digest" + store.PROGRAM]
-    assert store.read("digest") == b"x"
+    monkeypatch.setenv(disk_cache.VARIABLE, str(own))
+    assert disk_cache.folder() == own
+    disk_cache.write("digest", b"x")
+    assert os.listdir(own) == ["digest" + disk_cache.PROGRAM]
+    assert disk_cache.read("digest") == b"x"
     assert not folder.exists()
-    monkeypatch.delenv(store.VARIABLE)
-    assert store.folder() == folder
-    assert store.read("digest") is None
+    monkeypatch.delenv(disk_cache.VARIABLE)
+    assert disk_cache.folder() == folder
+    assert disk_cache.read("digest") is None
 
 
 @ways
 def test_an_empty_variable_is_for_no_folder(
     arm: sd.Model, folder: Path, monkeypatch: pytest.MonkeyPatch, run: Any, kind: str
 ) -> None:
-    monkeypatch.setenv(store.VARIABLE, "")
-    assert store.folder() is None
+    monkeypatch.setenv(disk_cache.VARIABLE, "")
+    assert disk_cache.folder() is None
     wanted, _ = run(arm)
     assert run(arm) == (wanted, False)
     assert not folder.exists()
@@ -250,8 +251,8 @@ def test_an_empty_variable_is_for_no_folder(
 # --- whose the folder is --------------------------------------------------------------------------------------
 
 STRANGER = 61234  # the number of no user
-owned = pytest.mark.skipif(not store.OWNED, reason="files have no owner and mode that say who may write")
-ROOT = store.OWNED and os.geteuid() == 0
+owned = pytest.mark.skipif(not disk_cache.OWNED, reason="files have no owner and mode that say who may write")
+ROOT = disk_cache.OWNED and os.geteuid() == 0
 
 
 def given_away(path: Path) -> None:
@@ -297,7 +298,7 @@ def said(caught: Any, path: Path, fault: str) -> None:
     assert warning.category is RuntimeWarning
     assert f'"{path}" ' in text
     assert re.search(fault, text)
-    assert text.count(store.VARIABLE) == 1
+    assert text.count(disk_cache.VARIABLE) == 1
 
 
 @owned
@@ -344,15 +345,15 @@ def test_what_is_made_is_its_owners_alone(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, umask: int
 ) -> None:
     own = tmp_path / "a" / "b"
-    monkeypatch.setenv(store.VARIABLE, str(own))
+    monkeypatch.setenv(disk_cache.VARIABLE, str(own))
     before = os.umask(umask)
     try:
-        store.write("digest", b"x")
+        disk_cache.write("digest", b"x")
     finally:
         os.umask(before)
-    modes = [stat.S_IMODE(path.stat().st_mode) for path in (own.parent, own, own / ("digest" + store.PROGRAM))]
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in (own.parent, own, own / ("digest" + disk_cache.PROGRAM))]
     assert modes == [0o700, 0o700, 0o600]
-    assert store.read("digest") == b"x"
+    assert disk_cache.read("digest") == b"x"
 
 
 @owned
@@ -362,10 +363,10 @@ def test_folders_above_may_be_links_and_shared(folder: Path, monkeypatch: pytest
     shared.mkdir()
     shared.chmod(0o1777)
     (tmp_path / "link").symlink_to(shared)
-    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "link" / "own"))
-    store.write("digest", b"x")
-    assert store.read("digest") == b"x"
-    assert os.listdir(shared / "own") == ["digest" + store.PROGRAM]
+    monkeypatch.setenv(disk_cache.VARIABLE, str(tmp_path / "link" / "own"))
+    disk_cache.write("digest", b"x")
+    assert disk_cache.read("digest") == b"x"
+    assert os.listdir(shared / "own") == ["digest" + disk_cache.PROGRAM]
 
 
 @pytest.mark.skipif(not ROOT, reason="only root can become another user")
@@ -373,30 +374,30 @@ def test_code_of_root_is_read_by_all_and_kept_in_silence_by_none(folder: Path, m
     """As in a container whose image holds a cache."""
     with tempfile.TemporaryDirectory() as place:
         os.chmod(place, 0o755)
-        monkeypatch.setenv(store.VARIABLE, f"{place}/cache")
-        store.write("digest", b"x")
+        monkeypatch.setenv(disk_cache.VARIABLE, f"{place}/cache")
+        disk_cache.write("digest", b"x")
         os.chmod(f"{place}/cache", 0o755)
         for mode, found in ((0o644, b"x"), (0o600, None)):
-            os.chmod(f"{place}/cache/digest{store.PROGRAM}", mode)
+            os.chmod(f"{place}/cache/digest{disk_cache.PROGRAM}", mode)
             os.seteuid(STRANGER)
             try:
-                assert store.read("digest") == found
-                store.write("other", b"x")
-                assert store.read("other") is None
+                assert disk_cache.read("digest") == found
+                disk_cache.write("other", b"x")
+                assert disk_cache.read("other") is None
             finally:
                 os.seteuid(0)
         os.chown(f"{place}/cache", STRANGER, -1)  # root does not run what a user may have written
         with pytest.warns(RuntimeWarning, match=f"belongs to user {STRANGER}, expected 0 or root"):
-            assert store.read("digest") is None
+            assert disk_cache.read("digest") is None
 
 
 @owned
 def test_a_file_exchanged_after_the_check_is_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was opened is what is checked and read, in the folder that was opened."""
-    store.write("digest", b"x")
+    disk_cache.write("digest", b"x")
     other, fstat, done = folder.with_name("other"), os.fstat, []
     other.mkdir()
-    (other / ("digest" + store.PROGRAM)).write_bytes(store._checksum("digest", b"planted") + b"planted")
+    (other / ("digest" + disk_cache.PROGRAM)).write_bytes(disk_cache._checksum("digest", b"planted") + b"planted")
 
     def exchange(handle: int) -> os.stat_result:
         state = fstat(handle)
@@ -405,42 +406,42 @@ def test_a_file_exchanged_after_the_check_is_not_read(folder: Path, monkeypatch:
             other.rename(folder)
         return state
 
-    monkeypatch.setattr(store.os, "fstat", exchange)
-    assert store.read("digest") == b"x"
+    monkeypatch.setattr(disk_cache.os, "fstat", exchange)
+    assert disk_cache.read("digest") == b"x"
     assert done
-    assert store.read("digest") == b"planted"
+    assert disk_cache.read("digest") == b"planted"
 
 
 @owned
 @pytest.mark.parametrize("what", ["pipe", "folder"])
 def test_what_is_no_file_is_passed_over(folder: Path, what: str) -> None:
     """A pipe would be waited for."""
-    store.write("other", b"x")
-    path = folder / ("digest" + store.PROGRAM)
+    disk_cache.write("other", b"x")
+    path = folder / ("digest" + disk_cache.PROGRAM)
     os.mkfifo(path, 0o600) if what == "pipe" else path.mkdir(0o700)
-    assert store.read("digest") is None
+    assert disk_cache.read("digest") is None
 
 
 def test_where_names_cannot_be_looked_up_in_open_folders_links_are_refused(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As on Windows, which has neither owners nor modes."""
-    monkeypatch.setattr(store, "BY_FOLDER", False)
-    monkeypatch.setattr(store, "OWNED", False)
-    monkeypatch.setattr(store, "_SURE", 0)
-    monkeypatch.delattr(store.os, "O_NOFOLLOW", raising=False)
-    store.write("digest", b"x")
+    monkeypatch.setattr(disk_cache, "BY_FOLDER", False)
+    monkeypatch.setattr(disk_cache, "OWNED", False)
+    monkeypatch.setattr(disk_cache, "_SURE", 0)
+    monkeypatch.delattr(disk_cache.os, "O_NOFOLLOW", raising=False)
+    disk_cache.write("digest", b"x")
     folder.chmod(0o777)
-    assert store.read("digest") == b"x"
-    file = folder / ("digest" + store.PROGRAM)
+    assert disk_cache.read("digest") == b"x"
+    file = folder / ("digest" + disk_cache.PROGRAM)
     for path in (file, folder):
         try:
             linked(path)
         except OSError:
             pytest.skip("links are for administrators")
-        store._once.clear()
+        disk_cache._once.clear()
         with pytest.warns(RuntimeWarning, match="is a link, expected none; remove it"):
-            assert store.read("digest") is None
+            assert disk_cache.read("digest") is None
 
 
 SCRIPT = """
@@ -483,7 +484,7 @@ def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     answers = [process.communicate(timeout=300)[0] for process in running]
     assert [process.returncode for process in running] == [0, 0]
     files = set((tmp_path / "spatialdyn").iterdir())
-    assert {file.suffix for file in files} == {store.KERNEL, store.PROGRAM}
+    assert {file.suffix for file in files} == {disk_cache.KERNEL, disk_cache.PROGRAM}
     answers.append(run_python(SCRIPT, NUMBA_CACHE_DIR=str(tmp_path)))
     assert answers[0] == answers[1] == answers[2]
     assert set((tmp_path / "spatialdyn").iterdir()) == files

@@ -9,8 +9,8 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.lagrangian.brackets import structure_constants
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.lagrangian.lie_brackets import structure_constants
 
 EPS = np.finfo(float).eps
 CLOSE = 256 * EPS  # of the largest entry, as in test_coriolis.py
@@ -113,7 +113,7 @@ def test_structure_constants_are_those_of_so3_and_se3() -> None:
     assert not structure_constants(case(3, kinds=COORDINATES)[0]).any()
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: a minute of differences")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: a minute of differences")
 def test_batches_and_single_samples_agree() -> None:
     model, s = ALL[1]
     construct = sd.ChristoffelC(model)

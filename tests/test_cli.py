@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn import Trajectory, cli, dynamics, validate
-from spatialdyn.commands import compare
+from spatialdyn import Trajectory, validate
+from spatialdyn.calls import dynamics
+from spatialdyn.commands import cli, compare
 from spatialdyn.errors import InertiaError
-from spatialdyn.urdf import example_robots, robot_names
+from spatialdyn.urdf.load import example_robots, robot_names
 
 pytest.importorskip("pinocchio")
 RICH = ("rich", "rich.box", "rich.console", "rich.progress", "rich.table", "rich.text")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn import cli
+from spatialdyn.commands import cli
 
 
 def run(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, str, str]:

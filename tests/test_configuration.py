@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from spatialdyn import scalars
-from spatialdyn.bodies import (
+from spatialdyn.algebra import scalars
+from spatialdyn.bodies.table import (
     BODIES,
     FLOATING,
     FOLLOW,

@@ -14,12 +14,13 @@ from dense import Array
 from trees import RandomTree, State, random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn import scalars
-from spatialdyn.bodies import FLOATING, PLANAR_CS, REVOLUTE_CS, SPHERICAL
-from spatialdyn.engines import batches, jit
+from spatialdyn.algebra import scalars
+from spatialdyn.algebra.records import object_twin
+from spatialdyn.algebra.rotations import rotation
+from spatialdyn.bodies.table import FLOATING, PLANAR_CS, REVOLUTE_CS, SPHERICAL
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions import SPECS
-from spatialdyn.recursions.joints import rotation
-from spatialdyn.tables import object_twin
 
 EPS = np.finfo(float).eps
 CLOSE = 256 * EPS  # of the largest entry: sums over a dozen bodies, each of a few rounded products
@@ -290,8 +291,8 @@ def test_mimic_joints_contract_every_axis_with_g(root: str) -> None:
 
 def test_regrouped_inertias_change_nothing_on_any_kind_of_joint() -> None:
     """Programs are recorded with them; here they are put into the table itself."""
-    from spatialdyn.engines.regroup import regroup
-    from spatialdyn.engines.trace import scratch, table
+    from spatialdyn.engines.programs.regroup import regroup
+    from spatialdyn.engines.programs.tracer import scratch, table
 
     made = random_tree(11, 7, floating=True)
     model, s = made.model, random_state(made.tree, np.random.default_rng(11))
@@ -325,12 +326,12 @@ def test_a_program_of_c_is_no_longer_than_it_was() -> None:
 
 def test_tensors_too_large_for_a_program_go_untraced() -> None:
     made = random_tree(2, 30, ("revolute",), fixed=False)
-    assert batches.fits((SPECS["coriolis_matrix"],), made.model.bodies)
-    assert not batches.fits((SPECS["christoffel_symbols"],), made.model.bodies)
-    assert batches.fits((SPECS["christoffel_symbols"],), made.model.bodies, 100)
+    assert batch_kernels.fits((SPECS["coriolis_matrix"],), made.model.bodies)
+    assert not batch_kernels.fits((SPECS["christoffel_symbols"],), made.model.bodies)
+    assert batch_kernels.fits((SPECS["christoffel_symbols"],), made.model.bodies, 100)
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
 def test_specialized_calls_equal_public_ones() -> None:
     made = random_tree(5, 4, floating=True)
     model, s = made.model, random_state(made.tree, np.random.default_rng(5))

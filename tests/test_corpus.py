@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.urdf import example_robots, find_robot, robot_names
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.urdf.load import example_robots, find_robot, robot_names
 from spatialdyn.validate import BOUND, OMITTED, RAISED, VALUE_BOUND, compare_with_pinocchio, pinocchio_model
 
 pytest.importorskip("pinocchio")
@@ -27,8 +27,8 @@ if not example_robots():
 ROOTS = ("fixed", "floating")
 ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots())}
 REFUSED = "ur3"  # its <robot> has no name
-SAMPLES = 20 if not jit.PLAIN else 1
-FREEDOMS = math.inf if not jit.PLAIN else 9  # of a robot that plain Python gets through in some seconds
+SAMPLES = 20 if not numba_kernels.PLAIN else 1
+FREEDOMS = math.inf if not numba_kernels.PLAIN else 9  # of a robot that plain Python gets through in some seconds
 BOUND_MIMIC = 1e-12  # scaled: both sides are our own sums, in another order
 
 # Massless bodies at the ends of chains: Pinocchio's aba and Minv are not finite, ours raise; rnea = M a + bias instead.

@@ -16,13 +16,14 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.dynamics import calls
-from spatialdyn.engines import batches, jit
+from spatialdyn.calls.dynamics import calls
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument, Spec
 
 Array = np.ndarray
-compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 
 
 class Scale(NamedTuple):
@@ -163,11 +164,11 @@ def test_lanes_are_covariant_to_the_bit(name: str, kind: str) -> None:
     made = random_tree(12, 5, **ROBOTS[kind])
     model, spec = made.model, SPECS[name]
     rng = np.random.default_rng(4)
-    samples = [state(model, made.tree, spec, rng) for _ in range(batches.FROM + 3)]
+    samples = [state(model, made.tree, spec, rng) for _ in range(batch_kernels.FROM + 3)]
     stacked = [(x, np.stack([sample[k][1] for sample in samples])) for k, (x, _) in enumerate(samples[0])]
     given = [(x, value) for x, value in stacked if not x.optional]
-    spec = jit.variant(spec, frozenset())
-    if batches.kernel((spec,), model.bodies, model.key, ()) is None:
+    spec = numba_kernels.variant(spec, frozenset())
+    if batch_kernels.kernel((spec,), model.bodies, model.key, ()) is None:
         pytest.skip("no program")
     hold(lambda s: results(model, spec, given, s), FAR[:1])
 
@@ -176,7 +177,7 @@ def test_lanes_are_covariant_to_the_bit(name: str, kind: str) -> None:
 @pytest.mark.parametrize("name", ["rnea", "crba", "aba"])
 def test_float32_programs_are_covariant_to_the_bit(name: str) -> None:
     made = random_tree(12, 5, **ROBOTS["arm"])
-    model, spec = made.model, jit.variant(SPECS[name], frozenset())
+    model, spec = made.model, numba_kernels.variant(SPECS[name], frozenset())
     rng = np.random.default_rng(4)
     samples = [state(model, made.tree, spec, rng) for _ in range(20)]
     given = [(x, np.stack([sample[k][1] for sample in samples])) for k, (x, _) in enumerate(samples[0])]

@@ -15,9 +15,10 @@ from test_coriolis import CLOSE, EPS, JOINT, LINK, STEP, close, tangent
 from trees import RandomTree, State, random_inertia, random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
+from spatialdyn.algebra.records import object_twin
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions import SPECS
-from spatialdyn.tables import object_twin
 
 TREES = [(seed, floating) for seed in range(2) for floating in (False, True)]
 INVERSE = 2**16 * EPS  # of what goes through M⁻¹, whose condition number is some 1e3 in these trees
@@ -363,13 +364,13 @@ def test_mimic_joints_contract_every_axis_with_g(root: str) -> None:
 def test_a_program_of_forward_derivatives_is_as_long_as_its_products() -> None:
     small, large = (random_tree(2, n, ("revolute",), fixed=False).model for n in (20, 30))
     spec = SPECS["aba_derivatives"]
-    assert batches.fits((spec,), small.bodies)
-    assert not batches.fits((spec,), large.bodies)
-    assert batches.fits((spec,), large.bodies, 3 * 30**2)
-    assert batches.fits((SPECS["rnea_derivatives"],), large.bodies)
+    assert batch_kernels.fits((spec,), small.bodies)
+    assert not batch_kernels.fits((spec,), large.bodies)
+    assert batch_kernels.fits((spec,), large.bodies, 3 * 30**2)
+    assert batch_kernels.fits((SPECS["rnea_derivatives"],), large.bodies)
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
 def test_a_program_of_some_entries_gives_those() -> None:
     made = random_tree(5, 4, floating=True)
     model, s = made.model, random_state(made.tree, np.random.default_rng(5))

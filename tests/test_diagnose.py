@@ -17,17 +17,18 @@ from dense import Array
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn import cli
-from spatialdyn.dynamics import calls
-from spatialdyn.engines import batches, jit
-from spatialdyn.engines.regroup import regroup
-from spatialdyn.forward import METHODS
-from spatialdyn.trade import digits as digits_module
-from spatialdyn.trade.digits import EPS, predicted_digits, program_errors
-from spatialdyn.urdf import example_robots
+from spatialdyn.accuracy import predicted_digits as digits_module
+from spatialdyn.accuracy.predicted_digits import EPS, predicted_digits, program_errors
+from spatialdyn.calls.dynamics import calls
+from spatialdyn.calls.forward_dynamics import METHODS
+from spatialdyn.commands import cli
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.regroup import regroup
+from spatialdyn.urdf.load import example_robots
 
-rules = importlib.import_module("spatialdyn.trade.diagnose")  # the package has the function under that name
-compiled = pytest.mark.skipif(jit.PLAIN, reason="float32 is a program")
+rules = importlib.import_module("spatialdyn.accuracy.diagnose")  # the package has the function under that name
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="float32 is a program")
 AXES = np.eye(3)
 PROMISED = 0.9  # of the cases are within a digit of what is measured
 BAR = (1.0, (0.3, 0.0, 0.0), np.diag([0.01, 0.02, 0.02]))
@@ -69,7 +70,7 @@ CASES = (
 # --- digits ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="heavy: measured by compiled calls")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: measured by compiled calls")
 def test_predicted_digits_are_within_one_of_those_measured() -> None:
     """Heavy and light tips and middles, and long chains; other states than those that predict."""
     pytest.importorskip("mpmath")
@@ -486,9 +487,9 @@ def test_programs_are_judged_in_usual_states_too() -> None:
 
 def without_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     """No program is read or kept, for those made here are wrong."""
-    monkeypatch.setattr(batches, "_kept", type(batches._kept)())
-    monkeypatch.setattr(batches, "_from_disk", lambda *arguments: None)
-    monkeypatch.setattr(batches.store, "write", lambda *arguments: None)
+    monkeypatch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())
+    monkeypatch.setattr(batch_kernels, "_from_disk", lambda *arguments: None)
+    monkeypatch.setattr(batch_kernels.disk_cache, "write", lambda *arguments: None)
 
 
 @compiled
@@ -514,11 +515,11 @@ def test_a_fault_in_the_programs_is_seen(monkeypatch: pytest.MonkeyPatch, solved
                 I = row.inertia.I
                 I.xx, I.yy, I.zz = ((x + 1e4) - 1e4 for x in (I.xx, I.yy, I.zz))
 
-    monkeypatch.setattr(batches, "regroup", rough)
+    monkeypatch.setattr(batch_kernels, "regroup", rough)
     found = sd.diagnose(chain((3.0, 2.0, 1.0 + 0.125 * solved), 81))
     (finding,) = found.of("programs")
     assert finding.severity == "warning"
-    assert f"call for fewer than {batches.FROM} samples" in finding.remedy
+    assert f"call for fewer than {batch_kernels.FROM} samples" in finding.remedy
     for name, digits in found.programs.items():
         assert (f"{name} {digits['batch']:.1f} of {digits['single']:.1f}" in finding.message) == (name in names), name
         assert (digits["batch"] < 13.5) == (name in names), name
@@ -535,7 +536,7 @@ def test_programs_are_judged_in_the_samples_that_have_an_answer() -> None:
     q[3] = np.nan
     found = program_errors(model, [q, np.zeros((8, 2)), np.ones((8, 2))])
     assert set(found) == set(digits_module.INPUTS)
-    assert all(np.isfinite(batch).all() and len(batch) == batches.FROM for _, batch in found.values())
+    assert all(np.isfinite(batch).all() and len(batch) == batch_kernels.FROM for _, batch in found.values())
 
 
 @compiled
@@ -562,7 +563,7 @@ def test_the_number_of_states_is_said() -> None:
     assert json.loads(found.to_json())["states"] == found.states
 
 
-@pytest.mark.skipif(jit.PLAIN or not example_robots(), reason="example-robot-data, and heavy")
+@pytest.mark.skipif(numba_kernels.PLAIN or not example_robots(), reason="example-robot-data, and heavy")
 def test_neutral_is_one_of_the_states() -> None:
     """There iCub's neck moves 1e-11 of its inertia, and ABA is off by half a percent; n eps is far below."""
     with warnings.catch_warnings():

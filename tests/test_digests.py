@@ -16,8 +16,9 @@ from test_engine import sorted_inputs
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit, kept, target
-from spatialdyn.engines.parameters import Parameter
+from spatialdyn.engines.compiled import numba_cache, numba_kernels
+from spatialdyn.engines.programs import batch_kernels, host_cpu
+from spatialdyn.engines.programs.parameters import Parameter
 from spatialdyn.recursions import SPECS
 
 BALL = (1.0, (0.1, 0.2, 0.3), np.diag([0.1, 0.1, 0.1]))
@@ -30,18 +31,18 @@ class Digests:
 
     def __init__(self, patch: pytest.MonkeyPatch, model: sd.Model) -> None:
         self.model, self.seen = model, []
-        patch.setattr(batches, "_kept", type(batches._kept)())
-        patch.setattr(batches, "_from_disk", lambda digest, *rest: None)
-        patch.setattr(batches, "_made", self._note)
+        patch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())
+        patch.setattr(batch_kernels, "_from_disk", lambda digest, *rest: None)
+        patch.setattr(batch_kernels, "_made", self._note)
 
     def _note(self, specs: Any, bodies: Any, static: Any, digest: str, *rest: Any) -> None:
         self.seen.append(digest)
 
     def __call__(self, *names: str, key: str | None = None, forces: bool = False, **more: Any) -> str:
         """The name of a program of some calls."""
-        batches._kept.clear()
-        specs = tuple(jit.variant(SPECS[name], frozenset(["fext"] * forces)) for name in names or ("rnea",))
-        batches.kernel(specs, self.model.bodies, key or self.model.key, **more)
+        batch_kernels._kept.clear()
+        specs = tuple(numba_kernels.variant(SPECS[name], frozenset(["fext"] * forces)) for name in names or ("rnea",))
+        batch_kernels.kernel(specs, self.model.bodies, key or self.model.key, **more)
         return str(self.seen[-1])
 
 
@@ -62,17 +63,17 @@ def test_a_program_is_named_by_model_calls_inputs_and_form(digest: Digests) -> N
         {"stream": True},
         {"one": True, "dtype": np.float32},
         {"stream": True, "dtype": np.float32},
-        {"choice": batches.Choice(fixed=(v0,))},
-        {"choice": batches.Choice(fixed=(v1,))},
-        {"choice": batches.Choice(fixed=(("a", (0.0,) * 3),))},
-        {"choice": batches.Choice(parameters=(Parameter("mass", 1),))},
-        {"choice": batches.Choice(parameters=(Parameter("mass", 2),))},
-        {"choice": batches.Choice(parameters=(Parameter("com", 2),))},
-        {"choice": batches.Choice(parameters=(Parameter("payload", 2, (1.0, 0.0, 0.0)),))},
-        {"choice": batches.Choice(parameters=(Parameter("payload", 2, (1.0, 0.0, 0.5)),))},
-        {"choice": batches.Choice(outputs=((0, 1),))},
-        {"choice": batches.Choice(outputs=((1, 0),))},
-        {"choice": batches.Choice(ranged=True)},
+        {"choice": batch_kernels.Choice(fixed=(v0,))},
+        {"choice": batch_kernels.Choice(fixed=(v1,))},
+        {"choice": batch_kernels.Choice(fixed=(("a", (0.0,) * 3),))},
+        {"choice": batch_kernels.Choice(parameters=(Parameter("mass", 1),))},
+        {"choice": batch_kernels.Choice(parameters=(Parameter("mass", 2),))},
+        {"choice": batch_kernels.Choice(parameters=(Parameter("com", 2),))},
+        {"choice": batch_kernels.Choice(parameters=(Parameter("payload", 2, (1.0, 0.0, 0.0)),))},
+        {"choice": batch_kernels.Choice(parameters=(Parameter("payload", 2, (1.0, 0.0, 0.5)),))},
+        {"choice": batch_kernels.Choice(outputs=((0, 1),))},
+        {"choice": batch_kernels.Choice(outputs=((1, 0),))},
+        {"choice": batch_kernels.Choice(ranged=True)},
     ]
     names = [digest(**way) for way in ways]
     names += [digest("crba"), digest("rnea", "crba"), digest("crba", "rnea"), digest("aba")]
@@ -91,11 +92,11 @@ def test_a_program_is_named_by_each_of_its_static_inputs(digest: Digests) -> Non
     assert digest("frame_jacobian", static=(1, np.eye(4), 0)) == names[0]
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no programs")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no programs")
 def test_frames_and_references_have_programs_of_their_own() -> None:
     """The public call, so that what is handed to the name is what the program is made from."""
     model = random_tree(2, 3, ["revolute", "prismatic"]).model
-    q = sd.random_configuration(model, np.random.default_rng(0), (batches.FROM,))
+    q = sd.random_configuration(model, np.random.default_rng(0), (batch_kernels.FROM,))
     for frame in model.frames[-2:]:
         for reference in ("local", "world", "local_world_aligned"):
             J = sd.frame_jacobian(model, q, frame, reference)
@@ -105,18 +106,18 @@ def test_frames_and_references_have_programs_of_their_own() -> None:
 
 def test_a_program_is_named_by_sources_processor_and_versions(digest: Digests, monkeypatch: pytest.MonkeyPatch) -> None:
     names = [digest()]
-    processor, features, width, fma = target.host()
+    processor, features, width, fma = host_cpu.host()
 
     def changed(owner: Any, what: str, value: Any) -> None:
         with monkeypatch.context() as patch:
             patch.setattr(owner, what, value)
             names.append(digest())
 
-    changed(batches, "STAMP", "edited")
-    changed(target, "host", lambda: ("another", features, width, fma))
-    changed(target, "host", lambda: (processor, features + ",+more", width, fma))
-    changed(target, "VERSION", target.VERSION + ".1")
-    changed(batches, "DATA", batches.DATA + 8)
+    changed(batch_kernels, "STAMP", "edited")
+    changed(host_cpu, "host", lambda: ("another", features, width, fma))
+    changed(host_cpu, "host", lambda: (processor, features + ",+more", width, fma))
+    changed(host_cpu, "VERSION", host_cpu.VERSION + ".1")
+    changed(batch_kernels, "DATA", batch_kernels.DATA + 8)
     assert len(set(names)) == len(names)
     assert digest() == names[0]
 
@@ -163,7 +164,7 @@ HERE = Codegen("triple", "cpu", "features")
 
 
 def kernel_name(function: Callable[..., Any], sig: Any = (types.float64,), codegen: Any = HERE) -> str:
-    return kept.Kept(function)._digest(sig, codegen)
+    return numba_cache.Kept(function)._digest(sig, codegen)
 
 
 def test_a_kernel_is_named_by_its_text_closure_signature_and_processor() -> None:
@@ -200,15 +201,19 @@ def test_a_kernel_is_named_by_the_versions_that_compiled_it(
 
 def test_every_kernel_captures_the_stamp(monkeypatch: pytest.MonkeyPatch) -> None:
     """So that a helper that is edited, which is not in the kernel's own text, gives the file another name."""
-    function = jit.define("nothing", ["x"], ["stamp", "return x"], {})
-    assert inspect.getclosurevars(function).nonlocals == {"stamp": jit.STAMP}
+    function = numba_kernels.define("nothing", ["x"], ["stamp", "return x"], {})
+    assert inspect.getclosurevars(function).nonlocals == {"stamp": numba_kernels.STAMP}
     before = kernel_name(function)
-    monkeypatch.setattr(jit, "STAMP", "edited")
-    assert kernel_name(jit.define("nothing", ["x"], ["stamp", "return x"], {})) != before
+    monkeypatch.setattr(numba_kernels, "STAMP", "edited")
+    assert kernel_name(numba_kernels.define("nothing", ["x"], ["stamp", "return x"], {})) != before
 
 
 def test_calls_with_and_without_an_optional_input_have_two_names() -> None:
-    labels = [jit._label(jit.variant(spec, frozenset(some))) for spec in SPECS.values() for some in _choices(spec)]
+    labels = [
+        numba_kernels._label(numba_kernels.variant(spec, frozenset(some)))
+        for spec in SPECS.values()
+        for some in _choices(spec)
+    ]
     assert len(set(labels)) == len(labels)
 
 

@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from spatialdyn.engines.doubled import doubled
-from spatialdyn.engines.trace import FMS, Number, Program, Tape
+from spatialdyn.algebra.scalars import cos, sin, sqrt
+from spatialdyn.engines.programs.to_double_double import doubled
+from spatialdyn.engines.programs.tracer import FMS, Number, Program, Tape
 from spatialdyn.errors import SpatialDynError
-from spatialdyn.scalars import cos, sin, sqrt
 
 SEEN = 2.0**-100  # what a hundred bits leave of sums whose terms are of the size of 1
 SEEDS = range(8)

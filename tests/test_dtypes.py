@@ -15,13 +15,15 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn import dynamics, kept, untraced
+from spatialdyn.calls import dynamics, specialize_fallback
 from spatialdyn.compat import pinocchio as face
-from spatialdyn.engines import batches, builtin, jit
+from spatialdyn.compat.native import recorded_calls
+from spatialdyn.engines.compiled import cpython, numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 
 CALLS = {"rnea": 3, "crba": 1, "aba": 3, "minverse": 1, "coriolis_matrix": 2}  # inputs of the shape (n,)
-SAMPLES = batches.FROM + 5
-COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+SAMPLES = batch_kernels.FROM + 5
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 
 
 def swapped_back(x: Any) -> Any:
@@ -128,7 +130,7 @@ def test_a_specialised_program_runs_on_them(
     made = sd.specialize(arm, sd.rnea, dtype=dtype)
     many = [x.astype(dtype) for x in inputs(arm, 3, (SAMPLES,))]
     expected = made(*many)
-    monkeypatch.setattr(untraced, "compute", fail)
+    monkeypatch.setattr(specialize_fallback, "compute", fail)
     np.testing.assert_array_equal(made(*map(form, many)), expected)
     out = form(np.zeros(expected.shape, dtype))
     assert made(*many, out=out) is out
@@ -148,11 +150,11 @@ def test_a_specialised_program_takes_a_sample_of_them_at_once(
     np.testing.assert_array_equal(out, expected)
 
 
-@pytest.mark.skipif(not builtin.READY, reason="nothing is compiled, or Python is not as expected")
+@pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
 @forms
 def test_a_builtin_takes_them_and_no_other(arm: sd.Model, form: Any) -> None:
     words = {"table": arm.address, "nq": arm.nq, "nv": arm.nv, "njoints": arm.njoints, "axis0": arm.nv}
-    call, given = kept.made("rnea").bind(arm, **words), inputs(arm, 3)
+    call, given = recorded_calls.made("rnea").bind(arm, **words), inputs(arm, 3)
     np.testing.assert_array_equal(call(*map(form, given)), sd.rnea(arm, *given))
     for k, other in enumerate((">f8", np.int64, np.float32, np.complex128, "M8[s]")):
         wrong = [x.astype(other) if at == k % 3 else x for at, x in enumerate(given)]
@@ -162,7 +164,7 @@ def test_a_builtin_takes_them_and_no_other(arm: sd.Model, form: Any) -> None:
 def test_the_other_byte_order_is_not_equal() -> None:
     """Its numbers read in this machine's order are not numbers."""
     foreign, arm = np.dtype(np.float64).newbyteorder(), sd.load_urdf("two_link")
-    many = np.random.default_rng(0).normal(size=(SAMPLES if not jit.PLAIN else 3, 2))
+    many = np.random.default_rng(0).normal(size=(SAMPLES if not numba_kernels.PLAIN else 3, 2))
     np.testing.assert_array_equal(sd.crba(arm, many.astype(foreign)), sd.crba(arm, many))
     made = sd.specialize(arm, sd.crba)
     for q in (many, many[0]):

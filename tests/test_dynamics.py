@@ -12,7 +12,7 @@ import pytest
 from trees import RandomTree, State, random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn import dynamics
+from spatialdyn.calls import dynamics
 from spatialdyn.recursions import SPECS
 
 EPS = np.finfo(float).eps

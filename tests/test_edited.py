@@ -9,8 +9,8 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.edited import edited
-from spatialdyn.robot import make_link
+from spatialdyn.model.robot import make_link
+from spatialdyn.model.update import edited
 
 
 def assert_same(a: sd.Model, b: sd.Model) -> None:

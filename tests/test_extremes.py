@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
+from spatialdyn.engines.compiled import numba_kernels
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 if not (BENCHMARKS / "accuracy.py").exists():
@@ -28,7 +28,7 @@ FLOAT32 = 2.0**29  # eps of float32 in those of float64
 TINY, HUGE = (float(x) for x in (np.finfo(np.float32).tiny, np.finfo(np.float32).max))
 LEAST = 2.0**-149  # of float32
 INERTIA = np.array([[0.02, 0.001, 0.0], [0.001, 0.03, 0.002], [0.0, 0.002, 0.025]])
-compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 
 
 def arm(mass: float = 1.0, size: float = 1.0, n: int = 5, tilt: float = 0.0, **options: Any) -> sd.Model:
@@ -56,9 +56,9 @@ def held(model: sd.Model, s: State, scale: float = 1.0) -> None:
     """Each call, alone, in a batch and in float32, is finite and within its bound."""
     for name, bound in BOUND.items():
         assert measured(model, name, s) <= scale * bound, name
-        if not jit.PLAIN:
+        if not numba_kernels.PLAIN:
             assert measured(model, name, s, in_a_batch(name)) <= scale * bound, name
-    if not jit.PLAIN:
+    if not numba_kernels.PLAIN:
         in_float32(model, s, scale)
 
 
@@ -171,7 +171,7 @@ def test_any_length(n: int) -> None:
     model = chain(n, True)
     s = state(model, np.random.default_rng(4))
     s = State(*map(narrowed, s))
-    for eps in (EPS,) if jit.PLAIN else (EPS, FLOAT32 * EPS):
+    for eps in (EPS,) if numba_kernels.PLAIN else (EPS, FLOAT32 * EPS):
         call = sd.aba if eps == EPS else lambda _, *x: sd.specialize(model, sd.aba, dtype=np.float32)(*x).astype(float)
         a = call(model, s.q, s.v, s.tau)
         back = sd.rnea(model, s.q, s.v, a)

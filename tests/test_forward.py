@@ -11,10 +11,11 @@ from dense import Array
 from trees import random_inertia, random_placement, random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
-from spatialdyn.forward import METHODS, MOST_ROWS
+from spatialdyn.accuracy.references import truths
+from spatialdyn.calls.forward_dynamics import METHODS, MOST_ROWS
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions import SPECS
-from spatialdyn.trade.truths import truths
 
 EPS = np.finfo(float).eps
 AGREE = 5e-12  # of the largest entry: random trees of a dozen joints are conditioned up to 1e4 (seen: 2e-13)
@@ -144,7 +145,7 @@ def test_batches_are_their_samples() -> None:
         np.testing.assert_array_equal(out[[0, 2]], alone)
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 @pytest.mark.parametrize("method", METHODS)
 def test_batches_over_threads_are_those_of_one(method: str) -> None:
     made = random_tree(4, 5, ["revolute"])
@@ -166,7 +167,7 @@ def test_batches_over_threads_are_those_of_one(method: str) -> None:
 
 def test_what_branches_on_values_is_no_program_and_the_others_are() -> None:
     made = random_tree(4, 5, ["revolute"])
-    fit = {name: batches.fits((SPECS[name],), made.model.bodies) for name in METHODS.values()}
+    fit = {name: batch_kernels.fits((SPECS[name],), made.model.bodies) for name in METHODS.values()}
     assert fit == {"aba": True, "crba_solve": True, "aba_refined": True, "aba_square_root": False}
     special = sd.specialize(made.model, sd.aba_square_root)
     assert special.engine == "untraced"
@@ -199,8 +200,8 @@ def test_a_heavy_tip_costs_no_digits(tip: float, axes: Array | None) -> None:
         assert error(sd.aba_square_root(model, q, v, tau), wanted) <= EXACT
         if tip <= 1e9:
             assert error(sd.aba_refined(model, q, v, tau), wanted) <= REFINED
-            if seed == 0 and not jit.PLAIN:  # on the lanes
-                many = sd.aba_refined(model, *(np.tile(x, (batches.FROM, 1)) for x in (q, v, tau)))
+            if seed == 0 and not numba_kernels.PLAIN:  # on the lanes
+                many = sd.aba_refined(model, *(np.tile(x, (batch_kernels.FROM, 1)) for x in (q, v, tau)))
                 assert error(many[-1], wanted) <= REFINED
     if tip >= 1e9:
         assert error(sd.aba(model, q, v, tau), wanted) >= LOST
@@ -291,10 +292,10 @@ def oblique_chain(tip: float) -> sd.Model:
     return builder.build()
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
 @pytest.mark.parametrize("tip", [1.0, 1e6, 1e9])
 def test_extended_keeps_its_digits_where_refinement_does_not(tip: float) -> None:
-    model, n = oblique_chain(tip), batches.FROM
+    model, n = oblique_chain(tip), batch_kernels.FROM
     rng = np.random.default_rng(1)
     q, (v, tau) = rng.uniform(-3.0, 3.0, (n, model.nv)), rng.normal(size=(2, n, model.nv))
     given = [q, v, tau]
@@ -312,12 +313,12 @@ def test_extended_keeps_its_digits_where_refinement_does_not(tip: float) -> None
         assert refined.max() > 1e4 * lanes.max()
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
 @pytest.mark.parametrize("forces", [False, True])
 def test_extended_takes_what_every_method_takes(forces: bool) -> None:
     """All kinds of joint, forces, batches that broadcast, an angle beyond the short sine, and a NaN in a sample."""
     made = random_tree(0, 5, ["revolute", "spherical"], floating=True)
-    model, rng, n = made.model, np.random.default_rng(0), batches.FROM
+    model, rng, n = made.model, np.random.default_rng(0), batch_kernels.FROM
     states = [random_state(made.tree, rng) for _ in range(8)]
     pick = rng.integers(8, size=n)
     q, v, tau = (np.array([getattr(s, name) for s in states])[pick] for name in ("q", "v", "tau"))
@@ -340,11 +341,11 @@ def test_extended_takes_what_every_method_takes(forces: bool) -> None:
     np.testing.assert_array_equal(out[0, 1], alone)
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of a long chain takes minutes")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of a long chain takes minutes")
 def test_extended_takes_robots_too_long_for_a_program() -> None:
     model = chain([1.0] * (MOST_ROWS + 1), 1)
     q, v, tau = state(model, 1)
-    many = sd.forward_dynamics(model, *(np.tile(x, (batches.FROM, 1)) for x in (q, v, tau)), method="extended")
+    many = sd.forward_dynamics(model, *(np.tile(x, (batch_kernels.FROM, 1)) for x in (q, v, tau)), method="extended")
     np.testing.assert_array_equal(many[-1], truth(model, q, v, tau))
 
 

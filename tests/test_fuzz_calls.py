@@ -19,8 +19,8 @@ from test_engine import options, random_input, sorted_inputs
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.border import core_shape
-from spatialdyn.engines import jit
+from spatialdyn.calls.arguments import core_shape
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
 
 LANES = 512  # the least batch that runs on lanes
@@ -263,7 +263,7 @@ def test_any_array_is_taken_as_its_numbers_or_refused(
             np.testing.assert_array_equal(np.reshape(written, batch + core), found)
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing runs on lanes")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing runs on lanes")
 @cases(400)
 @given(
     st.sampled_from(["floating", "light", "heavy", "massless"]),
@@ -294,7 +294,7 @@ def test_a_batch_on_lanes_is_finite_where_its_input_is_or_refused(
     sound(found, core_shape(model, spec.output), finite_samples(model, name, [*values, *more], batch))
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 @cases(1000)
 @given(
     st.sampled_from([("floating", "aba"), ("arm", "rnea"), ("massless", "crba")]),

@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import spatialdyn as sd
-from spatialdyn.cli import main
+from spatialdyn.commands.cli import main
 
 LARGE, LONG = "9" * 400, "x" * 3000
 NUMBERS = ("0", "1", "-1", "0.5", "1e-3", "1e-9", "1e3", "1.57079632679", "3.14159")

@@ -16,11 +16,11 @@ from scipy.integrate import solve_ivp
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.lagrangian import brackets, conservation, conserved, hamiltonian
-from spatialdyn.lagrangian.brackets import structure_constants
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.lagrangian import check_conservation, conserved, hamiltonian, lie_brackets
 from spatialdyn.lagrangian.conserved import ConservedQuantity
 from spatialdyn.lagrangian.hamiltonian import STEP, WEIGHTS
+from spatialdyn.lagrangian.lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
 EPS = np.finfo(float).eps
@@ -30,7 +30,7 @@ DIFFERENCE = 1e-9  # 6th-order differences with steps of 4e-3 of sums of sines: 
 NESTED = 1e-7  # differences of differences: rounding is divided by the step twice
 FLOW = 1e-9  # DOP853 at rtol 1e-12 over a second, of the largest value
 SOLID = np.diag([0.1, 0.2, 0.25])
-COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: a minute of plain Python")
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: a minute of plain Python")
 
 TREES = {
     "chain": lambda: random_tree(1, 5, ("revolute", "prismatic"), branching=0.0),
@@ -245,7 +245,7 @@ def test_mimic_joints_have_the_momenta_of_their_leaders(rng: np.random.Generator
 @pytest.mark.parametrize(("robot", "root"), [("panda", "fixed"), ("solo12", "floating")])
 def test_momentum_rate_is_pinocchios_c_transposed_times_v(robot: str, root: str, rng: np.random.Generator) -> None:
     pin = pytest.importorskip("pinocchio")
-    from spatialdyn.urdf import find_robot
+    from spatialdyn.urdf.load import find_robot
     from spatialdyn.validate import pinocchio_model
 
     path = find_robot(robot)
@@ -575,7 +575,7 @@ def test_explicit_euler_is_seen_to_gain_energy() -> None:
     assert "slope" in repr(report)
 
 
-@pytest.mark.parametrize("module", [brackets, conservation, conserved, hamiltonian])
+@pytest.mark.parametrize("module", [lie_brackets, check_conservation, conserved, hamiltonian])
 def test_examples_in_docstrings_are_true(module: Any) -> None:
     found = doctest.testmod(module)
     assert found.attempted > 0

@@ -16,11 +16,11 @@ from numba import njit
 from numba.core import compiler
 
 import spatialdyn as sd
-from spatialdyn import inlining
-from spatialdyn.engines import jit
-from spatialdyn.scalars import called, inlined, sin, woven
+from spatialdyn.algebra import numba_passes
+from spatialdyn.algebra.scalars import called, inlined, sin, woven
+from spatialdyn.engines.compiled import numba_kernels
 
-COMPILED = pytest.mark.skipif(jit.PLAIN, reason="about compiled code")
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="about compiled code")
 
 
 @called
@@ -82,7 +82,7 @@ def test_the_passes_left_out_are_numbas() -> None:
     state.flags, state.func_ir = flags(), None
     builder: Any = compiler.DefaultPassBuilder
     there = {found.__name__ for found, _ in builder.define_nopython_pipeline(state).passes}
-    assert there >= inlining._WITHOUT
+    assert there >= numba_passes._WITHOUT
 
 
 @COMPILED
@@ -90,7 +90,7 @@ def test_without_what_they_are_made_of_recursions_compile_as_numba_has_them(tmp_
     """Another version of Numba may have its passes elsewhere."""
     script = """
 import sys
-sys.modules["spatialdyn.inlining"] = None
+sys.modules["spatialdyn.algebra.numba_passes"] = None
 import spatialdyn as sd
 print(sd.rnea(sd.load_urdf("two_link"), [0.3, 0.4], [1.0, 2.0], [0.0, 1.0]).tolist())
 """

@@ -14,7 +14,7 @@ from test_engine import options, public, random_inputs, sorted_inputs
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument
 
@@ -24,7 +24,7 @@ FLOAT32 = 1e-4  # of the largest entry: float32 input is off by 6e-8, a tree's a
 SOLID = 0.1 * np.eye(3)
 TAKING = [name for name, spec in SPECS.items() if spec.given]
 INDEPENDENT = {("dintegrate", "q")}  # an answer that an input does not change, seen from the body
-SLOW = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
+SLOW = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
 WHICH = [pytest.param("model", marks=SLOW), "gripper"]  # of ten samples and more
 PIVOTING = [name for name, spec in SPECS.items() if spec.pivots]
 
@@ -620,12 +620,12 @@ def test_a_nan_beside_it_hides_no_singular_sample_of_a_model_with_followers() ->
 def test_a_follower_driven_out_of_range_is_an_error_and_no_warning(gripper: sd.Model, name: str) -> None:
     """Its coordinate is finite input times a multiplier: an infinite one comes of no infinite input."""
     spec = SPECS[name]
-    values = random_inputs(gripper, jit.variant(spec, frozenset()), 0, (2,))
+    values = random_inputs(gripper, numba_kernels.variant(spec, frozenset()), 0, (2,))
     values[0][1, -1] = 1.7e308
-    message = refusal(lambda: public(gripper, jit.variant(spec, frozenset()), values), sd.NonFiniteError)
+    message = refusal(lambda: public(gripper, numba_kernels.variant(spec, frozenset()), values), sd.NonFiniteError)
     assert "of finite input is not finite in sample 1, expected" in message
     values[0][1, -1] = np.inf
-    assert np.isfinite(public(gripper, jit.variant(spec, frozenset()), values)[0]).all()
+    assert np.isfinite(public(gripper, numba_kernels.variant(spec, frozenset()), values)[0]).all()
 
 
 # --- what a stranger found --------------------------------------------------------------------------------------------

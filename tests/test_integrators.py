@@ -9,14 +9,14 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.lagrangian.brackets import structure_constants
-from spatialdyn.recursions.lie import Quat
+from spatialdyn.algebra.lie import Quat
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.lagrangian.lie_brackets import structure_constants
 from spatialdyn.simulation import integrators
-from spatialdyn.simulation.charts import nearest
+from spatialdyn.simulation.canonical_coordinates import nearest
 from spatialdyn.simulation.recorder import Steps
 
-pytestmark = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: thousands of steps in plain Python")
+pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: thousands of steps in plain Python")
 
 EPS = np.finfo(float).eps
 FIXED = [name for name, method in integrators.items() if method.family is not None]

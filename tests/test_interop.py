@@ -12,10 +12,10 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.calls.states import random_configuration
 from spatialdyn.interop.pinocchio import from_pinocchio
 from spatialdyn.interop.states import from_drake, from_mujoco, to_drake, to_mujoco
-from spatialdyn.states import random_configuration
-from spatialdyn.urdf import find_robot
+from spatialdyn.urdf.load import find_robot
 
 EPS = np.finfo(float).eps
 ORACLE = 1e-11  # relative to the largest entry, the bound the library promises for robots

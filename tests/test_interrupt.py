@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit, loops
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels, time_loop
 
-COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def arm() -> sd.Model:
 @pytest.fixture(params=[1, 3])
 def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """So many threads for every batch, however small."""
-    monkeypatch.setattr(batches.Kernel, "threads", lambda self, tiles: batches.team.size)
+    monkeypatch.setattr(batch_kernels.Kernel, "threads", lambda self, tiles: batch_kernels.team.size)
     sd.set_num_threads(request.param)
     yield request.param
     sd.set_num_threads(1)
@@ -64,10 +65,10 @@ def test_a_program_in_slices_gives_the_same_bits(
     q, v, tau = states(arm, n)
     q[700:705] += 1e6  # beyond the program's range, in a later slice
     with monkeypatch.context() as patch:
-        patch.setattr(batches.Kernel, "threads", lambda self, tiles: 1)
+        patch.setattr(batch_kernels.Kernel, "threads", lambda self, tiles: 1)
         wanted = sd.aba(arm, q, v, tau)
-    parts = stopping(monkeypatch, batches.Kernel, "_part", 0)
-    monkeypatch.setattr(batches, "REACH", 1)
+    parts = stopping(monkeypatch, batch_kernels.Kernel, "_part", 0)
+    monkeypatch.setattr(batch_kernels, "REACH", 1)
     np.testing.assert_array_equal(sd.aba(arm, q, v, tau), wanted)
     assert parts[0] >= n / _kernel(arm).lanes  # a tile each
 
@@ -75,7 +76,7 @@ def test_a_program_in_slices_gives_the_same_bits(
 def _kernel(model: sd.Model) -> Any:
     from spatialdyn.recursions import SPECS
 
-    return batches.kernel((jit.variant(SPECS["aba"], frozenset()),), model.bodies, model.key)
+    return batch_kernels.kernel((numba_kernels.variant(SPECS["aba"], frozenset()),), model.bodies, model.key)
 
 
 @COMPILED
@@ -89,11 +90,11 @@ def test_a_rollout_in_slices_gives_the_same_bits(
     each = np.random.default_rng(2).standard_normal((43, 20, 2))
     for tau in (each[0], each):
         with monkeypatch.context() as patch:
-            patch.setattr(batches.Kernel, "threads", lambda self, tiles: 1)
+            patch.setattr(batch_kernels.Kernel, "threads", lambda self, tiles: 1)
             wanted = sd.rollout(arm, q, v, tau, dt=1e-3, record=record)
             one = sd.rollout(arm, q[0], v[0], tau if tau.ndim == 2 else tau[0], dt=1e-3, record=record)
         with monkeypatch.context() as patch:
-            patch.setattr(batches.Kernel, "reach", reach)
+            patch.setattr(batch_kernels.Kernel, "reach", reach)
             found = sd.rollout(arm, q, v, tau, dt=1e-3, record=record)
             again = sd.rollout(arm, q[0], v[0], tau if tau.ndim == 2 else tau[0], dt=1e-3, record=record)
         for x, y in zip((*found, *again), (*wanted, *one), strict=True):
@@ -105,7 +106,7 @@ def test_a_rollout_in_slices_gives_the_same_bits(
 )
 def test_pieces_end_where_a_record_is_due(steps: int, every: int, most: int) -> None:
     done, records = 0, []
-    for first, count, each in loops._pieces(steps, every, most):
+    for first, count, each in time_loop._pieces(steps, every, most):
         assert first == done
         assert 1 <= count <= most
         records += [first + k for k in range(each, count + 1, each)]
@@ -117,17 +118,17 @@ def test_pieces_end_where_a_record_is_due(steps: int, every: int, most: int) -> 
 def test_slices_are_as_long_as_they_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a clock that counts 10 ms a sample: 5 of them take SLICE, and the first are so many as are cheap anywhere."""
     clock = [0.0]
-    monkeypatch.setattr(batches.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(batch_kernels.time, "perf_counter", lambda: clock[0])
     cuts = []
-    for first, end in batches.slices(100, 512, 64):
+    for first, end in batch_kernels.slices(100, 512, 64):
         clock[0] += 0.01 * (end - first)
         cuts.append((first, end))
     assert cuts[0] == (0, 1)
     assert [a for a, _ in cuts[1:]] == [b for _, b in cuts[:-1]]
     assert cuts[-1][1] == 100
     assert max(b - a for a, b in cuts) <= 5
-    assert next(batches.slices(1000, 8, 8)) == (0, 1000)  # a small batch of a small robot in one go
-    assert batches.SLICE <= 0.1
+    assert next(batch_kernels.slices(1000, 8, 8)) == (0, 1000)  # a small batch of a small robot in one go
+    assert batch_kernels.SLICE <= 0.1
 
 
 # --- what was done stays --------------------------------------------------------------------------------
@@ -139,8 +140,8 @@ def test_ctrl_c_leaves_what_a_program_has_done(arm: sd.Model, threads: int, monk
     q, v, tau = states(arm, 4096)
     q[5] += 1e6
     wanted, out = sd.aba(arm, q, v, tau), np.zeros((4096, 2))
-    monkeypatch.setattr(batches.Kernel, "reach", 4)
-    stopping(monkeypatch, batches._Team, "run", 3)  # before the third slice has been looked at
+    monkeypatch.setattr(batch_kernels.Kernel, "reach", 4)
+    stopping(monkeypatch, batch_kernels._Team, "run", 3)  # before the third slice has been looked at
     with pytest.raises(KeyboardInterrupt):
         sd.aba(arm, q, v, tau, out=out)
     wanted[[5, *range(2 * 4 * threads * _kernel(arm).lanes, 4096)]] = np.nan
@@ -154,9 +155,9 @@ def test_ctrl_c_leaves_what_the_kernel_for_any_model_has_done(
     n = 60
     q, v, tau = states(arm, n)
     wanted, out = sd.aba_square_root(arm, q, v, tau), np.zeros((n, 2))
-    monkeypatch.setattr(batches, "FIRST", 90)
-    monkeypatch.setattr(batches, "SLICE", 0.0)
-    stopping(monkeypatch, batches._Team, "share", 5)
+    monkeypatch.setattr(batch_kernels, "FIRST", 90)
+    monkeypatch.setattr(batch_kernels, "SLICE", 0.0)
+    stopping(monkeypatch, batch_kernels._Team, "share", 5)
     with pytest.raises(KeyboardInterrupt):
         sd.aba_square_root(arm, q, v, tau, out=out if given else None)
     if given:
@@ -173,7 +174,7 @@ def test_ctrl_c_leaves_what_was_done_of_samples_that_a_program_has_left(
     q[::2] += 1e6
     special = sd.specialize(arm, sd.aba)
     call = special if through == "specialize" else lambda *x, out: sd.aba(arm, *x, out=out)
-    wanted, out, right = sd.aba(arm, q, v, tau), np.zeros((2000, 2)), batches.slices
+    wanted, out, right = sd.aba(arm, q, v, tau), np.zeros((2000, 2)), batch_kernels.slices
 
     def stopped(n: int, rows: int, results: int) -> Iterator[tuple[int, int]]:
         for k, cut in enumerate(right(n, 1 << 9, 1 << 9)):
@@ -181,8 +182,8 @@ def test_ctrl_c_leaves_what_was_done_of_samples_that_a_program_has_left(
                 signal.raise_signal(signal.SIGINT)
             yield cut
 
-    monkeypatch.setattr(batches, "slices", stopped)
-    monkeypatch.setattr(batches, "SLICE", 0.0)
+    monkeypatch.setattr(batch_kernels, "slices", stopped)
+    monkeypatch.setattr(batch_kernels, "SLICE", 0.0)
     with pytest.raises(KeyboardInterrupt):
         call(q, v, tau, out=out)
     wanted[4::2] = np.nan
@@ -192,8 +193,8 @@ def test_ctrl_c_leaves_what_was_done_of_samples_that_a_program_has_left(
 @COMPILED
 def test_ctrl_c_ends_a_rollout(arm: sd.Model, threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     q, v, _ = states(arm, 100)
-    monkeypatch.setattr(batches.Kernel, "reach", 10)
-    slices = stopping(monkeypatch, batches._Team, "run", 4)
+    monkeypatch.setattr(batch_kernels.Kernel, "reach", 10)
+    slices = stopping(monkeypatch, batch_kernels._Team, "run", 4)
     with pytest.raises(KeyboardInterrupt):
         sd.rollout(arm, q, v, dt=1e-3, steps=50)
     assert slices == [4]
@@ -211,7 +212,7 @@ def test_threads_have_ended_when_ctrl_c_is_heard() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        batches.team.run([stopped, slow, slow])
+        batch_kernels.team.run([stopped, slow, slow])
     assert ended == [1, 1]
 
 
@@ -222,7 +223,7 @@ def test_an_out_that_overlaps_an_input_is_refused_in_slices_too(
     """By half: no slice overlaps its own."""
     whole = np.random.default_rng(0).standard_normal((1536, 2))
     before, (q, v, _) = whole.copy(), states(arm, 1024)
-    monkeypatch.setattr(batches.Kernel, "reach", 1)
+    monkeypatch.setattr(batch_kernels.Kernel, "reach", 1)
     with pytest.raises(sd.ShapeError, match="overlaps"):
         sd.aba(arm, q, v, whole[:1024], out=whole[512:])
     np.testing.assert_array_equal(whole, before)

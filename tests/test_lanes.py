@@ -17,11 +17,12 @@ from test_engine import EPS, random_inputs
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn import scalars
-from spatialdyn.engines import batches, jit, lanes, target, trace
-from spatialdyn.engines.lanes import FAR, Layout
-from spatialdyn.engines.target import Loaded
-from spatialdyn.engines.trace import Number, Program, Tape
+from spatialdyn.algebra import scalars
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels, host_cpu, simd, tracer
+from spatialdyn.engines.programs.host_cpu import Loaded
+from spatialdyn.engines.programs.simd import FAR, Layout
+from spatialdyn.engines.programs.tracer import Number, Program, Tape
 from spatialdyn.recursions import SPECS
 
 ULPS = 1.5  # of sin and cos in float64 for |q| <= FAR
@@ -58,8 +59,8 @@ class Runner:
         self, program: Program, layout: Layout, shape: Shape, dtype: Any = np.float64, stream: bool = False
     ) -> None:
         self.layout, self.shape, self.dtype = layout, shape, np.dtype(dtype)
-        writer = lanes._Writer(program, layout, dtype, shape.lanes, shape.fma, stream)
-        name, features, _, has_fma = target.host()
+        writer = simd._Writer(program, layout, dtype, shape.lanes, shape.fma, stream)
+        name, features, _, has_fma = host_cpu.host()
         if shape.fma and not has_fma:
             pytest.skip("no fused multiply-add here")
         if shape.baseline:
@@ -217,7 +218,7 @@ def test_an_angle_that_no_sine_is_taken_of_may_be_far() -> None:
     np.testing.assert_array_equal(found, 1e9)
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_beyond_the_range_the_sine_is_that_of_libm_to_the_bit(dtype: Any) -> None:
     """A hinge about z is turned by [cos -sin; sin cos]: nothing else is in its pose. Far and near ones share tiles."""
@@ -251,7 +252,7 @@ def test_beyond_the_range_the_sine_is_that_of_libm_to_the_bit(dtype: Any) -> Non
 
 def test_sums_of_squares_are_held_to_their_range() -> None:
     """Inputs above ``most``, results below ``least`` but where what drives is 0, and squares that overflow are left."""
-    wide = lanes.Range(most=8.0, least=1e-3, driving=(1,))
+    wide = simd.Range(most=8.0, least=1e-3, driving=(1,))
     x = np.array(
         [[0.5, 0.5], [9.0, 1e-3], [1e-4, 1e-4], [1e-4, 0.0], [1e-4, -0.0], [1e-30, 1e-44], [np.nan, 0.0], [0, 0]]
     )
@@ -379,7 +380,7 @@ def test_a_program_of_constants_alone_is_written_to_every_sample(shape: Shape) -
 @pytest.mark.parametrize("width", WIDTHS)
 def test_blocks_cover_the_columns_and_no_more(width: int) -> None:
     for columns in range(1, 70):
-        blocks = list(lanes._blocks(columns, width))
+        blocks = list(simd._blocks(columns, width))
         assert {c for first, size in blocks for c in range(first, first + size)} == set(range(columns))
         assert all(size <= width and size & (size - 1) == 0 for _, size in blocks)
 
@@ -413,9 +414,9 @@ def test_streamed_results_are_the_stored_ones(monkeypatch: pytest.MonkeyPatch, s
         program, layout = Program(tape, results, 3), Layout((3,), (tuple(range(c)), tuple(range(c // 2 + 1))))
         values = np.arange(4 * shape.lanes * 3).reshape(-1, 3)
         wanted, _ = Runner(program, layout, shape, dtype)(values)
-        for whole in (lanes.WHOLE, 0) if c == 17 else (lanes.WHOLE,):
+        for whole in (simd.WHOLE, 0) if c == 17 else (simd.WHOLE,):
             with monkeypatch.context() as patch:
-                patch.setattr(lanes, "WHOLE", whole)
+                patch.setattr(simd, "WHOLE", whole)
                 found, fine = Runner(program, layout, shape, dtype, stream=True)(values)
             assert fine.all()
             for one, other in zip(found, wanted, strict=True):
@@ -438,7 +439,7 @@ def test_an_input_with_step_zero_serves_every_sample() -> None:
 @pytest.mark.parametrize("n", [1, 3, 5, 7, 11])
 def test_mass_matrices_of_odd_sizes_are_written_whole(n: int, shape: Shape) -> None:
     made = random_tree(n, n, ["revolute", "prismatic"], branching=0.4)
-    program, layout = batches.record((SPECS["crba"],), made.model.bodies)[:2]
+    program, layout = batch_kernels.record((SPECS["crba"],), made.model.bodies)[:2]
     assert layout.outputs == (tuple(range(n * n)),)
     (q,) = random_inputs(made.model, SPECS["crba"], batch=(48,))
     (M,), fine = Runner(program, layout, shape)(q)
@@ -459,15 +460,15 @@ def test_a_program_cut_into_functions_gives_the_same_bits(
     for name, few in (("rnea", False), ("crba", True)):
         if few and chunk == 1:
             continue  # seconds to compile
-        spec = jit.variant(SPECS[name], frozenset())
-        program, layout = batches.record((spec,), model.bodies)[:2]
+        spec = numba_kernels.variant(SPECS[name], frozenset())
+        program, layout = batch_kernels.record((spec,), model.bodies)[:2]
         values = random_inputs(model, spec, batch=(64,))
         values[0][5, 0] = np.nan
         values[0][11] *= 1.5
-        monkeypatch.setattr(lanes, "WHOLE", len(program.lines))
+        monkeypatch.setattr(simd, "WHOLE", len(program.lines))
         (whole,), fine = Runner(program, layout, shape)(*values)
-        monkeypatch.setattr(lanes, "WHOLE", 0)
-        monkeypatch.setattr(lanes, "CHUNK", chunk)
+        monkeypatch.setattr(simd, "WHOLE", 0)
+        monkeypatch.setattr(simd, "CHUNK", chunk)
         cut = Runner(program, layout, shape)
         (found,), also = cut(*values)
         assert cut.workspace > shape.lanes * 8
@@ -482,8 +483,8 @@ def test_a_cut_program_of_every_operation_gives_the_same_bits(monkeypatch: pytes
     x = samples(48, seed=4)
     (whole,), _ = Runner(program, layout, Shape(4, False))(x)
     for chunk in (1, 2, 3, 5, 1000):
-        monkeypatch.setattr(lanes, "WHOLE", 0)
-        monkeypatch.setattr(lanes, "CHUNK", chunk)
+        monkeypatch.setattr(simd, "WHOLE", 0)
+        monkeypatch.setattr(simd, "CHUNK", chunk)
         (found,), fine = Runner(program, layout, Shape(4, False))(x)
         np.testing.assert_array_equal(found, whole)
         assert fine.all()
@@ -497,9 +498,9 @@ def test_places_in_the_workspace_are_used_again(monkeypatch: pytest.MonkeyPatch)
             x, y = x * y + float(k), x
         return [x]
 
-    monkeypatch.setattr(lanes, "WHOLE", 0)
-    monkeypatch.setattr(lanes, "CHUNK", 10)
-    writer = lanes._Writer(*program_of(chain, 2), np.float64, 4, False)
+    monkeypatch.setattr(simd, "WHOLE", 0)
+    monkeypatch.setattr(simd, "CHUNK", 10)
+    writer = simd._Writer(*program_of(chain, 2), np.float64, 4, False)
     assert len(writer.chunks) >= 50
     assert writer.slot_count < 20
 
@@ -536,7 +537,7 @@ def test_a_unit_part_is_fine_within_the_tolerance_of_its_square() -> None:
     x[:, 1] = x[:, 3] = 1.0
     x[:8, 1] = side
     x[8:, 3] = side
-    _, fine = Runner(program, layout, Shape(8, target.host()[3]))(x)
+    _, fine = Runner(program, layout, Shape(8, host_cpu.host()[3]))(x)
     np.testing.assert_array_equal(fine, [True, True, True, False, False, False, False, False] * 2)
 
 
@@ -563,15 +564,15 @@ def test_a_pivot_is_fine_above_its_least_value() -> None:
 
 def test_the_workspace_and_code_of_this_host_are_those_of_the_writer() -> None:
     program, layout = program_of(everything, 3)
-    code, workspace = lanes.compiled(program, layout)
+    code, workspace = simd.compiled(program, layout)
     assert Loaded(code).address("kernel")
-    assert workspace == target.lanes_of(np.float64) * 8
-    assert target.lanes_of(np.float32) == 2 * target.lanes_of(np.float64)
-    assert lanes.compiled(program, layout)[0] == code
+    assert workspace == host_cpu.lanes_of(np.float64) * 8
+    assert host_cpu.lanes_of(np.float32) == 2 * host_cpu.lanes_of(np.float64)
+    assert simd.compiled(program, layout)[0] == code
 
 
 def test_object_code_without_a_kernel_is_refused() -> None:
-    target.host()
+    host_cpu.host()
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(jit=True)
     other = machine.emit_object(llvm.parse_assembly("define void @other() {\n  ret void\n}\n"))
     with pytest.raises(ValueError, match="no kernel"):
@@ -579,4 +580,4 @@ def test_object_code_without_a_kernel_is_refused() -> None:
 
 
 def test_codes_have_names() -> None:
-    assert len(trace.NAMES) == trace.SELECT + 1
+    assert len(tracer.NAMES) == tracer.SELECT + 1

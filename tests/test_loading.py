@@ -14,11 +14,11 @@ import pytest
 import yourdfpy
 
 import spatialdyn as sd
-from spatialdyn.cli import main
-from spatialdyn.edited import edited
+from spatialdyn.commands.cli import main
 from spatialdyn.errors import ModelError
-from spatialdyn.inertia import nearest_physical, symmetric
-from spatialdyn.robot import Joint, Link, check_tree, make_link
+from spatialdyn.model.physical_inertia import nearest_physical, symmetric
+from spatialdyn.model.robot import Joint, Link, check_tree, make_link
+from spatialdyn.model.update import edited
 
 # --- many links -------------------------------------------------------------------------------------------
 

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from trees import KINDS, merged, random_inertia, random_placement, random_state, random_tree, random_unit
 
 import spatialdyn as sd
-from spatialdyn.builder import ModelBuilder
 from spatialdyn.errors import InertiaError, ModelError
-from spatialdyn.model import Frame, Joint, Model, Options, assemble
-from spatialdyn.robot import Robot, rpy_matrix
-from spatialdyn.robot_files import find_robot
+from spatialdyn.model.builder import ModelBuilder
+from spatialdyn.model.model import Frame, Joint, Model, Options, assemble
+from spatialdyn.model.robot import Robot, rpy_matrix
+from spatialdyn.urdf.robot_files import find_robot
 
 Array = NDArray[np.float64]
 BALL = (1.0, (0.1, 0.2, 0.3), np.diag([0.1, 0.1, 0.1]))

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
-from spatialdyn.engines.origins import move_origins
-from spatialdyn.engines.trace import Row, table
-from spatialdyn.euclidean import Vec
+from spatialdyn.algebra.euclidean import Vec
+from spatialdyn.algebra.records import vec_of
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.move_origins import move_origins
+from spatialdyn.engines.programs.tracer import Row, table
 from spatialdyn.recursions import SPECS
-from spatialdyn.tables import vec_of
 
 ROUNDING = 64 * np.finfo(float).eps  # of the largest entry: another order of operations
 BODY = (2.0, (0.1, 0.2, 0.3), np.diag([0.3, 0.4, 0.5]))
@@ -79,40 +80,40 @@ def test_an_origin_stays_where_zeros_would_go() -> None:
 def test_answers_are_the_same(seed: int, name: str) -> None:
     model = right_angled(seed)
     rng = np.random.default_rng(seed)
-    spec = jit.variant(SPECS[name], frozenset())
+    spec = numba_kernels.variant(SPECS[name], frozenset())
     q = sd.random_configuration(model, rng)
     values = [q if x.name == "q" else rng.standard_normal(model.nv) for x in spec.given]
     wanted = getattr(sd, name)(model, *values)
-    program = batches.record((spec,), model.bodies).program
+    program = batch_kernels.record((spec,), model.bodies).program
     found = np.array(program.run(np.concatenate(values)))[: wanted.size].reshape(wanted.shape)
     assert abs(found - wanted).max() <= ROUNDING * max(1.0, abs(wanted).max())
 
 
 def test_programs_get_shorter(monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = jit.variant(SPECS["aba"], frozenset())
+    spec = numba_kernels.variant(SPECS["aba"], frozenset())
 
     def count() -> int:
-        operations = batches.record((spec,), leg().bodies).program.operations
+        operations = batch_kernels.record((spec,), leg().bodies).program.operations
         return operations["mul"] + operations["add"]
 
     shorter = count()
-    monkeypatch.setattr(batches, "move_origins", lambda rows: None)
+    monkeypatch.setattr(batch_kernels, "move_origins", lambda rows: None)
     assert shorter < count()
 
 
 @pytest.mark.parametrize("kept", ["fext", "payload", "float32", "frames"])
 def test_origins_stay_where_something_is_said_of_a_body(monkeypatch: pytest.MonkeyPatch, kept: str) -> None:
     seen = []
-    monkeypatch.setattr(batches, "move_origins", seen.append)
+    monkeypatch.setattr(batch_kernels, "move_origins", seen.append)
     model = leg()
     if kept == "fext":
-        batches.record((SPECS["rnea"],), model.bodies)
+        batch_kernels.record((SPECS["rnea"],), model.bodies)
     elif kept == "payload":
         sd.specialize(model, sd.rnea, inputs="payload").program
     elif kept == "float32":
         sd.specialize(model, sd.rnea, dtype=np.float32).program
     else:
-        batches.record((SPECS["forward_kinematics"],), model.bodies)
+        batch_kernels.record((SPECS["forward_kinematics"],), model.bodies)
     assert seen == []
-    batches.record((jit.variant(SPECS["rnea"], frozenset()),), model.bodies)
+    batch_kernels.record((numba_kernels.variant(SPECS["rnea"], frozenset()),), model.bodies)
     assert len(seen) == 1

@@ -9,12 +9,12 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.errors import SimulationError
-from spatialdyn.simulation import reference
-from spatialdyn.simulation.reference import GOAL, STAGES, exact_motion, tableau
+from spatialdyn.simulation import reference_motion
+from spatialdyn.simulation.reference_motion import GOAL, STAGES, exact_motion, tableau
 
-pytestmark = pytest.mark.skipif(jit.PLAIN, reason="heavy: an interpreter in Python")
+pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: an interpreter in Python")
 EPS = float(np.finfo(float).eps)
 ROUNDED = 8 * EPS  # what comes out is rounded to float64, and so is what it is compared with
 KEPT = 64 * EPS  # energies of a few bodies, added up in float64
@@ -71,7 +71,7 @@ def test_gauss6_follows_it_to_what_float64_can() -> None:
 
 def test_its_error_is_what_a_run_with_fewer_steps_is_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """A chaotic motion that is given two runs only says that it is lost."""
-    monkeypatch.setattr(reference, "HALVINGS", 1)
+    monkeypatch.setattr(reference_motion, "HALVINGS", 1)
     model = sd.load_urdf("two_link")
     lost = exact_motion(model, np.array([[0.6, 1.0]]), np.zeros((1, 2)), np.array([0.0, 2.0]), steps=8)
     monkeypatch.undo()
@@ -81,6 +81,6 @@ def test_its_error_is_what_a_run_with_fewer_steps_is_off(monkeypatch: pytest.Mon
 
 
 def test_a_motion_that_does_not_settle_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reference, "HALVINGS", 0)
+    monkeypatch.setattr(reference_motion, "HALVINGS", 0)
     with pytest.raises(SimulationError, match="does not settle"):
         exact_motion(sd.load_urdf("two_link"), np.zeros((1, 2)), np.full((1, 2), 50.0), np.array([0.0, 9.0]))

@@ -13,12 +13,13 @@ from dense import Array
 from trees import RandomTree, State, random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
-from spatialdyn.engines.trace import table
-from spatialdyn.euclidean import Sym, Vec
+from spatialdyn.algebra.euclidean import Sym, Vec
+from spatialdyn.algebra.records import put_inertia
+from spatialdyn.algebra.spatial import Inertia
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.tracer import table
 from spatialdyn.recursions import SPECS
-from spatialdyn.spatial import Inertia
-from spatialdyn.tables import put_inertia
 
 EPS = np.finfo(float).eps
 CLOSE = 256 * EPS  # of the largest entry: sums over a dozen bodies, each of a few rounded products
@@ -196,13 +197,13 @@ def test_a_mimic_joints_body_keeps_its_columns(root: str) -> None:
 # --- other ways of running ------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
 def test_batches_on_lanes_equal_single_samples() -> None:
     made = random_tree(5, 5, floating=True)
-    model, rng, n = made.model, np.random.default_rng(5), batches.FROM
+    model, rng, n = made.model, np.random.default_rng(5), batch_kernels.FROM
     states = [random_state(made.tree, rng) for _ in range(n)]
     q, v, a = (np.array([getattr(s, name) for s in states]) for name in "qva")
-    assert batches.fits((SPECS["joint_torque_regressor"],), model.bodies)
+    assert batch_kernels.fits((SPECS["joint_torque_regressor"],), model.bodies)
     for call, inputs in (
         (sd.joint_torque_regressor, (q, v, a)),
         (sd.kinetic_energy_regressor, (q, v)),

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit, regroup
-from spatialdyn.engines.trace import Row, table
-from spatialdyn.euclidean import Sym
+from spatialdyn.algebra.euclidean import Sym
+from spatialdyn.algebra.records import inertia_of
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels, regroup
+from spatialdyn.engines.programs.tracer import Row, table
 from spatialdyn.recursions import SPECS
-from spatialdyn.tables import inertia_of
-from spatialdyn.urdf import example_robots
+from spatialdyn.urdf.load import example_robots
 
 pytest.importorskip("mpmath")
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -26,7 +27,7 @@ sys.path.insert(0, str(BENCHMARKS))
 
 import digits  # noqa: E402
 
-compiled = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing runs on lanes")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing runs on lanes")
 installed = pytest.mark.skipif(not example_robots(), reason="example-robot-data is not installed")
 
 CALLS, AXES = list(digits.CALLS), np.eye(3)
@@ -165,12 +166,12 @@ def test_a_light_carrier_is_given_nothing_that_is_solved_for(solved: bool, carri
 def test_regrouping_saves_a_third_of_the_operations_of_an_arm(
     monkeypatch: pytest.MonkeyPatch, name: str, least: float
 ) -> None:
-    model, spec = sd.load_urdf("ur5"), jit.variant(SPECS[name], frozenset())
+    model, spec = sd.load_urdf("ur5"), numba_kernels.variant(SPECS[name], frozenset())
 
     def count() -> int:
-        operations = batches.record((spec,), model.bodies).program.operations
+        operations = batch_kernels.record((spec,), model.bodies).program.operations
         return operations["mul"] + operations["add"]
 
     few = count()
-    monkeypatch.setattr(batches, "regroup", lambda rows, solved: None)
+    monkeypatch.setattr(batch_kernels, "regroup", lambda rows, solved: None)
     assert few <= (1.0 - least) * count()

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spatialdyn.builder import ModelBuilder
 from spatialdyn.errors import InertiaError, ModelError
-from spatialdyn.inertia import ROUNDING, inertia_defect, nearest_physical
-from spatialdyn.robot import (
+from spatialdyn.model.builder import ModelBuilder
+from spatialdyn.model.physical_inertia import ROUNDING, inertia_defect, nearest_physical
+from spatialdyn.model.robot import (
     Joint,
     Link,
     check_tree,

@@ -9,7 +9,8 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.simulation.rollouts import METHODS
 
 EPS = np.finfo(float).eps
@@ -127,11 +128,11 @@ def test_one_state_may_serve_all_and_one_sample_has_no_axis(arm: sd.Model) -> No
     np.testing.assert_array_equal(one.q, many.q[2])
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
 def test_threads_do_not_change_a_bit(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
     q0, v0 = states(arm, 1001)
     wanted = sd.rollout(arm, q0, v0, dt=1e-3, steps=300, record="last")
-    monkeypatch.setattr(batches, "SHARE", 1)
+    monkeypatch.setattr(batch_kernels, "SHARE", 1)
     try:
         sd.set_num_threads(3)
         found = sd.rollout(arm, q0, v0, dt=1e-3, steps=300, record="last")
@@ -151,7 +152,7 @@ def test_float32_follows_float64(arm: sd.Model) -> None:
 def test_a_long_program_runs_all_the_same(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
     q0, v0 = states(arm, 3)
     wanted = sd.rollout(arm, q0, v0, dt=1e-3, steps=5)
-    monkeypatch.setattr(batches, "MOST_ROWS", 1)
+    monkeypatch.setattr(batch_kernels, "MOST_ROWS", 1)
     assert scaled(sd.rollout(arm, q0, v0, dt=1e-3, steps=5).q, wanted.q) <= SAME
 
 

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from spatialdyn.scalars import atan2, cos, inlined, select, sin, sqrt
+from spatialdyn.algebra.scalars import atan2, cos, inlined, select, sin, sqrt
 
 ODD = [0.0, -0.0, 5e-324, 1e-308, 1.0, -1.0, 1.7976931348623157e308, math.inf, -math.inf, math.nan]
 USUAL = [0.1, -0.7, math.pi / 2, math.pi, -math.pi, 3.0, 1e3, -1e5, 1e-9, 4.0]

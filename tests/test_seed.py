@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.urdf import find_robot
+from spatialdyn.urdf.load import find_robot
 
 G = 9.81
 

@@ -11,9 +11,9 @@ import pytest
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
+from spatialdyn.engines.compiled import numba_kernels
 
-simplified = importlib.import_module("spatialdyn.trade.simplify")  # the package has the function under that name
+simplified = importlib.import_module("spatialdyn.accuracy.simplify")  # the package has the function under that name
 SAMPLES = simplified.SAMPLES
 
 MERGED = 1e-12  # of the largest entry: locked joints merge bodies, which rounds otherwise (seen: 3e-15)
@@ -125,7 +125,7 @@ def test_the_cost_is_a_sample_and_says_of_how_many() -> None:
     assert "up to" not in line
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="4096 states are on lanes")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="4096 states are on lanes")
 def test_4096_states_bound_what_others_change_by_to_a_tenth() -> None:
     """64 were a quarter short for a UR5; the quantile is of one sample what it is of another."""
     assert SAMPLES == 4096
@@ -139,7 +139,7 @@ def test_4096_states_bound_what_others_change_by_to_a_tenth() -> None:
 
 def test_long_robots_are_compared_in_fewer_states(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sd.simplify(arm(), lock=["j2"])[1].states == SAMPLES
-    monkeypatch.setattr(simplified.batches, "MOST_ROWS", 2)
+    monkeypatch.setattr(simplified.batch_kernels, "MOST_ROWS", 2)
     assert sd.simplify(arm(), lock=["j2"])[1].states == simplified.FEW == 64
 
 

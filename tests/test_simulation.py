@@ -14,13 +14,13 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.simulation import integrators, runs, traced
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.simulation import integrators, program_steps, runs
+from spatialdyn.simulation.compiled_loop import compiled
 from spatialdyn.simulation.energy import exploded, scale_of
-from spatialdyn.simulation.loop import compiled
 
 EPS = np.finfo(float).eps
-COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 OURS = [name for name, method in integrators.items() if method.family is not None]
 METHODS = ("rk4", "stormer_verlet", "variational")  # one of each family
 TINY = 64 * EPS  # ten steps of rounding
@@ -147,7 +147,7 @@ def test_samples_are_bounded_and_keep_both_ends(arm: sd.Model) -> None:
     assert (some.q == every.q[[0, 4, 8, 10]]).all()
     cut = sd.simulate(arm, Q0, V0, 0.095, 0.01, record=100)
     assert cut.t.tolist() == [0.0, 0.095]
-    if not jit.PLAIN:
+    if not numba_kernels.PLAIN:
         long = sd.simulate(arm, Q0, V0, 30.0, 1e-3)
         assert len(long) == 10_001
         assert long.t[-1] == 30.0
@@ -482,8 +482,8 @@ def same_bits(run: sd.Trajectory, other: sd.Trajectory, samples: int) -> None:
 @pytest.mark.parametrize("name", OURS)
 def test_the_first_steps_of_a_run_are_those_of_a_shorter_one(arm: sd.Model, name: str) -> None:
     """To the last bit, and so are momenta and energies, whatever the number of samples."""
-    counts = (3, 20) if jit.PLAIN else (1, 10, 511, 1000, 4999)
-    long = sd.simulate(arm, Q0, V0, (30 if jit.PLAIN else 5002) * 1e-3, 1e-3, name)
+    counts = (3, 20) if numba_kernels.PLAIN else (1, 10, 511, 1000, 4999)
+    long = sd.simulate(arm, Q0, V0, (30 if numba_kernels.PLAIN else 5002) * 1e-3, 1e-3, name)
     for count in counts:
         same_bits(sd.simulate(arm, Q0, V0, count * 1e-3, 1e-3, name), long, count + 1)
 
@@ -525,10 +525,10 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
 def test_which_way_depends_on_the_robot_and_the_method_alone(arm: sd.Model) -> None:
     rk4, euler = integrators["rk4"], integrators["semi_implicit_euler"]
     long = sd.load_urdf("talos_full_v2", root="floating")
-    assert traced._kernel(arm, rk4) is not None
-    assert traced._kernel(arm, rk4) is traced._kernel(arm, rk4)
-    assert rk4.evaluations * long.nv > traced.MOST >= euler.evaluations * long.nv
-    assert traced._kernel(long, rk4) is None
+    assert program_steps._kernel(arm, rk4) is not None
+    assert program_steps._kernel(arm, rk4) is program_steps._kernel(arm, rk4)
+    assert rk4.evaluations * long.nv > program_steps.MOST >= euler.evaluations * long.nv
+    assert program_steps._kernel(long, rk4) is None
 
 
 @COMPILED

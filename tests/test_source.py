@@ -14,10 +14,10 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines.source import c_code, python_code
-from spatialdyn.engines.trace import Program, Tape
-from spatialdyn.scalars import select
-from spatialdyn.specialize import Specialized
+from spatialdyn.algebra.scalars import select
+from spatialdyn.calls.specialize import Specialized
+from spatialdyn.engines.programs.source_code import c_code, python_code
+from spatialdyn.engines.programs.tracer import Program, Tape
 
 EPS = np.finfo(float).eps
 CLOSE = 512 * EPS  # of the largest entry: the same operations, in which a compiler may fuse; solved for in aba

@@ -11,15 +11,15 @@ import pytest
 from dense import Array, crf, crm, flip, plucker, skew, spatial_inertia
 from trees import random_inertia, random_placement
 
-from spatialdyn import articulated as ar
-from spatialdyn import coupling as cp
-from spatialdyn import euclidean as eu
-from spatialdyn import spatial as sp
-from spatialdyn import tables
-from spatialdyn.articulated import Articulated
-from spatialdyn.coupling import Coupling
-from spatialdyn.euclidean import Rot, Sym, Vec
-from spatialdyn.spatial import Force, Inertia, Motion, Pose
+from spatialdyn.algebra import articulated as ar
+from spatialdyn.algebra import coriolis_factor as cp
+from spatialdyn.algebra import euclidean as eu
+from spatialdyn.algebra import records
+from spatialdyn.algebra import spatial as sp
+from spatialdyn.algebra.articulated import Articulated
+from spatialdyn.algebra.coriolis_factor import Coupling
+from spatialdyn.algebra.euclidean import Rot, Sym, Vec
+from spatialdyn.algebra.spatial import Force, Inertia, Motion, Pose
 
 CLOSE = 64 * np.finfo(float).eps  # of the largest entry: products of three 6 x 6 matrices
 SEEDS = range(6)
@@ -301,7 +301,7 @@ def test_every_operator_is_held_to_a_matrix() -> None:
         for name, f in vars(room).items()
         if callable(f) and getattr(f, "__module__", "") == room.__name__
     }
-    assert offered - {kind.__name__ for kind in tables.TYPES} == set(OPERATORS)
+    assert offered - {kind.__name__ for kind in records.TYPES} == set(OPERATORS)
 
 
 def test_without_leaves_no_inertia_along_the_joint(x: Sample) -> None:
@@ -357,15 +357,15 @@ def test_operators_are_exact_on_exact_numbers() -> None:
 # --- tables ---------------------------------------------------------------------------------------------
 
 FIELDS = {
-    Vec: (tables.put_vec, tables.vec_of),
-    Rot: (tables.put_rot, tables.rot_of),
-    Sym: (tables.put_sym, tables.sym_of),
-    Motion: (tables.put_motion, tables.motion_of),
-    Force: (tables.put_force, tables.force_of),
-    Pose: (tables.put_pose, tables.pose_of),
-    Inertia: (tables.put_inertia, tables.inertia_of),
-    Articulated: (tables.put_articulated, tables.articulated_of),
-    Coupling: (tables.put_coupling, tables.coupling_of),
+    Vec: (records.put_vec, records.vec_of),
+    Rot: (records.put_rot, records.rot_of),
+    Sym: (records.put_sym, records.sym_of),
+    Motion: (records.put_motion, records.motion_of),
+    Force: (records.put_force, records.force_of),
+    Pose: (records.put_pose, records.pose_of),
+    Inertia: (records.put_inertia, records.inertia_of),
+    Articulated: (records.put_articulated, records.articulated_of),
+    Coupling: (records.put_coupling, records.coupling_of),
 }
 
 
@@ -382,9 +382,9 @@ def numbered(kind: Any, count: list[int]) -> Any:
     return kind(*parts)
 
 
-@pytest.mark.parametrize("kind", tables.TYPES)
+@pytest.mark.parametrize("kind", records.TYPES)
 def test_a_table_gives_back_what_was_written(kind: Any) -> None:
-    table = np.zeros(3, tables.table_dtype(before=float, field=kind, after=int))
+    table = np.zeros(3, records.table_dtype(before=float, field=kind, after=int))
     put, read = FIELDS[kind]
     value = numbered(kind, [0])
     put(table[1].field, value)
@@ -400,10 +400,10 @@ def numbered_zero(kind: Any) -> Any:
     return kind(*(numbered_zero(hints[n]) if hasattr(hints[n], "_fields") else 0.0 for n in kind._fields))
 
 
-@pytest.mark.parametrize("kind", tables.TYPES)
+@pytest.mark.parametrize("kind", records.TYPES)
 def test_an_object_twin_holds_any_number_and_counts_with_integers(kind: Any) -> None:
-    dtype = tables.table_dtype(number=float, field=kind, count=int)
-    twin = tables.object_twin(dtype)
+    dtype = records.table_dtype(number=float, field=kind, count=int)
+    twin = records.object_twin(dtype)
     assert twin.names == dtype.names
     assert twin["count"] == dtype["count"]
     assert twin["number"] == np.dtype(object)
@@ -421,17 +421,17 @@ def test_an_object_twin_holds_any_number_and_counts_with_integers(kind: Any) -> 
 
 def test_public_vectors_are_linear_first(x: Sample) -> None:
     out = np.empty(6)
-    tables.public_motion(out, motion(x.m))
+    records.public_motion(out, motion(x.m))
     np.testing.assert_array_equal(out, flip(x.m))
-    tables.public_force(out, force(x.f))
+    records.public_force(out, force(x.f))
     np.testing.assert_array_equal(out, flip(x.f))
-    assert tables.force_from(out) == force(x.f)
-    tables.public_vec(out[:3], vec(x.a))
+    assert records.force_from(out) == force(x.f)
+    records.public_vec(out[:3], vec(x.a))
     np.testing.assert_array_equal(out[:3], x.a)
 
 
 def test_public_poses_are_four_by_four(x: Sample) -> None:
     out = np.empty((4, 4))
-    tables.public_pose(out, pose(x.T))
+    records.public_pose(out, pose(x.T))
     np.testing.assert_array_equal(out, x.T)
-    assert tables.pose_from(out) == pose(x.T)
+    assert records.pose_from(out) == pose(x.T)

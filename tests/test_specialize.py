@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import batches, jit, narrow
-from spatialdyn.robot_files import find_robot
-from spatialdyn.specialize import Specialized, specialize
+from spatialdyn.calls.specialize import Specialized, specialize
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels, float32_range
+from spatialdyn.urdf.robot_files import find_robot
 
 Array = NDArray[np.float64]
 EPS = np.finfo(float).eps
 CLOSE = 64 * EPS  # of the largest entry: two orders of the same sums
 SOLVED = 1e-9  # the same after solving for the accelerations of a random tree
 SINGLE = 1e-4  # float32 (eps 6e-8) over twelve bodies in a row
-COMPILED = pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
 
 
 @pytest.fixture(scope="module")
@@ -428,13 +429,13 @@ def test_bad_samples_raise_as_in_the_plain_call(model: sd.Model) -> None:
 
 
 def test_long_programs_run_untraced(arm: sd.Model, model: sd.Model) -> None:
-    chain = random_tree(1, batches.MOST_ROWS + 1, kinds=("revolute",), branching=0.0).model
+    chain = random_tree(1, batch_kernels.MOST_ROWS + 1, kinds=("revolute",), branching=0.0).model
     k = specialize(chain, sd.rnea, fixed={"a": 0}, outputs=[0])
     assert k.engine == "untraced"
     s = State(chain, (3,))
     assert close(k(s.q, s.v), sd.nonlinear_effects(chain, s.q, s.v)[:, :1], CLOSE)
-    assert specialize(model, sd.difference).engine == ("untraced" if jit.PLAIN else "lanes")
-    assert specialize(arm, sd.rnea).engine == ("untraced" if jit.PLAIN else "lanes")
+    assert specialize(model, sd.difference).engine == ("untraced" if numba_kernels.PLAIN else "lanes")
+    assert specialize(arm, sd.rnea).engine == ("untraced" if numba_kernels.PLAIN else "lanes")
 
 
 # --- errors ------------------------------------------------------------------------------------------------
@@ -555,7 +556,7 @@ def test_choices_do_not_share_a_program(arm: sd.Model) -> None:
 
 
 def test_eight_threads_get_the_answers_of_one(model: sd.Model) -> None:
-    n, rounds = (8, 1) if jit.PLAIN else (40, 20)
+    n, rounds = (8, 1) if numba_kernels.PLAIN else (40, 20)
     s = State(model, (n,))
     k = specialize(model, [sd.crba, sd.nonlinear_effects])
     expected = specialize(model, [sd.crba, sd.nonlinear_effects])(s.q, s.v)
@@ -602,8 +603,8 @@ def test_a_rotor_beyond_the_range_of_float32_is_seen(arm: sd.Model) -> None:
     for value in (1e20, 1e-30):
         builder = sd.ModelBuilder().add_body("a", armature=value)
         bodies = builder.build().bodies
-        assert narrow.beyond(bodies) == [1]
-    assert narrow.beyond(arm.bodies) == []
+        assert float32_range.beyond(bodies) == [1]
+    assert float32_range.beyond(arm.bodies) == []
 
 
 # --- threads ------------------------------------------------------------------------------------------------
@@ -613,15 +614,15 @@ def test_a_rotor_beyond_the_range_of_float32_is_seen(arm: sd.Model) -> None:
 def three_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """Any batch of more than two tiles runs over three threads; a list that takes the size of each part as it runs."""
     sizes: list[int] = []
-    run = batches.Kernel._part
+    run = batch_kernels.Kernel._part
 
     def counted(self: Any, n: int, arguments: Any) -> Any:
         sizes.append(n)
         return run(self, n, arguments)
 
-    monkeypatch.setattr(batches.Kernel, "_part", counted)
-    monkeypatch.setattr(batches, "SHARE", 1)
-    monkeypatch.setattr(batches, "_kept", type(batches._kept)())  # a kernel reads SHARE when it is loaded
+    monkeypatch.setattr(batch_kernels.Kernel, "_part", counted)
+    monkeypatch.setattr(batch_kernels, "SHARE", 1)
+    monkeypatch.setattr(batch_kernels, "_kept", type(batch_kernels._kept)())  # a kernel reads SHARE when it is loaded
     sd.set_num_threads(3)
     yield sizes
     sd.set_num_threads(1)

@@ -12,9 +12,9 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import jit
-from spatialdyn.robot import Mimic
-from spatialdyn.states import random_configuration, step, wrench_at
+from spatialdyn.calls.states import random_configuration, step, wrench_at
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.model.robot import Mimic
 
 EPS = np.finfo(float).eps
 IDENTITY = 1e-12  # relative to the largest entry: sums of a few dozen products in trees of ten bodies
@@ -159,7 +159,7 @@ def advanced(model: sd.Model, method: str, n: int, state: Any, time: float) -> t
     return q, v
 
 
-@pytest.mark.skipif(jit.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
 @pytest.mark.parametrize(("method", "order"), [("explicit_euler", 1), ("semi_implicit_euler", 1), ("rk4", 4)])
 @pytest.mark.parametrize("continuous", ["angle", "cos_sin"])
 def test_steps_have_their_order_on_every_joint(method: str, order: int, continuous: str) -> None:

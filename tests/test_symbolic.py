@@ -17,8 +17,8 @@ from sympy import Rational, cos, sin
 from trees import random_inertia
 
 import spatialdyn as sd
-from spatialdyn.lagrangian import exact
-from spatialdyn.lagrangian.symbolic import QUANTITIES
+from spatialdyn.lagrangian import exact_model
+from spatialdyn.lagrangian.symbolic_manipulator import QUANTITIES
 
 EPS = np.finfo(float).eps
 ROUNDING = 100 * EPS  # of the largest entry: a closed form of some dozen terms, evaluated in floats
@@ -281,7 +281,7 @@ def test_decimals_and_angles_are_read_exactly_and_said() -> None:
 
 
 def test_a_long_decimal_is_kept_and_what_rotations_left_is_not() -> None:
-    read = exact.Reader()
+    read = exact_model.Reader()
     assert read.decimal(0.08333333333333333) == Rational("0.08333333333333333")
     assert read.entries([0.08333333333333333, 0.0], "x") == [Rational("0.08333333333333333"), 0]
     assert read.entries([0.012300000000000002, 3e-18], "link") == [Rational(123, 10000), 0]

@@ -15,12 +15,13 @@ from test_engine import EPS, kernel_inputs, options, public, random_inputs, sort
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn import scalars
-from spatialdyn.engines import batches, jit, trace
-from spatialdyn.engines.trace import Number, Program, Tape
+from spatialdyn.algebra import scalars
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels, tracer
+from spatialdyn.engines.programs.tracer import Number, Program, Tape
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
-from spatialdyn.urdf import example_robots, robot_names
+from spatialdyn.urdf.load import example_robots, robot_names
 
 Array = NDArray[np.float64]
 ROUNDING = 64 * EPS  # of the largest entry: both round the same equations, one with fused products
@@ -116,7 +117,7 @@ def test_sine_and_cosine_of_an_angle_are_written_once_each() -> None:
     assert same(scalars.cos(-x), scalars.cos(x))
     program = Program(tape, [scalars.sin(x), scalars.cos(-x), scalars.sin(-x) * scalars.cos(x)], 1)
     assert program.operations["sincos"] == 1
-    assert len([op for op in program.lines if op.code in (trace.SIN, trace.COS)]) == 2
+    assert len([op for op in program.lines if op.code in (tracer.SIN, tracer.COS)]) == 2
 
 
 def test_sqrt_atan2_and_select_keep_the_signs_of_their_arguments() -> None:
@@ -171,7 +172,7 @@ def test_dead_lines_are_dropped_and_inputs_stay_counted() -> None:
     tape, (x, y, z) = tape_of(3)
     scalars.sin(y) / z
     program = Program(tape, [x + z], 3)
-    assert [op.code for op in program.lines] == [trace.INPUT, trace.INPUT, trace.ADD]
+    assert [op.code for op in program.lines] == [tracer.INPUT, tracer.INPUT, tracer.ADD]
     assert [op.a for op in program.lines[:2]] == [0, 2]
     assert program.inputs == 3
     assert program.run([1.0, np.nan, 2.0]) == [3.0]
@@ -221,10 +222,10 @@ def test_a_product_of_one_use_joins_its_sum() -> None:
     ):
         tape, inputs = tape_of(3)
         program = Program(tape, [expression(*inputs)], 3)
-        fused = [trace.NAMES[op.code] for op in program.lines if op.code in (trace.FMA, trace.FMS, trace.FNMA)]
+        fused = [tracer.NAMES[op.code] for op in program.lines if op.code in (tracer.FMA, tracer.FMS, tracer.FNMA)]
         assert len(fused) == 1
         assert fused[0].startswith(name)
-        assert not any(op.code == trace.MUL for op in program.lines)
+        assert not any(op.code == tracer.MUL for op in program.lines)
         assert program.run([2.0, 3.0, 7.0]) == [value]
         plain = Program(tape, [expression(*inputs)], 3, fuse=False)
         assert plain.run([2.0, 3.0, 7.0]) == [value]
@@ -241,8 +242,8 @@ def test_a_product_of_more_uses_stays() -> None:
     ):
         tape, inputs = tape_of(3)
         program = Program(tape, outputs(*inputs), 3)
-        assert sum(op.code == trace.MUL for op in program.lines) == 1
-        assert not any(op.code in (trace.FMA, trace.FMS, trace.FNMA) for op in program.lines)
+        assert sum(op.code == tracer.MUL for op in program.lines) == 1
+        assert not any(op.code in (tracer.FMA, tracer.FMS, tracer.FNMA) for op in program.lines)
 
 
 def test_of_two_products_the_sum_takes_one() -> None:
@@ -294,7 +295,7 @@ def static_values(model: sd.Model, spec: Spec) -> list[Any]:
 
 def run_program(model: sd.Model, spec: Spec, values: list[Array]) -> Array:
     """The program of a call in NumPy; values as of ``random_inputs``, of one batch axis."""
-    program = batches.record((spec,), model.bodies, static_values(model, spec)).program
+    program = batch_kernels.record((spec,), model.bodies, static_values(model, spec)).program
     by_name = dict(zip((x.name for x in sorted_inputs(spec)), values, strict=True))
     n = len(values[0]) if values else 1
     columns = [np.reshape(by_name[x.name], (n, -1)).T for x in spec.given if not x.static]
@@ -337,7 +338,7 @@ def test_program_in_numpy_equals_the_untraced_call(model: sd.Model, name: str) -
 
 @pytest.mark.parametrize("name", ["rnea", "aba", "generalized_gravity", "static_torque"])
 def test_program_without_the_optional_inputs_equals_the_untraced_call(model: sd.Model, name: str) -> None:
-    spec = jit.variant(SPECS[name], frozenset())
+    spec = numba_kernels.variant(SPECS[name], frozenset())
     assert len(spec.given) <= len(SPECS[name].given)
     values = random_inputs(model, spec, batch=(5,))
     expected = public(model, spec, values)
@@ -346,9 +347,9 @@ def test_program_without_the_optional_inputs_equals_the_untraced_call(model: sd.
 
 def test_several_calls_share_one_program(model: sd.Model) -> None:
     """An input of one name is one input; the kinematics are computed once."""
-    specs = tuple(jit.variant(SPECS[name], frozenset()) for name in ("crba", "nonlinear_effects"))
-    alone = [batches.record((spec,), model.bodies).program for spec in specs]
-    both = batches.record(specs, model.bodies)
+    specs = tuple(numba_kernels.variant(SPECS[name], frozenset()) for name in ("crba", "nonlinear_effects"))
+    alone = [batch_kernels.record((spec,), model.bodies).program for spec in specs]
+    both = batch_kernels.record(specs, model.bodies)
     assert both.layout.inputs == (model.nq, model.nv)
     assert [len(places) for places in both.layout.outputs] == [model.nv**2, model.nv]
     count = [p.operations["mul"] + p.operations["add"] for p in (*alone, both.program)]
@@ -365,12 +366,12 @@ def test_several_calls_share_one_program(model: sd.Model) -> None:
 def test_recording_leaves_the_table_as_it_was(model: sd.Model) -> None:
     before = model.bodies.tobytes()
     for name in ("rnea", "aba", "forward_kinematics"):
-        batches.record((SPECS[name],), model.bodies)
+        batch_kernels.record((SPECS[name],), model.bodies)
     assert model.bodies.tobytes() == before
 
 
 def test_two_recordings_are_the_same_program(model: sd.Model) -> None:
-    first, second = (batches.record((SPECS["aba"],), model.bodies) for _ in range(2))
+    first, second = (batch_kernels.record((SPECS["aba"],), model.bodies) for _ in range(2))
     assert first.program.lines == second.program.lines
     assert first.program.outputs == second.program.outputs
     assert first.layout == second.layout
@@ -380,11 +381,11 @@ def test_what_a_recursion_branches_on_is_no_recorded_value(model: sd.Model) -> N
     """Every call records, but those that say they cannot; the frame options reach it as what they are."""
     for spec in SPECS.values():
         if spec.traces:
-            batches.record((spec,), model.bodies, static_values(model, spec))
+            batch_kernels.record((spec,), model.bodies, static_values(model, spec))
         else:
-            assert not batches.fits((spec,), model.bodies)
+            assert not batch_kernels.fits((spec,), model.bodies)
             with pytest.raises(sd.SpatialDynError, match="branches on values"):
-                batches.record((spec,), model.bodies)
+                batch_kernels.record((spec,), model.bodies)
         assert set(options(model, spec)) <= {"frame", "reference", "classical"}
 
 
@@ -394,7 +395,9 @@ OPERATIONS = {("ur5", "crba"): 170, ("ur5", "rnea"): 280, ("ur5", "aba"): 700, (
 @pytest.mark.skipif(not example_robots(), reason="example-robot-data is not installed")
 @pytest.mark.parametrize(("robot", "name"), OPERATIONS)
 def test_programs_have_no_more_operations_than(robot: str, name: str) -> None:
-    program = batches.record((jit.variant(SPECS[name], frozenset()),), sd.load_urdf(robot).bodies).program
+    program = batch_kernels.record(
+        (numba_kernels.variant(SPECS[name], frozenset()),), sd.load_urdf(robot).bodies
+    ).program
     assert program.operations["mul"] + program.operations["add"] <= OPERATIONS[robot, name]
 
 
@@ -403,8 +406,8 @@ def test_the_pendulum_needs_what_its_equation_needs() -> None:
     builder = sd.ModelBuilder("pendulum")
     builder.add_body("b", axis=(0, 1, 0), inertia=(2.0, (0.0, 0.0, -0.5), 0.1 * np.eye(3)))
     model = builder.build()
-    spec = jit.variant(SPECS["rnea"], frozenset())
-    program = batches.record((spec,), model.bodies).program
+    spec = numba_kernels.variant(SPECS["rnea"], frozenset())
+    program = batch_kernels.record((spec,), model.bodies).program
     counts = program.operations
     assert (counts["sincos"], counts["div"], counts["sqrt"]) == (1, 0, 0)
     assert counts["mul"] + counts["add"] <= 8
@@ -425,10 +428,10 @@ def test_programs_of_every_robot_equal_the_untraced_calls(name: str, root: str) 
         warnings.simplefilter("ignore")  # of inertias that no body can have
         model = sd.load_urdf(CORPUS[name], root=root)
     if model.nv == 0:
-        assert not batches.fits((SPECS["rnea"],), model.bodies)
+        assert not batch_kernels.fits((SPECS["rnea"],), model.bodies)
         return
     for call in ("rnea", "crba", "aba"):
-        spec = jit.variant(SPECS[call], frozenset())
+        spec = numba_kernels.variant(SPECS[call], frozenset())
         if call == "aba" and name in SINGULAR:
             continue
         values = random_inputs(model, spec, seed=1, batch=(3,))

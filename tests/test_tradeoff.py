@@ -14,17 +14,17 @@ import pytest
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn import cli
-from spatialdyn.dynamics import calls
-from spatialdyn.engines import jit
-from spatialdyn.robot import Mimic
-from spatialdyn.simulation.reference import exact_motion
-from spatialdyn.trade import evaluations, motions, truths
-from spatialdyn.trade.options import INPUTS, Option, Tradeoff, marked
-from spatialdyn.trade.tradeoff import TASKS, advice
+from spatialdyn.accuracy import call_errors, integrator_errors, references
+from spatialdyn.accuracy.results import INPUTS, Option, Tradeoff, marked
+from spatialdyn.accuracy.tradeoff import TASKS, advice
+from spatialdyn.calls.dynamics import calls
+from spatialdyn.commands import cli
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.model.robot import Mimic
+from spatialdyn.simulation.reference_motion import exact_motion
 
 pytest.importorskip("mpmath")
-compiled = pytest.mark.skipif(jit.PLAIN, reason="lanes are programs, and motions heavy")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="lanes are programs, and motions heavy")
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-12)
 FRESH = 512  # states that nothing was measured in
 CERTAIN = 1e-20  # of the truth of calls, on models whose M has a condition below 1e10
@@ -64,15 +64,15 @@ MODELS: dict[str, Callable[[], sd.Model]] = {
 @pytest.mark.parametrize("name", MODELS)
 def test_what_is_recommended_meets_its_tolerance_on_fresh_states(name: str) -> None:
     model = MODELS[name]()
-    for task in evaluations.TASKS:
+    for task in call_errors.TASKS:
         found = sd.trade(model, task)
         assert found.certainty <= CERTAIN
-        first = evaluations.TASKS[task][0]
-        fresh = evaluations.random_states(model, task, FRESH, seed=1)
-        truth, _ = truths.truths(model, first, fresh)
+        first = call_errors.TASKS[task][0]
+        fresh = call_errors.random_states(model, task, FRESH, seed=1)
+        truth, _ = references.truths(model, first, fresh)
         for tolerance in TOLERANCES:
             chosen = advice(found, tolerance)
-            errors = truths.of_calls(first, np.asarray(chosen(*fresh)), truth)
+            errors = references.of_calls(first, np.asarray(chosen(*fresh)), truth)
             assert errors.max() <= tolerance, (task, tolerance, chosen.option.name)
 
 
@@ -97,14 +97,14 @@ def test_a_plot_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_a_motion_that_is_recommended_meets_its_tolerance_from_fresh_states() -> None:
     model = sd.load_urdf("two_link")
     found = motions_of_two_links()
-    q0, v0 = motions.random_states(model, 6, seed=1)
-    t = np.linspace(0.0, DURATION, motions.SAMPLES + 1)
+    q0, v0 = integrator_errors.random_states(model, 6, seed=1)
+    t = np.linspace(0.0, DURATION, integrator_errors.SAMPLES + 1)
     truth = exact_motion(model, q0, v0, t)
     for tolerance in (1e-2, 1e-5, 1e-9):
         chosen = advice(found, tolerance)
         for k in range(len(q0)):
             run = chosen(q0[k], v0[k], DURATION)
-            every = (len(run) - 1) // motions.SAMPLES
+            every = (len(run) - 1) // integrator_errors.SAMPLES
             last = [run.q[::every][1:], run.v[::every][1:]]
             assert abs(last[0] - truth.q[1:, k]).max() <= tolerance * max(abs(truth.q[:, k] - q0[k]).max(), 1e-300)
             assert abs(last[1] - truth.v[1:, k]).max() <= tolerance * abs(truth.v[:, k]).max()
@@ -143,7 +143,7 @@ def open_question(worst: float, asked: list[float]) -> Tradeoff:
     def further(open_: Any, tolerance: float) -> dict[str, Any]:
         asked.append(tolerance)
         assert [x.name for x in open_] == ["quick"]
-        return {"quick": np.full(truths.MANY, worst)} if worst <= tolerance else {}
+        return {"quick": np.full(references.MANY, worst)} if worst <= tolerance else {}
 
     return Tradeoff("m", "mass_matrix", marked(options), 4096, 4096, 0.0, 0.0, "", further)
 
@@ -154,7 +154,7 @@ def test_a_cheaper_way_is_taken_if_more_states_say_so_and_no_other() -> None:
     assert taken.option.name == "quick"
     assert taken.option.error == 7.5e-7
     assert taken.option.bound == pytest.approx(1.25 * 7.5e-7)
-    assert f"{truths.MANY} states" in taken.why
+    assert f"{references.MANY} states" in taken.why
     for worst in (9e-7, 2e-6):  # within the tolerance by too little, and beyond it
         assert advice(open_question(worst, asked), 1e-6).option.name == "sound"
     assert asked == [1e-6] * 3
@@ -188,7 +188,7 @@ def test_a_bound_that_is_the_tolerance_is_within_it(tolerance: float) -> None:
         assert advice(found, tolerance).option.name == "x"
 
 
-@pytest.mark.parametrize(("count", "margin"), [(truths.MANY - 1, 2.0), (truths.MANY, 1.25)])
+@pytest.mark.parametrize(("count", "margin"), [(references.MANY - 1, 2.0), (references.MANY, 1.25)])
 def test_more_states_have_the_narrow_margin_from_65536_on(count: int, margin: float) -> None:
     options = [Option("quick", "", 7e-7, 1e-7, 2e-6, 10.0), Option("sound", "", 1e-9, 1e-9, 2e-9, 100.0)]
     for tolerance, name in ((0.99 * margin * 7e-7, "sound"), (1.01 * margin * 7e-7, "quick")):
@@ -202,15 +202,17 @@ def test_what_judges_others_is_a_hundred_times_finer() -> None:
     names = (("judged", 1e-6, 2e-6, 1.0), ("dear", 1e-10, 1e-10, 9.0), ("fine", 0.9e-8, 0.9e-8, 5.0))
     options = [Option(n, "", error, 0.0, bound, ns) for n, error, bound, ns in names]
     open_ = options[:1]
-    finer = motions._finer(options, open_, 1e-5)
+    finer = integrator_errors._finer(options, open_, 1e-5)
     assert finer is not None
     assert finer.name == "fine"  # cheapest whose bound is below 1e-2 of the error
     beyond = [options[0], options[1], Option("near", "", 1.1e-8, 0.0, 1.1e-8, 5.0)]
-    finer = motions._finer(beyond, open_, 1e-5)
+    finer = integrator_errors._finer(beyond, open_, 1e-5)
     assert finer is not None
     assert finer.name == "dear"
-    assert motions._finer([options[0], beyond[2]], open_, 1.0e-6) is None  # 1.1e-8 is above 1e-2 of the tolerance
-    assert motions._finer([options[0], beyond[2]], open_, 1.2e-6) is beyond[2]
+    assert (
+        integrator_errors._finer([options[0], beyond[2]], open_, 1.0e-6) is None
+    )  # 1.1e-8 is above 1e-2 of the tolerance
+    assert integrator_errors._finer([options[0], beyond[2]], open_, 1.2e-6) is beyond[2]
 
 
 @compiled
@@ -221,11 +223,11 @@ def test_more_states_are_other_states_and_end_where_a_way_fails() -> None:
     lanes = [x for x in found.options if x.name.startswith("lanes float")]
     errors = found.further(lanes, 1e-12)
     assert [*errors] == ["lanes float64 crba"]
-    assert len(errors["lanes float64 crba"]) == truths.MANY
-    first = evaluations.random_states(model, "mass_matrix", 4096, [0, 1])
-    assert not np.isin(first[0], evaluations.random_states(model, "mass_matrix", 4096, 0)[0]).any()
+    assert len(errors["lanes float64 crba"]) == references.MANY
+    first = call_errors.random_states(model, "mass_matrix", 4096, [0, 1])
+    assert not np.isin(first[0], call_errors.random_states(model, "mass_matrix", 4096, 0)[0]).any()
     assert found.further(lanes, 1e-17) == {}
-    arrays = tuple(evaluations.random_states(model, "mass_matrix", 4, 0))
+    arrays = tuple(call_errors.random_states(model, "mass_matrix", 4, 0))
     assert sd.trade(model, "mass_matrix", states=arrays).further is None
 
 
@@ -235,7 +237,7 @@ def test_more_motions_are_held_against_a_finer_one() -> None:
     assert found.further is not None
     coarse = next(x for x in found.options if x.name.startswith("rk4"))
     errors = found.further([coarse], 10.0 * coarse.bound)
-    assert len(errors[coarse.name]) == motions.MORE
+    assert len(errors[coarse.name]) == integrator_errors.MORE
     assert 0.1 * coarse.usual < np.median(errors[coarse.name]) < 10.0 * coarse.usual
     assert found.further([coarse], 0.1 * coarse.usual) == {}
     assert found.further([coarse], 1e-30) is None  # nothing is a hundred times finer
@@ -266,8 +268,8 @@ def test_a_way_to_simulate_is_taken_after_more_motions_unless_there_are_none() -
 @pytest.mark.parametrize("batch", [8, 600])
 def test_code_is_the_very_way_that_was_measured(batch: int) -> None:
     model = MODELS["other tree"]()
-    for task in evaluations.TASKS:
-        states = evaluations.random_states(model, task, batch, 7)
+    for task in call_errors.TASKS:
+        states = call_errors.random_states(model, task, batch, 7)
         for x in sd.trade(model, task, states=4, batch=batch).options:
             assert x.run is not None
             part = [y[:511] if "at most 511" in x.code else y for y in states]
@@ -328,46 +330,46 @@ def test_a_heavy_tip_costs_aba_its_digits_and_refined_none() -> None:
 @compiled
 def test_a_call_that_is_wrong_by_a_part_in_1e9_is_seen() -> None:
     model = sd.load_urdf("two_link")
-    states = evaluations.random_states(model, "mass_matrix", 5, 0)
-    truth, certainty = truths.truths(model, "crba", states)
+    states = call_errors.random_states(model, "mass_matrix", 5, 0)
+    truth, certainty = references.truths(model, "crba", states)
     assert certainty <= CERTAIN
     wrong = truth * (1.0 + 1e-9)
-    assert 0.5e-9 < truths.of_calls("crba", wrong, truth).max() < 2e-9
+    assert 0.5e-9 < references.of_calls("crba", wrong, truth).max() < 2e-9
 
 
 def test_errors_of_m_are_scaled_by_its_diagonal_and_others_by_the_largest_entry() -> None:
     M = np.array([[[4.0, 1.0], [1.0, 9.0]]])
-    assert truths.of_calls("crba", M + np.array([[0.0, 0.6], [0.0, 0.0]]), M).tolist() == pytest.approx([0.1])
+    assert references.of_calls("crba", M + np.array([[0.0, 0.6], [0.0, 0.0]]), M).tolist() == pytest.approx([0.1])
     a = np.array([[1.0, -10.0], [0.0, 0.0]])
-    assert truths.of_calls("aba", a + np.array([[1.0, 0.0], [0.0, 0.0]]), a).tolist() == pytest.approx([0.1, 0.0])
-    assert truths.of_calls("aba", np.full((2, 2), np.nan), a).tolist() == [math.inf, math.inf]
+    assert references.of_calls("aba", a + np.array([[1.0, 0.0], [0.0, 0.0]]), a).tolist() == pytest.approx([0.1, 0.0])
+    assert references.of_calls("aba", np.full((2, 2), np.nan), a).tolist() == [math.inf, math.inf]
 
 
 def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
     even = np.full(1000, 1e-15)
-    assert truths.bound(even) == 2e-15
+    assert references.bound(even) == 2e-15
     tailed = np.append(even, 1e-11)
-    assert truths.bound(tailed) == pytest.approx(1e-9, rel=1e-6, abs=0.0)
-    assert truths.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
-    assert truths.bound(np.array([math.inf, 1.0])) == math.inf
-    assert truths.bound(np.zeros(4)) == 0.0
+    assert references.bound(tailed) == pytest.approx(1e-9, rel=1e-6, abs=0.0)
+    assert references.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert references.bound(np.array([math.inf, 1.0])) == math.inf
+    assert references.bound(np.zeros(4)) == 0.0
 
 
 def test_few_errors_have_a_margin_of_four_and_of_how_they_scatter() -> None:
     """The root of the worst over the median, which of fewer than 32 is all that is known."""
-    few = np.full(truths.FEW - 1, 1e-15)
-    assert truths.bound(few) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
-    assert truths.bound(np.append(few, 1e-15)) == pytest.approx(2e-15, rel=1e-6, abs=0.0)
+    few = np.full(references.FEW - 1, 1e-15)
+    assert references.bound(few) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert references.bound(np.append(few, 1e-15)) == pytest.approx(2e-15, rel=1e-6, abs=0.0)
     for worst, margin in ((9e-15, 4.0), (15.9e-15, 4.0), (25e-15, 5.0), (1e-11, 100.0)):
         few[-1] = worst
-        assert truths.bound(few) == pytest.approx(margin * worst, rel=1e-6, abs=0.0)
-        assert truths.bound(few[-2:]) == pytest.approx(
+        assert references.bound(few) == pytest.approx(margin * worst, rel=1e-6, abs=0.0)
+        assert references.bound(few[-2:]) == pytest.approx(
             max(4.0, math.sqrt(worst / few[-2:].mean())) * worst, rel=1e-6, abs=0.0
         )
-    exact = np.zeros(truths.FEW - 1)
+    exact = np.zeros(references.FEW - 1)
     exact[-1] = 1e-15
-    assert truths.bound(exact) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
-    assert truths.bound(few[-1:]) == pytest.approx(4e-11, rel=1e-6, abs=0.0)
+    assert references.bound(exact) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert references.bound(few[-1:]) == pytest.approx(4e-11, rel=1e-6, abs=0.0)
 
 
 def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
@@ -375,16 +377,16 @@ def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
     errors[0] = 1e-11
     for count, tail in ((45, 1e-15), (55, 1e-13)):
         errors[1 : 1 + count] = 1e-13
-        assert truths.bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11, rel=1e-6, abs=0.0)
-    assert truths.bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9, rel=1e-6, abs=0.0)
-    assert truths.bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0, rel=1e-6, abs=0.0)
+        assert references.bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11, rel=1e-6, abs=0.0)
+    assert references.bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9, rel=1e-6, abs=0.0)
+    assert references.bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0, rel=1e-6, abs=0.0)
 
 
 @pytest.mark.parametrize(("size", "measured_by"), [(0.11, 0.11), (0.09, 0.1)])
 def test_a_sample_next_to_nothing_is_measured_by_a_tenth_of_the_median(size: float, measured_by: float) -> None:
     truth = np.array([[1.0], [1.0], [1.0], [size]])
     found = truth + np.array([[0.0], [0.0], [0.0], [1e-6]])
-    assert truths.of_calls("aba", found, truth)[3] == pytest.approx(1e-6 / measured_by)
+    assert references.of_calls("aba", found, truth)[3] == pytest.approx(1e-6 / measured_by)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3])
@@ -395,18 +397,18 @@ def test_samples_of_the_truth_that_are_checked(samples: int, monkeypatch: pytest
     def counted(model: sd.Model, call: Any, bits: int) -> Any:
         return lambda *arrays: seen.append(arrays) or sd.exact(model, call, bits)(*arrays)
 
-    monkeypatch.setattr(truths, "exact", counted)
+    monkeypatch.setattr(references, "exact", counted)
     model = sd.load_urdf("two_link")
-    truths.truths(model, "crba", evaluations.random_states(model, "mass_matrix", samples, 0))
-    assert len(seen) == min(samples, truths.CHECKED) == min(samples, 2)
+    references.truths(model, "crba", call_errors.random_states(model, "mass_matrix", samples, 0))
+    assert len(seen) == min(samples, references.CHECKED) == min(samples, 2)
 
 
 def test_of_many_errors_the_margin_is_narrower() -> None:
-    even = np.full(truths.MANY, 1e-15)
-    assert truths.bound(even) == pytest.approx(1.25e-15, rel=1e-6, abs=0.0)
-    assert truths.bound(even[1:]) == 2e-15
-    steep = np.arange(1.0, truths.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
-    assert truths.bound(steep) == pytest.approx(2.0, rel=0.05)
+    even = np.full(references.MANY, 1e-15)
+    assert references.bound(even) == pytest.approx(1.25e-15, rel=1e-6, abs=0.0)
+    assert references.bound(even[1:]) == 2e-15
+    steep = np.arange(1.0, references.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
+    assert references.bound(steep) == pytest.approx(2.0, rel=0.05)
 
 
 def test_the_front_is_what_nothing_cheaper_is_better_than() -> None:
@@ -419,7 +421,7 @@ def test_the_front_is_what_nothing_cheaper_is_better_than() -> None:
 @compiled
 def test_states_of_ones_own_are_those_that_are_measured() -> None:
     model = chain((1.0,) * 3 + (1e6,), 5)
-    q, v, tau = (x[:3] for x in evaluations.random_states(model, "forward_dynamics", 9, 5))
+    q, v, tau = (x[:3] for x in call_errors.random_states(model, "forward_dynamics", 9, 5))
     found = {x.name: x.error for x in sd.trade(model, states=(q, v, tau)).options}
     truth = sd.exact(model, sd.aba)(q, v, tau).astype(float)
     wrong = abs(np.array([sd.aba(model, *s) for s in zip(q, v, tau, strict=True)]) - truth).max(axis=1)
@@ -444,8 +446,8 @@ def test_without_programs_there_is_the_untraced_way() -> None:
 @compiled
 def test_halving_the_step_of_rk4_shows_its_order() -> None:
     found = sd.trade(sd.load_urdf("two_link"), "simulate", methods="rk4", duration=0.5, states=2)
-    coarse, fine = sorted((x for x in found.options), key=lambda x: x.ns)[:2]
-    ratio = math.log2(coarse.error / fine.error) / math.log2(motions.FACTOR)
+    coarse, fine = sorted(found.options, key=lambda x: float(x.name.split()[-1]))[:-3:-1]  # by their steps
+    ratio = math.log2(coarse.error / fine.error) / math.log2(integrator_errors.FACTOR)
     assert 3.0 < ratio < 5.0
     assert found.certainty <= 1e-13
 
@@ -527,5 +529,5 @@ def test_models_that_cannot_be_traded_are_refused() -> None:
 
 
 def test_every_task_is_a_call_or_simulations() -> None:
-    assert set(TASKS) == {*evaluations.TASKS, "simulate"}
-    assert {name for group in evaluations.TASKS.values() for name in group} <= set(calls)
+    assert set(TASKS) == {*call_errors.TASKS, "simulate"}
+    assert {name for group in call_errors.TASKS.values() for name in group} <= set(calls)

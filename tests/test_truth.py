@@ -13,10 +13,10 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.dynamics import calls
+from spatialdyn.calls.dynamics import calls
+from spatialdyn.model.robot import Mimic
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
-from spatialdyn.robot import Mimic
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 2000 * EPS  # of ten random bodies, the calls that solve for something among them; a wrong term is 1e-3

@@ -13,17 +13,18 @@ from dense import Array
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.dynamics import calls
-from spatialdyn.engines import jit, twofold
-from spatialdyn.engines.trace import Program, Tape, evaluate
+from spatialdyn.algebra.scalars import atan2, cos, select, sin, sqrt
+from spatialdyn.calls.dynamics import calls
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.numbers import double_double
+from spatialdyn.engines.programs.tracer import Program, Tape, evaluate
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.recursions import SPECS
-from spatialdyn.scalars import atan2, cos, select, sin, sqrt
 
 ROUNDING = 4 * 2.0**-104  # of one operation: 10 · 2^-106 is the bound of a quotient
 SINES = 64 * 2.0**-104  # of a series of 15 terms and an angle that was reduced
 SOLVED = 1e-28  # 1e4 operations of 2^-104 on an M whose condition is below 1e3
-compiled = pytest.mark.skipif(jit.PLAIN, reason="heavy: an interpreter in Python")
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: an interpreter in Python")
 
 
 def pairs(rng: np.random.Generator, count: int, spread: float = 30.0) -> list[tuple[float, float]]:
@@ -31,7 +32,7 @@ def pairs(rng: np.random.Generator, count: int, spread: float = 30.0) -> list[tu
     made = []
     for _ in range(count):
         hi = float(rng.normal() * 2.0 ** rng.uniform(-spread, spread))
-        made.append(twofold.quick_sum(hi, hi * float(rng.uniform(-1, 1)) * 2.0**-54))
+        made.append(double_double.quick_sum(hi, hi * float(rng.uniform(-1, 1)) * 2.0**-54))
     return made
 
 
@@ -46,23 +47,23 @@ def relative(found: tuple[float, float], wanted: Fraction) -> float:
 def test_sums_products_quotients_and_roots_have_104_bits() -> None:
     rng = np.random.default_rng(0)
     for a, b in zip(pairs(rng, 300), pairs(rng, 300), strict=True):
-        assert relative(twofold.add(*a, *b), value(a) + value(b)) <= ROUNDING
-        assert relative(twofold.multiply(*a, *b), value(a) * value(b)) <= ROUNDING
-        assert relative(twofold.divide(*a, *b), value(a) / value(b)) <= ROUNDING
-        square = twofold.multiply(*a, *a)
-        assert abs(relative(twofold.root(*square), abs(value(a)))) <= ROUNDING
+        assert relative(double_double.add(*a, *b), value(a) + value(b)) <= ROUNDING
+        assert relative(double_double.multiply(*a, *b), value(a) * value(b)) <= ROUNDING
+        assert relative(double_double.divide(*a, *b), value(a) / value(b)) <= ROUNDING
+        square = double_double.multiply(*a, *a)
+        assert abs(relative(double_double.root(*square), abs(value(a)))) <= ROUNDING
 
 
 def test_a_sum_that_cancels_keeps_its_digits() -> None:
     rng = np.random.default_rng(1)
     for a in pairs(rng, 100):
-        b = twofold.quick_sum(-a[0], a[1] * float(rng.uniform(-1, 1)))
-        assert relative(twofold.add(*a, *b), value(a) + value(b)) <= ROUNDING
+        b = double_double.quick_sum(-a[0], a[1] * float(rng.uniform(-1, 1)))
+        assert relative(double_double.add(*a, *b), value(a) + value(b)) <= ROUNDING
 
 
 def test_half_pi_in_three_floats_is_half_pi_to_150_bits() -> None:
     with mpmath.workprec(300):
-        whole = mpmath.mpf(twofold.P1) + mpmath.mpf(twofold.P2) + mpmath.mpf(twofold.P3)
+        whole = mpmath.mpf(double_double.P1) + mpmath.mpf(double_double.P2) + mpmath.mpf(double_double.P3)
         assert abs(whole - mpmath.pi / 2) < 2.0**-150
 
 
@@ -72,10 +73,10 @@ def test_sine_and_cosine_have_100_bits(reach: float) -> None:
     angles = [*rng.uniform(-reach, reach, 100), math.pi / 2, math.pi, 1e5, 0.0]
     with mpmath.workprec(300):
         for h in angles:
-            a = twofold.quick_sum(float(h), float(h) * 2.0**-55)
+            a = double_double.quick_sum(float(h), float(h) * 2.0**-55)
             exact = mpmath.mpf(a[0]) + mpmath.mpf(a[1])
             for quarter, wanted in ((0.0, mpmath.sin(exact)), (1.0, mpmath.cos(exact))):
-                found = twofold.sine(*a, quarter)
+                found = double_double.sine(*a, quarter)
                 off = abs(mpmath.mpf(float(found[0])) + mpmath.mpf(float(found[1])) - wanted)
                 assert off <= SINES * max(abs(wanted), SINES)
 
@@ -84,7 +85,7 @@ def test_every_operation_of_a_program_runs_with_its_signs() -> None:
     tape = Tape()
     x, y = tape.input(0), tape.input(1)
     made = [x + y, x - y, y - x, -(x * y), x / y, -x / y, sqrt(x * x), sin(-x), cos(-x), select(-x, y, -y), x * 0.3]
-    program = twofold.assembled(Program(tape, made, 2, fuse=False))
+    program = double_double.assembled(Program(tape, made, 2, fuse=False))
     rng = np.random.default_rng(3)
     given = rng.normal(size=(2, 5))
     high, low = program(given)
@@ -99,12 +100,12 @@ def test_every_operation_of_a_program_runs_with_its_signs() -> None:
 def test_an_operation_that_there_is_not_is_refused() -> None:
     tape = Tape()
     with pytest.raises(SpatialDynError, match="double-double"):
-        twofold.assembled(Program(tape, [atan2(tape.input(0), 1.0)], 1, fuse=False))
+        double_double.assembled(Program(tape, [atan2(tape.input(0), 1.0)], 1, fuse=False))
 
 
 def by_call(model: sd.Model, name: str, arrays: list[Array]) -> tuple[Array, Array]:
     """A call of several samples in double-double, (samples, entries) high and low."""
-    spec = jit.variant(SPECS[name], frozenset())
+    spec = numba_kernels.variant(SPECS[name], frozenset())
     ends = np.cumsum([0] + [x.shape[1] for x in arrays])
     shape = tuple({"nq": model.nq, "nv": model.nv}[str(s)] for s in spec.output.shape)
 
@@ -112,7 +113,7 @@ def by_call(model: sd.Model, name: str, arrays: list[Array]) -> tuple[Array, Arr
         given = {arg.name: x[ends[k] : ends[k + 1]] for k, arg in enumerate(spec.given)}
         return list(evaluate(spec, rows, shape, given, np.empty(model.nv, object)).ravel())
 
-    high, low = twofold.recorded(model.bodies, int(ends[-1]), made)(np.concatenate(arrays, axis=1).T)
+    high, low = double_double.recorded(model.bodies, int(ends[-1]), made)(np.concatenate(arrays, axis=1).T)
     return high.T, low.T
 
 
@@ -122,7 +123,7 @@ def by_call(model: sd.Model, name: str, arrays: list[Array]) -> tuple[Array, Arr
 def test_calls_agree_with_the_exact_engine(name: str, seed: int, options: dict[str, Any]) -> None:
     """On more samples than are worked on at once, of which a few are looked at."""
     tree, rng = random_tree(seed, 5, **options), np.random.default_rng(seed)
-    states = [random_state(tree.tree, rng) for _ in range(twofold.LANES + 3)]
+    states = [random_state(tree.tree, rng) for _ in range(double_double.LANES + 3)]
     letters = {"rnea": "qva", "crba": "q", "aba": "qvt", "crba_solve": "qvt"}[name]
     words = {"q": "q", "v": "v", "a": "a", "t": "tau"}
     arrays = [np.array([getattr(s, words[x]) for s in states]) for x in letters]
@@ -140,17 +141,17 @@ def test_nothing_is_fused_when_compiled() -> None:
     """What is compiled gives the very bits of the same source in Python; a contracted product would not."""
     tree = random_tree(2, 4)
     state = random_state(tree.tree, np.random.default_rng(2))
-    spec = jit.variant(SPECS["rnea"], frozenset())
+    spec = numba_kernels.variant(SPECS["rnea"], frozenset())
     n, nq = tree.model.nv, tree.model.nq
 
     def made(rows: Any, x: Any) -> list[Any]:
         given = {"q": x[:nq], "v": x[nq : nq + n], "a": x[nq + n :]}
         return list(evaluate(spec, rows, (n,), given, None))
 
-    program = twofold.recorded(tree.model.bodies, nq + 2 * n, made)
-    x = np.zeros((program.rows, 2 * twofold.LANES))
-    x[: program.inputs, : twofold.LANES] = np.concatenate([state.q, state.v, state.a])[:, None]
+    program = double_double.recorded(tree.model.bodies, nq + 2 * n, made)
+    x = np.zeros((program.rows, 2 * double_double.LANES))
+    x[: program.inputs, : double_double.LANES] = np.concatenate([state.q, state.v, state.a])[:, None]
     y = x.copy()
-    twofold.runner()(program.code, program.value, x)
-    twofold.interpret(program.code, program.value, y)
+    double_double.runner()(program.code, program.value, x)
+    double_double.interpret(program.code, program.value, y)
     assert (x == y).all()

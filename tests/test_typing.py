@@ -10,12 +10,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import spatialdyn
 import spatialdyn as sd
-from spatialdyn import dynamics
+from spatialdyn.calls import dynamics
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
 
 STUB = Path(dynamics.__file__).with_suffix(".pyi")
+ROOT = Path(spatialdyn.__file__).parents[1]
 WORDS = {"frame": "str | Frame", "reference": "str", "classical": "bool", "out": "Array | None"}
 HEAD = '''"""The public calls, for type checkers: made from ``recursions.SPECS`` by tests/test_typing.py."""
 
@@ -25,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .model import Frame, Model
+from ..model.model import Frame, Model
 
 Array = NDArray[np.float64]
 
@@ -65,14 +67,15 @@ def test_stub_declares_every_call_as_it_is() -> None:
 
 def test_package_passes_mypy_strict() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--config-file", str(STUB.parent.parent / "pyproject.toml")],
-        capture_output=True, text=True, cwd=STUB.parent.parent, check=False,
+        [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml")],
+        capture_output=True, text=True, cwd=ROOT, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-3000:]
 
 
 USER = """
 import numpy as np
+import spatialdyn
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as pin
 from spatialdyn.compat.pinocchio import SE3, rnea
@@ -93,7 +96,7 @@ def test_a_users_script_passes_mypy_strict(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(USER, encoding="utf-8")
     command = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", str(script)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=STUB.parent.parent, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
 
 

@@ -16,14 +16,14 @@ import pinocchio as pin
 import pytest
 import yourdfpy
 
-from spatialdyn.cli import main
-from spatialdyn.dynamics import rnea
+from spatialdyn.calls.dynamics import rnea
+from spatialdyn.commands.cli import main
 from spatialdyn.errors import InertiaError, SpatialDynError, UrdfError
-from spatialdyn.model import Model
-from spatialdyn.robot import Joint, Link, Robot
-from spatialdyn.robot_files import example_robots, find_robot, robot_names
-from spatialdyn.urdf import load_urdf, read_urdf
-from spatialdyn.urdf_xml import SIZE_LIMIT
+from spatialdyn.model.model import Model
+from spatialdyn.model.robot import Joint, Link, Robot
+from spatialdyn.urdf.load import load_urdf, read_urdf
+from spatialdyn.urdf.robot_files import example_robots, find_robot, robot_names
+from spatialdyn.urdf.strict_xml import SIZE_LIMIT
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

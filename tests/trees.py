@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from dense import NV, Array, Body, Tree, pose, rotation_of
 
-from spatialdyn.builder import ModelBuilder
+from spatialdyn.model.builder import ModelBuilder
 
 KINDS = ("revolute", "continuous", "prismatic", "spherical", "floating", "planar")
 AXES = np.vstack([np.eye(3), -np.eye(3)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from ..trade.diagnose import diagnose
+from ..accuracy.diagnose import diagnose
 from .robots import add_robot, load
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..errors import SpatialDynError
-from ..urdf import example_robots, robot_names
+from ..urdf.load import example_robots, robot_names
 from ..validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
 from .printing import Column, finite, fold, print_table, progress
 from .robots import ROBOT, ROOTS

@@ -6,11 +6,11 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from .. import dynamics
+from ..calls import dynamics
+from ..calls.specialize import specialize
 from ..errors import SpatialDynError
-from ..lagrangian.symbolic import QUANTITIES, SymbolicManipulator
-from ..model import Model
-from ..specialize import specialize
+from ..lagrangian.symbolic_manipulator import QUANTITIES, SymbolicManipulator
+from ..model.model import Model
 from .robots import add_robot, load
 
 CALLS = {  # that a program is made of, by the names of QUANTITIES

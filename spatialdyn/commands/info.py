@@ -9,9 +9,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ..model import Model
-from ..robot import Joint
-from ..urdf import robot_names
+from ..model.model import Model
+from ..model.robot import Joint
+from ..urdf.load import robot_names
 from .printing import Column, finite, fold, print_table
 from .robots import ROBOT, add_root, load
 

@@ -8,8 +8,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from ..compat.pinocchio.coverage import DIFFERENT, SUPPORTED
-from ..compat.pinocchio.porting import Use, uses
+from ..compat.pinocchio.coverage.coverage import DIFFERENT, SUPPORTED
+from ..compat.pinocchio.coverage.porting import Use, uses
 from ..errors import SpatialDynError
 from .printing import Column, print_table
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import warnings
 
-from ..model import Model
-from ..urdf import load_urdf
+from ..model.model import Model
+from ..urdf.load import load_urdf
 
 ROBOT = "path of a URDF, or one of the names that `spatialdyn info` lists"
 ROOTS = ("fixed", "floating")

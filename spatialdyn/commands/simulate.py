@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics import calls
+from ..calls.dynamics import calls
+from ..calls.states import random_configuration
 from ..errors import SimulationInterrupt, SpatialDynError
-from ..model import Model
+from ..model.model import Model
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.energy import scale_of
-from ..states import random_configuration
 from .printing import watched
 from .robots import add_robot, load
 from .targets import check_file, check_plot

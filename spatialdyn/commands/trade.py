@@ -8,10 +8,10 @@ import math
 import warnings
 from typing import Any
 
+from ..accuracy.results import Option, Tradeoff, figure
+from ..accuracy.tradeoff import BATCH, TASKS, advice, trade
 from ..errors import SpatialDynError
 from ..simulation import integrators
-from ..trade.options import Option, Tradeoff, figure
-from ..trade.tradeoff import BATCH, TASKS, advice, trade
 from .printing import Column, fold, print_table
 from .robots import add_robot, load
 from .targets import check_plot

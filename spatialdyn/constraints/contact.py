@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import as_array, as_number, batch_shape, broadcast, check_model
-from ..diagnosis import refuse_singular
-from ..dynamics import calls
-from ..engines import jit
-from ..engines.small import kernel
+from ..algebra.scalars import inlined
+from ..calls.arguments import as_array, as_number, batch_shape, broadcast, check_model
+from ..calls.dynamics import calls
+from ..calls.failures import refuse_singular
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.table_kernels import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
-from ..model import Model
-from ..recursions.contact import bordered_inverse, constrained_samples, factored
-from ..recursions.factor import solve_tree
+from ..model.model import Model
+from ..recursions.kkt import bordered_inverse, constrained_samples, factored
+from ..recursions.ltdl import solve_tree
 from ..recursions.spec import TAU
-from ..scalars import inlined
 
 Array = NDArray[np.float64]
 RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
@@ -144,7 +144,9 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     out, force, rank = np.empty((count, n)), np.empty((count, m)), np.empty(count)
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
-    run(getattr(_free(model), jit.TABLE), Ms, Js, rs, gammas, np.array([softness]), *factors, out, force, rank)
+    run(
+        getattr(_free(model), numba_kernels.TABLE), Ms, Js, rs, gammas, np.array([softness]), *factors, out, force, rank
+    )
     if (rank != m).any():
         _refuse(model, Ms, m, rank, batch)
     return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)
@@ -155,14 +157,23 @@ def inverse(model: Model, solved: Solved) -> Array:
     m, n = solved.Y.shape
     out = np.empty((n + m, n + m))
     run = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2)
-    run(getattr(_free(model), jit.TABLE), solved.L, solved.Y, solved.C, np.empty(m), np.empty(n), np.empty(m), out)
+    run(
+        getattr(_free(model), numba_kernels.TABLE),
+        solved.L,
+        solved.Y,
+        solved.C,
+        np.empty(m),
+        np.empty(n),
+        np.empty(m),
+        out,
+    )
     return out
 
 
 def factor(model: Model, M: Array) -> Array:
     """L (nv, nv) of M = LᵀD L, of the lower triangle of M: D on its diagonal, zeros above. Raises InertiaError."""
     L = np.empty(M.shape)
-    if kernel(factored, 2, 2)(getattr(_free(model), jit.TABLE), np.array(M, order="C"), L) < 0:
+    if kernel(factored, 2, 2)(getattr(_free(model), numba_kernels.TABLE), np.array(M, order="C"), L) < 0:
         _refuse(model, M[None], 0, np.array([-1.0]), ())
     return np.tril(L)
 
@@ -170,7 +181,7 @@ def factor(model: Model, M: Array) -> Array:
 def back(model: Model, L: Array, y: Array) -> Array:
     """M⁻¹ y (nv) by such an L."""
     x = np.array(y)
-    kernel(_back, 2, 1)(getattr(_free(model), jit.TABLE), L, x)
+    kernel(_back, 2, 1)(getattr(_free(model), numba_kernels.TABLE), L, x)
     return x
 
 

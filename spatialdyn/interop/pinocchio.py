@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly import IDENTITY
 from ..errors import ModelError
-from ..model import Model, assemble
-from ..robot import Joint as RobotJoint
-from ..robot import Link, check_inertias, check_tree, make_joint, make_link
+from ..model.assembly import IDENTITY
+from ..model.model import Model, assemble
+from ..model.robot import Joint as RobotJoint
+from ..model.robot import Link, check_inertias, check_tree, make_joint, make_link
 
 PINOCCHIO_KINDS = {
     **{f"JointModelR{a}": "revolute" for a in "XYZ"},

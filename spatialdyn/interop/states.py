@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import bodies as table
-from ..border import as_array, batch_shape, broadcast, check_model
+from ..bodies import table as table
+from ..calls.arguments import as_array, batch_shape, broadcast, check_model
 from ..errors import ConfigurationError, SpatialDynError
-from ..model import Joint, Model
+from ..model.model import Joint, Model
+from ..model.robot import quoted
 from ..recursions.spec import Argument, Q, V
-from ..robot import quoted
 
 Array = NDArray[np.float64]
 

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import as_array, check_model
-from ..dynamics import calls
-from ..model import Model
-from ..rows import Joint
-from ..states import random_configuration
-from .brackets import subspace
+from ..calls.arguments import as_array, check_model
+from ..calls.dynamics import calls
+from ..calls.states import random_configuration
+from ..model.joint_rows import Joint
+from ..model.model import Model
 from .hamiltonian import STEP, WEIGHTS, hamilton_equations
+from .lie_brackets import subspace
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 The state is (q, p) with p = M(q) v. Where every v_i is the rate of a coordinate, p is canonical: Ω = Σ dq_i ∧ dp_i.
 The velocities of spherical, floating and planar joints are quasi-velocities, twists in the body's frame with
-[X_j, X_k] = c^m_jk X_m (``brackets``). With θ^i the forms dual to X_i, so that θ^i(q̇) = v_i, the canonical one-form is
-p_i θ^i and
+[X_j, X_k] = c^m_jk X_m (``lie_brackets``). With θ^i the forms dual to X_i, so that θ^i(q̇) = v_i, the canonical one-form
+is p_i θ^i and
 
     Ω = Σ θ^i ∧ dp_i + ½ Σ p_m c^m_jk θ^j ∧ θ^k,    {q-function f, p_j} = X_j f,    {p_j, p_k} = -c^m_jk p_m,
 
@@ -22,11 +22,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import as_array, as_number, check_model
-from ..dynamics import calls
+from ..calls.arguments import as_array, as_number, check_model
+from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
-from ..model import Model
-from .brackets import structure_constants
+from ..model.model import Model
+from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
 Observable = Callable[[Array, Array], float]

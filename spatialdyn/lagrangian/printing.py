@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..engines.symbolic import need_sympy
+from ..engines.numbers.symbolic import need_sympy
 from ..errors import ShapeError, SpatialDynError
 
 Expr = Any  # sympy.Expr

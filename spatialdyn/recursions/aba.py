@@ -4,10 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..articulated import Articulated, add_articulated, articulated, articulated_force, articulated_to_parent, without
-from ..euclidean import Vec, negative, zero
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.articulated import (
+    Articulated,
+    add_articulated,
+    articulated,
+    articulated_force,
+    articulated_to_parent,
+    without,
+)
+from ..algebra.euclidean import Vec, negative, zero
+from ..algebra.records import (
+    articulated_of,
+    force_from,
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_articulated,
+    put_force,
+    put_motion,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Force,
     Motion,
     Pose,
@@ -25,20 +45,7 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from ..tables import (
-    articulated_of,
-    force_from,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_articulated,
-    put_force,
-    put_motion,
-    table_dtype,
-    vec_of,
-)
-from .joints import joint_motion, place_joint
+from ..bodies.joints import joint_motion, place_joint
 from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion, c=Motion, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float)

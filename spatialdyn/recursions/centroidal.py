@@ -9,9 +9,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import cross, minus, plus, times
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.euclidean import cross, minus, plus, times
+from ..algebra.records import (
+    inertia_of,
+    motion_of,
+    pose_of,
+    public_force,
+    public_vec,
+    put_inertia,
+    put_motion,
+    put_pose,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Force,
     Inertia,
     Motion,
@@ -32,20 +44,8 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from ..tables import (
-    inertia_of,
-    motion_of,
-    pose_of,
-    public_force,
-    public_vec,
-    put_inertia,
-    put_motion,
-    put_pose,
-    table_dtype,
-    vec_of,
-)
+from ..bodies.joints import joint_motion, place_joint
 from .energy import WORK_MOMENT, mass_moment
-from .joints import joint_motion, place_joint
 from .spec import A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion, a=Motion, I=Inertia, dI=Inertia)

@@ -15,18 +15,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies import FOLLOW
-from ..coupling import Coupling, coupled, coupled_back, coupling, unshift_coupling
-from ..euclidean import dot
-from ..scalars import inlined
-from ..spatial import Inertia, Motion, Pose, add_inertia, power, unshift_force, unshift_inertia
-from ..tables import (
+from ..algebra.coriolis_factor import Coupling, coupled, coupled_back, coupling, unshift_coupling
+from ..algebra.euclidean import dot
+from ..algebra.records import (
     inertia_of,
     motion_of,
     put_inertia,
     table_dtype,
     vec_of,
 )
+from ..algebra.scalars import inlined
+from ..algebra.spatial import Inertia, Motion, Pose, add_inertia, power, unshift_force, unshift_inertia
+from ..bodies.table import FOLLOW
 from .coriolis import in_branch_axes
 from .spec import Argument, Q, Spec
 

@@ -19,11 +19,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..bodies import ANY_NORM, FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
-from ..euclidean import Rot, Vec, cross, dot, minus, plus, rotate, times, unrotate, zero
-from ..scalars import Scalar, atan2, cos, inlined, select, sin, sqrt
-from ..spatial import Motion, scale_motion
-from .lie import (
+from ..algebra.euclidean import Rot, Vec, cross, dot, minus, plus, rotate, times, unrotate, zero
+from ..algebra.lie import (
     Quat,
     Tangent,
     carried_back,
@@ -41,6 +38,9 @@ from .lie import (
     scale_quat,
     unit,
 )
+from ..algebra.scalars import Scalar, atan2, cos, inlined, select, sin, sqrt
+from ..algebra.spatial import Motion, scale_motion
+from ..bodies.table import ANY_NORM, FLOATING, FOLLOW, PLANAR, PLANAR_CS, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL
 from .spec import Argument, Q, Spec
 
 

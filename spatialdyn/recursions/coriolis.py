@@ -9,17 +9,39 @@ The matrices are seen in the axes of the first body of each branch that stands o
 origin. M, C and Γ do not depend on where that body stands, so its pose never enters; rotations are made once a row,
 and what climbs towards the root is only shifted. Roundoff is that of body coordinates, for no arm is longer than
 a link. Source: Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for
-rigid-body systems (2021), with the factor B in twelve numbers (``coupling.coupling``).
+rigid-body systems (2021), with the factor B in twelve numbers (``coriolis_factor.coupling``).
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from ..coupling import Coupling, add_coupling, coupled, coupled_back, coupled_force, coupling, unshift_coupling
-from ..euclidean import dot, matmul, negative, rotate, zero
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.coriolis_factor import (
+    Coupling,
+    add_coupling,
+    coupled,
+    coupled_back,
+    coupled_force,
+    coupling,
+    unshift_coupling,
+)
+from ..algebra.euclidean import dot, matmul, negative, rotate, zero
+from ..algebra.records import (
+    coupling_of,
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_coupling,
+    put_force,
+    put_inertia,
+    put_motion,
+    put_pose,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Force,
     Inertia,
     Motion,
@@ -43,23 +65,9 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from ..tables import (
-    coupling_of,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_coupling,
-    put_force,
-    put_inertia,
-    put_motion,
-    put_pose,
-    table_dtype,
-    vec_of,
-)
+from ..bodies.joints import joint_motion, place_joint
 from .hamilton import WORK_RATE as WORK_MOMENTUM
 from .hamilton import rate
-from .joints import joint_motion, place_joint
 from .spec import TAU, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, S=Motion, v=Motion, dS=Motion, I=Inertia, B=Coupling)

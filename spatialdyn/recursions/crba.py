@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars import inlined
-from ..spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
-from ..tables import (
+from ..algebra.records import (
     inertia_of,
     motion_of,
     pose_of,
     put_inertia,
     table_dtype,
 )
-from .joints import place_joint
+from ..algebra.scalars import inlined
+from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
+from ..bodies.joints import place_joint
 from .spec import Argument, Q, Spec
 
 WORK = table_dtype(X=Pose, Ic=Inertia)

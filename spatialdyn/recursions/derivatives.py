@@ -5,7 +5,7 @@ By the configuration means along ``integrate(q, e_k)``: a joint's own motion aft
 Where row i moves by δ, what hangs on it turns as one rigid whole, and forces in it turn along. Seen from there the
 world before i has moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with
 S̈° = a_λ × S + v_λ × Ṡ°; v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f of the subtree of
-the deeper row j (``coupling``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
+the deeper row j (``coriolis_factor``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
 
     ∂τ_i/∂q_j = S_i·(I S̈°_j + 2B Ṡ°_j + S_j ×* f)    ∂τ_j/∂q_i = S_j·(I S̈°_i + 2B Ṡ°_i)
     ∂τ_i/∂v_j = S_i·(I D_j + 2B S_j)                 ∂τ_j/∂v_i = S_j·(I D_i + 2B S_i),    D = Ṡ° + v × S
@@ -19,12 +19,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..articulated import Articulated
-from ..bodies import FOLLOW
-from ..coupling import Coupling, add_coupling, coupled, coupled_back, coupling, unshift_coupling
-from ..euclidean import Vec, cross, dot, negative, unrotate, zero
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.articulated import Articulated
+from ..algebra.coriolis_factor import Coupling, add_coupling, coupled, coupled_back, coupling, unshift_coupling
+from ..algebra.euclidean import Vec, cross, dot, negative, unrotate, zero
+from ..algebra.records import (
+    coupling_of,
+    force_from,
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_coupling,
+    put_force,
+    put_inertia,
+    put_motion,
+    put_pose,
+    put_vec,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Force,
     Inertia,
     Motion,
@@ -46,25 +61,10 @@ from ..spatial import (
     unshift_inertia,
     zero_motion,
 )
-from ..tables import (
-    coupling_of,
-    force_from,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_coupling,
-    put_force,
-    put_inertia,
-    put_motion,
-    put_pose,
-    put_vec,
-    table_dtype,
-    vec_of,
-)
+from ..bodies.joints import joint_motion, place_joint
+from ..bodies.table import FOLLOW
 from .aba import aba, inverse_columns
 from .coriolis import in_branch_axes
-from .joints import joint_motion, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
 
 WORK = table_dtype(

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import Vec, dot, plus, rotate, times
-from ..scalars import inlined
-from ..spatial import Motion, Pose, add_motion, momentum, motion_to_child, power, zero_motion
-from ..tables import (
+from ..algebra.euclidean import Vec, dot, plus, rotate, times
+from ..algebra.records import (
     inertia_of,
     motion_of,
     pose_of,
@@ -16,7 +14,9 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
-from .joints import joint_motion, place_joint
+from ..algebra.scalars import inlined
+from ..algebra.spatial import Motion, Pose, add_motion, momentum, motion_to_child, power, zero_motion
+from ..bodies.joints import joint_motion, place_joint
 from .spec import Argument, Q, Spec, V
 
 WORK_KINETIC = table_dtype(X=Pose, v=Motion)

@@ -9,10 +9,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..articulated import Articulated
-from ..euclidean import Vec, cross, times, unrotate, zero
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.articulated import Articulated
+from ..algebra.euclidean import Vec, cross, times, unrotate, zero
+from ..algebra.records import (
+    force_from,
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_force,
+    put_motion,
+    put_vec,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Force,
     Motion,
     Pose,
@@ -26,21 +38,9 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from ..tables import (
-    force_from,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_force,
-    put_motion,
-    put_vec,
-    table_dtype,
-    vec_of,
-)
+from ..bodies.joints import joint_motion, place_joint
 from .aba import articulated_inward, articulated_outward
 from .energy import potential_energy
-from .joints import joint_motion, place_joint
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 WORK_MOMENTUM = table_dtype(X=Pose, v=Motion, p=Force)

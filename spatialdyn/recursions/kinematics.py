@@ -8,9 +8,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import cross, plus, rotate, zero
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.euclidean import cross, plus, rotate, zero
+from ..algebra.records import (
+    motion_of,
+    pose_from,
+    pose_of,
+    public_motion,
+    public_pose,
+    put_motion,
+    put_pose,
+    table_dtype,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Motion,
     Pose,
     add_motion,
@@ -23,17 +33,7 @@ from ..spatial import (
     sub_motion,
     zero_motion,
 )
-from ..tables import (
-    motion_of,
-    pose_from,
-    pose_of,
-    public_motion,
-    public_pose,
-    put_motion,
-    put_pose,
-    table_dtype,
-)
-from .joints import joint_motion, place_joint
+from ..bodies.joints import joint_motion, place_joint
 from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
 
 WORK = table_dtype(X=Pose, v=Motion)

@@ -10,10 +10,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..coupling import Coupling, add_coupling, coupled, unshift_coupling
-from ..euclidean import Vec, cross, minus, plus, rotate, times
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.coriolis_factor import Coupling, add_coupling, coupled, unshift_coupling
+from ..algebra.euclidean import Vec, cross, minus, plus, rotate, times
+from ..algebra.records import (
+    coupling_of,
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_from,
+    pose_of,
+    public_force,
+    public_motion,
+    put_coupling,
+    put_force,
+    put_inertia,
+    put_motion,
+    put_pose,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Force,
     Inertia,
     Motion,
@@ -34,25 +51,8 @@ from ..spatial import (
     zero_force,
     zero_motion,
 )
-from ..tables import (
-    coupling_of,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_from,
-    pose_of,
-    public_force,
-    public_motion,
-    put_coupling,
-    put_force,
-    put_inertia,
-    put_motion,
-    put_pose,
-    table_dtype,
-    vec_of,
-)
+from ..bodies.joints import joint_motion, place_joint
 from .derivatives import outward
-from .joints import joint_motion, place_joint
 from .kinematics import referred
 from .spec import CLASSICAL, LOCAL, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
 

@@ -12,9 +12,34 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import Rot, Sym, Vec, add_sym, cross, dot, minus, negative, plus, spin_matrix, times, unrotate, zero
-from ..scalars import inlined
-from ..spatial import (
+from ..algebra.euclidean import (
+    Rot,
+    Sym,
+    Vec,
+    add_sym,
+    cross,
+    dot,
+    minus,
+    negative,
+    plus,
+    spin_matrix,
+    times,
+    unrotate,
+    zero,
+)
+from ..algebra.records import (
+    inertia_of,
+    motion_of,
+    pose_of,
+    public_inertia,
+    put_motion,
+    put_pose,
+    put_vec,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined
+from ..algebra.spatial import (
     Inertia,
     Motion,
     Pose,
@@ -26,18 +51,7 @@ from ..spatial import (
     scale_motion,
     zero_motion,
 )
-from ..tables import (
-    inertia_of,
-    motion_of,
-    pose_of,
-    public_inertia,
-    put_motion,
-    put_pose,
-    put_vec,
-    table_dtype,
-    vec_of,
-)
-from .joints import joint_motion, place_joint
+from ..bodies.joints import joint_motion, place_joint
 from .kinematics import carried
 from .spec import PLACEMENT, ROW, A, Argument, Q, Spec, V
 

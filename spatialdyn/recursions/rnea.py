@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import Rot, Vec, cross, minus, negative, plus, rate_of_spin, rotate, spin_matrix, times, unrotate, zero
-from ..scalars import inlined
-from ..spatial import Force, Pose, add_force, force_to_parent, power, sub_force, zero_force
-from ..tables import (
+from ..algebra.euclidean import (
+    Rot,
+    Vec,
+    cross,
+    minus,
+    negative,
+    plus,
+    rate_of_spin,
+    rotate,
+    spin_matrix,
+    times,
+    unrotate,
+    zero,
+)
+from ..algebra.records import (
     force_from,
     force_of,
     inertia_of,
@@ -18,7 +29,9 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
-from .joints import joint_motion, off_norm, place_joint
+from ..algebra.scalars import inlined
+from ..algebra.spatial import Force, Pose, add_force, force_to_parent, power, sub_force, zero_force
+from ..bodies.joints import joint_motion, off_norm, place_joint
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
 WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec)  # lv: linear velocity, where q is off its norm

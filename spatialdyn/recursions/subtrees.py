@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..euclidean import Vec, times, unrotate
-from ..scalars import Scalar, inlined, select
-from ..spatial import Force, Inertia, Motion, Pose, add_force, cross_force, momentum, zero_force
-from ..tables import (
+from ..algebra.euclidean import Vec, times, unrotate
+from ..algebra.records import (
     force_of,
     inertia_of,
     motion_of,
@@ -20,6 +18,8 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
+from ..algebra.scalars import Scalar, inlined, select
+from ..algebra.spatial import Force, Inertia, Motion, Pose, add_force, cross_force, momentum, zero_force
 from .centroidal import outward
 from .energy import WORK_MOMENT, mass_moment
 from .spec import A, Argument, Q, Spec, V

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
-from ..dynamics import calls
-from ..engines import jit
-from ..engines.small import kernel
+from ..algebra.euclidean import rotate
+from ..algebra.lie import Quat, matrix, product
+from ..algebra.scalars import cos, inlined, sin
+from ..bodies.table import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
+from ..calls.dynamics import calls
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.table_kernels import kernel
 from ..errors import NonFiniteError, SimulationError, SpatialDynError
-from ..euclidean import rotate
 from ..recursions.configuration import twist
-from ..recursions.lie import Quat, matrix, product
-from ..scalars import cos, inlined, sin
 from .recorder import Recorder
 from .torques import Torque
 
@@ -49,7 +49,7 @@ def run_adaptive(
                 a = calls["aba"](model, q, v, torque.at(step, t, q, v), fext)
             except NonFiniteError as error:
                 raise SimulationError(f"the state is not finite any more at t = {t:.9g} s: {error}") from error
-            rate(getattr(model, jit.TABLE), q, v, dq)
+            rate(getattr(model, numba_kernels.TABLE), q, v, dq)
             return np.concatenate([dq, a])
 
         return at

@@ -1,23 +1,23 @@
 """Explicit methods in (q, v): Euler's, semi-implicit Euler, velocity Verlet, and the Runge-Kutta method of order 4.
 
 q moves on the group of the joints, q ∘ exp(h v) in the body's frame, so quaternions stay of unit norm and no chart is
-left. None of them is symplectic as soon as M depends on q: ``canonical`` and ``variational`` have those that are.
+left. None of them is symplectic as soon as M depends on q: ``symplectic`` and ``variational`` have those that are.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..bodies import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
-from ..engines import jit
-from ..engines.small import kernel
-from ..euclidean import dot, plus, rotate
+from ..algebra.euclidean import dot, plus, rotate
+from ..algebra.lie import log_jacobian
+from ..algebra.scalars import inlined, woven
+from ..algebra.spatial import Motion
+from ..bodies.table import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.checks import all_finite
+from ..engines.compiled.table_kernels import kernel
 from ..recursions import SPECS
-from ..recursions.checks import all_finite
 from ..recursions.configuration import put_twist, twist
-from ..recursions.lie import log_jacobian
-from ..scalars import inlined, woven
-from ..spatial import Motion
 from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
 
 HALF_TURN = 9.8696  # π² [rad²]
@@ -34,8 +34,8 @@ class Kernels(NamedTuple):
 
 def kernels(loaded: bool) -> Kernels:
     """The kernels of these methods, compiled when first asked for; ``loaded`` says that there are external forces."""
-    aba = jit.single(jit.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
-    integrate = jit.single(SPECS["integrate"])
+    aba = numba_kernels.single(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
+    integrate = numba_kernels.single(SPECS["integrate"])
     return Kernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
 
 

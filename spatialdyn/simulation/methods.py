@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from . import canonical, explicit, variational
+from . import explicit, symplectic, variational
 
 KEEPS_NOTHING = "nothing"
 SYMPLECTIC = "Ω"
@@ -58,7 +58,7 @@ class Method:
 
 
 EXPLICIT = Family("v", explicit.kernels, explicit.start, explicit.observe, 10)
-CANONICAL = Family("p", canonical.kernels, canonical.start, canonical.observe, canonical.ROWS, wide=True)
+CANONICAL = Family("p", symplectic.kernels, symplectic.start, symplectic.observe, symplectic.ROWS, wide=True)
 DISCRETE = Family("p", variational.kernels, variational.start, variational.observe, variational.ROWS)
 
 _ALL = (
@@ -81,23 +81,23 @@ _ALL = (
     ),
     Method(
         "symplectic_euler", 1, 1, SYMPLECTIC, "implicit in p",
-        CANONICAL, canonical.symplectic_euler,
+        CANONICAL, symplectic.symplectic_euler,
     ),
     Method(
         "stormer_verlet", 2, 2, SYMMETRIC, "generalised to M(q), implicit in p and then in q (HLW VI.3)",
-        CANONICAL, canonical.stormer_verlet,
+        CANONICAL, symplectic.stormer_verlet,
     ),
     Method(
         "implicit_midpoint", 2, 1, SYMMETRIC, "implicit in q and p; compensated summation",
-        CANONICAL, canonical.implicit_midpoint,
+        CANONICAL, symplectic.implicit_midpoint,
     ),
     Method(
         "gauss4", 4, 2, SYMMETRIC, "Gauss's collocation in 2 stages; compensated summation",
-        CANONICAL, canonical.gauss4,
+        CANONICAL, symplectic.gauss4,
     ),
     Method(
         "gauss6", 6, 3, SYMMETRIC, "Gauss's collocation in 3 stages; compensated summation: for long, accurate runs",
-        CANONICAL, canonical.gauss6,
+        CANONICAL, symplectic.gauss6,
     ),
     Method(
         "variational", 2, 1, MOMENTA, "discrete mechanics on the group of the joints, O(n)",

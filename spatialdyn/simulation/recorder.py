@@ -9,12 +9,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..border import as_number
-from ..dynamics import calls
-from ..engines import batches
+from ..calls.arguments import as_number
+from ..calls.dynamics import calls
+from ..calls.specialize import Specialized, specialize
+from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
-from ..model import Model
-from ..specialize import Specialized, specialize
+from ..model.model import Model
 from .methods import Method
 from .trajectory import Trajectory
 
@@ -107,7 +107,7 @@ class Recorder:
         return Trajectory(t, q, v, p, tau, T + V, self.method.name, self.steps.dt, model.name, interrupted, model)
 
 
-@lru_cache(maxsize=batches.KEPT)
+@lru_cache(maxsize=batch_kernels.KEPT)
 def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
     """Calls as one program, which answers for any number of samples: their bits do not depend on how many there are."""
     return specialize(model, [calls[name] for name in names])

@@ -14,18 +14,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..bodies import PRISMATIC, REVOLUTE
-from ..border import as_array, as_flag, as_number, broadcast, check_model
-from ..dynamics import calls
-from ..engines import batches, jit, loops, narrow
-from ..engines.loops import Driven
-from ..engines.trace import Program, scratch
+from ..bodies.table import PRISMATIC, REVOLUTE
+from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
+from ..calls.dynamics import calls
+from ..engines.compiled import numba_kernels
+from ..engines.programs import batch_kernels, float32_range, time_loop
+from ..engines.programs.time_loop import Driven
+from ..engines.programs.tracer import Program, scratch
 from ..errors import ModelError, ShapeError, SimulationError
-from ..model import Model
+from ..model.model import Model
+from ..model.robot import masked
 from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from ..robot import masked
 from . import explicit
 from .system import OK, State, System, held_torque
 
@@ -311,7 +312,7 @@ def step_specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
 
 @lru_cache(maxsize=32)
 def _program(model: Model, method: str, law: bool, driven: bool) -> Program:
-    return batches.record(step_specs(method, law, driven), model.bodies).program
+    return batch_kernels.record(step_specs(method, law, driven), model.bodies).program
 
 
 def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
@@ -319,7 +320,9 @@ def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
     if dtype == np.float64:
         return True
     diagonal = np.diagonal(calls["crba"](model, q))
-    return not narrow.beyond(model.bodies) and bool(((diagonal >= narrow.LEAST) & (diagonal <= narrow.MOST)).all())
+    return not float32_range.beyond(model.bodies) and bool(
+        ((diagonal >= float32_range.LEAST) & (diagonal <= float32_range.MOST)).all()
+    )
 
 
 def _run(
@@ -337,13 +340,13 @@ def _run(
     specs, given = step_specs(method, law, driven), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
-    if not jit.PLAIN and batches.fits(specs, model.bodies) and _holds(model, states[0][0], dtype):
-        kernel = batches.kernel(specs, model.bodies, model.key, dtype=dtype)
+    if not numba_kernels.PLAIN and batch_kernels.fits(specs, model.bodies) and _holds(model, states[0][0], dtype):
+        kernel = batch_kernels.kernel(specs, model.bodies, model.key, dtype=dtype)
         if kernel is not None:
             with np.errstate(over="ignore"):
                 start = [x.astype(dtype, copy=False) for x in states]
                 driving = [Driven(x.rows.astype(dtype, copy=False)) for x in given]
-            again = loops.run(kernel, start, driving, records, steps, every)
+            again = time_loop.run(kernel, start, driving, records, steps, every)
     if not len(again):
         return
     # what lanes leave: angles beyond the short sine's range, states that are not finite, masses beyond float32's range

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..border import as_array, as_number, check_model
-from ..dynamics import calls
-from ..engines import jit
+from ..calls.arguments import as_array, as_number, check_model
+from ..calls.dynamics import calls
+from ..engines.compiled import numba_kernels
 from ..errors import (
     ModelError,
     NonFiniteError,
@@ -26,17 +26,17 @@ from ..errors import (
     SimulationInterrupt,
     SpatialDynError,
 )
-from ..model import Model
+from ..model.model import Model
 from .adaptive import run_adaptive
-from .canonical import SETTLED, SWEEPS
+from .compiled_loop import compiled, drive
 from .energy import FAST, exploded, scale_of
-from .loop import compiled, drive
 from .methods import Method, integrators
+from .program_steps import program, slice_of
 from .progress import Progress, reporting
 from .recorder import Recorder, Steps
+from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
-from .traced import program, slice_of
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -80,8 +80,9 @@ def simulate(
     rtol, atol  tolerances of dop853 and radau
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
-    coordinates (x, π) of charts (``simulation.charts``); for v that are rates of coordinates these are (q, p). A method
-    in (q, v) that leaves M's change out of account, such as Verlet's, is not symplectic as soon as M depends on q.
+    coordinates (x, π) of charts (``canonical_coordinates``); for v that are rates of coordinates these are (q, p). A
+    method in (q, v) that leaves M's change out of account, such as Verlet's, is not symplectic as soon as M depends on
+    q.
     Explicit methods step a robot as one program wherever no function of the user's and no fext drives it and the robot
     is not too long for one (its freedoms times the evaluations of ``integrators`` at most 128); it is compiled once for
     a model and a method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and kept on disk.
@@ -246,7 +247,15 @@ def _run_fixed(
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     trouble = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
-    data = (getattr(model, jit.TABLE), torque.held, forces, units(model.bodies), np.zeros(n), np.zeros(n), trouble)
+    data = (
+        getattr(model, numba_kernels.TABLE),
+        torque.held,
+        forces,
+        units(model.bodies),
+        np.zeros(n),
+        np.zeros(n),
+        trouble,
+    )
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque

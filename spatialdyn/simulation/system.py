@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engines import jit
-from ..recursions.checks import all_finite
-from ..scalars import inlined
+from ..algebra.scalars import inlined
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.checks import all_finite
 
-OK, UNIT, PIVOT, NONFINITE = jit.OK, jit.UNIT, jit.PIVOT, jit.NONFINITE
+OK, UNIT, PIVOT, NONFINITE = numba_kernels.OK, numba_kernels.UNIT, numba_kernels.PIVOT, numba_kernels.NONFINITE
 TORQUE, STALLED, TURNED = 5, 6, 7  # further codes of trouble
 
 

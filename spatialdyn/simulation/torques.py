@@ -11,8 +11,8 @@ import numpy as np
 from numba.extending import is_jitted
 from numpy.typing import NDArray
 
-from ..border import as_array
-from ..engines import jit
+from ..calls.arguments import as_array
+from ..engines.compiled import numba_kernels
 from ..errors import ShapeError, SimulationError
 from .recorder import Steps
 
@@ -53,7 +53,7 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
     Raises ShapeError for an array of another shape, SimulationError for one that is not finite, with the time.
     """
     if torque is None:
-        return Torque(np.zeros((1, nv)), None, not jit.PLAIN)
+        return Torque(np.zeros((1, nv)), None, not numba_kernels.PLAIN)
     if not callable(torque):
         rows = as_array("torque", torque)
         if rows.shape not in ((nv,), (steps.total, nv)):
@@ -67,7 +67,7 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
             raise SimulationError(
                 f"torque is {rows[step].tolist()} at t = {steps.time(step):.9g} s (row {step}), expected finite numbers"
             )
-        return Torque(rows, None, not jit.PLAIN)
+        return Torque(rows, None, not numba_kernels.PLAIN)
     if is_jitted(torque):
         return Torque(np.zeros((1, nv)), torque, True)
     return Torque(np.zeros((1, nv)), _writing(torque, nv), False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
-from ..model import Model
+from ..model.model import Model
 
 Array = NDArray[np.float64]
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")

@@ -23,17 +23,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..bodies import FOLLOW
-from ..engines import jit
-from ..engines.small import kernel
-from ..euclidean import Vec, cross, plus, times, unrotate, zero
-from ..recursions import SPECS
-from ..recursions.configuration import put_twist, twist
-from ..recursions.joints import joint_motion, place_joint
-from ..recursions.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
-from ..scalars import inlined, woven
-from ..spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
-from ..tables import (
+from ..algebra.euclidean import Vec, cross, plus, times, unrotate, zero
+from ..algebra.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
+from ..algebra.records import (
     force_of,
     inertia_of,
     motion_of,
@@ -43,7 +35,15 @@ from ..tables import (
     table_dtype,
     vec_of,
 )
-from .canonical import LARGEST, SLOW, SWEEPS, quicken, relative, settled
+from ..algebra.scalars import inlined, woven
+from ..algebra.spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
+from ..bodies.joints import joint_motion, place_joint
+from ..bodies.table import FOLLOW
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.table_kernels import kernel
+from ..recursions import SPECS
+from ..recursions.configuration import put_twist, twist
+from .symplectic import LARGEST, SLOW, SWEEPS, quicken, relative, settled
 from .system import OK, TURNED, State, System, copy, note
 
 ROWS = 18
@@ -67,9 +67,9 @@ def kernels(loaded: bool) -> Kernels:
     """The kernels of the method, compiled when first asked for; ``loaded`` says that there are external forces."""
     return Kernels(
         _loaded if loaded else _free,
-        jit.single(SPECS["static_torque" if loaded else "generalized_gravity"]),
-        jit.single(SPECS["velocity_from_momentum"]),
-        jit.single(SPECS["integrate"]),
+        numba_kernels.single(SPECS["static_torque" if loaded else "generalized_gravity"]),
+        numba_kernels.single(SPECS["velocity_from_momentum"]),
+        numba_kernels.single(SPECS["integrate"]),
         kernel(momenta_before, 1, 1, 2, 1, 1, work=WORK_BEFORE),
         kernel(momenta_after, 1, 1, 2, 1, 1, work=WORK_AFTER),
     )

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import dynamics
-from ..model import Model
+from ..calls import dynamics
+from ..model.model import Model
 from ..recursions import SPECS
 from . import derived
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InertiaError, NonFiniteError, SpatialDynError
-from ..model import Model
-from ..urdf import load_urdf
+from ..model.model import Model
+from ..urdf.load import load_urdf
 from .calls import BY_LABEL, CALLS, FORWARD, Call, ours_of
 from .identities import by_identity
 from .measures import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InertiaError, NonFiniteError
-from ..model import Model
+from ..model.model import Model
 from .calls import BY_LABEL, FORWARD, Call, ours_of
 from .measures import BOUND, RAISED, raised, rounding, scaled_error, singular, times_vector
 from .rows import Row, judged

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..border import core_shape
+from ..calls.arguments import core_shape
 from ..errors import SpatialDynError
-from ..model import Frame, Model
+from ..model.model import Frame, Model
 from ..recursions import SPECS
-from ..urdf import find_robot
+from ..urdf.load import find_robot
 from .calls import REFERENCES, Call
 from .states import States
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import dynamics
-from ..model import Joint, Model
+from ..calls import dynamics
+from ..model.model import Joint, Model
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import timeit
 from statistics import median
 from typing import Any
 
-from .. import dynamics
-from ..model import Model
+from ..calls import dynamics
+from ..model.model import Model
 from .calls import REFERENCES, Call
 from .peer import Peer
 from .states import States

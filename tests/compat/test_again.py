@@ -147,7 +147,7 @@ def test_a_joint_that_is_moved_takes_effect_whatever_it_hangs_on(joint: int) -> 
 
 
 def test_the_errors_of_the_face_are_those_of_the_library() -> None:
-    from spatialdyn.compat.pinocchio.arguments import RangeError
+    from spatialdyn.compat.pinocchio.types.arguments import RangeError
 
     assert issubclass(RangeError, (sd.SpatialDynError,))
     assert issubclass(RangeError, OverflowError)

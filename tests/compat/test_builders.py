@@ -11,9 +11,9 @@ import pytest
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.compat.pinocchio.compiled import made
-from spatialdyn.states import random_configuration
-from spatialdyn.urdf import example_robots, find_robot
+from spatialdyn.calls.states import random_configuration
+from spatialdyn.compat.pinocchio.model.library_model import made
+from spatialdyn.urdf.load import example_robots, find_robot
 
 from .same import assert_close, assert_same_model
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import spatialdyn.compat.pinocchio as face
-from spatialdyn.urdf import find_robot
+from spatialdyn.urdf.load import find_robot
 
 pin = pytest.importorskip("pinocchio")
 

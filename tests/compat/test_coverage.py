@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import spatialdyn.compat.pinocchio as face
-from spatialdyn.compat.pinocchio.coverage import DIFFERENT, INSTEAD, OUT_OF_SCOPE, SUPPORTED, UNKNOWN, entry
-from spatialdyn.compat.pinocchio.names import NAMES
+from spatialdyn.compat.pinocchio.coverage.coverage import DIFFERENT, INSTEAD, OUT_OF_SCOPE, SUPPORTED, UNKNOWN, entry
+from spatialdyn.compat.pinocchio.coverage.pinocchio_names import NAMES
 
 STATUSES = {SUPPORTED, DIFFERENT, OUT_OF_SCOPE}
 

@@ -11,8 +11,8 @@ import pytest
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.compat.pinocchio.compiled import made
-from spatialdyn.states import random_configuration
+from spatialdyn.calls.states import random_configuration
+from spatialdyn.compat.pinocchio.model.library_model import made
 
 from .same import PLACED, assert_close, assert_same_model
 

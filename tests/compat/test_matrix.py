@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.compat.pinocchio.data import FIELDS, SCRATCH
+from spatialdyn.compat.pinocchio.data.data import FIELDS, SCRATCH
 from spatialdyn.errors import InertiaError, SpatialDynError
-from spatialdyn.urdf import example_robots, robot_names
+from spatialdyn.urdf.load import example_robots, robot_names
 from spatialdyn.validate.measures import VALUE_BOUND, WELL_CONDITIONED, unit_diagonal
 
 from .calls import CALLS, Row

@@ -15,8 +15,8 @@ import pytest
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.compat.pinocchio.compiled import made, placed
-from spatialdyn.urdf import example_robots, find_robot, robot_names
+from spatialdyn.compat.pinocchio.model.library_model import made, placed
+from spatialdyn.urdf.load import example_robots, find_robot, robot_names
 
 from .same import assert_close, assert_same_model
 

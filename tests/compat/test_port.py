@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from spatialdyn import cli
-from spatialdyn.compat.pinocchio.coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, UNKNOWN
-from spatialdyn.compat.pinocchio.porting import Use, uses
+from spatialdyn.commands import cli
+from spatialdyn.compat.pinocchio.coverage.coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, UNKNOWN
+from spatialdyn.compat.pinocchio.coverage.porting import Use, uses
 
 GOOD = """
 import numpy as np

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.robot_files import find_robot
+from spatialdyn.urdf.robot_files import find_robot
 
 FACE = "spatialdyn.compat.pinocchio"
 PROGRAMS = sorted((Path(__file__).parent / "scripts").glob("*.py"))

@@ -17,7 +17,7 @@ import pytest
 
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn import SpatialDynError
-from spatialdyn.compat.pinocchio.live import Live, live
+from spatialdyn.compat.pinocchio.types.tracked_array import Live, live
 from spatialdyn.errors import InertiaError
 
 EPS = float(np.finfo(float).eps)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ...constraints.contact import back, factor
 from ...errors import InertiaError
-from .calls import vector
-from .data import prepared
-from .kinds import diagonal, unit_upper
+from .data.data import prepared
+from .data.dispatch import vector
+from .data.field_recipes import diagonal, unit_upper
 
 Array = NDArray[np.float64]
 

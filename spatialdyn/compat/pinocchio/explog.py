@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import algebra
 from ...errors import ShapeError, SpatialDynError
-from .arguments import ArgumentError, array, described, expected
-from .motion import Motion
-from .rotations import Quaternion
-from .se3 import SE3
+from ..native import operator_kernels
+from .types.arguments import ArgumentError, array, described, expected
+from .types.motion import Motion
+from .types.rotations import Quaternion
+from .types.se3 import SE3
 
 Array = NDArray[np.float64]
 
@@ -50,14 +50,14 @@ def log(x: Any) -> Any:
 def exp3(w: Any) -> Array:
     """The rotation (3, 3) by |w| about w (3,) [rad]."""
     out = np.empty((3, 3))
-    algebra.exp3(array(w, (3,), "w"), out)
+    operator_kernels.exp3(array(w, (3,), "w"), out)
     return out
 
 
 def exp3_quat(w: Any) -> Array:
     """The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad]."""
     out = np.empty(4)
-    algebra.exp3_quat(array(w, (3,), "w"), out)
+    operator_kernels.exp3_quat(array(w, (3,), "w"), out)
     return out
 
 
@@ -68,11 +68,11 @@ def log3(R: Any, theta: Array | None = None) -> Array:
     """
     out = np.empty(3)
     if isinstance(R, Quaternion) and theta is None:
-        algebra.log3_quat(R._x, out)
+        operator_kernels.log3_quat(R._x, out)
     elif isinstance(R, np.ndarray) and R.shape in ((4,), (4, 1)):
-        algebra.log3_quat(array(R, (4,), "quat"), out)
+        operator_kernels.log3_quat(array(R, (4,), "quat"), out)
     else:
-        algebra.log3(array(R, (3, 3), "R"), out)
+        operator_kernels.log3(array(R, (3, 3), "R"), out)
     if theta is not None:
         if not isinstance(theta, np.ndarray) or theta.size != 1:
             raise ArgumentError(f"theta is {described(theta)}, expected an array of shape (1,)")
@@ -83,21 +83,21 @@ def log3(R: Any, theta: Array | None = None) -> Array:
 def Jexp3(w: Any) -> Array:
     """The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order."""
     out = np.empty((3, 3))
-    algebra.exp3_jacobian(array(w, (3,), "w"), out)
+    operator_kernels.exp3_jacobian(array(w, (3,), "w"), out)
     return out
 
 
 def Jlog3(R: Any) -> Array:
     """The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order."""
     out = np.empty((3, 3))
-    algebra.log3_jacobian(array(R, (3, 3), "R"), out)
+    operator_kernels.log3_jacobian(array(R, (3, 3), "R"), out)
     return out
 
 
 def Hlog3(R: Any, v: Any) -> Array:
     """The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0."""
     out = np.empty((3, 3))
-    algebra.log3_bend(array(R, (3, 3), "R"), array(v, (3,), "v"), out)
+    operator_kernels.log3_bend(array(R, (3, 3), "R"), array(v, (3,), "v"), out)
     return out
 
 
@@ -115,42 +115,42 @@ def _pose(M: Any) -> Array:
 def exp6(v: Any) -> SE3:
     """Where the motion v, a Motion or an array (6,), held for unit time in the moving frame, ends."""
     out = np.empty((4, 4))
-    algebra.exp6(_twist(v), out)
+    operator_kernels.exp6(_twist(v), out)
     return SE3.over(out)
 
 
 def exp6_quat(v: Any) -> Array:
     """The same as x y z and quaternion x y z w (7,), of an array (6,)."""
     out = np.empty(7)
-    algebra.exp6_seven(array(v, (6,), "v"), out)
+    operator_kernels.exp6_seven(array(v, (6,), "v"), out)
     return out
 
 
 def log6(M: Any) -> Motion:
     """The Motion that ends at M, an SE3 or an array (4, 4), after unit time; it turns by π at most."""
     out = np.empty(6)
-    algebra.log6(_pose(M), out)
+    operator_kernels.log6(_pose(M), out)
     return Motion.over(out)
 
 
 def log6_quat(q: Any) -> Motion:
     """The same of x y z and quaternion x y z w (7,)."""
     out = np.empty(6)
-    algebra.log6_seven(array(q, (7,), "q"), out)
+    operator_kernels.log6_seven(array(q, (7,), "q"), out)
     return Motion.over(out)
 
 
 def Jexp6(v: Any) -> Array:
     """The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,)."""
     out = np.empty((6, 6))
-    algebra.exp6_jacobian(_twist(v), out)
+    operator_kernels.exp6_jacobian(_twist(v), out)
     return out
 
 
 def Jlog6(M: Any) -> Array:
     """The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3."""
     out = np.empty((6, 6))
-    algebra.log6_jacobian(expected(M, SE3, "M")._x, out)
+    operator_kernels.log6_jacobian(expected(M, SE3, "M")._x, out)
     return out
 
 
@@ -160,7 +160,7 @@ def Jlog6(M: Any) -> Array:
 def SE3ToXYZQUAT(M: SE3) -> Array:
     """Translation x y z and quaternion x y z w (7,) of an SE3."""
     out = np.empty(7)
-    algebra.to_seven(expected(M, SE3, "M")._x, out)
+    operator_kernels.to_seven(expected(M, SE3, "M")._x, out)
     return out
 
 
@@ -177,7 +177,7 @@ def XYZQUATToSE3(x: Any) -> SE3:
     if given.shape != (7,):
         raise ShapeError(f"x has {given.size} numbers, expected 7")
     out = np.empty((4, 4))
-    algebra.from_seven(given, out)
+    operator_kernels.from_seven(given, out)
     return SE3.over(out)
 
 

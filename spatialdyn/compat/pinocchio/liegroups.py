@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ShapeError
-from . import configuration
-from .arguments import ArgumentError, described, expected
-from .containers import StdVec_Index
-from .frame import ARG0, ARG1, ArgumentPosition
-from .joint import JointModel
-from .joints import JointModelPX, JointModelRUBX
-from .joints_many import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
-from .model import Model
-from .se3 import SE3 as Placement
-from .tangent import tangentMap, tangentMapProduct, tangentMapTransposeProduct
+from .algorithms import configuration
+from .algorithms.tangent_map import tangentMap, tangentMapProduct, tangentMapTransposeProduct
+from .model.joint import JointModel
+from .model.joints_compound import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
+from .model.joints_one_axis import JointModelPX, JointModelRUBX
+from .model.model import Model
+from .types.arguments import ArgumentError, described, expected
+from .types.containers import StdVec_Index
+from .types.frame import ARG0, ARG1, ArgumentPosition
+from .types.se3 import SE3 as Placement
 
 Array = NDArray[np.float64]
 JOINTS: Mapping[str, type[JointModel]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ShapeError
-from .arguments import ArgumentError, described
+from .types.arguments import ArgumentError, described
 
 Array = NDArray[np.float64]
 

@@ -8,16 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from . import centroidal, configuration, dynamics, jacobians, kinematics
-from .arguments import ValueRuntimeError
-from .coverage import OutOfScopeAttributeError, OutOfScopeError
-from .frame import LOCAL
-from .geometry import buildModelsFromUrdf, createDatas
-from .inertia import Inertia
-from .model import Model
-from .motion import Force, Motion
-from .rebuilt import buildReducedModel
-from .se3 import SE3
+from .algorithms import centroidal, configuration, dynamics, jacobians, kinematics
+from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
+from .model.geometry import buildModelsFromUrdf, createDatas
+from .model.model import Model
+from .model.model_surgery import buildReducedModel
+from .types.arguments import ValueRuntimeError
+from .types.frame import LOCAL
+from .types.inertia import Inertia
+from .types.motion import Force, Motion
+from .types.se3 import SE3
 from .visualize import MeshcatVisualizer
 
 Array = NDArray[np.float64]

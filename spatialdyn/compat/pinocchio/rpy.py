@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
-from ...robot import rpy_matrix, rpy_of
-from .arguments import array, number
-from .frame import LOCAL, ReferenceFrame
+from ...model.robot import rpy_matrix, rpy_of
+from .types.arguments import array, number
+from .types.frame import LOCAL, ReferenceFrame
 
 Array = NDArray[np.float64]
 AXES = {"x": 0, "y": 1, "z": 2}

@@ -1,5 +1,5 @@
 """Stands for ``pinocchio.serialization``, which is out of scope: importing it says what to use instead."""
 
-from .coverage import missing_module
+from .coverage.coverage import missing_module
 
 missing_module(__name__)

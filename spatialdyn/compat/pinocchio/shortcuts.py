@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .dynamics import nle
-from .geometry import buildModelsFromUrdf, createDatas
+from .algorithms.dynamics import nle
+from .model.geometry import buildModelsFromUrdf, createDatas
 
 __all__ = ["buildModelsFromUrdf", "createDatas", "nle"]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.linalg as npl
 
-from .containers import StdVec_StdString
-from .live import Value
 from .rpy import matrixToRpy, rotate, rpyToMatrix
+from .types.containers import StdVec_StdString
+from .types.tracked_array import Value
 
 __all__ = [
     "eye",

@@ -12,10 +12,10 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any, ClassVar
 
-from .coverage import OutOfScopeAttributeError, OutOfScopeError
-from .data import Data
-from .geometry import GeometryData, GeometryModel
-from .model import Model
+from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
+from .data.data import Data
+from .model.geometry import GeometryData, GeometryModel
+from .model.model import Model
 
 _ADVICE = "draw the poses data.oMi with meshcat or viser"
 

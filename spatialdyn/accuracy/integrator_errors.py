@@ -1,0 +1,203 @@
+"""Ways to let a robot move: every integrator at steps from coarse to fine, against the same motion in double-double."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import time
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.arguments import as_array, as_count
+from ..calls.dynamics import calls
+from ..calls.states import random_configuration
+from ..engines.compiled import numba_kernels
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..model.model import Model
+from ..simulation import integrators, simulate
+from ..simulation.reference_motion import Motion, exact_motion
+from .call_errors import PATIENCE, drawn
+from .references import bound
+from .results import Further, Option
+
+Array = NDArray[np.float64]
+
+STATES = 4
+MOST = 1 << 12
+SAMPLES = 10  # times at which motions are compared
+FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
+BUDGET = 0.15  # seconds that a run of a method may take
+FLOOR = 0.3  # a finer step that does not lower the error below this much of it is the last
+MORE = 32  # states, after which a margin of 2 may be enough
+FINER = 0.01  # of a tolerance: the error of a motion that others are held against
+TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
+
+
+def states_of(model: Model, states: Any) -> tuple[Array, Array]:
+    """(q0, v0) that are given, or so many random ones at rest."""
+    if drawn(states):
+        count = STATES if states is None else as_count(states, MOST)
+        if not count:
+            raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays q0, v0")
+        return random_states(model, count, 0)
+    try:
+        given = dict(zip(("q0", "v0"), states, strict=True))
+    except (TypeError, ValueError):
+        raise ShapeError("states is no pair of arrays, expected q0 and v0") from None
+    q0, v0 = (np.atleast_2d(as_array(name, x)) for name, x in given.items())
+    if q0.shape != (len(q0), model.nq) or v0.shape != (len(q0), model.nv) or not len(q0):
+        raise ShapeError(f"states has shapes {q0.shape} and {v0.shape}, expected (n, {model.nq}) and (n, {model.nv})")
+    if not (np.isfinite(q0).all() and np.isfinite(v0).all()):
+        raise NonFiniteError("states holds numbers that are not finite, expected finite ones")
+    return q0, v0
+
+
+def random_states(model: Model, count: int, seed: int | list[int]) -> tuple[Array, Array]:
+    """Random configurations at rest."""
+    return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
+
+
+def measured(
+    model: Model, states: Any, duration: float, methods: Sequence[str] | None
+) -> tuple[list[Option], int, float]:
+    """Options of a simulation, how many states they were measured in, and the error of the truth.
+
+    methods  names of integrators, None for all that can be run here
+    """
+    names = list(integrators if methods is None else methods)
+    if methods is None and importlib.util.find_spec("scipy") is None:
+        names = [name for name in names if integrators[name].family is not None]
+    q0, v0 = states_of(model, states)
+    calls["aba"](model, q0, v0, np.zeros(model.nv))  # names what is wrong with the states, or with the model
+    t = np.linspace(0.0, duration, SAMPLES + 1)
+    truth = exact_motion(model, q0, v0, t)
+    options = []
+    for name in names:
+        method = integrators[name]
+        options += _fixed(model, name, truth, duration) if method.family else _adaptive(model, name, truth, duration)
+    return options, len(q0), float(truth.error.max())
+
+
+def off(model: Model, run: Any, truth: Motion, k: int) -> float:
+    """Error of a motion: the largest of q over how far any coordinate moves, and of v over the fastest."""
+    if len(run) != len(truth.t) or not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
+        return math.inf
+    q, v = truth.q[:, k], truth.v[:, k]
+    wrong = abs(np.asarray(calls["difference"](model, q, calls["normalize"](model, run.q)))).max(initial=0.0)
+    way = abs(np.asarray(calls["difference"](model, np.broadcast_to(q[0], q.shape), q))).max(initial=0.0)
+    slip, fast = abs(run.v - v).max(initial=0.0), abs(v).max(initial=0.0)
+    return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
+
+
+def further(model: Model, duration: float, options: Sequence[Option]) -> Further:
+    """What says of ways from how many more states they stay within a tolerance: their errors, if from all of MORE.
+
+    The truth there is another way, whose bound is a hundredth of the tolerance, and of the error of what is judged if
+    there is one; its bound is counted as an error of others. None where there is no such way, or where this takes
+    longer than PATIENCE.
+    """
+    t = np.linspace(0.0, duration, SAMPLES + 1)
+
+    def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+        finer = _finer(options, open_, tolerance)
+        if finer is None or finer.run is None:
+            return None
+        began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
+        for q, v in zip(*random_states(model, MORE, [0, 1]), strict=True):
+            try:
+                best = finer.run(q, v, duration, sampled=True)
+            except (SimulationError, NonFiniteError):
+                return None
+            truth = Motion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
+            for x in open_:
+                if x.name not in errors or x.run is None:
+                    continue
+                try:
+                    found = off(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
+                except (SimulationError, NonFiniteError):
+                    found = math.inf
+                errors[x.name] = np.append(errors[x.name], found)
+                if found > tolerance:
+                    del errors[x.name]
+            if not errors:
+                break
+            if time.thread_time() - began > PATIENCE:
+                return None
+        return errors
+
+    return judged
+
+
+def _finer(options: Sequence[Option], judged: Sequence[Option], tolerance: float) -> Option | None:
+    """The cheapest way that is fine enough to judge others by, the finest if none is finer than they are."""
+    names = {x.name for x in judged}
+    others = [x for x in options if x.name not in names and x.bound <= FINER * tolerance]
+    goal = FINER * min((x.error for x in judged), default=0.0)
+    fine = [x for x in others if x.bound <= goal]
+    return min(fine, key=lambda x: x.ns) if fine else min(others, key=lambda x: x.bound, default=None)
+
+
+def _over(wrong: float, size: float) -> float:
+    return wrong / size if size > 0.0 else wrong
+
+
+def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Option]:
+    """A method at steps ever finer, until they cost too much or gain nothing."""
+    found: list[Option] = []
+    steps = FIRST
+    while True:
+        dt = duration / steps
+        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt!r}, "{name}"', truth, duration, method=name, dt=dt)
+        found.append(option)
+        seconds = option.ns * 1e-9 * duration
+        stale = len(found) > 1 and math.isfinite(option.error) and not option.error < FLOOR * found[-2].error
+        if numba_kernels.PLAIN or stale or seconds * FACTOR > BUDGET:
+            return found
+        steps *= FACTOR
+
+
+def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[Option]:
+    """A method at several tolerances."""
+    made = []
+    for rtol in TOLERANCES:
+        words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
+        code = f'{words["dt"]!r}, "{name}", rtol={rtol!r}, atol={words["atol"]!r}'
+        made.append(_option(model, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
+        if numba_kernels.PLAIN or made[-1].ns * 1e-9 * duration > BUDGET:
+            break
+    return made
+
+
+def _option(model: Model, label: str, code: str, truth: Motion, duration: float, **words: Any) -> Option:
+    """A method measured on all motions."""
+
+    every = max(1, round(duration / words["dt"] / SAMPLES))
+
+    def run(q0: Any, v0: Any, duration: float, sampled: bool = False) -> Any:
+        return simulate(model, q0, v0, duration, record=every if sampled else None, **words)
+
+    errors, seconds, note = [], [], ""
+    motions = range(truth.q.shape[1])
+    for k in motions if len(motions) > 1 else (0, 0):  # the faster of two at least
+        start = (truth.q[0, k], truth.v[0, k], duration, True)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if not k:
+                    run(truth.q[0, 0], truth.v[0, 0], min(duration, 3 * words["dt"]))  # compiled by now
+                began = time.perf_counter()
+                found = run(*start)
+            seconds.append(time.perf_counter() - began)
+            errors.append(off(model, found, truth, k))
+        except (SimulationError, NonFiniteError) as error:
+            errors.append(math.inf)
+            note = str(error)
+    of_all = np.array(errors)
+    ns = 1e9 * min(seconds) / duration if seconds else math.inf
+    full = f"sd.simulate(model, q0, v0, duration, {code})"
+    usual = float(np.median(of_all))
+    return Option(label, full, float(of_all.max()), usual, bound(of_all), ns, note=note, run=run)

@@ -1,0 +1,1 @@
+"""Numbers, vectors and spatial algebra (RBDA ch. 2): what recursions are written in."""

@@ -1,0 +1,1 @@
+"""The public calls: arguments checked, an engine run, failures named."""

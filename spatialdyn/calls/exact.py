@@ -1,0 +1,180 @@
+"""The truth about a call: the same recursion on one model in as many digits as asked for, or in exact rationals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.checks import singular_row, unit_norm
+from ..engines.numbers import multiprecision as engine
+from ..engines.programs.tracer import evaluate, table
+from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..model.model import Frame, Model
+from ..model.robot import masked
+from ..recursions.spec import Argument, Spec
+from .arguments import batch_shape, broadcast, check_model, contracted, core_shape, expanded, full_shape
+from .failures import no_inertia
+from .specialize_request import spec_of, static_of
+
+Numbers = NDArray[Any]
+
+
+def exact(
+    model: Model,
+    call: Callable[..., Any],
+    bits: int | None = 240,
+    frame: str | Frame | None = None,
+    reference: str = "local",
+    classical: bool = False,
+) -> Exact:
+    """A public call of one model in high precision: what it would return if nothing were rounded on the way.
+
+    model  Model; its numbers, and the floats that are passed, are taken at their exact binary value
+    call   a public call such as ``sd.aba``
+    bits   precision of the result, at least 53; None for exact rationals, without mimic joints, of calls that are made
+           of + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
+    frame, reference, classical   of calls that take them
+
+    Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> tau = [0.1, 0.2]
+    >>> truth = sd.exact(model, sd.aba)([0.5, -0.3], [1.0, 2.0], tau)
+    >>> bool(abs(sd.aba(model, [0.5, -0.3], [1.0, 2.0], tau) - truth).max() < 1e-14 * abs(truth).max())
+    True
+    >>> from fractions import Fraction
+    >>> M = sd.exact(model, sd.crba, bits=None)([Fraction(1, 2), Fraction(1, 3)])
+    >>> type(M[0, 0]).__name__
+    'Fraction'
+
+    Raises
+        SpatialDynError for a call that is not known, too few bits, or where mpmath is not installed (extra "exact")
+        ModelError for mimic joints with rationals, or with a call that solves for accelerations or velocities
+    """
+    check_model(model)
+    spec = spec_of(call)
+    if spec is None:
+        raise SpatialDynError(
+            f"call is {getattr(call, '__name__', repr(call))}, expected a public call such as spatialdyn.aba"
+        )
+    made_by = engine.arithmetic(bits)
+    if model.mimic_matrix is not None and (bits is None or spec.pivots):
+        what = "rationals" if bits is None else f"the truth of {spec.name}"
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for {what}')
+    static = static_of(model, [x.name for x in spec.given if x.static], frame, reference, classical)
+    return Exact(model, spec, made_by, static, bits)
+
+
+class Exact:
+    """A call in high precision, made by ``exact``; called like the public call, it returns objects.
+
+    model    the Model
+    call     name of the public call
+    bits     precision of the results, None for exact rationals
+    context  mpmath's context of the results, whose ``nstr`` prints them; None for rationals
+
+    Results are arrays of mpmath's ``mpf`` or of ``Fraction``, a single number where the call returns one;
+    ``.astype(float)`` rounds them.
+
+    Raises
+        ShapeError for sizes that do not fit, SpatialDynError for what is no number or has no rational value
+        ConfigurationError for a quaternion or pair whose norm is not 1 within 1e-6
+        InertiaError naming a joint that moves no inertia, NonFiniteError for another division by 0
+        NaN in a sample gives NaN in what depends on it
+    """
+
+    def __init__(
+        self, model: Model, spec: Spec, made_by: engine.Arithmetic, static: dict[str, Any], bits: int | None
+    ) -> None:
+        """Fill the twin of the model's table."""
+        self.model, self.call, self.bits = model, spec.name, bits
+        self.context = getattr(made_by, "context", None)
+        self._spec, self._made_by = spec, made_by
+        self._rows = table(model.bodies, made_by.number)
+        placed = {"placement": engine.numbers(made_by, static["placement"])} if "placement" in static else {}
+        self._static = {**static, **placed}
+
+    def __call__(self, *values: Any, **named: Any) -> Any:
+        """The call on one sample, or on batches sample by sample."""
+        model, spec = self.model, self._spec
+        given = self._bound(values, named)
+        arrays = {x.name: self._array(x, value) for x, value in given}
+        shapes = [batch_shape(model, x, arrays[x.name]) for x, _ in given]
+        batch = broadcast([x.name for x, _ in given], shapes)
+        core = core_shape(model, spec.output)
+        result = np.empty(batch + core, dtype=object)
+        whole = {x.name: np.broadcast_to(arrays[x.name], batch + core_shape(model, x)) for x, _ in given}
+        for at in np.ndindex(batch):
+            sample = {x.name: np.array(whole[x.name][at], dtype=object) for x, _ in given}
+            if model.mimic_matrix is None:
+                result[at] = self._one(sample, at)
+            else:
+                sample = {x.name: expanded(model, x, sample[x.name]) for x, _ in given}
+                result[at] = contracted(model, spec.output, self._one(sample, at))
+        for at in np.ndindex(result.shape):
+            result[at] = self._made_by.shown(result[at])
+        return result if result.shape else result[()]
+
+    def _bound(self, values: tuple[Any, ...], named: dict[str, Any]) -> list[tuple[Argument, Any]]:
+        """Inputs with what is given for them, in the recursion's order."""
+        varying = [x for x in self._spec.given if not x.static]
+        order = [x for x in varying if not x.optional] + [x for x in varying if x.optional]
+        if len(values) > len(order):
+            raise ShapeError(f"{self.call} takes {len(order)} inputs, {len(values)} were given")
+        found = dict(zip((x.name for x in order), values, strict=False))
+        for name, value in named.items():
+            if name in found or name not in {x.name for x in order}:
+                what = "twice" if name in found else "as an input it does not have"
+                raise ShapeError(f"{self.call} is given {name} {what}, expected {', '.join(x.name for x in order)}")
+            found[name] = value
+        missing = [x.name for x in order if not x.optional and found.get(x.name) is None]
+        if missing:
+            raise ShapeError(f"{self.call} lacks {missing[0]}, expected {', '.join(x.name for x in order)}")
+        return [(x, found[x.name]) for x in varying if found.get(x.name) is not None]
+
+    def _array(self, argument: Argument, value: Any) -> Numbers:
+        if masked(value):
+            raise ShapeError(f"{argument.name} is masked, expected an array without a mask, which would be lost")
+        try:
+            given = np.asarray(value)
+        except ValueError:
+            raise ShapeError(f"{argument.name} is ragged, expected an array of numbers") from None
+        try:
+            return engine.numbers(self._made_by, given)
+        except SpatialDynError as error:
+            raise type(error)(f"{argument.name}: {error}") from None
+
+    def _one(self, sample: dict[str, Numbers], at: tuple[int, ...]) -> Numbers:
+        """One sample, for the whole tree."""
+        model, spec, made_by = self.model, self._spec, self._made_by
+        where = f" in sample {at[0] if len(at) == 1 else at}" if at else ""
+        inputs: dict[str, Any] = {}
+        for x in spec.given:
+            if not x.static and x.name in sample:
+                value = sample[x.name]
+                if x.unit_norm and not unit_norm(self._rows, value):
+                    raise ConfigurationError(
+                        f"{x.name}{where} holds a quaternion or (cos, sin) pair that is not of unit norm, expected 1 "
+                        "within 1e-6; normalize(model, q) is the cure"
+                    )
+                angles = x.shape == ("nq",)
+                inputs[x.name] = made_by.coordinates(model.bodies, value) if angles else value if x.shape else value[()]
+        pivots = np.full(len(model.bodies) - 1, None, dtype=object)
+        present = numba_kernels.variant(spec, frozenset(sample))
+        try:
+            out = evaluate(present, self._rows, full_shape(model, spec.output), {**inputs, **self._static}, pivots)
+        except ZeroDivisionError:
+            if not spec.pivots:
+                raise NonFiniteError(f"{spec.name} divides by 0{where}, expected a robot with mass") from None
+            row = 1 + max(k for k, D in enumerate(pivots) if D is None)  # the inward pass got there
+            raise InertiaError(no_inertia(model, row, where)) from None
+        if spec.pivots and all(made_by.finite(e) for value in sample.values() for e in value.ravel()):
+            row = singular_row(self._rows, inputs["q"], pivots, made_by.eps)
+            if row:
+                raise InertiaError(no_inertia(model, row, where))
+        return out.reshape(full_shape(model, spec.output))[()]

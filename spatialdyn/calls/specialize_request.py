@@ -1,0 +1,328 @@
+"""What is asked of ``specialize``, read: names of calls, joints, frames and inputs become a ``Task`` of places.
+
+A ``batches.Choice``, which is the same for engines, knows rows and columns in place of names.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from ..engines.compiled import numba_kernels
+from ..engines.compiled.checks import UNIT_TOLERANCE
+from ..engines.programs import batch_kernels, parameters
+from ..engines.programs.parameters import Parameter
+from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..model.model import Frame, Model
+from ..recursions import SPECS
+from ..recursions.spec import Argument, Spec
+from .arguments import REFERENCES, as_array, as_flag, check_model, core_shape, frame_of, reference_of
+from .dynamics import calls as public
+from .failures import unit_part
+
+Names = str | Sequence[str] | Mapping[str, str | Sequence[str] | None]
+KINDS = "fext, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
+
+
+class Input(NamedTuple):
+    """An input of the callable: its name, shape of a sample, and that shape in words."""
+
+    name: str
+    shape: tuple[int, ...]
+    words: str
+
+
+class Task(NamedTuple):
+    """What is to be computed. Constants are flat, NaN where the entry is an input; wanted (axes, places) per call."""
+
+    model: Model
+    specs: tuple[Spec, ...]
+    several: bool
+    dtype: np.dtype
+    arguments: tuple[Argument, ...]
+    static: dict[str, Any]
+    constants: dict[str, NDArray[np.float64]]
+    names: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    wanted: tuple[NDArray[np.intp], ...] | None
+
+    @property
+    def choice(self) -> batch_kernels.Choice:
+        """The same for engines."""
+        fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
+        places = () if self.wanted is None else tuple(tuple(x.ravel().tolist()) for x in self.wanted)
+        return batch_kernels.Choice(fixed, self.parameters, places, self.dtype == np.float32)
+
+    def inputs(self) -> list[Input]:
+        """What is left to be given, in order."""
+        left = []
+        for x in self.arguments:
+            core = core_shape(self.model, x)
+            if x.name not in self.constants:
+                left.append(Input(x.name, core, shown(x.shape)))
+                continue
+            count = int(np.isnan(self.constants[x.name]).sum())
+            if count:
+                core = (count // math.prod(core[1:]), *core[1:])
+                left.append(Input(x.name, core, shown(core)))
+        for name, p in zip(self.names, self.parameters, strict=True):
+            left.append(Input(name, parameters.shape(p, self.model.nv), shown(parameters.SHAPES[p.kind])))
+        return left
+
+    def shapes(self) -> list[tuple[int, ...]]:
+        """Shape of one sample of each result."""
+        if self.wanted is None:
+            return [core_shape(self.model, spec.output) for spec in self.specs]
+        return [x.shape for x in self.wanted]
+
+
+def shown(shape: Sequence[str | int]) -> str:
+    """A shape as a tuple of what its axes are called."""
+    return f"({shape[0]},)" if len(shape) == 1 else f"({', '.join(map(str, shape))})"
+
+
+def task_of(
+    model: Model,
+    calls: Callable[..., Any] | Sequence[Callable[..., Any]],
+    dtype: DTypeLike,
+    fixed: Mapping[str, Any],
+    inputs: Names,
+    outputs: str | int | Sequence[str | int] | None,
+    frame: str | Frame | None,
+    reference: str,
+    classical: bool,
+) -> Task:
+    """The arguments of ``specialize``, read. Raises what is said there."""
+    if check_model(model).mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
+    specs = specs_of(calls)
+    optional, names, chosen = _inputs(model, inputs, specs)
+    constants = _fixed(model, fixed, specs)
+    present = optional | {name for name in constants if constants[name].any()}
+    specs = tuple(numba_kernels.variant(spec, frozenset(present & {x.name for x in spec.given})) for spec in specs)
+    given = {x.name: x for spec in specs for x in spec.given}
+    return Task(
+        model=model,
+        specs=specs,
+        several=not callable(calls),
+        dtype=_dtype(dtype),
+        arguments=tuple(x for x in given.values() if not x.static),
+        static=static_of(model, [x.name for x in given.values() if x.static], frame, reference, classical),
+        constants={name: x for name, x in constants.items() if name in given},
+        names=names,
+        parameters=chosen,
+        wanted=_wanted(model, outputs, specs),
+    )
+
+
+def _dtype(dtype: DTypeLike) -> np.dtype:
+    found = None
+    if dtype is None or isinstance(dtype, (str, type, np.dtype)):  # NumPy takes the dtype of whatever has one
+        with suppress(TypeError, ValueError, SyntaxError):
+            found = np.dtype(dtype)
+    if found is None or found not in (np.dtype(np.float64), np.dtype(np.float32)):
+        raise SpatialDynError(f"dtype is {dtype!r}, expected float64 or float32")
+    return np.dtype(found)
+
+
+def spec_of(call: Any) -> Spec | None:
+    """The spec of a public call, None for anything else."""
+    return next((SPECS[name] for name, function in public.items() if function is call), None)
+
+
+def specs_of(calls: Any) -> tuple[Spec, ...]:
+    """The specs of a public call or several. Raises SpatialDynError for anything else."""
+    listed = [calls] if callable(calls) else calls
+    if not isinstance(listed, (list, tuple)) or not listed:
+        raise SpatialDynError(f"calls is {calls!r}, expected a public call such as spatialdyn.rnea or a list of such")
+    specs: list[Spec] = []
+    for function in listed:
+        spec = spec_of(function)
+        if spec is None:
+            name = getattr(function, "__name__", repr(function))
+            raise SpatialDynError(f"calls has {name}, expected public calls such as spatialdyn.rnea")
+        if spec in specs:
+            raise SpatialDynError(f"calls has {spec.name} twice, expected it once")
+        specs.append(spec)
+    return tuple(specs)
+
+
+def _inputs(
+    model: Model, inputs: Names, specs: tuple[Spec, ...]
+) -> tuple[set[str], tuple[str, ...], tuple[Parameter, ...]]:
+    """Optional inputs that are to be given, then names of the parameters that are inputs, and the parameters."""
+    optional: set[str] = set()
+    chosen: dict[str, Parameter] = {}
+    for name in _labels(inputs):
+        kind, _, where = name.partition(":")
+        if name in optional or name in chosen:
+            raise SpatialDynError(f'inputs has "{name}" twice, expected it once')
+        if any(x.name == name and x.optional for spec in specs for x in spec.given):
+            optional.add(name)
+        elif kind == "payload" and kind in parameters.SHAPES:
+            chosen[name] = _payload(model, where)
+        elif kind in parameters.OF_BODY and where:
+            joint = model.joint(where)
+            if not joint.row:
+                raise ModelError(f'joint "{where}" does not move, expected one that carries a body for "{name}"')
+            chosen[name] = Parameter(kind, joint.row)
+        elif name in ("gravity", "armature"):
+            chosen[name] = Parameter(name)
+        else:
+            raise SpatialDynError(f"inputs has {name!r}, expected {KINDS}")
+    return optional, tuple(chosen), tuple(chosen.values())
+
+
+def _labels(inputs: Any) -> list[str]:
+    """Whatever form they come in as "kind" and "kind:where"."""
+    if isinstance(inputs, str):
+        return [inputs]
+    if not isinstance(inputs, Mapping):
+        return [str(name) for name in _listed("inputs", inputs)]
+    labels = []
+    for kind, where in inputs.items():
+        listed = [where] if where is None or isinstance(where, str) else _listed(f'inputs["{kind}"]', where)
+        labels += [str(kind) if w is None else f"{kind}:{w}" for w in listed]
+    return labels
+
+
+def _listed(name: str, value: Any) -> list[Any]:
+    try:
+        return list(value)
+    except TypeError:
+        raise SpatialDynError(f"{name} is {value!r}, expected names") from None
+
+
+def _payload(model: Model, where: str) -> Parameter:
+    if where:
+        row, placement = frame_of(model, where)
+        if not row:
+            raise ModelError(f'frame "{where}" is fixed in the world, expected one that moves for a payload')
+        return Parameter("payload", row, parameters.place(placement))
+    carriers = {j.parent for j in model.joints[1:]}
+    tips = [j for k, j in enumerate(model.joints) if k and k not in carriers]
+    if len(tips) != 1:
+        raise ModelError(
+            f'inputs has "payload" without a frame, and model "{model.name}" ends in {len(tips)} joints; '
+            'expected "payload:FRAME"'
+        )
+    return Parameter("payload", tips[0].row, parameters.place(np.eye(4)))
+
+
+def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> dict[str, NDArray[np.float64]]:
+    """Flat constants of each fixed input, NaN where it stays an input."""
+    known = {x.name: x for spec in specs for x in spec.given if not x.static}
+    if not isinstance(fixed, Mapping):
+        raise SpatialDynError(f"fixed is a {type(fixed).__name__}, expected a mapping of names to values")
+    found = {}
+    for name, value in fixed.items():
+        if name not in known:
+            raise SpatialDynError(f'fixed has "{name}", expected one of {", ".join(known)}')
+        core = core_shape(model, known[name])
+        entries = np.full(core, math.nan)
+        if isinstance(value, Mapping):
+            for joint, part in value.items():
+                at = _places(model, known[name], joint)
+                entries[at] = _constant(f'{name} of joint "{joint}"', part, entries[at].shape)
+        else:
+            entries[...] = _constant(name, value, core)
+        if known[name].unit_norm:
+            _refuse_norms(model, name, entries)
+        if not (known[name].optional and not entries.any()):
+            found[name] = entries.ravel()
+    return found
+
+
+def _places(model: Model, argument: Argument, name: str) -> slice:
+    """Where in the first axis of an input or output a joint has its entries."""
+    joint = model.joint(name)
+    first = argument.shape[0] if argument.shape else None
+    if first == "nq" and joint.nq:
+        return slice(joint.idx_q, joint.idx_q + joint.nq)
+    if first == "nv" and joint.nv:
+        return slice(joint.idx_v, joint.idx_v + joint.nv)
+    if first == "njoints":
+        index = model.names.index(name)
+        return slice(index, index + 1)
+    raise SpatialDynError(
+        f'{argument.name} has no entries of joint "{name}", expected an input and joint that go together'
+    )
+
+
+def _constant(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    x = as_array(name, value)
+    if x.ndim and x.shape != shape and (1, *x.shape) != shape:
+        raise ShapeError(f"fixed {name} has shape {x.shape}, expected {shape} or a number")
+    if not np.isfinite(x).all():
+        raise NonFiniteError(f"fixed {name} is {x.tolist()}, expected finite numbers")
+    return x
+
+
+def _refuse_norms(model: Model, name: str, q: NDArray[np.float64]) -> None:
+    for joint in model.joints[1:]:
+        first = model.bodies[joint.row - joint.nv + 1]
+        part = unit_part(int(first["kind"]), int(first["at"]))
+        if part is not None and abs(float(q[part] @ q[part]) - 1.0) > UNIT_TOLERANCE:
+            raise ConfigurationError(
+                f'fixed {name} is {q[part].tolist()} for joint "{joint.name}", expected a norm within 1e-6 of 1'
+            )
+
+
+def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArray[np.intp], ...] | None:
+    """For each call the places of its output, flat, that are wanted, in the shape of the result."""
+    if outputs is None:
+        return None
+    listed = [outputs] if isinstance(outputs, (str, int)) else _listed("outputs", outputs)
+    if not listed:
+        raise SpatialDynError("outputs is empty, expected names of joints or indices, or None for all")
+    if not any(isinstance(s, str) for spec in specs for s in spec.output.shape):
+        raise SpatialDynError(f"outputs is {outputs!r}, expected None: no result has an entry per joint")
+    wanted = []
+    for spec in specs:
+        core = core_shape(model, spec.output)
+        axes = []
+        for symbol, size in zip(spec.output.shape, core, strict=True):
+            places: list[int] = []
+            for what in listed if isinstance(symbol, str) else ():
+                if isinstance(what, str):
+                    places += range(size)[_places(model, Argument(spec.output.name, (symbol,), "", ""), what)]
+                elif isinstance(what, (int, np.integer)) and not isinstance(what, bool) and 0 <= what < size:
+                    places.append(int(what))
+                else:
+                    raise SpatialDynError(f"outputs has {what!r}, expected joint names or indices below {size}")
+            if len(set(places)) < len(places):
+                raise SpatialDynError(f"outputs is {outputs!r}, expected each entry of {spec.output.name} once")
+            axes.append(places if isinstance(symbol, str) else list(range(size)))
+        flat = np.arange(math.prod(core), dtype=np.intp).reshape(core)
+        wanted.append(flat[np.ix_(*axes)])
+    return tuple(wanted)
+
+
+def static_of(
+    model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
+) -> dict[str, Any]:
+    """Values of the inputs that are no arrays of samples."""
+    values: dict[str, Any] = {}
+    names = set(names)
+    if "row" in names:
+        if frame is None:
+            raise ModelError("frame is None, expected the name of one: a call takes it")
+        values["row"], values["placement"] = frame_of(model, frame)
+    elif frame is not None:
+        raise SpatialDynError(f"frame is {frame!r}, expected None: no call takes one")
+    code = reference_of(reference)
+    if "reference" in names:
+        values["reference"] = code
+    elif code != REFERENCES["local"]:
+        raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
+    classical = as_flag("classical", classical)
+    if "classical" in names:
+        values["classical"] = int(classical)
+    elif classical:
+        raise SpatialDynError("classical is True, expected the default: no call takes it")
+    return values

@@ -1,0 +1,1 @@
+"""Compiled calls over spatial types, for the faces alone."""

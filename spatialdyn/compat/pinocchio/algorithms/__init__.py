@@ -1,0 +1,1 @@
+"""The calls on a Model and its Data, by subject as Pinocchio documents them."""

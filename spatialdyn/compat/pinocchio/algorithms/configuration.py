@@ -1,0 +1,215 @@
+"""Configurations: moving along them, differences between them, random ones."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....calls import dynamics
+from ....errors import ShapeError
+from ..coverage.strictness import strict
+from ..data.dispatch import vector
+from ..model.library_model import made
+from ..model.limits import NO_LIMIT
+from ..model.model import Model
+from ..types.arguments import ArgumentError, described, expected, number
+from ..types.frame import ARG0, ARG1, ArgumentPosition
+from ..types.random import GENERATOR
+
+Array = NDArray[np.float64]
+FAR = 1e30  # the products of seven such numbers are numbers
+
+
+def _compiled(model: Any) -> Any:
+    return made(expected(model, Model, "model")).model
+
+
+def neutral(model: Any) -> Array:
+    """Configuration (nq,) in which no joint is displaced."""
+    try:
+        found: Array | None = model._made.neutral()
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
+    found = dynamics.calls["neutral"](_compiled(model))
+    return found
+
+
+def integrate(model: Any, q: Any, v: Any) -> Array:
+    """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
+
+    Raises ArgumentError, a TypeError, for what is no array, ShapeError, a ValueError, for wrong sizes, and in strict
+    mode ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
+    """
+    try:
+        found: Array | None = model._made.integrate(q, v)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
+    compiled = _compiled(model)
+    found = dynamics.calls["integrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    return found
+
+
+def difference(model: Any, q1: Any, q2: Any) -> Array:
+    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
+
+    Coordinates that stand for no limit count as 1e30 where their joint has several, so that none is lost.
+    """
+    try:
+        found: Array | None = model._made.difference(q1, q2)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
+    compiled = _compiled(model)
+    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
+    found = dynamics.calls["difference"](compiled, q1, q2)
+    return found
+
+
+def interpolate(model: Any, q1: Any, q2: Any, alpha: float) -> Array:
+    """Configuration (nq,) a part alpha of the way from q1 to q2."""
+    try:
+        found: Array | None = model._made.interpolate(q1, q2, alpha)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
+    compiled = _compiled(model)
+    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
+    found = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
+    return found
+
+
+def _within_reach(model: Any, q: Array) -> Array:
+    """q with what stands for no limit small enough for the products of a difference; as it is in strict mode.
+
+    Pinocchio's limits of a free flyer are the largest number, quaternion and all, and programs take differences to
+    them for the sake of the other joints.
+    """
+    if strict() or not (abs(q) > FAR).any():
+        return q
+    reach = np.concatenate([np.full(joint.nq, FAR if joint.nq > 1 else NO_LIMIT / 2.0) for joint in model.joints[1:]])
+    return np.where(np.isfinite(q), np.clip(q, -reach, reach), q)
+
+
+def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
+    """Squared norms of the difference, joint by joint (njoints - 1,)."""
+    v = difference(model, q1, q2)
+    return np.array([v[at : at + n] @ v[at : at + n] for at, n in zip(model.idx_vs[1:], model.nvs[1:], strict=True)])
+
+
+def distance(model: Any, q1: Any, q2: Any) -> float:
+    """Norm of the difference."""
+    v = difference(model, q1, q2)
+    return math.hypot(*v.tolist())
+
+
+def normalize(model: Any, q: Any) -> Array:
+    """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
+    try:
+        found: Array | None = model._made.normalize(q)
+        if found is not None:
+            return found
+    except AttributeError:  # no Model, or an edited one
+        pass
+    compiled = _compiled(model)
+    found = dynamics.calls["normalize"](compiled, vector("q", q, model.nq))
+    return found
+
+
+def isNormalized(model: Any, q: Any, prec: float = 1e-12) -> bool:
+    """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
+    _compiled(model)
+    q = vector("q", q, model.nq)
+    return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in _unit_parts(model, q))
+
+
+def _unit_parts(model: Any, q: Array) -> list[Array]:
+    """The quaternions and pairs of a configuration."""
+    return [q[unit] for unit in made(model).units]
+
+
+def isSameConfiguration(model: Any, q1: Any, q2: Any, prec: float) -> bool:
+    """Whether two configurations are the same to within prec, a quaternion and its opposite being one rotation.
+
+    Quaternions and pairs off their unit norm are the same if their numbers are, to within prec of the smaller norm.
+    """
+    prec = number(prec, "prec")
+    parts = zip(*(_unit_parts(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2))), strict=True)
+    for x, y in parts:
+        norms = [math.hypot(*part.tolist()) for part in (x, y)]
+        apart = [math.hypot(*(x - s * y).tolist()) for s in ((1.0, -1.0) if len(x) == 4 else (1.0,))]
+        if max(abs(n - 1.0) for n in norms) > 1e-6 and min(apart) > prec * min(norms):
+            return False
+    v = difference(model, normalize(model, q1), normalize(model, q2))
+    return bool((abs(v) <= prec).all())
+
+
+# --- derivatives -----------------------------------------------------------------------------------------
+
+
+def _position(position: Any) -> int:
+    if not isinstance(position, ArgumentPosition):
+        raise ArgumentError(f"argument position is {described(position)}, expected ARG0 or ARG1")
+    if position not in (ARG0, ARG1):
+        raise ArgumentError(f"argument position is {position}, expected ARG0 or ARG1")
+    return int(position)
+
+
+def dIntegrate(model: Any, q: Any, v: Any, argument_position: Any = None) -> Any:
+    """Derivatives (nv, nv) of integrate by q and by v, a tuple; one of them for ARG0, ARG1."""
+    compiled = _compiled(model)
+    both = dynamics.calls["dintegrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
+
+
+def dDifference(model: Any, q1: Any, q2: Any, argument_position: Any = None) -> Any:
+    """Derivatives (nv, nv) of difference by q1 and by q2, a tuple; one of them for ARG0, ARG1."""
+    compiled = _compiled(model)
+    both = dynamics.calls["ddifference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
+
+
+def dIntegrateTransport(model: Any, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:
+    """A matrix (nv, n) of columns at integrate(q, v), the derivative by the argument applied: d integrate @ Jin."""
+    by = dIntegrate(model, q, v, argument_position)
+    if not isinstance(Jin, np.ndarray) or Jin.dtype.kind not in "fiub" or Jin.ndim not in (1, 2):
+        raise ArgumentError(f"Jin is {described(Jin)}, expected an array of numbers")
+    if len(Jin) != model.nv:
+        raise ShapeError(f"Jin has shape {Jin.shape}, expected ({model.nv}, n)")
+    found: Array = by @ Jin
+    return found
+
+
+# --- random ones -----------------------------------------------------------------------------------------
+
+
+def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = None) -> Array:
+    """A random configuration (nq,) between the bounds, those of the model if not given; rotations are uniform.
+
+    A coordinate without a finite limit is drawn from one of width 2 (Pinocchio: not finite).
+    """
+    _compiled(model)
+    lower = vector("lower_bound", model.lowerPositionLimit if lower_bound is None else lower_bound, model.nq)
+    upper = vector("upper_bound", model.upperPositionLimit if upper_bound is None else upper_bound, model.nq)
+    lower, upper = _finite(lower, upper)
+    with np.errstate(over="ignore", invalid="ignore"):
+        q: Array = lower + (upper - lower) * GENERATOR.random(model.nq)
+    for part in _unit_parts(model, q):
+        x = GENERATOR.standard_normal(len(part))
+        part[:] = x / np.sqrt(x @ x)
+    return q
+
+
+def _finite(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Bounds with a width of 2 where one of them is none."""
+    low, high = abs(lower) >= NO_LIMIT, abs(upper) >= NO_LIMIT
+    first = np.where(low, np.where(high, -1.0, upper - 2.0), lower)
+    return first, np.where(high, np.where(low, 1.0, lower + 2.0), upper)

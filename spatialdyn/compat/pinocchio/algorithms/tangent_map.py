@@ -1,0 +1,111 @@
+"""The tangent map of a configuration: how its coordinates change with a velocity, q̇ = T(q) v."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import ShapeError
+from ...native import operator_kernels
+from ..data.dispatch import vector
+from ..model.joint_mimic import JointModelMimic
+from ..model.model import Model
+from ..types.arguments import NUMBERS, ArgumentError, described, expected
+
+Array = NDArray[np.float64]
+COLUMNS = 6  # of the compact form
+
+
+def _blocks(model: Any, q: Array) -> Iterator[tuple[int, int, Array]]:
+    """Place in q, place in v and the part of T of each of the library's joints."""
+    for joint in model.joints[1:]:
+        if isinstance(joint, JointModelMimic):
+            continue
+        row, column = joint.idx_q, joint.idx_v
+        for step in joint.steps():
+            block = _BLOCKS.get(step.kind, _one)(q[row:])
+            yield row, column, block
+            row, column = row + len(block), column + block.shape[1]
+
+
+def _one(q: Array) -> Array:
+    """An angle or a length."""
+    return np.ones((1, 1))
+
+
+def _pair(q: Array) -> Array:
+    """cos, sin."""
+    return np.array([[-q[1]], [q[0]]])
+
+
+def _quaternion(q: Array) -> Array:
+    """x y z w turned on by an angular velocity in the body's axes: half the product with it."""
+    x, y, z, w = (0.5 * q[:4]).tolist()
+    return np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]])
+
+
+def _planar(q: Array) -> Array:
+    """x y cos sin."""
+    T = np.zeros((4, 3))
+    T[:2, :2] = [[q[2], -q[3]], [q[3], q[2]]]
+    T[2:, 2:] = _pair(q[2:])
+    return T
+
+
+def _floating(q: Array) -> Array:
+    """x y z and a quaternion."""
+    T = np.zeros((7, 6))
+    operator_kernels.quat_matrix(np.array(q[3:7]), T[:3, :3])
+    T[3:, 3:] = _quaternion(q[3:])
+    return T
+
+
+_BLOCKS = {"continuous": _pair, "spherical": _quaternion, "planar": _planar, "floating": _floating}
+
+
+def tangentMap(model: Any, q: Any) -> Array:
+    """T (nq, nv), the derivative of integrate(q, v) by v at v = 0. Raises ArgumentError, ShapeError."""
+    q = vector("q", q, expected(model, Model, "model").nq)
+    T = np.zeros((model.nq, model.nv))
+    for row, column, block in _blocks(model, q):
+        T[row : row + len(block), column : column + block.shape[1]] = block
+    return T
+
+
+def compactTangentMap(model: Any, q: Any) -> Array:
+    """The rows of T (nq, 6), each from its joint's first velocity on.
+
+    Raises ShapeError for a joint of more than 6 velocities.
+    """
+    T = tangentMap(model, q)
+    out = np.zeros((model.nq, COLUMNS))
+    for k, joint in enumerate(model.joints[1:], 1):
+        if joint.nv > COLUMNS:
+            raise ShapeError(f'joint "{model.names[k]}" has {joint.nv} velocities, expected at most {COLUMNS}')
+        rows = slice(joint.idx_q, joint.idx_q + joint.nq)
+        out[rows, : joint.nv] = T[rows, joint.idx_v : joint.idx_v + joint.nv]
+    return out
+
+
+def tangentMapProduct(model: Any, q: Any, mat_in: Any) -> Array:
+    """T mat_in, for a matrix (nv, n)."""
+    T = tangentMap(model, q)
+    return np.asarray(T @ _matrix(mat_in, T.shape[1]))
+
+
+def tangentMapTransposeProduct(model: Any, q: Any, mat_in: Any) -> Array:
+    """Tᵀ mat_in, for a matrix (nq, n)."""
+    T = tangentMap(model, q)
+    return np.asarray(T.T @ _matrix(mat_in, len(T)))
+
+
+def _matrix(x: Any, rows: int) -> Array:
+    """A matrix of so many rows. Raises ArgumentError, ShapeError."""
+    if not isinstance(x, np.ndarray) or x.dtype.kind not in NUMBERS or x.ndim not in (1, 2):
+        raise ArgumentError(f"mat_in is {described(x)}, expected a matrix")
+    if len(x) != rows:
+        raise ShapeError(f"mat_in has shape {x.shape}, expected ({rows}, n)")
+    return x

@@ -1,0 +1,63 @@
+"""The one switch between Pinocchio's answers and errors: what ``differences`` marks as switched goes by it."""
+
+from __future__ import annotations
+
+import os
+import weakref
+from typing import Any
+
+from ....errors import SpatialDynError
+
+VARIABLE = "SPATIALDYN_STRICT"
+MODELS: weakref.WeakSet[Any] = weakref.WeakSet()  # those whose ``_made`` depends on the switch
+
+
+def _start() -> bool:
+    """What the environment says. Raises SpatialDynError for another word than 0 and 1."""
+    word = os.environ.get(VARIABLE, "")
+    if word not in ("", "0", "1"):
+        raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
+    return word == "1"
+
+
+class Switch:
+    """Whether strict mode is on."""
+
+    def __init__(self) -> None:
+        self.on = _start()
+
+    def turn(self, on: bool) -> None:
+        """Turn it on or off; what was made of models under the other mode is forgotten."""
+        if on is not self.on:
+            self.on = on
+            for model in list(MODELS):
+                model._made = None
+
+
+_SWITCH = Switch()
+
+
+def strict(on: bool | None = None) -> bool:
+    """Turn strict mode on or off, for all models of the process; returns whether it was on before.
+
+    on  True, False, or None to change nothing
+
+    In strict mode names that are not there, and quaternions and (cos, sin) pairs whose norm is not within 1e-6 of 1,
+    raise an error. It is off unless the environment variable SPATIALDYN_STRICT is 1.
+
+    >>> import spatialdyn.compat.pinocchio as pin
+    >>> pin.Model().getFrameId("hand")
+    1
+    >>> before = pin.strict(True)
+    >>> pin.Model().getFrameId("hand")
+    Traceback (most recent call last):
+    spatialdyn.errors.ModelError: frame "hand" is not in robot ""
+    >>> pin.strict(before)
+    True
+    """
+    before = _SWITCH.on
+    if on is not None:
+        if not isinstance(on, bool):
+            raise SpatialDynError(f"strict is {on!r}, expected True, False or None")
+        _SWITCH.turn(on)
+    return before

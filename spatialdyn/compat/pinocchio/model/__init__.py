@@ -1,0 +1,1 @@
+"""Models, joints, and how they are read, stored, joined and reduced."""

@@ -1,0 +1,201 @@
+"""Models from URDF: ``buildModelFromUrdf``, ``buildModelFromXML``, ``buildModelsFromUrdf``.
+
+The library reads and checks the file; here its robot is written down as Pinocchio does: joints depth first in byte
+order of their names, a fixed joint as a frame whose inertia goes to the joint that carries it.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+
+from ....errors import ModelError
+from ....model.robot import Joint, Link, Robot
+from ....urdf.load import read_urdf
+from ..types.arguments import ArgumentError, described, expected
+from ..types.frame import BODY, FIXED_JOINT, Frame
+from ..types.inertia import Inertia
+from ..types.se3 import SE3
+from .joint import JointModel, Vector, X, Y, Z
+from .joint_mimic import JointModelMimic
+from .joints_compound import JointModelFreeFlyer, JointModelPlanar
+from .joints_one_axis import (
+    JointModelPrismaticUnaligned,
+    JointModelPX,
+    JointModelPY,
+    JointModelPZ,
+    JointModelRevoluteUnaligned,
+    JointModelRevoluteUnboundedUnaligned,
+    JointModelRUBX,
+    JointModelRUBY,
+    JointModelRUBZ,
+    JointModelRX,
+    JointModelRY,
+    JointModelRZ,
+)
+from .model import Model
+
+ROOT_NAME = "root_joint"
+UNIT_BOUND = 1.01  # the limits Pinocchio writes for entries of quaternions and (cos, sin) pairs
+ALONG = 1e-12  # an axis this close to x, y or z is that, as in Pinocchio
+ALIGNED: dict[str, dict[Vector, type[JointModel]]] = {
+    "revolute": {X: JointModelRX, Y: JointModelRY, Z: JointModelRZ},
+    "continuous": {X: JointModelRUBX, Y: JointModelRUBY, Z: JointModelRUBZ},
+    "prismatic": {X: JointModelPX, Y: JointModelPY, Z: JointModelPZ},
+}
+UNALIGNED: dict[str, type[JointModel]] = {
+    "revolute": JointModelRevoluteUnaligned,
+    "continuous": JointModelRevoluteUnboundedUnaligned,
+    "prismatic": JointModelPrismaticUnaligned,
+}
+
+
+def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Model:
+    """The Model of a URDF file.
+
+    urdf_filename    str or Path
+    root_joint       joint model between the universe and the root link; without it the root link is fixed
+    root_joint_name  its name, "root_joint" by default
+    model            a Model to append the robot to, which is returned
+    mimic            True: joints that mimic others have no coordinates
+
+    Raises UrdfError naming file, line, element and value; ModelError.
+    """
+    if not isinstance(urdf_filename, str) and not hasattr(urdf_filename, "__fspath__"):
+        raise ArgumentError(f"urdf_filename is {described(urdf_filename)}, expected a str or Path")
+    return _build(urdf_filename, "buildModelFromUrdf", arguments, named)
+
+
+def buildModelFromXML(urdf_xml_stream: str, *arguments: Any, **named: Any) -> Model:
+    """The Model of URDF text; the other arguments, and the errors, are those of ``buildModelFromUrdf``."""
+    text = expected(urdf_xml_stream, str, "urdf_xml_stream")
+    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
+        raise ModelError(f"urdf_xml_stream is {text[:40]!r}, expected URDF text")
+    return _build(text, "buildModelFromXML", arguments, named)
+
+
+def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Model:
+    given: dict[str, Any] = {"root_joint": None, "root_joint_name": ROOT_NAME, "model": None, "mimic": False}
+    kinds = {"root_joint": JointModel, "root_joint_name": str, "model": Model, "mimic": bool}
+    for value in arguments:  # each is known by its type, and they come in this order
+        name = next((name for name, kind in kinds.items() if isinstance(value, kind)), None)
+        if name is None:
+            raise ArgumentError(f"{call} got {described(value)}, expected joint, name, Model or bool, in this order")
+        given[name] = value
+        for passed in list(kinds)[: list(kinds).index(name) + 1]:
+            del kinds[passed]
+    for name, value in named.items():
+        if name not in kinds:
+            raise ArgumentError(f"{call} got {name}={value!r}, expected it once, of {', '.join(given)}")
+        given[name] = expected(value, kinds[name], name)
+    model = given["model"] if given["model"] is not None else Model()
+    append(model, read_urdf(source), given["root_joint"], given["root_joint_name"], given["mimic"])
+    return model
+
+
+# --- a robot written down ----------------------------------------------------------------------------------
+
+
+def append(model: Model, robot: Robot, root_joint: JointModel | None, root_name: str, mimic: bool) -> None:
+    """Add a robot's joints, bodies and frames to a model.
+
+    Raises ModelError for a mimic joint whose leader is not there, or not before it.
+    """
+    model.name = robot.name
+    links, children = {link.name: link for link in robot.links}, robot.children
+    root = links[robot.root]
+    if root_joint is None:
+        at = model.addFrame(Frame(root.name, 0, 0, SE3.Identity(), BODY, _inertia(root)))
+    else:
+        index = model.addJoint(0, root_joint, SE3.Identity(), root_name)
+        at = _body(model, index, model.addJointFrame(index, 0), root)
+    # what is still to be walked: a joint, and the frame of the link it leaves
+    stack = [(joint, at) for joint in reversed(children[robot.root])]
+    while stack:
+        joint, before = stack.pop()
+        at = _joint(model, robot.name, joint, before, links[joint.child], mimic)
+        stack += [(below, at) for below in reversed(children[joint.child])]
+
+
+def _joint(model: Model, robot: str, joint: Joint, before: int, link: Link, mimic: bool) -> int:
+    """Add a joint and the link behind it; returns the link's frame."""
+    carrier = model.frames[before]
+    placement = carrier.placement * SE3(np.reshape(joint.placement, (4, 4)))
+    if joint.kind == "fixed":
+        frame = Frame(joint.name, carrier.parentJoint, before, placement, FIXED_JOINT, _inertia(link))
+        at = model.addFrame(frame)
+        return model.addFrame(Frame(link.name, carrier.parentJoint, at, placement, BODY))
+    made = joint_model(joint)
+    if mimic and joint.mimic is not None:
+        if joint.mimic.leader not in model.names:
+            raise ModelError(
+                f'joint "{joint.name}" of robot "{robot}" mimics "{joint.mimic.leader}", expected a joint before it '
+                "in the tree"
+            )
+        leader = model.joints[model.names.index(joint.mimic.leader)]
+        made = JointModelMimic.of(made, leader, joint.mimic.multiplier, joint.mimic.offset)
+    index = model.addJoint(carrier.parentJoint, made, placement, joint.name, **_limits(joint, made))
+    return _body(model, index, model.addJointFrame(index, before), link)
+
+
+def _body(model: Model, joint: int, frame: int, link: Link) -> int:
+    """Hang a link on a joint; returns its frame."""
+    if link.mass or any(link.inertia):
+        model.appendBodyToJoint(joint, _inertia(link), SE3.Identity())
+    return model.addBodyFrame(link.name, joint, SE3.Identity(), frame)
+
+
+def _inertia(link: Link) -> Inertia:
+    xx, xy, xz, _, yy, yz, _, _, zz = link.inertia
+    # by its numbers, for files hold inertias that no body has, and Inertia refuses those
+    return Inertia.over(np.array([link.mass, *link.com, xx, xy, yy, xz, yz, zz]))
+
+
+def joint_model(joint: Joint) -> JointModel:
+    """The joint model of a joint of a robot. A plane is that of x and y, whatever its axis: said by a warning."""
+    if joint.kind in ALIGNED:
+        for axis, aligned in ALIGNED[joint.kind].items():
+            if math.dist(axis, joint.axis) <= ALONG:
+                made: JointModel = aligned()
+                return made
+        made = UNALIGNED[joint.kind](*joint.axis)
+        return made
+    if joint.kind == "floating":
+        return JointModelFreeFlyer()
+    if joint.kind == "planar":
+        if joint.axis != Z:
+            warnings.warn(
+                f'planar joint "{joint.name}" has axis {joint.axis}, taken as (0, 0, 1) as Pinocchio does; '
+                "spatialdyn.load_urdf reads it",
+                stacklevel=5,
+            )
+        return JointModelPlanar()
+    raise ModelError(f'joint "{joint.name}" is {joint.kind}, expected a revolute, prismatic, floating or planar joint')
+
+
+def _limits(joint: Joint, made: JointModel) -> dict[str, Any]:
+    """The arguments of ``addJoint`` behind the name, as Pinocchio's parser gives them."""
+    nq, nv = made.nq, made.nv
+    if joint.kind in ("revolute", "prismatic"):
+        lower, upper = np.full(nq, joint.lower), np.full(nq, joint.upper)
+    else:
+        free = {"floating": 3, "planar": 2}.get(joint.kind, 0)
+        upper = np.array([math.inf] * free + [UNIT_BOUND] * (nq - free))
+        lower = -upper
+    one = joint.kind not in ("floating", "planar")
+    effort, velocity = (np.full(nv, x if one else math.inf) for x in (joint.effort, joint.velocity))
+    friction, damping = (np.full(nv, x if one else 0.0) for x in (joint.friction, joint.damping))
+    return {
+        "min_effort": -effort,
+        "max_effort": effort,
+        "min_velocity": -velocity,
+        "max_velocity": velocity,
+        "min_config": lower,
+        "max_config": upper,
+        "min_friction": -friction,
+        "max_friction": friction,
+        "damping": damping,
+    }

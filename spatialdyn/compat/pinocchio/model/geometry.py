@@ -1,0 +1,275 @@
+"""Shapes and pairs of them by name and number: nothing here reads a mesh or computes with a shape."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ....errors import ModelError
+from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
+from ..types.arguments import ArgumentError, expected
+from ..types.frame import Enum
+from ..types.se3 import SE3
+from .from_urdf import buildModelFromUrdf
+from .model import Model
+
+
+class GeometryType(Enum):
+    """What a geometry is for."""
+
+    VISUAL = 0
+    COLLISION = 1
+
+
+VISUAL, COLLISION = GeometryType
+
+
+_ADVICE = "coal or trimesh, placed by forwardKinematics and updateFramePlacements, do that"
+
+
+class _Bookkeeping:
+    """What has names and numbers of shapes, and no library that computes with them."""
+
+    _beyond: ClassVar[str] = ""  # what takes such a library
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self._beyond.split():
+            raise OutOfScopeAttributeError(
+                f"{type(self).__name__}.{name} takes a collision library, which spatialdyn has not: {_ADVICE}"
+            )
+        raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
+
+    def copy(self) -> Any:
+        """An equal one of its own."""
+        return copy.deepcopy(self)
+
+    def clone(self) -> Any:
+        """An equal one of its own."""
+        return copy.deepcopy(self)
+
+
+class GeometryNoMaterial:
+    """No material."""
+
+
+class GeometryPhongMaterial:
+    """A material: meshEmissionColor, meshSpecularColor (4,), meshShininess."""
+
+    def __init__(
+        self,
+        meshEmissionColor: Any = (0.0, 0.0, 0.0, 1.0),
+        meshSpecularColor: Any = (0.0, 0.0, 0.0, 1.0),
+        meshShininess: float = 0.0,
+    ) -> None:
+        self.meshEmissionColor, self.meshSpecularColor = np.array(meshEmissionColor), np.array(meshSpecularColor)
+        self.meshShininess = float(meshShininess)
+
+
+class GeometryObject(_Bookkeeping):
+    """A shape on a joint: ``(name, parent_joint, [parent_frame,] placement, collision_geometry, ...)``, or a copy.
+
+    name                     str
+    parentJoint, parentFrame indices; of the frame the largest number if it was not given
+    placement                SE3 in the joint's frame
+    geometry                 the shape of a collision library, any object, passed on as it is
+    meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
+    """
+
+    _beyond = """physicsMaterial saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML
+        loadFromBinary loadFromString"""
+
+    def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
+        if isinstance(name, GeometryObject):
+            self.__dict__.update(copy.deepcopy(name).__dict__)
+            return
+        order = ["placement", "collision_geometry", "mesh_path", "mesh_scale", "override_material"]
+        order += ["mesh_color", "mesh_texture_path", "mesh_material"]
+        if "parent_frame" in named or (arguments and not isinstance(arguments[0], SE3)):
+            order.insert(0, "parent_frame")
+        given = {**dict(zip(order, arguments, strict=False)), **named}
+        if len(arguments) > len(order) or not {*given} <= {*order} or "placement" not in given:
+            raise ArgumentError(
+                f"GeometryObject got {len(arguments) + 2} arguments and {', '.join(named)}, expected name, "
+                f"parent_joint, [parent_frame,] {', '.join(x for x in order if x != 'parent_frame')}"
+            )
+        self.name, self.parentJoint = expected(name, str, "name"), int(parent_joint)
+        self.parentFrame = int(given.get("parent_frame", 2**64 - 1))
+        self.placement = SE3(expected(given["placement"], SE3, "placement"))
+        self.geometry = given.get("collision_geometry")
+        self.meshPath, self.meshTexturePath = given.get("mesh_path", ""), given.get("mesh_texture_path", "")
+        self.meshScale = np.array(given.get("mesh_scale", np.ones(3)), float)
+        self.meshColor = np.array(given.get("mesh_color", (0.0, 0.0, 0.0, 1.0)), float)
+        self.meshMaterial = given.get("mesh_material", GeometryNoMaterial())
+        self.overrideMaterial, self.disableCollision = bool(given.get("override_material", False)), False
+
+    @staticmethod
+    def CreateCapsule(radius: float, length: float) -> Any:
+        """Raises OutOfScopeError."""
+        raise OutOfScopeError(f"GeometryObject.CreateCapsule takes a collision library: {_ADVICE}")
+
+
+class CollisionPair:
+    """Indices first, second of two geometry objects; ``CollisionPair(1, 2)`` is ``CollisionPair(2, 1)``."""
+
+    def __init__(self, index1: int = -1, index2: int = -1) -> None:
+        self.first, self.second = int(index1), int(index2)
+        if self.first == self.second and self.first >= 0:
+            raise ModelError(f"a collision pair has geometry {self.first} twice, expected two of them")
+
+    def copy(self) -> CollisionPair:
+        """An equal one of its own."""
+        return copy.copy(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, CollisionPair) and {self.first, self.second} == {other.first, other.second}
+
+    def __hash__(self) -> int:
+        return hash(frozenset((self.first, self.second)))
+
+    def __repr__(self) -> str:
+        return f"collision pair ({self.first},{self.second})"
+
+
+class GeometryModel(_Bookkeeping):
+    """Shapes on a model's joints, and which pairs of them may collide; empty as buildModelsFromUrdf returns it.
+
+    geometryObjects  list of GeometryObject
+    collisionPairs   list of CollisionPair
+    """
+
+    _beyond = """collisionPairMapping setCollisionPairs saveToText saveToXML saveToBinary saveToString loadFromText
+        loadFromXML loadFromBinary loadFromString"""
+
+    def __init__(self, other: GeometryModel | None = None) -> None:
+        self.geometryObjects: list[GeometryObject] = []
+        self.collisionPairs: list[CollisionPair] = []
+        if other is not None:
+            self.__dict__.update(copy.deepcopy(expected(other, GeometryModel, "other")).__dict__)
+
+    @property
+    def ngeoms(self) -> int:
+        """Number of geometry objects."""
+        return len(self.geometryObjects)
+
+    def createData(self) -> GeometryData:
+        """A GeometryData."""
+        return GeometryData(self)
+
+    def addGeometryObject(self, geometry_object: GeometryObject, model: Model | None = None) -> int:
+        """Add an object, on the joint of its frame if a model is given; returns its index."""
+        given = expected(geometry_object, GeometryObject, "geometry_object")
+        if model is not None and given.parentFrame < model.nframes:
+            given.parentJoint = model.frames[given.parentFrame].parentJoint
+        self.geometryObjects.append(given)
+        return self.ngeoms - 1
+
+    def removeGeometryObject(self, name: str) -> None:
+        """Remove an object, the pairs it is in, and move the indices behind it. Raises ModelError if there is none."""
+        at = self.getGeometryId(name)
+        if at == self.ngeoms:
+            raise ModelError(f'there is no geometry "{name}" to remove')
+        del self.geometryObjects[at]
+        kept = [(p.first, p.second) for p in self.collisionPairs if at not in (p.first, p.second)]
+        self.collisionPairs[:] = [CollisionPair(a - (a > at), b - (b > at)) for a, b in kept]
+
+    def getGeometryId(self, name: str) -> int:
+        """Index of the object of that name, ngeoms if there is none."""
+        return next((k for k, x in enumerate(self.geometryObjects) if x.name == name), self.ngeoms)
+
+    def existGeometryName(self, name: str) -> bool:
+        """Whether an object has that name."""
+        return self.getGeometryId(name) < self.ngeoms
+
+    def addCollisionPair(self, pair: CollisionPair) -> None:
+        """Add a pair, unless it is there. Raises ModelError for indices that are not there."""
+        for at in (expected(pair, CollisionPair, "pair").first, pair.second):
+            if not 0 <= at < self.ngeoms:
+                raise ModelError(f"a collision pair has geometry {at}, expected 0 to {self.ngeoms - 1}")
+        if pair not in self.collisionPairs:
+            self.collisionPairs.append(pair)
+
+    def addAllCollisionPairs(self) -> None:
+        """Have every pair of objects that are on different joints."""
+        objects = list(enumerate(self.geometryObjects))
+        self.collisionPairs[:] = [
+            CollisionPair(i, j) for i, x in objects for j, y in objects[i + 1 :] if x.parentJoint != y.parentJoint
+        ]
+
+    def removeCollisionPair(self, pair: CollisionPair) -> None:
+        """Remove a pair, if it is there."""
+        self.collisionPairs[:] = [x for x in self.collisionPairs if x != pair]
+
+    def removeAllCollisionPairs(self) -> None:
+        """Remove all pairs."""
+        self.collisionPairs.clear()
+
+    def existCollisionPair(self, pair: CollisionPair) -> bool:
+        """Whether a pair is there."""
+        return pair in self.collisionPairs
+
+    def findCollisionPair(self, pair: CollisionPair) -> int:
+        """Index of a pair, their number if it is not there."""
+        return self.collisionPairs.index(pair) if pair in self.collisionPairs else len(self.collisionPairs)
+
+
+class GeometryData(_Bookkeeping):
+    """Of a GeometryModel: oMg, where its objects are, the identity throughout; activeCollisionPairs, flags."""
+
+    _beyond = """collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
+        contact_patch_functors distanceRequests distanceResults distance_functors fillInnerOuterObjectMaps radius
+        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins saveToText saveToXML saveToBinary
+        saveToString loadFromText loadFromXML loadFromBinary loadFromString"""
+
+    def __init__(self, geometry_model: GeometryModel) -> None:
+        expected(geometry_model, GeometryModel, "geometry_model")
+        self.oMg = [SE3.Identity() for _ in geometry_model.geometryObjects]
+        self.activeCollisionPairs = [True for _ in geometry_model.collisionPairs]
+
+    def activateCollisionPair(self, pair_id: int) -> None:
+        """Take a pair into account."""
+        self.activeCollisionPairs[pair_id] = True
+
+    def deactivateCollisionPair(self, pair_id: int) -> None:
+        """Leave a pair out of account."""
+        self.activeCollisionPairs[pair_id] = False
+
+    def deactivateAllCollisionPairs(self) -> None:
+        """Leave all pairs out of account."""
+        self.activeCollisionPairs[:] = [False] * len(self.activeCollisionPairs)
+
+
+def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[Any, ...]:
+    """The Model of a URDF file, and empty GeometryModels: its shapes are not read.
+
+    filename         str or Path
+    package_dirs     not looked at
+    root_joint       joint model between the universe and the root link; without it the root link is fixed
+    root_joint_name  its name, "root_joint" by default; may be left out in a call by position
+    verbose          without effect
+    meshLoader       not looked at
+    geometry_types   as many GeometryModels are returned; by default two, for collisions and for looks
+    mimic            True: joints that mimic others have no coordinates
+
+    Raises what ``buildModelFromUrdf`` does.
+    """
+    names = ["package_dirs", "root_joint", "verbose", "meshLoader", "geometry_types", "mimic"]
+    if len(arguments) >= 3 and isinstance(arguments[2], str):
+        names.insert(2, "root_joint_name")
+    given = dict(zip(names, arguments, strict=False))
+    known = {*names, "root_joint_name"}
+    if len(arguments) > len(names) or {*given} & {*named} or not {*named} <= known:
+        raise TypeError(f"buildModelsFromUrdf got {len(arguments)} arguments and {', '.join(named)}, expected {known}")
+    given |= named
+    kinds = given.get("geometry_types")
+    kinds = (COLLISION, VISUAL) if kinds is None else kinds if isinstance(kinds, Iterable) else [kinds]
+    passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}
+    model = buildModelFromUrdf(filename, mimic=bool(given.get("mimic", False)), **passed)
+    return model, *(GeometryModel() for _ in kinds)
+
+
+def createDatas(*models: Model | GeometryModel | None) -> tuple[Any, ...]:
+    """``createData()`` of each model; None for None."""
+    return tuple(None if model is None else model.createData() for model in models)

@@ -1,0 +1,193 @@
+"""The joints of a Model: what each is, where it hangs, what it carries, where its numbers stand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import ModelError
+from ....model.model import missing
+from ..coverage.strictness import MODELS, strict
+from ..types.arguments import expected
+from ..types.inertia import Inertia
+from ..types.motion import Motion
+from ..types.se3 import SE3
+from ..types.tracked_list import Owned, owned
+from .joint import JointModel
+from .joint_mimic import JointModelMimic
+from .joints_one_axis import JointModelRX
+
+Array = NDArray[np.float64]
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+class Indices(list[int]):
+    """A list of indices."""
+
+    def tolist(self) -> list[int]:
+        """The indices as a plain list."""
+        return list(self)
+
+
+class Listener:
+    """Forgets what was made of a model when ``changed()``."""
+
+    __slots__ = ("_attributes", "_model")
+
+    def __init__(self, model: Any, *attributes: str) -> None:
+        self._model, self._attributes = model, attributes
+
+    def changed(self) -> None:
+        """Forget it."""
+        for attribute in self._attributes:
+            setattr(self._model, attribute, None)
+
+
+class Tree:
+    """The part of a Model that concerns joints; index 0 is the universe.
+
+    parents, joints, names, jointPlacements, inertias   (njoints,) lists; what is written takes effect at the next call
+    idx_qs, nqs, idx_vs, nvs                            (njoints,) where each joint's numbers stand, and how many
+    supports, subtrees, children                        (njoints,) lists of indices
+    gravity                                             Motion
+    """
+
+    gravity981 = np.array(GRAVITY)
+    gravity981.flags.writeable = False
+
+    def __init__(self) -> None:
+        self._made: Any = None  # what `compiled.made` made of the model, None once any of it is written
+        self._placed: Any = None  # what `compiled.placed` made of the frames
+        self._before: Any = None  # the last _made, None once more than numbers were written
+        self._edited = Listener(self, "_made")
+        MODELS.add(self)
+        rehung = Listener(self, "_made", "_placed", "_before")
+        self.name = ""
+        self.nq = self.nv = self.nvExtended = 0
+        self.nbodies = 1
+        self.names: list[str] = Owned(rehung, str, ["universe"])
+        self.parents: list[int] = Owned(rehung, (int, np.integer), [0])
+        universe = JointModelRX()
+        self.joints: list[JointModel] = Owned(rehung, JointModel, [universe])
+        self.jointPlacements: list[SE3] = Owned(self._edited, SE3, [SE3.Identity()])
+        self.inertias: list[Inertia] = Owned(self._edited, Inertia, [Inertia.Zero()])
+        self.idx_qs, self.nqs = Indices([0]), Indices([0])
+        self.idx_vs, self.nvs = Indices([0]), Indices([0])
+        self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])
+        self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
+        self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
+        self.mimic_joint_supports = [Indices([0])]
+        self._gravity: Motion = owned(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), self._edited)
+
+    @property
+    def njoints(self) -> int:
+        """Number of joints, the universe counted."""
+        return len(self.joints)
+
+    @property
+    def gravity(self) -> Motion:
+        """Acceleration of gravity; only its linear part may differ from 0."""
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, value: Motion) -> None:
+        self._gravity._x[...] = expected(value, Motion, "gravity")._x
+        self._made = None
+
+    def _check_joint(self, index: Any) -> int:
+        at = int(index)
+        if not 0 <= at < self.njoints:
+            raise ModelError(f"joint index is {at}, expected one from 0 to {self.njoints - 1}")
+        return at
+
+    def _hang(self, parent: int, joint: JointModel, placement: SE3, name: str) -> int:
+        """Add a copy of a joint behind the others; returns its index."""
+        index, joint = self.njoints, joint.copy()
+        self._give_places(index, joint, name)
+        self.joints.append(joint)
+        self.names.append(name)
+        self.parents.append(parent)
+        self.jointPlacements.append(placement)
+        self.inertias.append(Inertia.Zero())
+        self.supports.append(Indices([*self.supports[parent], index]))
+        self.subtrees.append(Indices())
+        self.children.append(Indices())
+        self.children[parent].append(index)
+        for above in self.supports[index]:
+            self.subtrees[above].append(index)
+        follows = [index] if isinstance(joint, JointModelMimic) else []
+        self.mimic_joint_supports.append(Indices([*self.mimic_joint_supports[parent], *follows]))
+        return index
+
+    def _give_places(self, index: int, joint: JointModel, name: str) -> None:
+        """Say where the numbers of a new joint stand: behind all others, or where its leader's do."""
+        leader, q, v = joint.leader, self.nq, self.nv
+        if isinstance(joint, JointModelMimic):
+            if leader is None or not 0 < leader < index:
+                raise ModelError(f'joint "{name}" mimics joint {leader}, expected one from 1 to {index - 1}')
+            q, v = self.idx_qs[leader], self.idx_vs[leader]
+            self.mimicking_joints.append(index)
+            self.mimicked_joints.append(leader)
+        joint.setIndexes(index, q, v, self.nvExtended)
+        for places, at, counts, n in (
+            (self.idx_qs, q, self.nqs, joint.nq),
+            (self.idx_vs, v, self.nvs, joint.nv),
+            (self.idx_vExtendeds, self.nvExtended, self.nvExtendeds, joint.nvExtended),
+        ):
+            places.append(at)
+            counts.append(n)
+        for total in ("nq", "nv", "nvExtended"):
+            vars(self)[total] += getattr(joint, total)
+
+    def appendBodyToJoint(self, joint_id: int, body_inertia: Inertia, body_placement: SE3 | None = None) -> None:
+        """Add a body's inertia, given at a placement in the joint's frame, to what the joint carries.
+
+        Raises ModelError for an index that is no joint's.
+        """
+        at = self._check_joint(joint_id)
+        expected(body_inertia, Inertia, "body_inertia")
+        if body_placement is not None:
+            expected(body_placement, SE3, "body_placement")
+        self._load(at, body_inertia, body_placement)
+        vars(self)["nbodies"] += 1
+
+    def _load(self, joint: int, inertia: Inertia, placement: SE3 | None) -> None:
+        self.inertias[joint] = self.inertias[joint] + (inertia if placement is None else placement.act(inertia))
+
+    def getJointId(self, name: str) -> int:
+        """Index of the joint of that name. njoints if there is none, ModelError in strict mode."""
+        expected(name, str, "joint name")
+        if name in self.names:
+            return self.names.index(name)
+        if strict():
+            raise ModelError(missing("joint", name, self.name, self.names))
+        return self.njoints
+
+    def existJointName(self, name: str) -> bool:
+        """Whether a joint has that name."""
+        expected(name, str, "joint name")
+        return name in self.names
+
+    @property
+    def span_indexes_vector(self) -> list[Indices]:
+        """For each joint the places in v of those that move it."""
+        own = [
+            range(at, at + max(n, joint.nvExtended > n))
+            for at, n, joint in zip(self.idx_vs, self.nvs, self.joints, strict=True)
+        ]
+        own[0] = range(0)
+        return [Indices(sorted({at for k in above for at in own[k]})) for above in self.supports]
+
+    @property
+    def sparsity_pattern_vector(self) -> list[NDArray[np.bool_]]:
+        """For each joint an array (nv,) of which velocities move it."""
+        made = np.zeros((self.njoints, self.nv), bool)
+        for row, span in zip(made, self.span_indexes_vector, strict=True):
+            row[span] = True
+        return list(made)
+
+    def getChildJoints(self) -> list[int]:
+        """The joints on which no other hangs."""
+        return Indices(k for k in range(1, self.njoints) if not self.children[k])

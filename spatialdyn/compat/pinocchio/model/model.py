@@ -1,0 +1,269 @@
+"""Model: the tree of joints with its limits, its frames and its reference configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import ModelError
+from ....model.model import missing
+from ..coverage.strictness import strict
+from ..types.arguments import ArgumentError, expected
+from ..types.containers import StdMap_String_VectorXd
+from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
+from ..types.se3 import SE3
+from ..types.tracked_list import Owned
+from .joint import JointModel
+from .joint_tree import Listener, Tree
+from .limits import ARRAYS, LIMITS, PLACES, Arrays, limit
+from .serialization_format import FORMAT, Stored, fill, state
+
+Array = NDArray[np.float64]
+FIXED = {  # attributes that follow from others, or are lists to be written into
+    "nq", "nv", "nvExtended", "nbodies", "inertias", "joints", "names", "parents", "children", "nqs", "nvs", "idx_qs",
+    "idx_vs", "idx_vExtendeds", "nvExtendeds", "mimicking_joints", "mimicked_joints", "mimic_joint_supports",
+    "supports", "subtrees",
+}  # fmt: skip
+
+
+class Configuration(NamedTuple):
+    """An entry of ``referenceConfigurations``, as iterating gives it."""
+
+    name: str
+    q: Array
+
+    def key(self) -> str:
+        """Its name."""
+        return self.name
+
+    def data(self) -> Array:
+        """Its configuration."""
+        return self.q
+
+
+class Configurations(StdMap_String_VectorXd):
+    """Configurations by name; iterating gives pairs, as Pinocchio's map does."""
+
+    def __iter__(self) -> Iterator[Any]:
+        return (Configuration(name, q) for name, q in self.items())
+
+
+class Model(Tree, Arrays, Stored):
+    """A robot as Pinocchio's Model holds it; see ``Tree`` for its joints.
+
+    frames                   list of Frame
+    nframes, nbodies         numbers of frames, and of bodies appended with the universe
+    referenceConfigurations  configurations by name
+
+    A model may be edited at any time, and the next call knows: ``model.armature[0] = 1``, ``model.armature = x``,
+    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Its arrays are read-only to what
+    would write past them, such as ``np.asarray(model.armature)[0] = 1``: write to a copy and assign that. What was read
+    before ``addJoint``, and a frame or a joint that was replaced, is no longer the model's: read it again.
+    """
+
+    _format = FORMAT
+    createData: Any  # given by the module of Data, which stands on this one
+
+    def __init__(self, clone: Model | None = None) -> None:
+        """A model of nothing but the universe, or a copy of another."""
+        vars(self).pop("_sealed", None)
+        super().__init__()
+        self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
+        universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
+        self._named: dict[str, list[int]] | None = None  # indices of frames by name, None once one is written
+        self.frames: list[Frame] = Owned(Listener(self, "_placed", "_named"), Frame, [universe])
+        self.referenceConfigurations: dict[str, Array] = Configurations()
+        self._sealed = True
+        if clone is not None:
+            fill(self, state(expected(clone, Model, "clone")))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in FIXED and "_sealed" in vars(self):
+            raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
+        if name in ("jointPlacements", "frames") and "_sealed" in vars(self):
+            owner, kind = (
+                (self._edited, SE3) if name == "jointPlacements" else (Listener(self, "_placed", "_named"), Frame)
+            )
+            value = Owned(owner, kind, value)
+            owner.changed()
+        super().__setattr__(name, value)
+
+    @property
+    def nframes(self) -> int:
+        """Number of frames."""
+        return len(self.frames)
+
+    # --- building ------------------------------------------------------------------------------------------
+
+    def addJoint(
+        self, parent_id: int, joint_model: JointModel, joint_placement: SE3, joint_name: str, *limits: Any, **named: Any
+    ) -> int:
+        """Add a joint; returns its index.
+
+        parent_id        index of the joint that carries it
+        joint_model      of which a copy is kept
+        joint_placement  SE3 in the parent's frame
+        limits           nothing; max_effort, max_velocity, min_config, max_config; or min_effort, max_effort,
+                         min_velocity, max_velocity, min_config, max_config, [config_limit_margin,] min_friction,
+                         max_friction, damping: arrays of the joint's nq or nv numbers
+
+        Raises ModelError for an index that is no joint's, ShapeError naming a limit, ArgumentError.
+        """
+        parent = self._check_joint(parent_id)
+        expected(joint_model, JointModel, "joint_model")
+        expected(joint_placement, SE3, "joint_placement")
+        expected(joint_name, str, "joint_name")
+        names = LIMITS.get(len(limits) + len(named))
+        if names is None or not {*names[len(limits) :]} >= {*named}:
+            raise ArgumentError(f"addJoint got {len(limits) + len(named)} limits, expected 0, 4, 9 or 10")
+        given = {**dict(zip(names, limits, strict=False)), **named}
+        values = {PLACES[name]: limit(joint_name, name, value, joint_model) for name, value in given.items()}
+        if len(given) == 4:  # Pinocchio writes the largest velocity for the least, too
+            values |= {f"lower{kind}Limit": -values[f"upper{kind}Limit"] for kind in ("Effort", "Velocity")}
+        return self._add(parent, joint_model, joint_placement, joint_name, values)
+
+    def _add(self, parent: int, joint: JointModel, placement: SE3, name: str, values: Mapping[str, Array]) -> int:
+        """Add a joint whose entries of the model's arrays are given by name; returns its index."""
+        index = self._hang(parent, joint, placement, name)
+        self._extend(joint, values)
+        return index
+
+    def addFrame(self, frame: Frame, append_inertia: bool = True) -> int:
+        """Add a frame, and its inertia to what its joint carries; returns its index.
+
+        A frame of the same name and type is not added again. Raises ModelError for a parent that is not there.
+        """
+        expected(frame, Frame, "frame")
+        joint = self._check_joint(frame.parentJoint)
+        if not 0 <= frame.parentFrame < self.nframes:
+            raise ModelError(
+                f'frame "{frame.name}" has parent frame {frame.parentFrame}, expected 0 to {self.nframes - 1}'
+            )
+        found = self._frame(frame.name, frame.type)
+        if found is not None:
+            return found
+        if append_inertia:
+            self._load(joint, frame.inertia, frame.placement)
+        self.frames.append(frame)
+        return self.nframes - 1
+
+    def addJointFrame(self, joint_id: int, frame_id: int = 0) -> int:
+        """Add the frame of a joint, behind a frame (-1: the frame of the joint's parent); returns its index."""
+        joint = self._check_joint(joint_id)
+        before = frame_id if frame_id >= 0 else self._frame_of(self.parents[joint])
+        return self.addFrame(Frame(self.names[joint], joint, before, SE3.Identity(), JOINT))
+
+    def addBodyFrame(self, body_name: str, parentJoint: int, body_placement: SE3, previous_frame: int = -1) -> int:
+        """Add the frame of a body on a joint, behind a frame (-1: the joint's); returns its index."""
+        joint = self._check_joint(parentJoint)
+        before = previous_frame if previous_frame >= 0 else self._frame_of(joint)
+        return self.addFrame(Frame(body_name, joint, before, body_placement, BODY))
+
+    def _frame_of(self, joint: int) -> int:
+        found = self._frame(self.names[joint], JOINT | FIXED_JOINT)
+        if found is None:
+            raise ModelError(f'joint "{self.names[joint]}" has no frame, expected addJointFrame to be called before')
+        return found
+
+    # --- names ---------------------------------------------------------------------------------------------
+
+    def _frames(self, name: str, kinds: int) -> list[int]:
+        named = self._named
+        if named is None:
+            named = self._named = {}
+            for k, frame in enumerate(self.frames):
+                named.setdefault(frame.name, []).append(k)
+        frames = self.frames
+        return [k for k in named.get(name, ()) if frames[k].type & kinds]
+
+    def _frame(self, name: str, kinds: int) -> int | None:
+        found = self._frames(name, kinds)
+        if len(found) > 1:
+            listed = " and ".join(f"{k} of type {self.frames[k].type.name}" for k in found)
+            raise ModelError(f'frame "{name}" is frame {listed}, expected a FrameType that leaves one of them')
+        return found[0] if found else None
+
+    def getFrameId(self, name: str, type: int = ANY_FRAME) -> int:
+        """Index of the frame of that name and type.
+
+        nframes if there is none. Raises ModelError, a ValueError, if there are several, and in strict mode if there is
+        none.
+        """
+        found = self._frame(expected(name, str, "frame name"), type)
+        if found is None and strict():
+            others = [self.frames[k].type.name for k in self._frames(name, ANY_FRAME)]
+            if others:
+                kinds = " or ".join(kind.name for kind in FrameType if kind & type)
+                raise ModelError(f'frame "{name}" is of type {" and ".join(others)}, expected type {kinds}')
+            names = [frame.name for frame in self.frames if frame.type & type]
+            raise ModelError(missing("frame", name, self.name, names))
+        return self.nframes if found is None else found
+
+    def getBodyId(self, name: str) -> int:
+        """Index of the body's frame of that name. Raises ModelError as getFrameId does."""
+        return self.getFrameId(name, BODY)
+
+    def existFrame(self, name: str, type: int = ANY_FRAME) -> bool:
+        """Whether a frame has that name and type."""
+        return bool(self._frames(expected(name, str, "frame name"), type))
+
+    def existBodyName(self, name: str) -> bool:
+        """Whether a body's frame has that name."""
+        return self.existFrame(name, BODY)
+
+    def _state(self) -> dict[str, Any]:
+        return state(self)
+
+    def _become(self, given: Mapping[str, Any]) -> None:
+        fill(self, given)
+
+    # --- the whole -----------------------------------------------------------------------------------------
+
+    def check(self, data: Any) -> bool:
+        """Whether a Data was made for a model of this size."""
+        return bool(data.model is self or (len(data.oMi), len(data.oMf)) == (self.njoints, self.nframes))
+
+    def hasConfigurationLimit(self) -> list[bool]:
+        """For each coordinate whether it can have a limit."""
+        return [has for joint in self.joints[1:] for has in joint.hasConfigurationLimit]
+
+    def hasConfigurationLimitInTangent(self) -> list[bool]:
+        """For each velocity whether its coordinate can have a limit."""
+        return [has for joint in self.joints[1:] for has in joint.hasConfigurationLimitInTangent]
+
+    def copy(self) -> Model:
+        """An equal model of its own."""
+        return Model(self)
+
+    def cast(self) -> Model:
+        """A copy: there is one type of number."""
+        return Model(self)
+
+    def __copy__(self) -> Model:
+        return Model(self)
+
+    def __deepcopy__(self, memo: Any) -> Model:
+        return Model(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and state(self) == state(other)
+
+    __hash__ = object.__hash__
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (state(self),)
+
+    def __repr__(self) -> str:
+        lines = [f"Nb joints = {self.njoints} (nq={self.nq},nv={self.nv})"]
+        lines += [f"  Joint {k} {self.names[k]}: parent={self.parents[k]}" for k in range(self.njoints)]
+        return "\n".join([*lines, ""])
+
+
+def _restored(given: Mapping[str, Any]) -> Model:
+    """The model of a state."""
+    model = Model()
+    fill(model, given)
+    return model

@@ -1,0 +1,221 @@
+"""Models made of models: ``buildReducedModel``, ``transformJointIntoMimic``, ``appendModel``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import ModelError, ShapeError
+from ..types.arguments import ArgumentError, described, expected
+from ..types.frame import FIXED_JOINT, JOINT, Frame
+from ..types.se3 import SE3
+from .joint import JointModel
+from .joint_mimic import JointModelMimic
+from .limits import POSITIONS
+from .model import Model
+
+Array = NDArray[np.float64]
+
+
+def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
+    """A model with some joints frozen: what they carry hangs on the joint before them, their frames stay.
+
+    geom_model               a GeometryModel or a list of them, which is then returned with the model; may be left out
+    list_of_joints_to_lock   indices of joints
+    reference_configuration  (nq,) where they are frozen
+
+    Raises ModelError for an index that is no joint's or stands twice, or of a joint that another one mimics;
+    ShapeError.
+    """
+    names = ["list_of_joints_to_lock", "reference_configuration"]
+    geometry = len(arguments) + len(named) == 3
+    if geometry:
+        names.insert(0, "list_of_geom_models" if "list_of_geom_models" in named else "geom_model")
+    given = {**dict(zip(names, arguments, strict=False)), **named}
+    if len(arguments) + len(named) != len(names) or {*given} != {*names}:
+        raise ArgumentError(f"buildReducedModel got {', '.join(given)}, expected model, {', '.join(names)}")
+    made = _reduced(model, given["list_of_joints_to_lock"], given["reference_configuration"])
+    return (made, given[names[0]]) if geometry else made
+
+
+def _reduced(model: Model, joints: Iterable[int], q: Any) -> Model:
+    expected(model, Model, "model")
+    if not isinstance(q, np.ndarray):
+        raise ArgumentError(f"reference_configuration is {described(q)}, expected an array")
+    if isinstance(joints, str) or not isinstance(joints, Iterable):
+        raise ArgumentError(f"list_of_joints_to_lock is {described(joints)}, expected indices")
+    if q.size != model.nq:
+        raise ShapeError(f"reference_configuration has {q.size} numbers, expected {model.nq}")
+    locked: dict[int, SE3] = {}
+    for index in joints:
+        if not isinstance(index, (int, np.integer)):
+            raise ArgumentError(f"joint index is {described(index)}, expected a number")
+        at = model._check_joint(index)
+        if at == 0 or at in locked:
+            raise ModelError(f"joint index {at} cannot be locked, expected each joint once and not the universe")
+        data = model.joints[at].createData()
+        model.joints[at].calc(data, q)
+        locked[at] = data.M
+    for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
+        if leader in locked and follower not in locked:
+            raise ModelError(f'joint "{model.names[follower]}" mimics "{model.names[leader]}", expected both locked')
+    return _rebuilt(model, locked, {})
+
+
+def transformJointIntoMimic(
+    input_model: Model, index_mimicked: int, index_mimicking: int, scaling: float, offset: float
+) -> Model:
+    """A model in which one joint follows another: q = scaling q' + offset.
+
+    Raises ModelError unless both have one coordinate and the one that is followed comes first.
+    """
+    expected(input_model, Model, "input_model")
+    leader, follower = input_model._check_joint(index_mimicked), input_model._check_joint(index_mimicking)
+    if not 0 < leader < follower:
+        raise ModelError(f"joint {follower} cannot mimic joint {leader}, expected one before it")
+    motion = input_model.joints[follower]
+    mimic = JointModelMimic.of(motion, input_model.joints[leader], scaling, offset)
+    return _rebuilt(input_model, {}, {follower: mimic})
+
+
+def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) -> Model:
+    """A model in which the universe of B is fixed to a frame of A.
+
+    frame_in_modelA  index of the frame
+    aMb              SE3, where B's universe stands in it
+
+    B's joints stand behind those that the frame's joint carries, so that all are depth first. Gravity is that of A.
+    Raises ModelError for a frame that is not there, or a name that both have.
+    """
+    expected(modelA, Model, "modelA")
+    expected(modelB, Model, "modelB")
+    expected(aMb, SE3, "aMb")
+    if not 0 <= int(frame_in_modelA) < modelA.nframes:
+        raise ModelError(f"frame index is {frame_in_modelA}, expected one from 0 to {modelA.nframes - 1}")
+    _check_names(modelA, modelB)
+    at = modelA.frames[int(frame_in_modelA)]
+    last = max([at.parentJoint, *modelA.subtrees[at.parentJoint]])
+    whole = _like(modelA)
+    A, B = _Part(modelA), _Part(modelB)
+    whole._load(0, modelA.inertias[0], None)
+    _take_frames(whole, A, 0)
+    for k in range(modelA.njoints):
+        if k:
+            _take(whole, A, k)
+        if k == last:
+            carrier = A.carriers[at.parentJoint]
+            B.carriers[0] = _Carrier(carrier.joint, carrier.placement * at.placement * aMb)
+            B.frames[0] = A.frames[int(frame_in_modelA)]
+            whole._load(carrier.joint, modelB.inertias[0], B.carriers[0].placement)
+            _take_frames(whole, B, 0)
+            for j in range(1, modelB.njoints):
+                _take(whole, B, j)
+    vars(whole)["nbodies"] = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
+    for name in dict.fromkeys([*modelA.referenceConfigurations.keys(), *modelB.referenceConfigurations.keys()]):
+        q = np.array([x for joint in whole.joints[1:] for x in joint.neutral()])
+        for part in (A, B):
+            if name in part.model.referenceConfigurations:
+                _place(whole, part, q, part.model.referenceConfigurations[name])
+        whole.referenceConfigurations[name] = q
+    return whole
+
+
+# --- copying piece by piece ----------------------------------------------------------------------------------
+
+
+class _Carrier(NamedTuple):
+    """What carries a joint's body in the new model, and where its frame stands there."""
+
+    joint: int
+    placement: SE3
+
+
+class _Part:
+    """A model that is being copied: what carries each joint's body by now, and what its frames have become."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.carriers = {0: _Carrier(0, SE3.Identity())}
+        self.frames = {0: 0}
+
+
+def _like(model: Model) -> Model:
+    """A model of nothing, with the name and gravity of another."""
+    made = Model()
+    made.name, made.gravity = model.name, model.gravity
+    return made
+
+
+def _take(whole: Model, part: _Part, k: int, joint: JointModel | None = None) -> None:
+    """Copy joint k, or another in its place, with its inertia and its frames."""
+    model, given = part.model, part.model.joints[k]
+    carrier = part.carriers[model.parents[k]]
+    new = given if joint is None else joint
+    if isinstance(new, JointModelMimic):
+        leader = whole.joints[part.carriers[new.leader].joint]
+        new = JointModelMimic.of(new, leader, new.scaling, new.offset)
+    q, v = (slice(at, at + n) for at, n in ((given.idx_q, new.nq), (given.idx_v, new.nv)))
+    values = {name: x[q if name in POSITIONS else v] for name, x in model._arrays.items()}
+    index = whole._add(carrier.joint, new, carrier.placement * model.jointPlacements[k], model.names[k], values)
+    whole.inertias[index] = model.inertias[k]
+    part.carriers[k] = _Carrier(index, SE3.Identity())
+    _take_frames(whole, part, k)
+
+
+def _take_frames(whole: Model, part: _Part, k: int) -> None:
+    """Copy the frames of joint k but for the universe's, whose inertias its body has already."""
+    carrier = part.carriers[k]
+    for at, frame in enumerate(part.model.frames):
+        if frame.parentJoint == k and at:
+            part.frames[at] = whole.nframes
+            before = part.frames.get(frame.parentFrame, 0)
+            whole.frames.append(
+                Frame(frame.name, carrier.joint, before, carrier.placement * frame.placement, frame.type, frame.inertia)
+            )
+
+
+def _place(whole: Model, part: _Part, q: Array, given: Array) -> None:
+    """Write the coordinates of a model that was copied to their places in the whole's."""
+    for k in range(1, part.model.njoints):
+        old, new = part.model.joints[k], whole.joints[part.carriers[k].joint]
+        q[new.idx_q : new.idx_q + new.nq] = given[old.idx_q : old.idx_q + new.nq]
+
+
+def _check_names(A: Model, B: Model) -> None:
+    for what, a, b in (
+        ("joint", A.names, B.names),
+        ("frame", [f.name for f in A.frames], [f.name for f in B.frames]),
+    ):
+        both = sorted({*a[1:]} & {*b[1:]})
+        if both:
+            raise ModelError(f'both models have a {what} "{both[0]}", expected distinct names')
+
+
+def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, JointModel]) -> Model:
+    """A model with some joints frozen at a pose, others replaced; frames keep their indices."""
+    whole, part = _like(model), _Part(model)
+    whole._load(0, model.inertias[0], None)
+    kept = [k for k in range(1, model.njoints) if k not in locked]
+    for k in range(1, model.njoints):
+        if k in locked:
+            carrier = part.carriers[model.parents[k]]
+            X = carrier.placement * model.jointPlacements[k] * locked[k]
+            part.carriers[k] = _Carrier(carrier.joint, X)
+            whole._load(carrier.joint, model.inertias[k], X)
+        else:
+            _take(whole, part, k, replaced.get(k))
+    del whole.frames[1:]
+    for frame in model.frames[1:]:
+        carrier, X = part.carriers[frame.parentJoint], part.carriers[frame.parentJoint].placement * frame.placement
+        kind, inertia = frame.type, frame.inertia
+        if frame.parentJoint in locked and kind == JOINT:
+            kind, inertia = FIXED_JOINT, model.inertias[frame.parentJoint]
+        whole.frames.append(Frame(frame.name, carrier.joint, frame.parentFrame, X, kind, inertia))
+    vars(whole)["nbodies"] = 1 + len(kept)
+    for name, q in model.referenceConfigurations.items():
+        spans = [(whole.joints[part.carriers[k].joint].nq, model.idx_qs[k]) for k in kept]
+        whole.referenceConfigurations[name] = np.concatenate([q[at : at + n] for n, at in spans] or [q[:0]])
+    return whole

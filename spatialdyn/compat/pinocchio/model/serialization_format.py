@@ -1,0 +1,216 @@
+"""Models and data as text and back: the library's own format, which is JSON; XML and binary files wrap it.
+
+What is stored are plain numbers and names, and reading them runs nothing that they contain. Pinocchio's archives are
+not read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape, unescape
+
+import numpy as np
+
+from ....errors import SpatialDynError
+from ..types.frame import Frame, FrameType
+from ..types.inertia import Inertia
+from ..types.motion import Motion
+from ..types.se3 import SE3
+from .joint import JointModel, kinds
+from .joint_mimic import JointModelMimic
+from .joints_compound import JointModelComposite
+
+FORMAT = "spatialdyn.compat.pinocchio model 1"
+
+# --- a model as plain numbers and names --------------------------------------------------------------------
+
+
+def state(model: Any) -> dict[str, Any]:
+    """All that makes a model, as lists of numbers and names."""
+    return {
+        "format": FORMAT,
+        "name": model.name,
+        "nbodies": model.nbodies,
+        "gravity": _numbers(model.gravity),
+        "joints": [
+            {
+                "name": model.names[k],
+                "parent": int(model.parents[k]),
+                "joint": _joint_state(model.joints[k]),
+                "placement": _numbers(model.jointPlacements[k]),
+                "inertia": _numbers(model.inertias[k]),
+            }
+            for k in range(model.njoints)
+        ],
+        "frames": [
+            {
+                "name": frame.name,
+                "joint": frame.parentJoint,
+                "before": frame.parentFrame,
+                "placement": _numbers(frame.placement),
+                "type": frame.type.name,
+                "inertia": _numbers(frame.inertia),
+            }
+            for frame in model.frames
+        ],
+        "arrays": {name: x.tolist() for name, x in model._arrays.items()},
+        "configurations": {name: np.asarray(q).tolist() for name, q in model.referenceConfigurations.items()},
+    }
+
+
+def fill(model: Any, given: Mapping[str, Any]) -> None:
+    """Make a model what a state says."""
+    model.__init__()
+    model.name = given["name"]
+    model.gravity = _value(Motion, given["gravity"])
+    for k, entry in enumerate(given["joints"]):
+        if k:
+            made = _joint(entry["joint"])
+            model._hang(entry["parent"], made, _value(SE3, entry["placement"]), entry["name"])
+        model.names[k] = entry["name"]
+        model.jointPlacements[k] = _value(SE3, entry["placement"])
+        model.inertias[k] = _value(Inertia, entry["inertia"])
+    vars(model)["nbodies"] = given["nbodies"]
+    del model.frames[:]
+    for entry in given["frames"]:
+        model.frames.append(
+            Frame(
+                entry["name"],
+                entry["joint"],
+                entry["before"],
+                _value(SE3, entry["placement"]),
+                FrameType[entry["type"]],
+                _value(Inertia, entry["inertia"]),
+            )
+        )
+    model._arrays.update({name: np.array(x, dtype=float) for name, x in given["arrays"].items()})
+    for name, q in given["configurations"].items():
+        model.referenceConfigurations[name] = np.array(q, dtype=float)
+
+
+def _numbers(value: Any) -> list[float]:
+    x: list[float] = value._x.ravel().tolist()
+    return x
+
+
+def _value(kind: Any, numbers: list[float]) -> Any:
+    x = np.array(numbers, dtype=float)
+    return kind.over(x.reshape(4, 4) if kind is SE3 else x)
+
+
+def _joint_state(joint: JointModel) -> dict[str, Any]:
+    made: dict[str, Any] = {"kind": joint.shortname(), "parameters": list(joint.parameters())}
+    if isinstance(joint, JointModelComposite):
+        made["parts"] = [
+            [_joint_state(part), _numbers(placement), name]
+            for part, placement, name in zip(joint.joints, joint.jointPlacements, joint._names, strict=True)
+        ]
+    elif isinstance(joint, JointModelMimic):
+        made["motion"] = _joint_state(joint._motion)
+        made["leader"], made["scaling"], made["offset"] = joint._followed()
+    return made
+
+
+def _joint(given: Mapping[str, Any]) -> JointModel:
+    kind = kinds()[given["kind"]]
+    if kind is JointModelComposite:
+        composite = JointModelComposite()
+        for part, placement, name in given["parts"]:
+            composite.addJoint(_joint(part), _value(SE3, placement), name)
+        return composite
+    if kind is JointModelMimic:
+        motion = _joint(given["motion"])
+        leader = motion.copy()
+        leader.id = given["leader"]
+        return JointModelMimic.of(motion, leader, given["scaling"], given["offset"])
+    made: JointModel = kind(*given["parameters"])
+    return made
+
+
+# --- files -------------------------------------------------------------------------------------------------
+
+
+class Stored:
+    """The methods of a Model or a Data that store it and read it again.
+
+    It says what it is by ``_state()``, a dict with a ``"format"`` of its own, and becomes that again by ``_become``.
+    """
+
+    _format: str
+    _state: Any
+    _become: Any
+
+    def saveToString(self) -> str:
+        """All of it as text."""
+        return json.dumps(self._state())
+
+    def loadFromString(self, string: str) -> None:
+        """Become what a text says. Raises SpatialDynError if that is none of its kind."""
+        _load(self, string, "the text")
+
+    def saveToText(self, filename: str | os.PathLike[str]) -> None:
+        """Write it to a text file."""
+        Path(filename).write_text(self.saveToString(), encoding="utf-8")
+
+    def loadFromText(self, filename: str | os.PathLike[str]) -> None:
+        """Become what a text file says. Raises SpatialDynError if that is none of its kind."""
+        _load(self, _read(filename).decode("utf-8", errors="replace"), filename)
+
+    def saveToXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
+        """Write it to an XML file of one element."""
+        text = f'<?xml version="1.0" encoding="utf-8"?>\n<{tag_name}>{escape(self.saveToString())}</{tag_name}>\n'
+        Path(filename).write_text(text, encoding="utf-8")
+
+    def loadFromXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
+        """Become what an XML file's element says. Raises SpatialDynError if that is none of its kind."""
+        text = _read(filename).decode("utf-8", errors="replace")
+        _, found, rest = text.partition(f"<{tag_name}>")
+        if not found:
+            raise SpatialDynError(f"{filename} has no element <{tag_name}>, expected one written by saveToXML")
+        _load(self, unescape(rest.partition(f"</{tag_name}>")[0]), filename)
+
+    def saveToBinary(self, filename: str | os.PathLike[str]) -> None:
+        """Write it to a binary file."""
+        Path(_path(filename)).write_bytes(zlib.compress(self.saveToString().encode()))
+
+    def loadFromBinary(self, filename: str | os.PathLike[str]) -> None:
+        """Become what a binary file says. Raises SpatialDynError if that is none of its kind."""
+        try:
+            text = zlib.decompress(_read(_path(filename))).decode()
+        except (zlib.error, UnicodeDecodeError):
+            raise SpatialDynError(f"{filename} was not written by saveToBinary, expected a file that was") from None
+        _load(self, text, filename)
+
+
+def _path(filename: Any) -> Any:
+    if not isinstance(filename, (str, os.PathLike)):
+        raise NotImplementedError(
+            f"saveToBinary and loadFromBinary take files only, not a {type(filename).__name__}; give a path"
+        )
+    return filename
+
+
+def _read(filename: Any) -> bytes:
+    try:
+        return Path(filename).read_bytes()
+    except OSError as error:
+        raise SpatialDynError(f"{filename} cannot be read ({error}), expected a stored model or data") from None
+
+
+def _load(one: Any, text: str, source: Any) -> None:
+    """Become what a text says, or stay as it was."""
+    kind = one._format.split()[-2]
+    try:
+        given = json.loads(text)
+        if not isinstance(given, dict) or given.get("format") != one._format:
+            raise ValueError
+        made = type(one)()
+        made._become(given)
+        one._become(made._state())
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise SpatialDynError(f"{source} holds no {kind} written by saveToText and its like, expected one") from None

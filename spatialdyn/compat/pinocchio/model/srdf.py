@@ -1,0 +1,118 @@
+"""What an SRDF file adds to a model: reference configurations and the rotors of the motors.
+
+lxml is imported inside the function that parses.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ....errors import UrdfError
+from ....urdf.load import read_path
+from ..types.arguments import ArgumentError, described, expected
+from .joint import JointModel
+from .model import Model
+
+NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+def loadReferenceConfigurations(model: Model, srdf_filename: Any, verbose: bool = False) -> None:
+    """Read the configurations of an SRDF file into ``model.referenceConfigurations``.
+
+    A joint of the file that the model has not is left out, as the file may serve several models; one of the model that
+    the file leaves out is neutral. Nothing is printed whatever ``verbose``.
+
+    Raises UrdfError naming file, line and value.
+    """
+    _configurations(model, *_file(srdf_filename))
+
+
+def loadReferenceConfigurationsFromXML(model: Model, srdf_xml_stream: str, verbose: bool = False) -> None:
+    """Read the configurations of SRDF text; see ``loadReferenceConfigurations``."""
+    _configurations(model, "<text>", expected(srdf_xml_stream, str, "srdf_xml_stream").encode())
+
+
+def loadRotorParameters(model: Model, srdf_filename: Any, verbose: bool = False) -> bool:
+    """Read the rotors of an SRDF file into ``rotorInertia``, ``rotorGearRatio`` and ``armature``.
+
+    A rotor adds its inertia times the square of its ratio to the armature of its joint; one that the model had before
+    goes, so that reading a file twice changes nothing. Returns True.
+
+    Raises UrdfError naming file, line and value, or a file without rotors.
+    """
+    label, text = _file(srdf_filename)
+    root = _parsed(label, expected(model, Model, "model"), text)
+    found = list(root.iter("rotor_params"))
+    if not found:
+        raise UrdfError(f"{label}: has no <rotor_params>, expected one")
+    for element in (joint for rotors in found for joint in rotors.iter("joint")):
+        (inertia,) = _numbers(label, element, "mass")
+        (ratio,) = _numbers(label, element, "gear_ratio")
+        for joint in _joints(model, element):
+            at = slice(joint.idx_v, joint.idx_v + joint.nv)
+            model.armature[at] -= model.rotorInertia[at] * model.rotorGearRatio[at] ** 2
+            model.rotorInertia[at], model.rotorGearRatio[at] = inertia, ratio
+            model.armature[at] += inertia * ratio**2
+    return True
+
+
+def _file(filename: Any) -> tuple[str, bytes]:
+    if not isinstance(filename, str) and not hasattr(filename, "__fspath__"):
+        raise ArgumentError(f"srdf_filename is {described(filename)}, expected a str or Path")
+    return read_path(filename, "an SRDF file")
+
+
+def _parsed(label: str, model: Model, text: bytes) -> Any:
+    from lxml import etree
+
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        return etree.fromstring(text, parser)
+    except etree.XMLSyntaxError as error:
+        raise UrdfError(f"{label}:{error.position[0]}: is not well-formed XML ({error.msg}), expected SRDF") from None
+
+
+def _configurations(model: Model, label: str, text: bytes) -> None:
+    root = _parsed(label, expected(model, Model, "model"), text)
+    neutral = np.array([x for joint in model.joints[1:] for x in joint.neutral()])
+    for state in root.iter("group_state"):
+        name = state.get("name")
+        if name is None:
+            raise UrdfError(f"{label}:{state.sourceline}: <group_state> has no attribute name, expected one")
+        q = neutral.copy()
+        for element in state.iter("joint"):
+            values = _numbers(label, element, "value")
+            for joint in _joints(model, element):
+                if len(values) == 1 and joint.steps()[0].kind == "continuous" and joint.nq == 2:
+                    values = [math.cos(values[0]), math.sin(values[0])]
+                if len(values) != joint.nq:
+                    raise UrdfError(
+                        f'{label}:{element.sourceline}: joint "{element.get("name")}" has {len(values)} values, '
+                        f"expected {joint.nq}"
+                    )
+                q[joint.idx_q : joint.idx_q + joint.nq] = values
+        model.referenceConfigurations[name] = q
+
+
+def _joints(model: Model, element: Any) -> Iterator[JointModel]:
+    """The model's joint of an element's name, if there is one with coordinates."""
+    name = element.get("name")
+    if name in model.names[1:]:
+        joint = model.joints[model.names.index(name)]
+        if joint.nq:
+            yield joint
+
+
+def _numbers(label: str, element: Any, attribute: str) -> list[float]:
+    parts = (element.get(attribute) or "").split()
+    if not parts or not all(NUMBER.fullmatch(part) for part in parts):
+        raise UrdfError(
+            f'{label}:{element.sourceline}: <{element.tag} {attribute}="{element.get(attribute)}"> of joint '
+            f'"{element.get("name")}", expected finite numbers'
+        )
+    return [float(part) for part in parts]

@@ -1,0 +1,83 @@
+"""What the constructors and methods of the face take: arrays of given sizes, and the errors if they are not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import SpatialDynError
+from ....model.robot import masked
+
+Array = NDArray[np.float64]
+NUMBERS = "fiub"  # kinds of dtype that become float64
+
+
+class ArgumentError(SpatialDynError, TypeError):
+    """An argument of a type or size that the call does not take; Boost.Python's is a TypeError."""
+
+
+class ValueRuntimeError(SpatialDynError, RuntimeError):
+    """An argument of the right type that cannot be used, where Pinocchio raises a RuntimeError."""
+
+
+class RangeError(SpatialDynError, IndexError, OverflowError):
+    """An index of a joint or frame that the model does not have."""
+
+
+def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
+    """A new float64 array of that shape; a column (n, 1) passes for (n,)."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS and not masked(value):
+        made = np.empty(shape)
+        value = np.asarray(value)  # an np.matrix keeps two axes whatever is taken of it
+        if value.shape == shape:
+            made[...] = value
+            return made
+        if value.shape == (*shape, 1):
+            made[...] = value[..., 0]
+            return made
+    raise ArgumentError(f"{what} is {described(value)}, expected an array of shape {shape}")
+
+
+def described(value: Any) -> str:
+    """A value in few words."""
+    if isinstance(value, np.ndarray):
+        if masked(value):
+            return "a masked array, whose mask would be lost"
+        return f"an array of shape {value.shape} and dtype {value.dtype}"
+    return f"a {type(value).__name__}"
+
+
+def expected(value: Any, kind: type, what: str) -> Any:
+    """The value, which has to be of that type."""
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{what} is {described(value)}, expected {kind.__name__}")
+    return value
+
+
+def number(value: Any, what: str) -> float:
+    """A real number as Boost.Python takes one: int, float and what derives from them."""
+    if not isinstance(value, (int, float, np.floating, np.integer)):
+        raise ArgumentError(f"{what} is {described(value)}, expected a number")
+    return float(value)
+
+
+def near(a: Array, b: Array, precision: float) -> bool:
+    """|a - b| <= precision min(|a|, |b|) in the Euclidean norm."""
+    a, b = a.ravel(), b.ravel()
+    d = a - b
+    return bool(d @ d <= precision * precision * min(a @ a, b @ b))
+
+
+def row(values: Any, width: int = 0) -> str:
+    """Numbers side by side with six digits, right-aligned."""
+    texts = [f"{x:g}" for x in values]
+    width = max(width, *map(len, texts))
+    return " ".join(text.rjust(width) for text in texts)
+
+
+def rows(matrix: Any) -> str:
+    """A matrix with six digits, all columns of one width."""
+    width = max(len(f"{x:g}") for line in matrix for x in line)
+    return "\n".join(row(line, width) for line in matrix)

@@ -1,0 +1,160 @@
+"""Lists of one type, as Pinocchio's vectors of C++: what is put in is copied, what is read can be written in place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from .arguments import ArgumentError
+from .frame import Frame
+from .inertia import Inertia
+from .motion import Force, Motion
+from .se3 import SE3
+from .symmetric import Symmetric3
+from .tracked_list import Owned
+
+
+class _Nobody:
+    """The owner of lists that belong to nobody."""
+
+    def changed(self) -> None:
+        """Nobody to tell."""
+
+
+NOBODY = _Nobody()
+
+
+class StdVec(Owned[Any]):
+    """A list of values of one type: ``StdVec_Force(values)``, ``StdVec_Force(count, value)``, ``StdVec_Force()``."""
+
+    kind: type | tuple[type, ...] = object
+
+    def __init__(self, values: Any = (), value: Any = None) -> None:
+        if isinstance(values, int):
+            values = [self._default() if value is None else value for _ in range(values)]
+        elif not isinstance(values, Iterable):
+            raise ArgumentError(f"values is a {type(values).__name__}, expected values or how many")
+        super().__init__(NOBODY, self.kind, values)
+
+    @classmethod
+    def _default(cls) -> Any:
+        return cls.kind[0]() if isinstance(cls.kind, tuple) else cls.kind()
+
+    def _own(self, value: Any) -> Any:
+        own = super()._own(value)
+        return np.array(own) if isinstance(own, np.ndarray) else own
+
+    def __getitem__(self, at: Any) -> Any:
+        found = super().__getitem__(at)
+        return type(self)(found) if isinstance(at, slice) else found
+
+    def copy(self) -> StdVec:
+        """A list of the same type, of copies."""
+        return type(self)(self)
+
+    __copy__ = copy
+
+    def __deepcopy__(self, memo: Any) -> StdVec:
+        return self.copy()
+
+    def tolist(self, deep_copy: bool = False) -> list[Any]:
+        """The entries, or copies of them, as a plain list."""
+        return list(self.copy() if deep_copy else self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (list(self),)
+
+    __hash__ = object.__hash__  # type: ignore[assignment]
+
+
+INTEGER = (int, np.integer)
+REAL = (float, int, np.floating, np.integer)
+
+
+class StdVec_SE3(StdVec):
+    """A list of SE3."""
+
+    kind = SE3
+
+
+class StdVec_Motion(StdVec):
+    """A list of Motion."""
+
+    kind = Motion
+
+
+class StdVec_Force(StdVec):
+    """A list of Force, such as the external forces of ``rnea`` and ``aba``."""
+
+    kind = Force
+
+
+class StdVec_Inertia(StdVec):
+    """A list of Inertia."""
+
+    kind = Inertia
+
+
+class StdVec_Symmetric3(StdVec):
+    """A list of Symmetric3."""
+
+    kind = Symmetric3
+
+
+class StdVec_Frame(StdVec):
+    """A list of Frame."""
+
+    kind = Frame
+
+
+class StdVec_StdString(StdVec):
+    """A list of str."""
+
+    kind = str
+
+
+class StdVec_Bool(StdVec):
+    """A list of bool."""
+
+    kind = (bool, np.bool_)
+
+
+class StdVec_Index(StdVec):
+    """A list of indices."""
+
+    kind = INTEGER
+
+
+class StdVec_Scalar(StdVec):
+    """A list of numbers."""
+
+    kind = REAL
+
+
+class StdVec_Array(StdVec):
+    """A list of arrays."""
+
+    kind = np.ndarray
+
+
+class StdVec_List(StdVec):
+    """A list of lists of indices."""
+
+    kind = (list, StdVec)
+
+
+class StdMap_String_VectorXd(dict[str, Any]):
+    """Arrays by name, such as reference configurations."""
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        if not isinstance(name, str) or not isinstance(value, np.ndarray):
+            raise ArgumentError(f"{name!r} is a {type(value).__name__}, expected an array by a name")
+        super().__setitem__(name, np.array(value, dtype=float).ravel())
+
+
+StdVec_Double = StdVec_Scalar
+StdVec_int = StdVec_EigenIndex = StdVec_Index
+StdVec_Vector3 = StdVec_Vec3s = StdVec_Matrix6 = StdVec_Matrix6x = StdVec_MatrixXs = StdVec_Array
+StdVec_IndexVector = StdVec_EigenIndexVector = StdVec_StdVec_Int = StdVec_BooleanVector = StdVec_List

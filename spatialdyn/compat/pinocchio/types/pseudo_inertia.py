@@ -1,0 +1,193 @@
+"""Other parameters of a rigid body: ten dynamic parameters, the pseudo inertia, and its log-Cholesky factor."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import InertiaError
+from .arguments import ArgumentError, array, described, number, row, rows
+from .rotations import skewSquare
+from .symmetric import PLACES, six
+from .tracked_array import Value
+
+Array = NDArray[np.float64]
+
+
+def parameters_of(body: Array) -> Array:
+    """m, m c and the rotational inertia about the origin (10,), of mass, centre and inertia about it (10,)."""
+    m, c = body[0], body[1:4]
+    return np.concatenate([body[:1], m * c, body[4:] - m * six(skewSquare(c, c))])
+
+
+def body_of(parameters: Any) -> Array:
+    """The way back. Raises InertiaError if there is no mass."""
+    p = _ten(parameters)
+    if p[0] == 0.0:
+        raise InertiaError("mass is 0, expected one that has a centre")
+    c = p[1:4] / p[0]
+    return np.concatenate([p[:1], c, p[4:] + p[0] * six(skewSquare(c, c))])
+
+
+def _ten(parameters: Any) -> Array:
+    if isinstance(parameters, np.ndarray) and parameters.size != 10:
+        raise InertiaError(f"parameters are {described(parameters)}, expected shape (10,)")
+    return array(parameters, (10,), "parameters")
+
+
+class PseudoInertia(Value):
+    """The 4 x 4 matrix [Σ h; hᵀ m] of a body, Σ the integral of r rᵀ: ``PseudoInertia(mass, h (3,), sigma (3, 3))``.
+
+    Source: Wensing, Kim and Slotine, Linear matrix inequalities for physically consistent inertial parameter
+    identification (2018): a body is physical if and only if the matrix is positive definite.
+    """
+
+    __slots__ = ()
+    _body: ClassVar[Any]  # Inertia, which is built upon this module and sets it
+
+    def __init__(self, mass: Any, h: Any = None, sigma: Any = None) -> None:
+        if isinstance(mass, PseudoInertia):
+            self._x = mass._x.copy()
+            return
+        self._x = np.empty((4, 4))
+        self._x[3, 3] = number(mass, "mass")
+        self._x[:3, 3] = self._x[3, :3] = array(h, (3,), "h")
+        self._x[:3, :3] = array(sigma, (3, 3), "sigma")
+
+    @property
+    def mass(self) -> float:
+        """The mass [kg]."""
+        return float(self._x[3, 3])
+
+    @mass.setter
+    def mass(self, value: float) -> None:
+        self._x[3, 3] = number(value, "mass")
+
+    @property
+    def h(self) -> Array:
+        """m c (3,) [kg m]."""
+        return self._x[:3, 3].copy()
+
+    @h.setter
+    def h(self, value: Any) -> None:
+        self._x[:3, 3] = self._x[3, :3] = array(value, (3,), "h")
+
+    @property
+    def sigma(self) -> Array:
+        """The second moment Σ (3, 3) [kg m²]."""
+        return self._x[:3, :3].copy()
+
+    @sigma.setter
+    def sigma(self, value: Any) -> None:
+        self._x[:3, :3] = array(value, (3, 3), "sigma")
+
+    @staticmethod
+    def FromMatrix(pseudo_inertia_matrix: Any) -> PseudoInertia:
+        """From the matrix (4, 4)."""
+        return PseudoInertia.over(array(pseudo_inertia_matrix, (4, 4), "pseudo_inertia_matrix"))
+
+    @staticmethod
+    def FromDynamicParameters(dynamic_params: Any) -> PseudoInertia:
+        """From ten parameters as ``Inertia.toDynamicParameters`` gives them."""
+        p = _ten(dynamic_params)
+        J = p[4:][PLACES]
+        return PseudoInertia(float(p[0]), p[1:4], 0.5 * np.trace(J) * np.eye(3) - J)
+
+    @staticmethod
+    def FromInertia(inertia: Any) -> PseudoInertia:
+        """From an Inertia."""
+        if not hasattr(inertia, "toDynamicParameters"):
+            raise ArgumentError(f"inertia is {described(inertia)}, expected Inertia")
+        return PseudoInertia.FromDynamicParameters(inertia.toDynamicParameters())
+
+    def toMatrix(self) -> Array:
+        """The matrix (4, 4)."""
+        return self._x.copy()
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> Array:
+        return self._x.copy() if dtype is None else self._x.astype(dtype)
+
+    def toDynamicParameters(self) -> Array:
+        """The ten parameters, as ``Inertia.toDynamicParameters`` gives them."""
+        S = self.sigma
+        return np.concatenate([[self.mass], self.h, six(np.trace(S) * np.eye(3) - S)])
+
+    def toInertia(self) -> Any:
+        """As an Inertia."""
+        return self._body.FromPseudoInertia(self)
+
+    def __getinitargs__(self) -> tuple[float, Array, Array]:
+        return self.mass, self.h, self.sigma
+
+    def __repr__(self) -> str:
+        return f"  m = {self.mass:g}\n  h = {row(self.h)}\n  sigma = \n{rows(self.sigma)}"
+
+
+class LogCholeskyParameters(Value):
+    """Ten numbers without constraint that stand for a physical body: α, d₁, d₂, d₃, s₁₂, s₂₃, s₁₃, t₁, t₂, t₃.
+
+    The pseudo inertia is e^2α U Uᵀ with U = [e^d₁ s₁₂ s₁₃ t₁; 0 e^d₂ s₂₃ t₂; 0 0 e^d₃ t₃; 0 0 0 1].
+    Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia (2022).
+    """
+
+    __slots__ = ()
+    _body: ClassVar[Any]
+    _names = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
+
+    def __init__(self, log_cholesky_parameters: Any) -> None:
+        if isinstance(log_cholesky_parameters, LogCholeskyParameters):
+            self._x = log_cholesky_parameters._x.copy()
+        else:
+            self._x = _ten(log_cholesky_parameters)
+
+    @property
+    def parameters(self) -> Array:
+        """The ten numbers (10,), a copy."""
+        return self._x.copy()
+
+    @parameters.setter
+    def parameters(self, value: Any) -> None:
+        self._write(_ten(value))
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> Array:
+        return self._x.copy() if dtype is None else self._x.astype(dtype)
+
+    def _factor(self) -> tuple[float, Array, list[Array]]:
+        """e^2α, U, and the derivatives of U by the other nine."""
+        alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = self._x.tolist()
+        e1, e2, e3 = np.exp([d1, d2, d3]).tolist()
+        U = np.array([[e1, s12, s13, t1], [0.0, e2, s23, t2], [0.0, 0.0, e3, t3], [0.0, 0.0, 0.0, 1.0]])
+        places = ((0, 0, e1), (1, 1, e2), (2, 2, e3), (0, 1, 1.0), (1, 2, 1.0), (0, 2, 1.0))
+        turned = []
+        for i, j, value in (*places, (0, 3, 1.0), (1, 3, 1.0), (2, 3, 1.0)):
+            D = np.zeros((4, 4))
+            D[i, j] = value
+            turned.append(D)
+        return float(np.exp(2.0 * alpha)), U, turned
+
+    def toPseudoInertia(self) -> PseudoInertia:
+        """As a PseudoInertia."""
+        scale, U, _ = self._factor()
+        return PseudoInertia.over(scale * (U @ U.T))
+
+    def toDynamicParameters(self) -> Array:
+        """The ten parameters, as ``Inertia.toDynamicParameters`` gives them."""
+        return self.toPseudoInertia().toDynamicParameters()
+
+    def toInertia(self) -> Any:
+        """As an Inertia."""
+        return self._body.FromDynamicParameters(self.toDynamicParameters())
+
+    def calculateJacobian(self) -> Array:
+        """The derivatives (10, 10) of the dynamic parameters by the ten numbers."""
+        scale, U, turned = self._factor()
+        columns = [2.0 * U @ U.T, *(D @ U.T + U @ D.T for D in turned)]
+        return np.stack([PseudoInertia.over(scale * P).toDynamicParameters() for P in columns], axis=1)
+
+    def __getinitargs__(self) -> tuple[Array]:
+        return (self._x.copy(),)
+
+    def __repr__(self) -> str:
+        return "\n".join(f"  {name}: {x:g}" for name, x in zip(self._names, self._x, strict=True))

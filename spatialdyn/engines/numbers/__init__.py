@@ -1,0 +1,1 @@
+"""Recursions on other numbers: exact, symbolic, double-double, stochastically rounded."""

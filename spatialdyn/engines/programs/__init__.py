@@ -1,0 +1,1 @@
+"""Recursions recorded for one model and compiled as straight-line programs on SIMD lanes."""

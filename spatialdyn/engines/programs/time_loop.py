@@ -1,0 +1,115 @@
+"""Programs run step after step: one whose outputs are its first inputs anew, a tile of samples through all steps.
+
+The states of a tile stay in the first cache; nothing goes through Python between the steps but where Ctrl-C would have
+to wait: then some tiles at a time, and of few tiles some steps.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import host_cpu
+from .batch_kernels import Kernel, team
+from .llvm_entry import loop, room
+
+
+class Driven(NamedTuple):
+    """An input of each step: rows (samples or 1, steps or 1, columns) in C order; a 1 serves all."""
+
+    rows: NDArray[Any]
+
+    def steps(self) -> tuple[int, int]:
+        """How many numbers on the row of the next sample and of the next step is."""
+        samples, times, columns = self.rows.shape
+        return (times * columns if samples > 1 else 0), (columns if times > 1 else 0)
+
+
+@cache
+def _loop(
+    states: tuple[int, ...], inputs: int, workspace: int, width: int, size: int
+) -> tuple[Any, Callable[..., None]]:
+    """The compiled loop, and what keeps it in memory."""
+    loaded = host_cpu.Loaded(host_cpu.assembled(loop(states, inputs, workspace, width, size)))
+    given: list[Any] = [ctypes.c_void_p, *[ctypes.py_object] * len(states)]
+    given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
+    given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
+    return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("loop"))
+
+
+def run(
+    kernel: Kernel,
+    states: Sequence[NDArray[Any]],
+    inputs: Sequence[Driven],
+    records: Sequence[NDArray[Any]],
+    steps: int,
+    every: int,
+) -> NDArray[np.intp]:
+    """Take every sample through all steps; returns the numbers of those that the caller has to do again.
+
+    kernel   of a program whose inputs are the states, then the others, and whose outputs are the states after a step
+    states   (n, columns) each, n at least 1
+    records  (n, steps // every, columns) each, written: the states after each so many steps
+    """
+    n, width = len(states[0]), kernel.lanes
+    if n < width:  # a tile is the least there is
+        fill = np.minimum(np.arange(width), n - 1)
+        more = [Driven(np.ascontiguousarray(x.rows[fill])) if len(x.rows) > 1 else x for x in inputs]
+        made = [np.empty((width, *r.shape[1:]), r.dtype) for r in records]
+        again = run(kernel, [np.ascontiguousarray(s[fill]) for s in states], more, made, steps, every)
+        for r, m in zip(records, made, strict=True):
+            r[...] = m[:n]
+        return again[again < n]
+    columns = tuple(s.shape[1] for s in states)
+    size = kernel.dtype.itemsize
+    _, call = _loop(columns, len(inputs), kernel.workspace, width, size)
+    tiles = -(-n // width)
+    threads = max(1, min(team.size, kernel.threads(tiles * steps), tiles))
+    space = room(columns, columns, kernel.workspace, width, size)
+    bits = np.full(tiles, (1 << width) - 1, np.uint16)
+    least = kernel.reach * threads
+    group = max(threads, least // steps)
+    reached = [np.empty_like(s) for s in states], [np.empty_like(s) for s in states]
+
+    def part(passed: list[Any], numbers: tuple[int, ...], first: int, end: int) -> None:
+        buffer = np.empty(2 * (end - first) + 2 + space, np.uint8)
+        call(*passed, buffer, first, end, *numbers)
+        bits[first:end] &= buffer[: 2 * (end - first)].view(np.uint16)
+
+    for tile in range(0, tiles, group):
+        several = min(group, tiles - tile)
+        now: Sequence[NDArray[Any]] = states
+        for k, (step, count, each) in enumerate(_pieces(steps, every, max(1, least // several))):
+            passed: list[Any] = [kernel.address, *now]
+            for x in inputs:
+                passed += [x.rows if x.rows.shape[1] == 1 else x.rows[:, step:], *x.steps()]
+            now = reached[k % 2]
+            passed += [*(r[:, step // every :] for r in records), *now]
+            numbers = (n, count, each, steps // every)
+            cuts = pairwise(tile + several * j // threads for j in range(threads + 1))
+            team.run([partial(part, passed, numbers, *cut) for cut in cuts])
+    starts = np.minimum(np.arange(tiles) * width, n - width)
+    lane = np.arange(width)
+    return np.unique((starts[:, None] + lane)[(bits[:, None] >> lane & 1) == 0])
+
+
+def _pieces(steps: int, every: int, most: int) -> Iterator[tuple[int, int, int]]:
+    """(first step, how many, after how many of them to record) of pieces of at most ``most`` steps, which end where a
+    record is due or have none.
+    """
+    if most >= every:
+        size = most - most % every
+        for first in range(0, steps, size):
+            yield first, min(size, steps - first), every
+        return
+    for mark in range(0, steps, every):
+        end = min(mark + every, steps)
+        for first in range(mark, end, most):
+            count = min(most, end - first)
+            yield first, count, count if first + count == mark + every else steps + 1

@@ -1,0 +1,229 @@
+"""A robot in exact numbers: its decimals as fractions, its angles as fractions of π, its parameters as symbols.
+
+A Robot holds floats. Those that were read and not computed with are the nearest double of what the file says, and the
+shortest decimal that gives that double is the text. Rotations and turned inertias were computed with, so what they
+were made from is looked for: roll, pitch and yaw that spell a fraction of π to ten digits, an axis in whole numbers,
+entries with at most twelve digits. What is taken for something else than the float it is, is said.
+
+The exact robot goes through the steps that make a Model (``assembly.walk``, ``rows.put_joint``), on Numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ..algebra.euclidean import Rot, Sym, Vec, matmul
+from ..algebra.records import put_inertia, put_vec
+from ..algebra.rotations import turn
+from ..algebra.spatial import Inertia, Pose
+from ..engines.numbers.symbolic import Number, Ring, need_sympy
+from ..engines.programs.parameters import body, point
+from ..engines.programs.tracer import Row, table
+from ..errors import ModelError
+from ..model.assembly import walk
+from ..model.joint_rows import put_joint, subspace
+from ..model.model import Model
+from ..model.robot import WITH_AXIS, rpy_of
+
+Expr = Any  # sympy.Expr
+STEPS = 360  # of π: an angle that is a multiple of half a degree to ten digits is that multiple
+ANGLE = 1e-10  # rad: what ten digits leave open
+COMPUTED = 1e-14  # relative: what a product of rotations leaves of a number, and more
+DIGITS = 12  # a decimal that short within COMPUTED of a number is what it was made from
+WHOLE = 1000  # largest whole number in an axis such as (1, 2, 2)
+
+
+@dataclass
+class Exact:
+    """A robot in Numbers of one Ring.
+
+    ring         of constants: rationals, radicals, sines and cosines of what is no fraction of π
+    moving       (kind, axis, pose in the parent's body) of each joint, the world left out
+    values       by name: mass ``m_1``, com ``c_1x``, inertia about it ``I_1xx``, origin of the joint in the body that
+                 carries it ``l_1x``, armature ``J_1`` of joint 1's body, all that is fixed to it counted; ``g_x`` ...
+    frames       "kind:name" -> pose in the body of its joint
+    assumptions  what was taken for something else than the float it is
+    """
+
+    ring: Ring
+    moving: list[tuple[str, tuple[Any, ...], Pose]]
+    values: dict[str, Number]
+    frames: dict[str, Pose]
+    assumptions: list[str]
+
+
+class Reader:
+    """Reads floats as exact expressions and notes what it took them for."""
+
+    def __init__(self) -> None:
+        """Nothing read yet."""
+        self.sympy = need_sympy()
+        self.notes: list[str] = []
+
+    def decimal(self, x: float) -> Expr:
+        """The shortest decimal of a float, as a fraction."""
+        return self.sympy.Rational(repr(float(x)))
+
+    def angle(self, x: float, where: str) -> Expr:
+        """A fraction of π if the angle spells one to ten digits, else a decimal."""
+        steps = round(x * STEPS / math.pi)
+        if abs(x - steps * math.pi / STEPS) <= ANGLE * max(1.0, abs(x)):
+            found = self.sympy.Rational(steps, STEPS) * self.sympy.pi
+            if steps:
+                self.notes.append(f"{where}: angle {x:.13g} rad is taken for {found}")
+            return found
+        return self.decimal(_short(x, COMPUTED * max(1.0, abs(x))))
+
+    def axis(self, u: Sequence[float], where: str) -> list[Expr]:
+        """Whole numbers over the root of their squares' sum, if the axis is that, else decimals."""
+        largest = max(map(abs, u))
+        whole = [Fraction(x / largest).limit_denominator(WHOLE) for x in u]
+        if all(abs(float(w) - x / largest) <= COMPUTED for w, x in zip(whole, u, strict=True)):
+            common = math.lcm(*(w.denominator for w in whole))
+            n = [int(w * common) for w in whole]
+            if sum(k * k for k in n) <= 3 * WHOLE * WHOLE:
+                if sum(map(bool, n)) > 1:
+                    self.notes.append(f"{where}: axis is taken for {tuple(n)} made a unit vector")
+                return [k / self.sympy.sqrt(sum(k * k for k in n)) for k in n]
+        self.notes.append(f"{where}: axis is taken as the decimals {tuple(u)}, a unit vector to rounding only")
+        return [self.decimal(x) for x in u]
+
+    def entries(self, values: Sequence[float], where: str) -> list[Expr]:
+        """Decimals that may have been computed with: those of at most twelve digits are found again."""
+        scale = COMPUTED * max(map(abs, values), default=0.0)
+        short = [_short(x, scale) for x in values]
+        changed = [f"{x!r} for {s!r}" for x, s in zip(values, short, strict=True) if x != s]
+        if changed:
+            self.notes.append(f"{where}: entries are taken rounded: {', '.join(dict.fromkeys(changed))}")
+        return [self.decimal(x) for x in short]
+
+
+def _short(x: float, tolerance: float) -> float:
+    """The decimal of at most twelve digits within a tolerance of x, shortest first; x if there is none."""
+    if abs(x) <= tolerance:
+        return 0.0
+    for digits in range(1, DIGITS + 1):
+        s = float(f"{x:.{digits}g}")
+        if abs(s - x) <= tolerance:
+            return s
+    return x
+
+
+def exact(model: Model) -> Exact:
+    """The exact form of a Model's robot; its gravity and base count too."""
+    read, robot = Reader(), model.robot
+    sympy = read.sympy
+    turns = {"": [read.angle(x, "base") for x in rpy_of(np.reshape(model.options.base, (4, 4))[:3, :3])]}
+    axes = {}
+    for joint in robot.joints:
+        where = f'joint "{joint.name}"'
+        turns[f"joint {joint.name}"] = [
+            read.angle(x, where) for x in rpy_of(np.reshape(joint.placement, (4, 4))[:3, :3])
+        ]
+        if joint.kind in WITH_AXIS:
+            axes[joint.name] = read.axis(joint.axis, where)
+    constants = {abs(a) for rpy in turns.values() for a in rpy if a and not (12 * a / sympy.pi).is_Integer}
+    oblique = any((2 * a / sympy.pi).is_noninteger for rpy in turns.values() for a in rpy if abs(a) not in constants)
+    roots = {2, 3} if oblique else set()
+    for power in {power for u in axes.values() for x in u for power in x.atoms(sympy.Pow)}:
+        roots |= set(sympy.factorint(int(power.base)))
+    ring = Ring(angles=sorted(constants, key=str), primes=sorted(roots))
+
+    def placed(name: str, X: Sequence[float]) -> tuple[Any, ...]:
+        R = _rotation(ring, turns[name])
+        p = [ring.of(read.decimal(X[k])) for k in (3, 7, 11)]
+        return (*R[:3], p[0], *R[3:6], p[1], *R[6:], p[2], 0.0, 0.0, 0.0, 1.0)
+
+    change: Any = replace  # fields declared float receive Numbers
+    links = tuple(
+        change(
+            link,
+            mass=ring.of(read.decimal(link.mass)),
+            com=tuple(ring.of(read.decimal(x)) for x in link.com),
+            inertia=tuple(ring.of(x) for x in read.entries(link.inertia, f'link "{link.name}": inertia')),
+        )
+        for link in robot.links
+    )
+    joints = tuple(
+        change(
+            joint,
+            placement=placed(f"joint {joint.name}", joint.placement),
+            axis=tuple(ring.of(x) for x in axes.get(joint.name, ())),
+        )
+        for joint in robot.joints
+    )
+    X = placed("", model.options.base)
+    base = Pose(_rotation(ring, turns[""]), Vec(X[3], X[7], X[11]))
+    moving, inertias, frames = walk(replace(robot, links=links, joints=joints), base, model.options.root)
+    values = {f"g_{x}": ring.of(read.decimal(g)) for x, g in zip("xyz", model.options.gravity, strict=True)}
+    for k, m in enumerate(moving, start=1):
+        rotor = m.joint.armature
+        if isinstance(rotor, tuple):
+            raise ModelError(f'joint "{m.joint.name}" has armatures {rotor}, expected one for all its freedoms')
+        values |= _values(ring, k, inertias[k], m.X, read.decimal(rotor))
+    return Exact(
+        ring,
+        [(m.joint.kind, m.joint.axis, m.X) for m in moving],
+        values,
+        {f"{kind}:{name}": X for name, kind, _, X in frames},
+        read.notes,
+    )
+
+
+def _rotation(ring: Ring, rpy: Sequence[Expr]) -> Any:
+    """Rotation of URDF's roll, pitch, yaw: about z, then y, then x."""
+    one = (Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0))
+    X, Y, Z = (turn(u, *ring.turn(angle)) for u, angle in zip(one, rpy, strict=True))
+    return matmul(matmul(Z, Y), X)
+
+
+def _values(ring: Ring, k: int, I: Inertia, X: Pose, armature: Expr) -> dict[str, Number]:
+    """The parameters of body k by name, from its inertia about its origin."""
+    zero = ring.of(0)
+    m = zero + I.m
+    com = [(zero + x) / m if m.num else zero for x in I.h]
+    values = {f"m_{k}": m}
+    values |= {f"c_{k}{x}": c for x, c in zip("xyz", com, strict=True)}
+    values |= {f"I_{k}{x}": zero + a - b for x, a, b in zip(Sym._fields, I.I, point(m, Vec(*com)).I, strict=True)}
+    values |= {f"l_{k}{x}": zero + at for x, at in zip("xyz", X.p, strict=True)}
+    values[f"J_{k}"] = ring.of(armature)
+    return values
+
+
+def exact_table(model: Model, known: Exact, ring: Ring, chosen: Mapping[str, Expr]) -> Any:
+    """The table of bodies in Numbers of a ring that extends ``known.ring``; values by name may be other than known."""
+    rows: Any = table(model.bodies)
+    values = {name: ring.of(chosen[name]) if name in chosen else ring.taken(x) for name, x in known.values.items()}
+    put_vec(rows[0].gravity, Vec(*(values[f"g_{x}"] for x in "xyz")))
+    for k, (kind, axis, X) in enumerate(known.moving, start=1):
+        last, joint = model.joints[k].row, model.joints[k]
+        first = rows[last - joint.nv + 1]
+        parent = first.parent
+        R = Rot(*(ring.taken(x) for x in X.R))
+        S = subspace(kind, [ring.taken(x) for x in axis])
+        placed = Pose(R, Vec(*(values[f"l_{k}{x}"] for x in "xyz")))
+        put_joint(rows, last - joint.nv + 1, first.kind, placed, S, first.at)
+        first.parent = parent
+        for row in rows[last - joint.nv + 1 : last + 1]:
+            row.armature = values[f"J_{k}"]
+        com = [values[f"c_{k}{x}"] for x in "xyz"]
+        about = [values[f"I_{k}{x}"] for x in Sym._fields]
+        put_inertia(rows[last].inertia, body([values[f"m_{k}"]], com, about))
+    for row in rows:
+        _lighten(row)
+    return rows
+
+
+def _lighten(row: Row) -> None:
+    """Write zeros and ones as floats, which a product absorbs at once."""
+    for name, x in row.__dict__.items():
+        if isinstance(x, Row):
+            _lighten(x)
+        elif isinstance(x, Number) and x.den is None and (not x.num or x.num == 1):
+            row.__dict__[name] = 1.0 if x.num else 0.0

@@ -1,0 +1,400 @@
+"""M, C, g, energies and Hamilton's equations of a robot in closed form.
+
+``SymbolicManipulator`` runs the recursions of the numerical calls, ``recursions.SPECS``, on exact numbers and symbols
+(``engines.symbolic``), so what it prints is what they compute. Derivatives by q are taken of the results.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies import table as kinds
+from ..calls.arguments import check_model, reference_of
+from ..engines.numbers import symbolic as engine
+from ..engines.programs.batch_kernels import unit_parts
+from ..errors import ModelError, SpatialDynError
+from ..model.model import Frame, Model
+from ..recursions import SPECS
+from . import printing
+from .exact_model import exact, exact_table
+from .symbolic_matrices import Numbers, along, first_kind, gradient, inverse
+from .symbolic_parameters import chosen, meanings
+
+Expr = Any  # sympy.Expr
+Matrix = Any  # sympy.ImmutableMatrix
+
+ROUTES = ("recursion", "derivatives")
+LARGEST = 4  # freedoms up to which M is inverted in closed form
+LONGEST = 300_000  # products of terms of one quantity: up to half a minute of arithmetic
+# quantity -> method, the arrays it is a function of
+QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "M": ("M", ("q",)),
+    "C": ("C", ("q", "v")),
+    "g": ("g", ("q",)),
+    "christoffel": ("christoffel", ("q",)),
+    "T": ("T", ("q", "v")),
+    "V": ("V", ("q",)),
+    "L": ("L", ("q", "v")),
+    "H": ("H", ("q", "p")),
+    "tau": ("inverse_dynamics", ("q", "v", "a")),
+    "qdot": ("position_rate", ("q", "p")),
+    "pdot": ("pdot", ("q", "p", "tau")),
+}
+
+
+class SymbolicManipulator:
+    """A robot's dynamics in closed form, exact and in canonical form: equal functions are equal expressions.
+
+    model       Model without mimic joints
+    parameters  "numbers": the robot's own, as fractions. "symbols": masses, centres of mass, inertias, joint origins,
+                armatures and gravity that are not 0 become symbols. A list of some of "mass", "com", "inertia",
+                "origin", "armature", "gravity" and of single names: those. A mapping from names to symbols (or their
+                names), expressions or numbers: those, also where the robot has 0.
+
+    Names: ``m_1`` mass, ``c_1x`` centre of mass, ``I_1xx`` .. ``I_1zz`` inertia about it, ``l_1x`` origin of the joint
+    in the body that carries it, ``J_1`` armature; 1 is the first joint (``model.joints[1]``), whose body counts with
+    all that is fixed to it, in the joint's frame. ``g`` is the strength of a gravity along one axis, ``g_x``, ``g_y``,
+    ``g_z`` the components of another.
+
+    q, v, a, p, tau   tuples of symbols: positions, velocities, accelerations, momenta, torques
+    parameters        symbol -> the robot's number, None for a symbol of an expression that was given
+    meaning           symbol -> what it is, in words
+    assumptions       what was taken for something else than the float in the model: angles that spell a fraction of π
+
+    Results are SymPy expressions, matrices and arrays, sums of sines and cosines of sums of the angles.
+
+    >>> import spatialdyn as sd
+    >>> s = SymbolicManipulator(sd.load_urdf("two_link"), {"c_1x": "l_1", "l_2x": "l_1", "c_2x": "l_2"})
+    >>> s.M()[0, 1]
+    l_1*l_2*cos(q_2) + l_2**2
+
+    limit       products of terms that one quantity may take, beyond which it is refused; None for no limit
+
+    Closed forms grow exponentially with the joints that turn about different axes. Measured, one core, robots' own
+    numbers: all quantities of an arm of three but ṗ in 0.1 s, that in 5 s; of ur5 (six joints, three of them parallel)
+    M in 0.1 s, 1400 operations, and C in 2 s, 7200; of panda (seven) g in 0.5 s, 40 000. Its M takes 25 s without limit
+    and has 660 000; that and its C are refused. Code of any robot and call, unsimplified, is there at once:
+    ``specialize(model, sd.crba).c_code()``.
+
+    Raises  ModelError for mimic joints; SpatialDynError naming a parameter that is not known, or that sympy is missing;
+            of its methods, SpatialDynError for a quantity beyond the limit
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        parameters: str | Iterable[str] | Mapping[str, Any] = "numbers",
+        limit: int | None = LONGEST,
+    ) -> None:
+        """Read the robot and choose its symbols."""
+        if limit is not None and not (isinstance(limit, (int, float)) and limit > 0):
+            raise SpatialDynError(f"limit is {limit!r}, expected a positive number of products, or None")
+        if check_model(model).mimic_matrix is not None:
+            raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for symbols')
+        self.model = model
+        sympy = self._sympy = engine.need_sympy()
+
+        def named(letter: str, count: int) -> tuple[Expr, ...]:
+            return tuple(sympy.Symbol(f"{letter}_{k}", real=True) for k in range(1, count + 1))
+
+        self.q, self.v, self.a = named("q", model.nq), named("v", model.nv), named("a", model.nv)
+        self.p, self.tau = named("p", model.nv), named("tau", model.nv)
+        known = exact(model)
+        self.assumptions = tuple(known.assumptions)
+        values = chosen(known, parameters)
+        self.parameters, self.meaning = meanings(known, values, model.names)
+        places = {kinds.REVOLUTE: 0, kinds.PLANAR: 2}
+        rows = [(int(row["kind"]), int(row["at"])) for row in model.bodies[1:]]
+        turning = [self.q[at + places[kind]] for kind, at in rows if kind in places]
+        units = [tuple(self.q[k] for k in part) for part in unit_parts(model.bodies)]
+        plain = (*self.q, *self.v, *self.a, *self.p, *self.tau, *self.parameters)
+        if len(set(plain)) < len(plain):
+            twice = next(x for x in self.parameters if x in plain[: -len(self.parameters)])
+            raise SpatialDynError(f"parameter {twice} has the name of a coordinate, expected another")
+        self._budget = engine.Budget(f'model "{model.name}"', math.inf if limit is None else limit)
+        self._ring = known.ring.extended(turning, plain, units, self._budget)
+        self._rows = exact_table(model, known, self._ring, values)
+        self._frames = known.frames
+        self._results: dict[Any, Any] = {}
+
+    # --- running ------------------------------------------------------------------------------------------
+
+    def _numbers(self, name: str, **static: Any) -> Numbers:
+        """The output of a public call on the symbols, in Numbers."""
+        key = (name, *sorted((k, v) for k, v in static.items() if k != "placement"))
+        if key not in self._results:
+            spec = SPECS[name]
+            own = {"q": self.q, "v": self.v, "a": self.a, "tau": self.tau}
+            inputs: dict[str, Any] = dict(static)
+            for x in spec.given:
+                if x.name in own:
+                    inputs[x.name] = _array([self._ring.of(s) for s in own[x.name]])
+            sizes = {"nq": self.model.nq, "nv": self.model.nv, "njoints": self.model.njoints}
+            self._results[key] = engine.run(spec, self._ring, self._rows, sizes, inputs)
+        made: Numbers = self._results[key]
+        return made
+
+    def evaluate(
+        self, name: str, frame: str | Frame | None = None, reference: str = "local", classical: bool = False
+    ) -> Any:
+        """The result of a public call, by its name, on the symbols: ``s.evaluate("frame_placement", frame="tip")``.
+
+        Its inputs are q, v, a, tau; external forces are left out. A vector comes as a matrix of one column.
+
+        Raises SpatialDynError for a call that is not known or has other inputs, or whose result has no closed form
+        """
+        if name not in SPECS:
+            raise SpatialDynError(f'call is "{name}", expected one of {", ".join(SPECS)}')
+        static: dict[str, Any] = {}
+        for x in SPECS[name].given:
+            if x.name not in ("q", "v", "a", "tau", "row", "placement", "reference", "classical") and not x.optional:
+                raise SpatialDynError(f'call "{name}" has the input {x.name}, expected one of q, v, a, tau, frame')
+            if x.name == "placement":
+                if frame is None:
+                    raise SpatialDynError(f'call "{name}" needs a frame, expected its name')
+                found = self.model.frame(frame)
+                X = self._frames[f"{found.kind}:{found.name}"]
+                entries = [*X.R[:3], X.p[0], *X.R[3:6], X.p[1], *X.R[6:], X.p[2], 0.0, 0.0, 0.0, 1.0]
+                static["placement"] = _array([self._ring.taken(x) for x in entries]).reshape(4, 4)
+                static["row"] = self.model.joints[found.joint].row
+                static["frame"] = f"{found.kind}:{found.name}"
+            elif x.name == "reference":
+                static["reference"] = reference_of(reference)
+            elif x.name == "classical":
+                static["classical"] = int(classical)
+        return self._shown(self._numbers(name, **static))
+
+    def _shown(self, x: Numbers) -> Any:
+        """Numbers as expressions: a scalar, a column, a matrix or an array."""
+        flat = [self._ring.expression(e) for e in x.ravel()]
+        self._budget.spent = 0  # a quantity is done
+        if x.ndim == 0:
+            return flat[0]
+        if x.ndim <= 2:
+            return self._sympy.ImmutableMatrix(x.shape[0], 1 if x.ndim == 1 else x.shape[1], flat)
+        return self._sympy.ImmutableDenseNDimArray(flat, x.shape)
+
+    def simplify(self, expression: Any) -> Any:
+        """An expression in the robot's symbols, rational in sines and cosines of sums of its angles, in canonical form.
+
+        Symbols that are not the robot's are taken as parameters. Matrices are simplified entry by entry.
+        Raises SpatialDynError naming a part that has no such form.
+        """
+        sympy, self._budget.spent = self._sympy, 0
+        if hasattr(expression, "applyfunc"):
+            return expression.applyfunc(self.simplify)
+        expression = sympy.sympify(expression)
+        strange = expression.free_symbols - set(self._ring.plain)
+        ring = self._ring.extended(plain=sorted(strange, key=str)) if strange else self._ring
+        return ring.expression(ring.of(expression))
+
+    # --- Lagrange -----------------------------------------------------------------------------------------
+
+    def M(self) -> Matrix:
+        """Mass matrix M(q) (nv, nv), by the composite rigid body algorithm."""
+        return self._shown(self._numbers("crba"))
+
+    def g(self) -> Matrix:
+        """Gravity torque g(q) = ∂V/∂q (nv, 1), by the recursive Newton-Euler algorithm."""
+        return self._shown(self._numbers("generalized_gravity"))
+
+    def christoffel(self, route: str = "recursion") -> Any:
+        """Christoffel symbols of the first kind Γ (nv, nv, nv): C_ij = Σ_k Γ_ijk v_k.
+
+        route  "recursion": over the tree, any joints. "derivatives": ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk), for joints
+               whose velocities are q̇. Both give the same expressions.
+
+        Raises SpatialDynError for another route, or naming a joint that has no such coordinates
+        """
+        return self._shown(self._gamma(route))
+
+    def _gamma(self, route: str) -> Numbers:
+        if route not in ROUTES:
+            raise SpatialDynError(f"route is {route!r}, expected one of {', '.join(ROUTES)}")
+        if route == "recursion":
+            return self._numbers("christoffel_symbols")
+        self._coordinates("Christoffel symbols from derivatives")
+        return first_kind(self._gradient(), self._sympy.Rational(1, 2))
+
+    def _gradient(self) -> Numbers:
+        """∂M_ij/∂q_k (nv, nv, nv) of the entries of M."""
+        return gradient(self._ring, self._numbers("crba"), self.q)
+
+    def C(self, route: str = "recursion") -> Matrix:
+        """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols: Ṁ - 2C is skew.
+
+        route  "recursion": C itself over the tree, in O(n d). "derivatives": Σ_k Γ_ijk v_k of ``christoffel``'s.
+        """
+        if route == "recursion":
+            return self._shown(self._numbers("coriolis_matrix"))
+        return self._shown(along(self._ring, self._gamma(route), self.v))
+
+    def inverse_dynamics(self) -> Matrix:
+        """τ = M a + C v + g (nv, 1), by the recursive Newton-Euler algorithm."""
+        return self._shown(self._numbers("rnea"))
+
+    def equations_of_motion(self) -> list[Expr]:
+        """M a + C v + g = τ, an equation for each freedom."""
+        return [self._sympy.Eq(x, t) for x, t in zip(self.inverse_dynamics(), self.tau, strict=True)]
+
+    def T(self) -> Expr:
+        """T(q, v) = ½ vᵀ M v."""
+        return self._shown(self._numbers("kinetic_energy"))
+
+    def V(self) -> Expr:
+        """V(q) of gravity."""
+        return self._shown(self._numbers("potential_energy"))
+
+    def L(self) -> Expr:
+        """L(q, v) = T - V."""
+        T, V = self._numbers("kinetic_energy"), self._numbers("potential_energy")
+        return self._shown((T.reshape(1) - V.reshape(1)).reshape(()))
+
+    # --- Hamilton -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _inverse(self) -> tuple[Numbers, Any]:
+        """Adjugate and determinant of M."""
+        n = self.model.nv
+        if n > LARGEST:
+            raise SpatialDynError(
+                f'model "{self.model.name}" has {n} freedoms, expected at most {LARGEST} for M⁻¹ in closed form'
+            )
+        return inverse(self._ring, self._numbers("crba"))
+
+    def _momenta(self) -> list[Any]:
+        """adj(M) p."""
+        p = [self._ring.of(x) for x in self.p]
+        return [sum((a * x for a, x in zip(row, p, strict=True)), self._ring.of(0)) for row in self._inverse[0]]
+
+    def H(self) -> Expr:
+        """H(q, p) = ½ pᵀ M⁻¹ p + V, up to four freedoms."""
+        p, zero = [self._ring.of(x) for x in self.p], self._ring.of(0)
+        twice = sum((x * y for x, y in zip(p, self._momenta(), strict=True)), zero)
+        T = twice / (self._inverse[1] * 2) if self.p else zero
+        return self._ring.expression(T) + self.V()
+
+    def position_rate(self) -> Matrix:
+        """q̇ = ∂H/∂p = M⁻¹ p (nv, 1)."""
+        self._coordinates("Hamilton's equations")
+        det = self._inverse[1]
+        return self._shown(_array([x / det for x in self._momenta()]))
+
+    def pdot(self) -> Matrix:
+        """ṗ = -∂H/∂q + τ (nv, 1): ½ q̇ᵀ ∂M/∂q q̇ - g + τ with q̇ = M⁻¹ p."""
+        self._coordinates("Hamilton's equations")
+        det, w, dM = self._inverse[1], self._momenta(), self._gradient()
+        gravity, n = self._numbers("generalized_gravity"), self.model.nv
+        made = []
+        for k in range(n):
+            total = self._ring.of(0)
+            for i, j in np.ndindex(n, n):
+                total = total + dM[i, j, k] * w[i] * w[j]
+            made.append(self._ring.expression(total / (det * det * 2)))
+            made[-1] += self._ring.expression(self._ring.of(self.tau[k]) - gravity[k])
+        self._budget.spent = 0
+        return self._sympy.ImmutableMatrix(n, 1, made)
+
+    def hamilton_equations(self) -> tuple[Matrix, Matrix]:
+        """q̇ = ∂H/∂p and ṗ = -∂H/∂q + τ, functions of q, p and τ.
+
+        Raises SpatialDynError naming a joint whose velocities are not q̇, or above four freedoms
+        """
+        return self.position_rate(), self.pdot()
+
+    def poisson_bracket(self, F: Any, G: Any) -> Expr:
+        """{F, G} = Σ ∂F/∂q_i ∂G/∂p_i - ∂F/∂p_i ∂G/∂q_i of two functions of q and p; dF/dt = {F, H} without torques.
+
+        Raises SpatialDynError naming a joint whose velocities are not q̇
+        """
+        self._coordinates("Poisson brackets")
+        F, G = self._sympy.sympify(F), self._sympy.sympify(G)
+        bracket = self._sympy.Add(
+            *(F.diff(x) * G.diff(p) - F.diff(p) * G.diff(x) for x, p in zip(self.q, self.p, strict=True))
+        )
+        try:
+            return self.simplify(bracket)
+        except SpatialDynError:  # of a function that is not rational, such as exp
+            return bracket
+
+    def _coordinates(self, what: str) -> None:
+        for joint in self.model.joints[1:]:
+            kind = int(self.model.bodies[joint.row - joint.nv + 1]["kind"])
+            if kind not in (kinds.REVOLUTE, kinds.PRISMATIC):
+                raise SpatialDynError(
+                    f'joint "{joint.name}" is {joint.kind}, whose velocities are not the derivatives of its '
+                    f"coordinates, expected revolute and prismatic joints for {what}"
+                )
+
+    # --- exports ------------------------------------------------------------------------------------------
+
+    def quantity(self, what: Any) -> tuple[str, Any, tuple[str, ...]]:
+        """Name, expression and arguments of a quantity, a key of QUANTITIES, or of an expression.
+
+        Raises SpatialDynError for another name, or symbols that are not the robot's
+        """
+        if isinstance(what, str):
+            if what not in QUANTITIES:
+                raise SpatialDynError(f'quantity is "{what}", expected one of {", ".join(QUANTITIES)}')
+            method, arguments = QUANTITIES[what]
+            make: Callable[[], Any] = getattr(self, method)
+            return what, make(), arguments
+        if isinstance(what, (list, tuple)):
+            what = self._sympy.ImmutableMatrix(what)
+        what = self._sympy.sympify(what)
+        strange = sorted(what.free_symbols - set(self._ring.plain), key=str)
+        if strange:
+            raise SpatialDynError(f"expression has {', '.join(map(str, strange))}, expected the robot's symbols")
+        groups = {"v": self.v, "a": self.a, "p": self.p, "tau": self.tau}
+        return "f", what, ("q", *(name for name, x in groups.items() if what.free_symbols & set(x)))
+
+    def _arguments(self, names: Sequence[str]) -> dict[str, tuple[Expr, ...]]:
+        """Symbols of each argument of an exported function; the parameters last if there are any."""
+        made = {name: getattr(self, name) for name in names}
+        return made | ({"parameters": tuple(self.parameters)} if self.parameters else {})
+
+    def text(self, what: Any) -> str:
+        """A quantity or expression as plain text, a line for each entry that is not 0."""
+        name, value, _ = self.quantity(what)
+        return printing.text(name, value)
+
+    def latex(self, what: Any) -> str:
+        """LaTeX of a quantity or expression; velocities are written with dots."""
+        return printing.latex(self.quantity(what)[1], self.v, self.a)
+
+    def lambdify(self, what: Any) -> Callable[..., NDArray[np.float64]]:
+        """A NumPy function of a quantity or expression: ``f(q)``, ``f(q, v)``, ... on arrays of any batch shape.
+
+        With symbolic parameters its last argument ``parameters`` (..., number of them) holds them in the order of
+        ``self.parameters``; the robot's own by default.
+        """
+        name, value, arguments = self.quantity(what)
+        own = list(self.parameters.values())
+        default = None if None in own else np.array([float(x) for x in own if x is not None])
+        return printing.function(name, value, self._arguments(arguments), default)
+
+    def python_code(self, what: Any) -> str:
+        """A Python function of a quantity or expression, of one sample, that needs NumPy only."""
+        name, value, arguments = self.quantity(what)
+        return printing.python_code(name, value, self._arguments(arguments))
+
+    def c_code(self, what: Any) -> str:
+        """A C function of a quantity or expression: ``void M(const double *q, ..., double *out)``, C order, C99."""
+        name, value, arguments = self.quantity(what)
+        return printing.c_code(name, value, self._arguments(arguments))
+
+    def __repr__(self) -> str:
+        return f"<SymbolicManipulator {self.model.name}: nv {self.model.nv}, {len(self.parameters)} parameters>"
+
+
+def _array(x: Sequence[Any]) -> Numbers:
+    """An object array of Numbers, which NumPy is not to look into."""
+    made = np.empty(len(x), dtype=object)
+    made[:] = x
+    return made

@@ -1,0 +1,111 @@
+"""Which of a robot's masses, lengths and inertias are symbols, and what each symbol stands for.
+
+Names are those of ``exact.Exact.values``: m_1, c_1x, I_1xx, l_1x, J_1 of the first joint's body, and g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from ..engines.numbers.symbolic import need_sympy
+from ..errors import SpatialDynError
+from .exact_model import Exact
+
+Expr = Any  # sympy.Expr
+
+KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
+MEANING = {
+    "m": "mass [kg] of what moves with joint",
+    "c": "centre of mass [m], in its own frame, of what moves with joint",
+    "I": "rotational inertia [kg m²] about its centre of mass of what moves with joint",
+    "l": "origin [m], in the frame of the joint that carries it, of joint",
+    "J": "rotor inertia [kg m² | kg] of joint",
+}
+
+
+def chosen(known: Exact, parameters: Any) -> dict[str, Expr]:
+    """What stands in place of the robot's own values, by name; the components of gravity as g_x, g_y, g_z.
+
+    parameters  as SymbolicManipulator takes them
+    Raises SpatialDynError for what is none of these, or a name that is not known
+    """
+    gravity = {x: known.values[x] for x in ("g_x", "g_y", "g_z")}
+    along = [x for x, g in gravity.items() if g.num]
+    nonzero = [name for name, x in known.values.items() if x.num and name not in gravity]
+    nonzero += ["g"] if len(along) == 1 else along
+    names = {*known.values, "g"}
+    found = {}
+    for name, value in _given(parameters, nonzero).items():
+        if name not in names:
+            raise SpatialDynError(
+                f'parameters has "{name}", expected "numbers", "symbols", one of {", ".join(KINDS)}, or names such '
+                f"as {', '.join(nonzero[:4]) or 'g'}"
+            )
+        found[name] = _expression(name, value)
+    if "g" in found:
+        strength = found.pop("g")
+        if len(along) > 1:
+            raise SpatialDynError('parameters has "g", expected g_x, g_y, g_z: gravity is not along an axis')
+        down = along[0] if along else "g_z"
+        up = bool(along) and float(gravity[down]) > 0.0
+        found[down] = strength if up else -strength
+    return found
+
+
+def _given(parameters: Any, nonzero: Sequence[str]) -> dict[str, Any]:
+    """Names, and what was given for them: a symbol's name, an expression or a number."""
+    if isinstance(parameters, str) and parameters in ("numbers", "symbols"):
+        return {name: name for name in nonzero if parameters == "symbols"}
+    if isinstance(parameters, Mapping):
+        return dict(parameters)
+    if not isinstance(parameters, Iterable):
+        raise SpatialDynError(f'parameters is {parameters!r}, expected "numbers", "symbols", names or a mapping')
+    given: dict[str, Any] = {}
+    for item in [parameters] if isinstance(parameters, str) else parameters:
+        found = [x for x in nonzero if item in KINDS and x.startswith(KINDS[item])]
+        given |= dict.fromkeys([item], item) if item not in KINDS else {x: x for x in found}
+    return given
+
+
+def _expression(name: str, value: Any) -> Expr:
+    """A symbol of that name, or the expression or number itself."""
+    sympy = need_sympy()
+    if isinstance(value, str):
+        if not value.isidentifier():
+            raise SpatialDynError(f"parameters has {value!r} for {name}, expected the name of a symbol")
+        return sympy.Symbol(value, **({"positive": True} if value[0] in "mg" else {"real": True}))
+    return sympy.sympify(value)
+
+
+def meanings(
+    known: Exact, values: Mapping[str, Expr], joints: Sequence[str]
+) -> tuple[dict[Expr, Expr | None], dict[Expr, str]]:
+    """The symbols among what is chosen: the robot's value of each (None of an expression's), and what it is in words.
+
+    joints  names of the model's joints
+    Raises SpatialDynError for one symbol in two places where the robot has two values
+    """
+    own: dict[Expr, Expr | None] = {}
+    meaning: dict[Expr, str] = {}
+    for name, value in values.items():
+        sign = -1 if (-value).is_Symbol else 1
+        for symbol in sorted(value.free_symbols, key=str):
+            number = known.ring.expression(known.values[name]) * sign if symbol == sign * value else None
+            if own.get(symbol, number) != number:
+                raise SpatialDynError(
+                    f"parameter {symbol} stands for {own[symbol]} and for {number} ({name}), expected one value"
+                )
+            own[symbol] = number
+            before = f"{meaning[symbol]}; " if symbol in meaning else ""
+            meaning[symbol] = before + _words(name, joints)
+    return own, meaning
+
+
+def _words(name: str, joints: Sequence[str]) -> str:
+    letter, _, rest = name.partition("_")
+    if letter == "g":
+        return "gravity [m/s²]"
+    digits = rest.rstrip("xyz")
+    axes = f", {rest[len(digits) :]}" if rest != digits else ""
+    return f'{MEANING[letter]} "{joints[int(digits)]}"{axes}'

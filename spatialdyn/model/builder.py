@@ -1,0 +1,118 @@
+"""A robot made by calls rather than read from a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from ..errors import ModelError
+from .model import Model, assemble
+from .robot import Joint, Link, Mimic, Robot, check_inertias, check_tree, make_joint, make_link, numbers, pose_matrix
+
+
+class ModelBuilder:
+    """Makes a robot by calls, the same Model as a URDF would give.
+
+    >>> b = ModelBuilder("pendulum")
+    >>> _ = b.add_body("rod", joint="revolute", axis=(0, 1, 0), inertia=(1.0, (0, 0, -0.5), np.diag([1/12, 1/12, 0])))
+    >>> b.build().nv
+    1
+    """
+
+    def __init__(self, name: str = "robot", root: str = "base") -> None:
+        """An empty robot whose root link, without inertia until ``set_inertia``, is called ``root``."""
+        self.name = name
+        self._links: dict[str, Link] = {root: Link(root)}
+        self._joints: list[Joint] = []
+        self._root = root
+
+    def set_inertia(self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> ModelBuilder:
+        """Give a link its inertia: (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²])."""
+        if link not in self._links:
+            raise ModelError(f'link "{link}" is not in robot "{self.name}"')
+        self._links[link] = make_link(link, inertia)
+        return self
+
+    def add_body(
+        self,
+        name: str,
+        parent: str | None = None,
+        joint: str = "revolute",
+        axis: ArrayLike = (0.0, 0.0, 1.0),
+        placement: Any = None,
+        inertia: tuple[float, ArrayLike, ArrayLike] | None = None,
+        joint_name: str | None = None,
+        limits: tuple[float, float] = (-math.inf, math.inf),
+        velocity: float = math.inf,
+        effort: float = math.inf,
+        damping: float = 0.0,
+        friction: float = 0.0,
+        armature: float = 0.0,
+        mimic: Mimic | Mapping[str, Any] | None = None,
+    ) -> ModelBuilder:
+        """Add a link and the joint it hangs on; returns the builder.
+
+        parent      link it hangs on, by default the root
+        joint       one of fixed, revolute, continuous, prismatic, spherical, floating, planar
+        axis        (3,) in the joint's frame, any length but 0
+        placement   of the joint in the parent: xyz (3,) [m], a pair (xyz, rpy [rad]) or a pose (4, 4)
+        inertia     (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²]), in the link's frame
+        joint_name  by default ``name + "_joint"``
+        armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``Joint``
+        mimic       Mimic, or a mapping with its fields
+
+        Raises ModelError, InertiaError naming the link or joint and the value.
+        """
+        parent = self._root if parent is None else parent
+        joint_name = f"{name}_joint" if joint_name is None else joint_name
+        for what, given in {"name": name, "parent": parent, "joint": joint, "joint_name": joint_name}.items():
+            if not isinstance(given, str):
+                raise ModelError(f'{what} of link "{name}" is {given!r}, expected text')
+        if parent not in self._links:
+            raise ModelError(f'link "{name}" has parent "{parent}", which robot "{self.name}" does not have')
+        if name in self._links:
+            raise ModelError(f'robot "{self.name}" has two links named "{name}", expected distinct names')
+        what = f'joint "{joint_name}"'
+        lower, upper = numbers(limits, 2, f"{what} has limits")
+        placed = pose_matrix(placement, f"placement of {what}").ravel().tolist()
+        scalars = {
+            "velocity": velocity,
+            "effort": effort,
+            "damping": damping,
+            "friction": friction,
+            "armature": armature,
+        }
+        values = {label: numbers(value, 1, f"{what} has {label}")[0] for label, value in scalars.items()}
+        along = numbers(axis, 3, f"{what} has axis")
+        made = make_joint(
+            Joint(
+                joint_name, joint, parent, name, tuple(placed), along, lower, upper, mimic=_mimic(mimic, what), **values
+            )
+        )
+        self._links[name] = Link(name) if inertia is None else make_link(name, inertia)
+        self._joints.append(made)
+        return self
+
+    def robot(self, inertia: str = "warn") -> Robot:
+        """The checked robot; ``inertia`` says what to do about one that no body can have: warn, strict or repair."""
+        return check_inertias(
+            check_tree(self.name, tuple(self._links.values()), tuple(self._joints)),
+            inertia,
+            stacklevel=4,
+        )
+
+    def build(self, inertia: str = "warn", **options: Any) -> Model:
+        """The Model; ``options`` are those of ``load_urdf``: root, gravity, continuous, mimic."""
+        return assemble(self.robot(inertia), **options)
+
+
+def _mimic(given: Any, what: str) -> Mimic | None:
+    if given is None or isinstance(given, Mimic):
+        return given
+    try:
+        return Mimic(**given)
+    except TypeError as error:
+        raise ModelError(f"{what} has mimic {given!r}, expected leader, multiplier and offset") from error

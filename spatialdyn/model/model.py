@@ -1,0 +1,359 @@
+"""The Model: a robot as a table of bodies, with the names, limits and frames that belong to it."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InertiaError, ModelError
+from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tables
+from .joint_rows import Joint, frozen, joint_transform
+from .physical_inertia import inertia_defect
+from .robot import Joint as RobotJoint
+from .robot import Link, Robot, check_tree, make_link, masked, numbers
+
+Array = NDArray[np.float64]
+__all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
+
+DEEP = 40  # levels by which a printed tree is indented; then it writes the level: n links would take n² columns
+
+
+class Model:
+    """A robot ready to be computed with: immutable, hashable by content, safe to share between threads.
+
+    key           digest of all that a result depends on: two models with one key compute the same
+    bodies        (1 + rows,) the table every recursion walks (see ``spatialdyn.bodies.table``), read-only
+    nq, nv        number of coordinates and of velocities
+    njoints       number of joints, the world counted
+    joints        tuple of Joint; joints[0] is the world
+    frames        tuple of Frame: every link, every joint, in the order of the tree
+    names         joint names
+    mimic_matrix  None, or G (rows, nv) with v of the whole tree = G v; mimic_index, mimic_ratio, mimic_offset give q
+                  of the whole tree, and free_q, free_v the places of the model's own coordinates in it
+    lower, upper  (nq,) position limits, infinite where there are none
+    velocity_limit, effort_limit, damping, friction, armature   (nv,)
+    gravity       (3,) [m/s²]
+    address       of ``bodies`` in memory, for compiled kernels
+    total_mass    of all that moves [kg]; what hangs on a fixed root does not count
+    robot         the checked robot it was made from; ``robot.notes`` say what was odd about the source
+    """
+
+    __slots__ = (
+        *Tables._fields,
+        *(
+            "options",
+            "name",
+            "njoints",
+            "names",
+            "gravity",
+            "address",
+            "total_mass",
+            "_frame_index",
+            "_joint_index",
+            "__weakref__",
+        ),
+    )
+
+    robot: Robot
+    options: Options
+    name: str
+    key: str
+    bodies: NDArray[Any]
+    nq: int
+    nv: int
+    njoints: int
+    joints: tuple[Joint, ...]
+    frames: tuple[Frame, ...]
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    velocity_limit: Array
+    effort_limit: Array
+    damping: Array
+    friction: Array
+    armature: Array
+    gravity: Array
+    address: int
+    total_mass: float
+    mimic_matrix: Array | None
+    mimic_index: NDArray[np.intp]
+    mimic_ratio: Array
+    mimic_offset: Array
+    free_q: NDArray[np.intp]
+    free_v: NDArray[np.intp]
+    _frame_index: dict[str, int]
+    _joint_index: dict[str, int]
+
+    def __init__(self, robot: Robot, options: Options) -> None:
+        """The Model of a checked robot; ``assemble`` takes the options one by one."""
+        if hasattr(self, "key"):
+            raise AttributeError("a Model is immutable: it cannot be made again")
+        self._hold(tables(robot, options), options)
+
+    def _hold(self, made: Tables, options: Options) -> None:
+        robot = made.robot
+        slots = {
+            **made._asdict(),
+            "options": options,
+            "name": robot.name,
+            "njoints": len(made.joints),
+            "names": tuple(j.name for j in made.joints),
+            "gravity": frozen(options.gravity),
+            "address": made.bodies.ctypes.data,
+            "total_mass": float(made.bodies["inertia"]["m"][1:].sum()),
+            "_frame_index": {f"{f.kind}:{f.name}": k for k, f in enumerate(made.frames)},
+            "_joint_index": {j.name: k for k, j in enumerate(made.joints)},
+        }
+        for slot, value in slots.items():
+            object.__setattr__(self, slot, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        how = "model.with_() and model.reduced() make new ones"
+        raise AttributeError(f"a Model is immutable: {name} cannot be set; {how}")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a Model is immutable: {name} cannot be deleted")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Model, (self.robot, self.options)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and self.robot == other.robot and self.options == other.options
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def joint(self, name: str) -> Joint:
+        """The joint of that name. Raises ModelError, with the names there are, if there is none."""
+        try:
+            return self.joints[self._joint_index[name]]
+        except (KeyError, TypeError):
+            raise ModelError(missing("joint", name, self.name, self._joint_index)) from None
+
+    def frame(self, name: str | Frame) -> Frame:
+        """The frame of that name: a link's, else a joint's; ``link:NAME`` and ``joint:NAME`` say which.
+
+        Raises ModelError, with names like it, if there is none.
+        """
+        if isinstance(name, Frame):  # perhaps another model's: what counts is its name
+            name = f"{name.kind}:{name.name}"
+        if not isinstance(name, str):
+            raise ModelError(f'frame is {name!r}, expected the name of one of robot "{self.name}"')
+        for key in (name, f"link:{name}", f"joint:{name}"):
+            if key in self._frame_index:
+                return self.frames[self._frame_index[key]]
+        raise ModelError(missing("frame", str(name), self.name, [f.name for f in self.frames]))
+
+    def reduced(self, lock: Mapping[str, ArrayLike]) -> Model:
+        """The Model with some joints frozen: their bodies merge into what carries them, their frames stay.
+
+        lock  joint name -> coordinates at which it is frozen: a number, or (nq,) of the joint
+
+        Raises ModelError if lock is no mapping, or naming a joint that is not there or a value of the wrong size or
+        norm.
+        """
+        options, joints = self.options, {j.name: j for j in self.robot.joints}
+        for name, value in _pairs("lock", lock):
+            joint = self.joint(name)
+            X = _locked(joint, options.continuous, value)
+            if name == ROOT_JOINT and options.root == "floating":
+                options = replace(options, root="fixed", base=_moved(options.base, X))
+            else:
+                at = _moved(joints[name].placement, X)
+                joints[name] = replace(joints[name], kind="fixed", placement=at, mimic=None)
+        for j in joints.values():
+            if options.mimic and j.kind != "fixed" and j.mimic is not None and j.mimic.leader in lock:
+                raise ModelError(f'joint "{j.name}" mimics "{j.mimic.leader}", which is to be locked; lock both')
+        return Model(replace(self.robot, joints=tuple(joints.values())), options)
+
+    def subtree(self, link: str) -> Model:
+        """The Model of a link and all it carries, the link fixed in the world.
+
+        Raises ModelError if there is no such link.
+        """
+        if link not in {x.name for x in self.robot.links}:
+            raise ModelError(missing("link", link, self.name, [x.name for x in self.robot.links]))
+        keep, children = {link}, self.robot.children
+        queue = [link]
+        while queue:
+            for joint in children[queue.pop()]:
+                keep.add(joint.child)
+                queue.append(joint.child)
+        links = tuple(x for x in self.robot.links if x.name in keep)
+        joints = tuple(j for j in self.robot.joints if j.parent in keep and j.child in keep)
+        robot = replace(check_tree(self.robot.name, links, joints, self.robot.notes), ordered=self.robot.ordered)
+        return Model(robot, replace(self.options, root="fixed", base=IDENTITY))
+
+    def with_(
+        self,
+        gravity: ArrayLike | None = None,
+        armature: Mapping[str, float] | None = None,
+        payload: Mapping[str, tuple[float, ArrayLike, ArrayLike]] | None = None,
+    ) -> Model:
+        """A new Model with other gravity, rotor inertias or loads.
+
+        gravity   (3,) [m/s²]
+        armature  joint name -> reflected rotor inertia [kg m² | kg], in place of the present one
+        payload   frame -> (mass [kg], com (3,) [m], inertia (3, 3) about it [kg m²]) in that frame, added to its link
+
+        Raises ModelError, InertiaError naming the joint or frame and the value.
+        """
+        options, robot = self.options, self.robot
+        if gravity is not None:
+            options = replace(options, gravity=_gravity(gravity))
+        joints = {j.name: j for j in robot.joints}
+        for name, value in _pairs("armature", armature):
+            if name not in joints:
+                raise ModelError(missing("joint", name, self.name, joints))
+            if joints[name].kind == "fixed":
+                raise ModelError(f'joint "{name}" is fixed, expected one that moves for an armature of {value}')
+            (rotor,) = numbers(value, 1, f'joint "{name}" has armature')
+            if not (math.isfinite(rotor) and rotor >= 0.0):
+                raise ModelError(f'joint "{name}" has armature {rotor}, expected a finite number >= 0')
+            joints[name] = replace(joints[name], armature=rotor)
+        links = {x.name: x for x in robot.links}
+        child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
+        for name, load in _pairs("payload", payload):
+            frame = self.frame(name)
+            owner = frame.name if frame.kind == "link" else child[frame.name]
+            part = make_link(frame.name, load)
+            defect = inertia_defect(np.reshape(part.inertia, (3, 3)))
+            if defect:
+                raise InertiaError(f'payload of frame "{frame.name}" {defect}')
+            links[owner] = _loaded(links[owner], part)
+        return Model(replace(robot, joints=tuple(joints.values()), links=tuple(links.values())), options)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Model {self.name}: nq {self.nq}, nv {self.nv}, {len(self.robot.links)} links, {self.total_mass:.6g} kg>"
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(self._tree())
+
+    def _tree(self) -> Iterator[str]:
+        """A readable tree: a line per link, with the joint it hangs on."""
+        options = self.options
+        yield f"{self.name}: {self.nv} freedoms, {self.total_mass:.6g} kg moving, {options.root} root"
+        mass = {x.name: x.mass for x in self.robot.links}
+        children = self.robot.children
+        stack: list[tuple[str, int, RobotJoint | None]] = [(self.robot.root, 0, None)]
+        while stack:
+            link, depth, joint = stack.pop()
+            indent = "  " * depth if depth <= DEEP else "  " * DEEP + f"({depth}) "
+            how = "" if joint is None else f" <- {joint.name} ({joint.kind})"
+            yield f"{indent}{link}{how}  {mass[link]:.6g} kg"
+            stack += [(j.child, depth + 1, j) for j in reversed(children[link])]
+
+
+def assemble(
+    robot: Robot,
+    root: str = "fixed",
+    gravity: ArrayLike = GRAVITY,
+    continuous: str = "angle",
+    mimic: bool = False,
+) -> Model:
+    """The Model of a checked robot.
+
+    root        "fixed", or "floating": six freedoms between the world and the root link, joint ``root_joint``
+    gravity     (3,) acceleration of gravity [m/s²]
+    continuous  "angle": one coordinate; "cos_sin": two, as Pinocchio has it (planar joints too)
+    mimic       True makes the coordinates of mimic joints dependent
+
+    Raises ModelError naming the option, or the mimic joint without a leader; or if robot is none.
+    """
+    if not isinstance(robot, Robot):
+        raise ModelError(
+            f"robot is a {type(robot).__name__}, expected a Robot, as read_urdf and ModelBuilder make them"
+        )
+    return Model(robot, options_of(root, gravity, continuous, mimic))
+
+
+def options_of(root: str, gravity: ArrayLike, continuous: str, mimic: bool) -> Options:
+    """The options of ``assemble``. Raises ModelError naming one that is none, and its value."""
+    if not isinstance(mimic, (bool, np.bool_, int)) or mimic not in (0, 1):
+        raise ModelError(f"mimic is {mimic!r}, expected True or False")
+    return Options(root, _gravity(gravity), continuous, bool(mimic))
+
+
+def _gravity(gravity: ArrayLike) -> tuple[float, ...]:
+    g = _numbers(gravity)
+    if g.shape != (3,) or not np.isfinite(g).all():
+        raise ModelError(f"gravity is {gravity!r}, expected three finite numbers")
+    return tuple(g.tolist())
+
+
+def _numbers(value: ArrayLike) -> Array:
+    """Anything as an array of floats, NaN where it holds something else."""
+    try:
+        x = np.array(np.nan) if masked(value) else np.asarray(value)
+    except (TypeError, ValueError):
+        x = np.array(np.nan)
+    with np.errstate(over="ignore"):
+        return x.astype(float) if x.dtype.kind in "fiu" else np.array(np.nan)
+
+
+def _pairs(argument: str, value: Any) -> Iterable[tuple[str, Any]]:
+    """Names and values of an argument that maps one to the other; nothing for None."""
+    if value is None:
+        return ()
+    if not isinstance(value, Mapping):
+        raise ModelError(f"{argument} is a {type(value).__name__}, expected a mapping of names to values")
+    return value.items()
+
+
+def missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:
+    """What to say of a name that is not there: like which names it is."""
+    near = difflib.get_close_matches(str(name), dict.fromkeys(names), 3, 0.5)
+    hint = f", did you mean {' or '.join(near)}" if near else ""
+    return f'{what} "{name}" is not in robot "{robot}"{hint}'
+
+
+def _locked(joint: Joint, continuous: str, value: ArrayLike) -> Array:
+    """X_J (4, 4) of a joint at given coordinates. Raises ModelError unless there are nq, finite, of unit norm."""
+    if joint.kind == "world":
+        raise ModelError("the world cannot be locked")
+    q = np.atleast_1d(_numbers(value))
+    if joint.kind == "continuous" and q.shape == (1,):
+        continuous = "angle"
+    elif q.shape != (joint.nq,):
+        raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {joint.nq} finite numbers')
+    if not np.isfinite(q).all():
+        raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {len(q)} finite numbers')
+    units = {"spherical": q, "floating": q[3:], "continuous": q, "planar": q[2:]}
+    unit = units.get(joint.kind, q[:0])
+    if len(unit) > 1 and abs(math.hypot(*unit) - 1.0) > 1e-6:
+        raise ModelError(f'joint "{joint.name}" is locked at {q.tolist()}, expected a part of unit norm')
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+        return joint_transform(joint.kind, joint.axis, q, continuous)
+
+
+def _moved(placement: tuple[float, ...], X: Array) -> tuple[float, ...]:
+    """A placement of 16 numbers followed by a motion X (4, 4)."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+        return tuple((np.reshape(placement, (4, 4)) @ X).ravel().tolist())
+
+
+def _loaded(link: Link, load: Link) -> Link:
+    """Two bodies in one frame as one link."""
+    mass = link.mass + load.mass
+    c = np.array(link.com)
+    inertia = np.zeros((3, 3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        if mass > 0.0:
+            c = (link.mass * c + load.mass * np.array(load.com)) / mass
+        for part in (link, load):
+            d = np.array(part.com) - c
+            inertia += np.reshape(part.inertia, (3, 3)) + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    if not (math.isfinite(mass) and np.isfinite(c).all() and np.isfinite(inertia).all()):
+        raise InertiaError(
+            f'link "{link.name}" of {link.mass:.6g} kg with a payload of {load.mass:.6g} kg has an inertia that is '
+            "beyond the largest float"
+        )
+    return replace(link, mass=mass, com=tuple(c.tolist()), inertia=tuple(inertia.ravel().tolist()))

@@ -1,0 +1,386 @@
+"""The checked robot: links and joints by name, before anything is merged, ordered or turned into a table.
+
+``urdf.load_urdf`` makes one from a file, ``ModelBuilder`` from calls; ``model.assemble`` turns it into a Model.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InertiaError, ModelError
+from .physical_inertia import inertia_defect, nearest_physical, shown_moments, symmetric
+
+Array = NDArray[np.float64]
+
+JOINT_KINDS = (
+    "fixed",
+    "revolute",
+    "continuous",
+    "prismatic",
+    "spherical",
+    "floating",
+    "planar",
+)
+WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
+GIMBAL = 1e-9  # cosine of a pitch below which roll and yaw are one rotation
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body: mass [kg], com (3,) [m] and inertia (3, 3) about the com [kg m²], all in the link's frame."""
+
+    name: str
+    mass: float = 0.0
+    com: tuple[float, ...] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, ...] = (0.0,) * 9
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """q = multiplier · q(leader) + offset."""
+
+    leader: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint from link ``parent`` to link ``child``.
+
+    placement  (16,)  pose of the joint, and of the child's frame at q = 0, in the parent link, row by row
+    axis       (3,)   unit vector in the joint's frame: axis of rotation or translation, normal of a plane
+    lower, upper      position limits [rad | m], infinite where there are none (joints of one freedom)
+    velocity, effort  limits [rad/s | m/s], [N m | N]
+    damping, friction read and kept, without effect on any result
+    armature          reflected rotor inertia [kg m² | kg] of every freedom of the joint, or one for each. It is added
+                      to the diagonal of M and nothing else, as in Pinocchio: no part of C, so on a floating or planar
+                      joint, whose frame turns, M v changes as the equation of motion says and not as a true rotor's
+                      momentum would
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    placement: tuple[float, ...]
+    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+    damping: float = 0.0
+    friction: float = 0.0
+    armature: float | tuple[float, ...] = 0.0
+    mimic: Mimic | None = None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Links and joints that form a tree with one root; ``notes`` say what is odd about the source."""
+
+    name: str
+    root: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    notes: tuple[str, ...] = field(default=(), compare=False)
+    ordered: bool = False  # children in the order of ``joints`` rather than in byte order of their names
+
+    @property
+    def children(self) -> dict[str, list[Joint]]:
+        """The joints that leave each link, in the order they are walked: byte order of their names."""
+        table: dict[str, list[Joint]] = {link.name: [] for link in self.links}
+        for joint in self.joints if self.ordered else sorted(self.joints, key=lambda j: j.name.encode()):
+            table[joint.parent].append(joint)
+        return table
+
+
+def nowhere(kind: str, name: str) -> str:
+    """Where a link or joint stands in its source: a prefix of messages, empty for robots made by calls."""
+    return ""
+
+
+def check_tree(
+    name: str,
+    links: Sequence[Link],
+    joints: Sequence[Joint],
+    notes: Iterable[str] = (),
+    where: Callable[[str, str], str] = nowhere,
+) -> Robot:
+    """Links and joints as a Robot, if they are a tree; ``where("link" | "joint", name)`` is a prefix of messages.
+
+    Raises ModelError for duplicate names, unknown links, a link with two parents, a cycle, no root or two roots.
+    """
+    for what, names in (
+        ("link", [x.name for x in links]),
+        ("joint", [x.name for x in joints]),
+    ):
+        seen: set[str] = set()
+        for n in names:
+            if n in seen:
+                raise ModelError(f'{where(what, n)}robot "{name}" has two {what}s named "{n}", expected distinct names')
+            seen.add(n)
+    known = {link.name for link in links}
+    parent_of: dict[str, Joint] = {}
+    for joint in joints:
+        for role, end in (("parent", joint.parent), ("child", joint.child)):
+            if end not in known:
+                raise ModelError(
+                    f'{where("joint", joint.name)}joint "{joint.name}" has {role} link "{end}", '
+                    f'which robot "{name}" does not have'
+                )
+        if joint.child in parent_of:
+            raise ModelError(
+                f'{where("joint", joint.name)}link "{joint.child}" is the child of joints '
+                f'"{parent_of[joint.child].name}" and "{joint.name}", expected one parent'
+            )
+        parent_of[joint.child] = joint
+    roots = [link.name for link in links if link.name not in parent_of]
+    if not links:
+        raise ModelError(f'{where("robot", name)}robot "{name}" has no links, expected at least one')
+    if not roots:
+        raise ModelError(
+            f'{where("robot", name)}robot "{name}" has no root link: its joints form a cycle, expected a tree'
+        )
+    if len(roots) > 1:
+        listed = quoted(roots)
+        raise ModelError(
+            f'{where("link", roots[1])}robot "{name}" has {len(roots)} root links ({listed}), expected one'
+        )
+    robot = Robot(name, roots[0], tuple(links), tuple(joints), tuple(notes))
+    children, reached = robot.children, [roots[0]]
+    for at in reached:  # grows as it is walked; a link has one parent, so it is reached once
+        reached += [joint.child for joint in children[at]]
+    if len(reached) < len(links):
+        held = set(reached)
+        lost = next(link.name for link in links if link.name not in held)
+        raise ModelError(f'{where("link", lost)}link "{lost}" hangs on a cycle of joints, expected a tree')
+    return robot
+
+
+def quoted(names: Iterable[str], most: int = 8) -> str:
+    """Names between quotes, the first ``most`` of them."""
+    listed = [f'"{n}"' for n in names]
+    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
+
+
+def check_inertias(
+    robot: Robot,
+    policy: str = "warn",
+    where: Callable[[str, str], str] = nowhere,
+    stacklevel: int = 3,
+) -> Robot:
+    """Apply the policy on inertias no body can have: "warn" keeps them, "strict" raises, "repair" projects.
+
+    One warning lists all of them. What was found, and under "repair" what it became, is added to the notes.
+
+    Raises InertiaError under "strict", naming the link, its principal moments and the violation.
+    """
+    if not isinstance(policy, str) or policy not in ("warn", "strict", "repair"):
+        raise InertiaError(f'inertia policy is {policy!r}, expected "warn", "strict" or "repair"')
+    found: list[str] = []
+    links: list[Link] = []
+    for link in robot.links:
+        defect = inertia_defect(np.reshape(link.inertia, (3, 3)))
+        if defect:
+            found.append(f'link "{link.name}" {defect}')
+            if policy == "strict":
+                raise InertiaError(where("link", link.name) + found[-1])
+            if policy == "repair":
+                I = nearest_physical(np.reshape(link.inertia, (3, 3)))
+                if not np.isfinite(I).all():
+                    raise InertiaError(
+                        f"{where('link', link.name)}{found[-1]}; repaired it is beyond the largest float"
+                    )
+                link = replace(link, inertia=tuple(I.ravel().tolist()))
+                found[-1] += "; repaired to " + shown_moments(I)
+        links.append(link)
+    if not found:
+        return robot
+    listed = "; ".join(found[:8] + [f"and {len(found) - 8} more links"] * (len(found) > 8))
+    end = "" if policy == "repair" else ' (kept as they are; inertia="repair" projects them)'
+    warnings.warn(f'robot "{robot.name}": {listed}{end}', stacklevel=stacklevel)
+    return replace(robot, links=tuple(links), notes=robot.notes + tuple(found))
+
+
+def masked(value: Any, depth: int = 32) -> bool:
+    """Whether an array, or one in a list, has a mask, which NumPy drops where it makes an array of numbers of it."""
+    ma = sys.modules.get("numpy.ma")
+    if ma is None:  # then there is no such array
+        return False
+    if not isinstance(value, (list, tuple)):
+        return isinstance(value, ma.MaskedArray)
+    kinds = set(map(type, value))  # a look at each entry would take longer than NumPy does
+    if any(issubclass(kind, ma.MaskedArray) for kind in kinds):
+        return True
+    return (
+        depth > 0
+        and any(issubclass(kind, (list, tuple)) for kind in kinds)
+        and any(masked(x, depth - 1) for x in value)
+    )
+
+
+def numbers(value: Any, count: int, what: str) -> tuple[float, ...]:
+    """So many real numbers as a tuple of floats. Raises ModelError: ``what``, the value, what was expected."""
+    if masked(value):
+        raise ModelError(f"{what} a masked array, expected {count} number{'s' * (count > 1)} without a mask")
+    try:
+        with np.errstate(over="ignore"):
+            x = np.asarray(value, dtype=float).ravel() if np.asarray(value).dtype.kind in "fiu" else None
+    except (TypeError, ValueError):
+        x = None
+    if x is None or len(x) != count:
+        raise ModelError(f"{what} {value!r}, expected {count} number{'s' * (count > 1)}")
+    return tuple(x.tolist())
+
+
+def pose_matrix(placement: Any, what: str) -> Array:
+    """A placement given as None, xyz, (xyz, rpy) or a (4, 4) matrix, as a (4, 4) matrix.
+
+    Raises ModelError if it is none of these, not finite, or its rotation is not orthonormal within 1e-6.
+    """
+    X = np.eye(4)
+    if placement is None:
+        return X
+    if isinstance(placement, tuple) and len(placement) == 2 and np.shape(placement[0]) == (3,):
+        rpy = numbers(placement[1], 3, f"{what} has rpy")
+        if not all(map(math.isfinite, rpy)):
+            raise ModelError(f"{what} has rpy {placement[1]!r}, expected finite numbers")
+        X[:3, :3] = rpy_matrix(*rpy)
+        X[:3, 3] = numbers(placement[0], 3, f"{what} has xyz")
+    else:
+        try:
+            given = np.array(np.nan) if masked(placement) else np.asarray(placement)
+            if given.dtype.kind not in "fiu" or not given.ndim:
+                raise TypeError
+            with np.errstate(over="ignore"):
+                given = given.astype(float)
+        except (TypeError, ValueError):
+            raise ModelError(f"{what} is {placement!r}, expected (3,), (4, 4) or a pair xyz, rpy") from None
+        if given.shape == (3,):
+            X[:3, 3] = given
+        elif given.shape == (4, 4):
+            X[:] = given
+        else:
+            raise ModelError(f"{what} has shape {given.shape}, expected (3,), (4, 4) or a pair xyz, rpy")
+    R = X[:3, :3]
+    if not np.isfinite(X).all():
+        raise ModelError(f"{what} has an entry that is not finite, expected finite numbers")
+    turns = abs(R).max() < 2.0 and abs(R @ R.T - np.eye(3)).max() <= 1e-6  # the first: squares of 1e308 overflow
+    if not turns or np.linalg.det(R) < 0 or (X[3] != (0, 0, 0, 1)).any():
+        raise ModelError(f"{what} is no pose: its rotation is not orthonormal within 1e-6, or its last row not 0 0 0 1")
+    return X
+
+
+def rpy_matrix(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation of URDF's roll, pitch, yaw (fixed axes x, y, z); entries below 1e-15 are zero."""
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    R = np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+    R[abs(R) < 1e-15] = 0.0
+    return R
+
+
+def rpy_of(R: Array) -> list[float]:
+    """Roll, pitch, yaw of a rotation; at a right angle of pitch, where only one of the others counts, the roll is 0."""
+    cos_pitch = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], cos_pitch)
+    if cos_pitch < GIMBAL:
+        return [0.0, pitch, math.atan2(-R[0, 1], R[1, 1])]
+    return [math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])]
+
+
+def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
+    """A Link from (mass, com (3,), rotational inertia (3, 3) about the com).
+
+    Raises InertiaError naming the link for a negative or NaN mass, NaN entries, wrong shapes or an asymmetric matrix.
+    """
+    try:
+        if any(masked(part) or np.asarray(part).dtype.kind not in "fiu" for part in inertia):
+            raise TypeError
+        mass, com, I = inertia
+        mass, com, I = float(mass), np.asarray(com, float), np.asarray(I, float)
+    except (TypeError, ValueError) as error:
+        raise InertiaError(
+            f'link "{name}" has inertia {inertia!r}, expected (mass, com (3,), inertia (3, 3))'
+        ) from error
+    if com.shape != (3,) or I.shape != (3, 3):
+        raise InertiaError(
+            f'link "{name}" has com of shape {com.shape} and inertia of shape {I.shape}, expected (3,) and (3, 3)'
+        )
+    if not (mass >= 0.0 and math.isfinite(mass)):
+        raise InertiaError(f'link "{name}" has mass {mass}, expected a finite number >= 0')
+    if not np.isfinite(com).all() or not np.isfinite(I).all():
+        raise InertiaError(f'link "{name}" has a com or inertia entry that is not finite, expected finite numbers')
+    if abs(0.5 * I - 0.5 * I.T).max() > 0.5e-12 * abs(I).max():
+        raise InertiaError(f'link "{name}" has an inertia that is not symmetric, expected I = Iᵀ')
+    reach = math.hypot(*com)
+    if mass and not math.isfinite(reach * reach * mass):
+        raise InertiaError(
+            f'link "{name}" has mass {mass:.6g} at a distance of {reach:.6g}, '
+            "whose inertia about the link's origin is beyond the largest float"
+        )
+    return Link(name, mass, tuple(com.tolist()), tuple(symmetric(I).ravel().tolist()))
+
+
+def make_joint(joint: Joint) -> Joint:
+    """A Joint with its fields checked and its axis of unit length.
+
+    Raises ModelError naming the joint: unknown kind, zero or NaN axis, lower > upper, negative armature, mimic of
+    itself.
+    """
+    what = f'joint "{joint.name}"'
+    if joint.kind not in JOINT_KINDS:
+        raise ModelError(f"{what} has type {joint.kind!r}, expected one of {', '.join(JOINT_KINDS)}")
+    axis = np.array(joint.axis)
+    if axis.shape != (3,) or not np.isfinite(axis).all():
+        raise ModelError(f"{what} has axis {joint.axis}, expected three finite numbers")
+    if joint.kind in WITH_AXIS:
+        size = float(abs(axis).max())
+        if size == 0.0:
+            raise ModelError(f"{what} has axis of norm 0, expected a nonzero vector")
+        scaled = axis / size
+        norm = math.sqrt(scaled @ scaled)
+        if abs(norm * size - 1.0) > 4e-16:
+            axis = scaled / norm
+    for label in (
+        "lower",
+        "upper",
+        "velocity",
+        "effort",
+        "damping",
+        "friction",
+    ):
+        if math.isnan(getattr(joint, label)):
+            raise ModelError(f"{what} has {label} nan, expected a number")
+    if joint.lower > joint.upper:
+        raise ModelError(f"{what} has lower limit {joint.lower} above upper limit {joint.upper}")
+    freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(joint.kind, 1)
+    rotors = joint.armature if isinstance(joint.armature, tuple) else (joint.armature,)
+    if len(rotors) not in (1, freedoms):
+        raise ModelError(f"{what} has armature {joint.armature}, expected one number or {freedoms}")
+    if not all(rotor >= 0.0 and math.isfinite(rotor) for rotor in rotors):
+        raise ModelError(f"{what} has armature {joint.armature}, expected a finite number >= 0")
+    m = joint.mimic
+    if m is not None:
+        if m.leader == joint.name:
+            raise ModelError(f"{what} mimics itself, expected another joint")
+        if not (math.isfinite(m.multiplier) and math.isfinite(m.offset)):
+            raise ModelError(
+                f"{what} mimics with multiplier {m.multiplier} and offset {m.offset}, expected finite numbers"
+            )
+    return replace(joint, axis=tuple(axis.tolist()))

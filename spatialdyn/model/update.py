@@ -1,0 +1,83 @@
+"""A Model with other numbers in the same tree: what is not concerned is taken over, not made again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..algebra.euclidean import Vec
+from ..algebra.records import put_vec
+from ..algebra.spatial import add_inertia, compose, identity_pose, inertia_to_parent
+from ..bodies.table import ANY_NORM
+from ..errors import ModelError
+from .assembly import NOTHING, Tables, about_origin, completed, digest, refuse_overflow
+from .joint_rows import matrix, pose, put_joint, subspace
+from .model import Model
+from .robot import Joint, Link
+
+
+def edited(
+    model: Model,
+    links: Mapping[int, Link],
+    joints: Mapping[int, Joint],
+    gravity: tuple[float, float, float] | None = None,
+    any_norm: bool | None = None,
+) -> Model:
+    """The Model that is made of its robot with some links and joints in place of others, to the bit.
+
+    model    without mimic and without fixed joints, so that each joint carries one link
+    links    place in ``robot.links`` -> a Link of the same name
+    joints   place in ``robot.joints`` -> a Joint that differs in placement and armature alone
+    gravity  (3,) [m/s²], as it is if left out
+    any_norm whether q may be off its unit norm, as it is if left out
+
+    Raises ModelError for a model of another kind; ModelError, InertiaError naming the joint whose placement or inertia
+    is beyond the largest float.
+    """
+    if model.mimic_matrix is not None or len(model.robot.joints) + 1 != model.njoints:
+        raise ModelError(f'model "{model.name}" has other than one link for each moving joint, expected no fixed ones')
+    robot, options, bodies = model.robot, model.options, model.bodies.copy()
+    all_links, all_joints, rows = list(robot.links), list(robot.joints), list(model.joints)
+    child = {joint.child: joint.name for joint in all_joints} if links else {}
+    for at, link in links.items():
+        all_links[at] = link
+        if link.name in child:
+            body = inertia_to_parent(identity_pose(), about_origin(link))
+            bodies["inertia"][model.joint(child[link.name]).row] = add_inertia(NOTHING, body)
+    for at, given in joints.items():
+        all_joints[at] = given
+        k = model._joint_index[given.name]
+        row = rows[k]
+        first = row.row - row.nv + 1
+        bodies["armature"][first : row.row + 1] = given.armature
+        if given.placement != robot.joints[at].placement:
+            X = compose(identity_pose() if row.parent else pose(options.base), pose(given.placement))
+            kind = int(bodies["kind"][first])
+            put_joint(bodies, first, kind, X, subspace(given.kind, given.axis), row.idx_q)
+            bodies["parent"][first] = rows[row.parent].row
+            rows[k] = row._replace(placement=matrix(X))
+    if gravity is not None:
+        options = replace(options, gravity=gravity)
+        put_vec(bodies[0].gravity, Vec(*gravity))
+    if any_norm is not None:
+        options = replace(options, any_norm=any_norm)
+        bodies[0].kind = ANY_NORM if any_norm else 0
+    bodies = completed(bodies)
+    refuse_overflow(robot.name, bodies, rows)
+    armature = np.array(bodies["armature"][1:])
+    armature.flags.writeable = False
+    taken: dict[str, Any] = {name: getattr(model, name) for name in Tables._fields}
+    robot = replace(robot, links=tuple(all_links), joints=tuple(all_joints))
+    own: dict[str, Any] = {
+        "robot": robot,
+        "key": digest(bodies),
+        "bodies": bodies,
+        "joints": tuple(rows),
+        "armature": armature,
+    }
+    made = object.__new__(Model)
+    made._hold(Tables(**{**taken, **own}), options)
+    return made

@@ -1,0 +1,246 @@
+"""Forward dynamics by the articulated body algorithm on square roots of inertias.
+
+By Gauss's principle the accelerations of a subtree make ½ |R a + z|² - l·a smallest, with a row of R and an entry of z
+for each direction in which it has inertia: RᵀR is its articulated inertia, which is never formed, so nothing of a
+light link is lost beside a heavy one. A joint is eliminated by a reflection of the rows; what does not feel it goes on
+to the parent. ``square_root_inertia`` makes the rows of one body, ``square_root_rows`` holds and reflects
+those of a subtree.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..algebra.euclidean import Rot, Vec, negative, unrotate, zero
+from ..algebra.records import (
+    force_from,
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_force,
+    put_motion,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import inlined, sqrt
+from ..algebra.spatial import (
+    Force,
+    Motion,
+    Pose,
+    add_force,
+    add_motion,
+    cross_motion,
+    force_to_parent,
+    motion_to_child,
+    power,
+    scale_force,
+    scale_motion,
+    sub_force,
+    sub_motion,
+    zero_force,
+    zero_motion,
+)
+from ..bodies.joints import joint_motion, place_joint
+from .rnea import rnea
+from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
+from .square_root_inertia import body_rows
+from .square_root_rows import Row, put_row, reflect, row_of, triangular
+
+FOLDED = 12  # rows that children leave before they are made six
+ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are made 6, and 1 of the armature
+BLUR = 16.0  # n eps that rounding makes of a root that is 0: up to 3 on random floating robots of massless root
+
+WORK = table_dtype(
+    X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
+    w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec, rows=int, relative=int, stack=(float, (ROWS, 8)),
+    reach=(float, (6,)), felt=(float, (6,)),
+)  # fmt: skip
+
+
+@inlined
+def aba_square_root(
+    bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any, residual: Any
+) -> None:
+    """RBDA table 7.1 with rows [R z] and l in place of IA and pA; fext may be None, for zero.
+
+    Then once a += M⁻¹ (τ - RNEA(q, v, a)) with the rows that are there: a joint whose axis a heavy link feels no more
+    than a light one mixes their rows, and the light one's may lose digits.
+
+    pivots    (nv), written: the root of D times that of a bound on the composite inertia, over BLUR, for a joint is
+              singular here when the first is next to nothing of the second
+    residual  (nv), written: what the last step has changed
+    """
+    _roots(bodies, work, q, v, pivots)
+    for i in range(1, len(bodies)):
+        put_force(work[i].l, zero_force())
+        if fext is not None and bodies[i].joint > 0:
+            put_force(work[i].l, force_from(fext[bodies[i].joint]))
+    _inward(bodies, work, tau)
+    _outward(bodies, work, vec_of(bodies[0].gravity), True, a)
+
+    rnea(bodies, work, q, v, a, fext, residual)
+    for i in range(1, len(bodies)):
+        residual[i - 1] = tau[i - 1] - residual[i - 1]
+        put_force(work[i].l, zero_force())
+    _inward(bodies, work, residual)
+    _outward(bodies, work, zero(), False, residual)
+    for i in range(len(bodies) - 1):
+        a[i] = a[i] + residual[i]
+
+
+@inlined
+def _roots(bodies: Any, work: Any, q: Any, v: Any, pivots: Any) -> None:
+    """Place the bodies, and eliminate each joint from the rows of its subtree."""
+    n = len(bodies) - 1
+    put_motion(work[0].v, zero_motion())
+    for k in range(6):
+        work[0].felt[k] = 0.0
+    for i in range(1, n + 1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        place_joint(bodies, i, q, here.X)
+        vJ = joint_motion(bodies, i, v)
+        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+        put_motion(here.v, vi)
+        put_motion(here.c, cross_motion(vi, vJ))
+        here.rows = 0
+        _reach(here, parent, motion_of(b.S))
+
+    for i in range(n, 0, -1):
+        b, here = bodies[i], work[i]
+        rows = _gather(b, here)
+        if rows == 0:  # the scratch may hold anything
+            put_row(here.stack, 0, Row(0.0, zero_force(), 0.0))
+        reflect(here.stack, 0, rows, 0)
+        first = row_of(here.stack, 0)
+        here.s, here.z = first.s, first.z
+        put_force(here.r, first.r)
+        pivots[i - 1] = abs(first.s) * sqrt(b.armature + b.bound.x) / BLUR
+        if b.parent > 0:
+            _hand_over(here, work[b.parent], rows)
+
+
+@inlined
+def _inward(bodies: Any, work: Any, tau: Any) -> None:
+    """t of each joint, from the torques and the forces l that are there."""
+    put_force(work[0].l, zero_force())
+    for i in range(len(bodies) - 1, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        S, l = motion_of(bodies[i].S), force_of(here.l)
+        total = tau[i - 1] + power(S, l)
+        here.t = total / here.s
+        if not here.relative:
+            l = sub_force(l, scale_force(total, as_force(S)))
+        if bodies[i].parent > 0:
+            up = force_to_parent(pose_of(here.X), sub_force(l, scale_force(here.t, force_of(here.r))))
+            put_force(parent.l, add_force(force_of(parent.l), up))
+
+
+@inlined
+def _outward(bodies: Any, work: Any, gravity: Vec, moving: bool, a: Any) -> None:
+    """The accelerations, of joints and bodies; not moving leaves out what velocities add."""
+    put_motion(work[0].a, Motion(zero(), negative(gravity)))
+    for i in range(1, len(bodies)):
+        here, S = work[i], motion_of(bodies[i].S)
+        ai, t = motion_to_child(pose_of(here.X), motion_of(work[bodies[i].parent].a)), here.t
+        if moving:
+            ai, t = add_motion(ai, motion_of(here.c)), t - here.z
+        x = (t - power(ai, force_of(here.r))) / here.s
+        a[i - 1] = x
+        if not here.relative:
+            along = power(ai, as_force(S))
+            a[i - 1] = x - along
+            ai = sub_motion(ai, scale_motion(along, S))
+        put_motion(here.a, add_motion(ai, scale_motion(x, S)))
+
+
+@inlined
+def _reach(here: Any, parent: Any, S: Motion) -> None:
+    """Mark the entries of a body's acceleration that joints above it (reach), or they and its own (felt) can change.
+
+    The others are known beforehand, so rows need not be kept for them; and where the axes of a planar arm are those
+    of its frames, nothing of the forces across the plane gets into the plane by rounding.
+    """
+    X = pose_of(here.X)
+    R, p = X.R, X.p
+    felt = parent.felt
+    w = Vec(felt[0], felt[1], felt[2])
+    v = Vec(
+        felt[3] + abs(p.z) * w.y + abs(p.y) * w.z,
+        felt[4] + abs(p.x) * w.z + abs(p.z) * w.x,
+        felt[5] + abs(p.y) * w.x + abs(p.x) * w.y,
+    )
+    turned = Rot(abs(R.xx), abs(R.xy), abs(R.xz), abs(R.yx), abs(R.yy), abs(R.yz), abs(R.zx), abs(R.zy), abs(R.zz))
+    w, v = unrotate(turned, w), unrotate(turned, v)
+    reached = (w.x, w.y, w.z, v.x, v.y, v.z)
+    along = (S.w.x, S.w.y, S.w.z, S.v.x, S.v.y, S.v.z)
+    for k in range(6):
+        here.reach[k] = 1.0 if reached[k] > 0.0 else 0.0
+        here.felt[k] = 1.0 if reached[k] > 0.0 or along[k] != 0.0 else 0.0
+
+
+# --- the stack of a body --------------------------------------------------------------------------------
+
+
+@inlined
+def as_force(S: Motion) -> Force:
+    """The row that takes of a motion its part along the unit S."""
+    return Force(S.w, S.v)
+
+
+@inlined
+def _gather(b: Any, here: Any) -> int:
+    """Make the stack whole and split it along the joint's axis; returns how many rows it has.
+
+    The unknown of a joint is the acceleration of its body along the axis, so that what goes on to the parent feels
+    exactly nothing along it. An armature feels the difference to the parent's. Where it is the greater part, the
+    difference is the unknown: a small one would be lost in the sum.
+    """
+    stack, S = here.stack, motion_of(b.S)
+    rows: int = here.rows
+    if rows > 6:
+        rows = triangular(stack, 0, rows, here.felt)
+    if b.joint > 0:
+        rows = body_rows(stack, rows, inertia_of(b.inertia), motion_of(here.v), here.felt)
+    total = 0.0
+    for k in range(rows):
+        s = power(S, row_of(stack, k).r)
+        stack[k, 0] = s
+        total += s * s
+    here.relative = 1 if b.armature > total else 0
+    if not here.relative:
+        for k in range(rows):
+            row = row_of(stack, k)
+            put_row(stack, k, Row(row.s, sub_force(row.r, scale_force(row.s, as_force(S))), row.z))
+    if b.armature > 0.0:
+        s = sqrt(b.armature)
+        put_row(stack, rows, Row(s, zero_force() if here.relative else scale_force(-s, as_force(S)), 0.0))
+        rows += 1
+    return rows
+
+
+@inlined
+def _hand_over(here: Any, parent: Any, rows: int) -> None:
+    """Append the rows of a body that its joint does not feel, row 0 left out, to its parent's stack."""
+    X, c, stack, last = pose_of(here.X), motion_of(here.c), here.stack, rows
+    if rows > 7:
+        last = triangular(stack, 1, rows, here.reach)
+    at = parent.rows
+    if at + last - 1 > FOLDED:
+        at = triangular(parent.stack, 0, at, parent.felt)
+    for k in range(1, last):
+        r = row_of(stack, k).r
+        put_row(parent.stack, at, Row(0.0, force_to_parent(X, r), stack[k, 7] + power(c, r)))
+        at += 1
+    parent.rows = at
+
+
+SPECS = (
+    Spec(
+        "aba_square_root", aba_square_root, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm on square "
+        "roots of inertias.",
+        "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "
+        "constraint.", pivots=True, traces=False, spare=(("nv",),),
+    ),
+)  # fmt: skip

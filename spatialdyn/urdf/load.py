@@ -1,0 +1,342 @@
+"""From a URDF to a checked Robot: where the text comes from, who reads it, and what becomes of the numbers.
+
+A source becomes bytes (``robot_files`` finds robots by name); a strict pass over its XML (``strict_xml``) refuses what
+is broken and keeps only what dynamics needs; yourdfpy reads that copy, so it never meets a mesh, nor anything that it
+would silently repair; its description becomes a ``Robot``. What is odd but sound is kept and said in ``Robot.notes``.
+
+yourdfpy and lxml cost a second to import: they are imported inside the functions that read.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InertiaError, ModelError, UrdfError
+from ..model.model import Model, options_of
+from ..model.physical_inertia import symmetric
+from ..model.robot import (
+    WITH_AXIS,
+    Joint,
+    Link,
+    Mimic,
+    Robot,
+    check_inertias,
+    check_tree,
+    make_joint,
+    make_link,
+    nowhere,
+    pose_matrix,
+    quoted,
+    rpy_matrix,
+    rpy_of,
+)
+from .robot_files import example_robots, find_robot, robot_names
+from .strict_xml import (
+    LIMITED,
+    RIGHT,
+    SIZE_LIMIT,
+    URDF_KINDS,
+    StrictReader,
+    angle_notes,
+    off_right,
+    sane_text,
+    snapped,
+)
+
+__all__ = ["example_robots", "find_robot", "load_urdf", "read_urdf", "robot_names"]
+
+Array = NDArray[np.float64]
+Made = TypeVar("Made")
+Where = Callable[[str, str], str]  # ("link" | "joint", name) -> where it stands, a prefix of messages
+
+LONGEST_NAME = 4096  # characters of a path
+
+
+def load_urdf(
+    source: Any,
+    root: str = "fixed",
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    continuous: str = "angle",
+    mimic: bool = False,
+    inertia: str = "warn",
+    snap: float | None = None,
+) -> Model:
+    """The Model of a robot described in URDF.
+
+    source      path; URDF text (str or bytes that start with ``<``); open file; ``yourdfpy.URDF``; or the name of a
+                robot in ``urdf/`` or in the installed example-robot-data (``find_robot`` has the rule)
+    root        "fixed", or "floating": the root link gets six freedoms
+    gravity     (3,) acceleration of gravity in the world [m/s²]
+    continuous  "angle": one coordinate; "cos_sin": Pinocchio's pair
+    mimic       True makes mimic joints dependent; False treats them as ordinary joints
+    inertia     on inertias no body can have: "warn" keeps them, "strict" raises, "repair" projects them
+    snap        angles of placements within ``snap`` [rad] of a right angle are rounded to it; None rounds none
+
+    What is left over and can hold no link or joint is ignored with a note and one warning: ``<xacro:property>`` and
+    ``<xacro:arg>``, prefixes that no xmlns declares in ``<gazebo>`` and other elements that are not read, ``<axis>``
+    without xyz on a fixed or floating joint. Any other element of xacro is refused.
+
+    A ``yourdfpy.URDF`` skips the strict reading of the XML (it may have been read with repairs); its values are still
+    checked.
+
+    Raises  UrdfError naming file, line, element, attribute and value; InertiaError under ``inertia="strict"``;
+            ModelError for a bad ``root``, ``continuous`` or mimic chain.
+
+    >>> load_urdf("pendulum").nv
+    1
+    """
+    options = options_of(root, gravity, continuous, mimic)
+    robot, where = _read(source, inertia, snap, stacklevel=4)
+    if options.mimic:
+        _check_leaders(robot, where)
+    return Model(robot, options)
+
+
+def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None) -> Robot:
+    """The checked Robot of a URDF: ``load_urdf`` before it becomes a table. Arguments and errors are the same."""
+    return _read(source, inertia, snap, stacklevel=4)[0]
+
+
+def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tuple[Robot, Where]:
+    """The robot, and where its links and joints stand."""
+    real = isinstance(snap, (int, float, np.integer, np.floating))
+    if snap is not None and not (real and 0.0 <= snap < 0.5 * RIGHT):
+        raise UrdfError(f"snap is {snap!r}, expected an angle from 0 to pi/4, or None")
+    if _is_yourdfpy(source):
+        robot = _robot(source.robot, nowhere, [], snap)
+        return check_inertias(robot, inertia, stacklevel=stacklevel), nowhere
+    label, data = _bytes_of(source)
+    reader = StrictReader(label, snap)
+    sound = reader.read(data)
+    import yourdfpy
+
+    description = yourdfpy.URDF.load(io.BytesIO(sound), build_scene_graph=False, load_meshes=False).robot
+    robot = _robot(description, reader.where, reader.notes, None)
+    if reader.doubts:
+        warnings.warn(f'robot "{robot.name}": {"; ".join(reader.doubts)}', stacklevel=stacklevel - 1)
+    return check_inertias(robot, inertia, reader.where, stacklevel), reader.where
+
+
+def _check_leaders(robot: Robot, where: Where) -> None:
+    """Refuse a mimic of a joint that is not there: an error only once mimics count."""
+    names = {joint.name for joint in robot.joints}
+    for joint in robot.joints:
+        if joint.mimic is not None and joint.mimic.leader not in names:
+            raise UrdfError(
+                f'{where("joint", joint.name)}<mimic joint="{joint.mimic.leader}"> of joint "{joint.name}" '
+                f'names no joint of robot "{robot.name}", expected one'
+            )
+
+
+# --- where the text comes from ----------------------------------------------------------------------------
+
+
+def _is_yourdfpy(source: Any) -> bool:
+    """Whether the source is a yourdfpy.URDF; importing nothing, for it cannot be one unless yourdfpy is imported."""
+    module = sys.modules.get("yourdfpy")
+    return module is not None and isinstance(source, module.URDF)
+
+
+def _bytes_of(source: Any) -> tuple[str, bytes]:
+    """A name for messages, and the XML in UTF-8 or the encoding it declares. Raises UrdfError."""
+    if isinstance(source, (bytes, bytearray)):
+        return sane_text("<text>", bytes(source))
+    if isinstance(source, str):
+        if source.lstrip("\ufeff \t\r\n").startswith("<"):
+            return sane_text("<text>", source)
+        return read_path(_path_of(source))
+    if isinstance(source, os.PathLike):
+        return read_path(source)
+    if hasattr(source, "read"):
+        name = getattr(source, "name", None)
+        label = os.path.basename(name) if isinstance(name, str) else "<file>"
+        try:
+            return sane_text(label, source.read(SIZE_LIMIT + 1))
+        except UnicodeDecodeError as error:
+            raise UrdfError(f"{label}: is no text ({error.reason}), expected a <robot> element") from None
+    raise UrdfError(
+        f"source is of type {type(source).__name__}, expected a path, URDF text, an open file, a yourdfpy.URDF "
+        "or the name of a robot"
+    )
+
+
+def read_path(path: str | os.PathLike[str], what: str = "a URDF file") -> tuple[str, bytes]:
+    """The name of a URDF or SRDF file, and its text. Raises UrdfError."""
+    path = Path(os.fsdecode(path))
+    if os.path.isdir(path):
+        raise UrdfError(f"{path} is a directory, expected {what}")
+    try:
+        size = path.stat().st_size
+        if size > SIZE_LIMIT:
+            raise UrdfError(f"{path.name}: has {size} bytes, expected at most {SIZE_LIMIT}")
+        with path.open("rb") as file:
+            return sane_text(path.name, file.read(SIZE_LIMIT + 1))
+    except FileNotFoundError:
+        raise UrdfError(f"{path}: no such file, expected {what}") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, UrdfError):
+            raise
+        raise UrdfError(f"{path}: cannot be read ({error}), expected {what}") from error
+
+
+def _path_of(source: str) -> Path:
+    """A string as a path if there is such a file, else as a name, else as the path it was meant to be."""
+    path = Path(source)
+    if len(source) > LONGEST_NAME:
+        raise UrdfError(
+            f"source is {source[:40]!r}... of {len(source)} characters, expected URDF text, a path or a name"
+        )
+    if os.path.isfile(source) or path.suffix in (".urdf", ".xml", ".xacro") or path.is_absolute():
+        return path
+    try:
+        return find_robot(source)
+    except UrdfError:
+        if source and os.path.isdir(source):
+            return path
+        raise
+
+
+# --- from a description to a Robot ------------------------------------------------------------------------
+
+
+def _robot(description: Any, where: Where, notes: list[str], snap: float | None) -> Robot:
+    """The Robot of a yourdfpy description, its values checked. Raises UrdfError naming the link or joint."""
+    for kind, things in (("robot", [description]), ("link", description.links), ("joint", description.joints)):
+        for thing in things:
+            if not isinstance(thing.name, str) or not thing.name.strip():
+                raise UrdfError(f"{where('', '')}a {kind} has name {thing.name!r}, expected a name")
+    angles: list[float] = []
+    links = [_at(where("link", link.name), _link, link, snap, angles) for link in description.links]
+    joints = [_at(where("joint", joint.name), _joint, joint, snap, angles) for joint in description.joints]
+    notes = notes + _link_notes(description) + _joint_notes(description)
+    if where is nowhere:  # else the strict reading has counted them, as they were written
+        notes += angle_notes(angles, snap)
+    return _at("", check_tree, description.name, links, joints, notes, where)
+
+
+def _at(place: str, make: Callable[..., Made], *arguments: Any) -> Made:
+    """``make(*arguments)``; what it refuses becomes a UrdfError that begins with the place."""
+    try:
+        return make(*arguments)
+    except (InertiaError, ModelError, UrdfError) as error:
+        raise UrdfError(f"{place}{error}") from None
+
+
+def _pose(origin: Any, what: str, snap: float | None, angles: list[float]) -> Array:
+    """A yourdfpy origin as a pose (4, 4), rotation entries below 1e-15 zero; its angles are added to ``angles``."""
+    X = pose_matrix(origin, what)
+    R = X[:3, :3]
+    rpy = rpy_of(R)
+    angles += rpy
+    if snap is not None and any(0.0 < off_right(angle) <= snap for angle in rpy):
+        R[:] = rpy_matrix(*(snapped(angle, snap) for angle in rpy))
+    R[abs(R) < 1e-15] = 0.0
+    return X
+
+
+def _link(link: Any, snap: float | None, angles: list[float]) -> Link:
+    """A Link in its own frame; without <inertial> it has no mass."""
+    given = link.inertial
+    if given is None:
+        return Link(link.name)
+    for part in ("mass", "inertia"):
+        if getattr(given, part) is None:
+            raise UrdfError(f'<inertial> of link "{link.name}" has no {part}, expected one')
+    X = _pose(given.origin, f'<origin> of <inertial> of link "{link.name}"', snap, angles)
+    R = X[:3, :3]
+    made = make_link(link.name, (given.mass, X[:3, 3], given.inertia))
+    with np.errstate(over="ignore", invalid="ignore"):
+        I = R @ np.reshape(made.inertia, (3, 3)) @ R.T
+    if not np.isfinite(I).all():
+        raise InertiaError(f'link "{link.name}" has an inertia that is beyond the largest float in the link\'s frame')
+    return make_link(link.name, (given.mass, X[:3, 3], symmetric(I)))
+
+
+def _joint(joint: Any, snap: float | None, angles: list[float]) -> Joint:
+    """A Joint; what its kind has no use for (the limits of a continuous joint, say) is left out."""
+    if joint.type not in URDF_KINDS:
+        raise UrdfError(f'joint "{joint.name}" has type {joint.type!r}, expected one of {", ".join(URDF_KINDS)}')
+    limit, dynamics, mimic = joint.limit, joint.dynamics, joint.mimic
+    lower, upper = -math.inf, math.inf
+    if limit is not None and joint.type in LIMITED:
+        lower, upper = _or(limit.lower, 0.0), _or(limit.upper, 0.0)
+    velocity, effort = (math.inf if limit is None else _or(getattr(limit, k), math.inf) for k in ("velocity", "effort"))
+    return make_joint(
+        Joint(
+            joint.name,
+            joint.type,
+            joint.parent,
+            joint.child,
+            tuple(_pose(joint.origin, f'<origin> of joint "{joint.name}"', snap, angles).ravel().tolist()),
+            tuple(np.ravel((1.0, 0.0, 0.0) if joint.axis is None else joint.axis).tolist()),
+            lower,
+            upper,
+            math.inf if velocity < 0.0 else velocity,
+            math.inf if effort < 0.0 else effort,
+            0.0 if dynamics is None else _or(dynamics.damping, 0.0),
+            0.0 if dynamics is None else _or(dynamics.friction, 0.0),
+            mimic=None if mimic is None else Mimic(mimic.joint, _or(mimic.multiplier, 1.0), _or(mimic.offset, 0.0)),
+        )
+    )
+
+
+def _or(value: Any, default: float) -> float:
+    """A number that may be missing, or still be text (yourdfpy leaves damping and friction so)."""
+    return default if value is None else float(value)
+
+
+# --- what is odd but sound --------------------------------------------------------------------------------
+
+
+def _note(names: list[str], one: str, many: str) -> list[str]:
+    """A note about a link or joint, or about many of them; none if there are no names."""
+    return [f"{one if len(names) == 1 else f'{len(names)} {many}'}: {quoted(names)}"] if names else []
+
+
+def _link_notes(description: Any) -> list[str]:
+    moved = {joint.child for joint in description.joints if joint.type != "fixed"}
+    bare = [link.name for link in description.links if link.inertial is None and link.name in moved]
+    weightless = [link for link in description.links if link.inertial is not None and link.inertial.mass == 0.0]
+    empty = [link.name for link in weightless]
+    turning = [link.name for link in weightless if np.any(link.inertial.inertia)]
+    return [
+        *_note(bare, "link that moves has no <inertial>", "links that move have no <inertial>"),
+        *_note(empty, "link has mass 0", "links have mass 0"),
+        *_note(turning, "link has mass 0 but a rotational inertia", "links have mass 0 but a rotational inertia"),
+    ]
+
+
+def _joint_notes(description: Any) -> list[str]:
+    names = {joint.name for joint in description.joints}
+    limited = [joint for joint in description.joints if joint.type in LIMITED]
+    free = [joint.name for joint in limited if joint.limit is None]
+    bounded = [joint for joint in limited if joint.limit is not None]
+    partial = [joint.name for joint in bounded if joint.limit.lower is None or joint.limit.upper is None]
+    negative = [
+        joint.name
+        for joint in description.joints
+        if joint.limit is not None and min(_or(joint.limit.velocity, 0.0), _or(joint.limit.effort, 0.0)) < 0.0
+    ]
+    skewed = [
+        joint.name
+        for joint in description.joints
+        if joint.type in WITH_AXIS and joint.axis is not None and abs(math.hypot(*joint.axis) - 1.0) > 1e-6
+    ]
+    lost = [j.name for j in description.joints if j.mimic is not None and j.mimic.joint not in names]
+    return [
+        *_note(free, "joint has no <limit>, so it is unlimited", "joints have no <limit>, so they are unlimited"),
+        *_note(partial, "<limit> lacks lower or upper, taken as 0", "<limit>s lack lower or upper, taken as 0"),
+        *_note(negative, "velocity or effort limit < 0 is none", "velocity or effort limits < 0 are none"),
+        *_note(skewed, "axis is not of unit length, normalised", "axes are not of unit length, normalised"),
+        *_note(lost, "<mimic> names no joint of the robot", "<mimic>s name no joint of the robot"),
+    ]
