@@ -415,7 +415,7 @@ def test_digits_have_two_thresholds_in_float64_and_two_in_float32() -> None:
 
 def test_the_remedy_is_a_method_that_keeps_a_digit_more_or_none() -> None:
     assert 'method="refined", which keeps 7' in of_digits(5.0, 6.0, refined=7.0)[0].remedy
-    assert "no method keeps more" in of_digits(5.0, 6.0, refined=5.9)[0].remedy
+    assert "no method in float64 keeps more" in of_digits(5.0, 6.0, refined=5.9)[0].remedy
     assert "refined" in of_digits(5.0, 6.0, refined=6.1)[0].remedy
 
 

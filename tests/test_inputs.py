@@ -859,6 +859,12 @@ def test_a_program_refuses_masked_arrays_too() -> None:
     for value in masks((2,)):
         for _ in range(2):
             assert "a is masked" in refusal(lambda value=value: program(REST, REST, value))
+    still = np.zeros(2)
+    for warm in (False, True):  # the fast path of plain arrays, before it is compiled and after
+        for value in masks((2,))[:2]:
+            assert "q is masked" in refusal(lambda value=value: program(value, still, still))
+            assert "out is" in refusal(lambda value=value: program(still, still, still, out=value))
+        assert warm or np.isfinite(program(still, still, still)).all()
     with pytest.raises(sd.ShapeError, match="v is masked"):
         sd.exact(sd.load_urdf("two_link"), sd.rnea)(REST, masks((2,))[0], REST)
 

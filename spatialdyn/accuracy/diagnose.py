@@ -346,7 +346,7 @@ def _digits(
         link, what = _loser(model, positions[int(np.argmax(errors))])
         remedy = f'take method="{best}", which keeps {better[best]:.0f}'
         if better[best] <= aba["float64"] + 1.0:
-            remedy = "no method keeps more: give the joint an armature, or stay away from there"
+            remedy = 'take method="extended", or give the joint an armature: no method in float64 keeps more'
         yield Finding(
             "error" if aba["float64"] < LOST else "warning", "digits", link,
             f"{what}leaves ABA about {aba['float64']:.0f} digits in float64{only}", remedy,

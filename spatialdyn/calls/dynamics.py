@@ -183,7 +183,7 @@ def _untraced(
                 flat[samples[first:end]] = rest[first:end].reshape((end - first, -1))
             first = end
     except KeyboardInterrupt:
-        flat[samples[first:]] = np.nan  # out holds what was done
+        flat[slice(first, None) if everything else samples[first:]] = np.nan  # out holds what was done
         raise
     if bad:
         diagnose(spec, model, stepped, batch, static, rest, status, samples)
@@ -208,7 +208,11 @@ def _with_followers(
     else:
         whole = [expanded(model, x, a) for x, a in zip(varying, arrays, strict=True)]
         target = empty(batch + full_shape(model, spec.output))
-        run(spec, model, whole, batch, static, target)
+        try:
+            run(spec, model, whole, batch, static, target)
+        except KeyboardInterrupt:
+            result[...] = np.nan  # of what was done nothing is in the coordinates of the result yet
+            raise
         result[...] = contracted(model, spec.output, target)
     refuse_lost(spec, list(zip(varying, arrays, strict=True)), batch, result)
 

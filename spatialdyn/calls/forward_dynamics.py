@@ -77,9 +77,9 @@ def forward_dynamics(
             is no program for SIMD lanes, and it needs inertias that are positive semidefinite, body by body.
 
             None of them says that digits are missing before a joint moves no inertia at all. iCub at neutral is off by
-            0.03 to 3 % in all of them: its head is a mass point, and a joint of its neck moves 1e-11 of its inertia. A
-            chain four of whose joints move less than iCub's four keeps seven digits under a tip of 1e10, so articulated
-            inertias cannot tell the two apart; ``diagnose`` does, by measuring.
+            0.03 to 3 % in all but "extended": its head is a mass point, and a joint of its neck moves 1e-11 of its
+            inertia. A chain four of whose joints move less than iCub's four keeps seven digits under a tip of 1e10, so
+            articulated inertias cannot tell the two apart; ``diagnose`` does, by measuring.
 
     model   Model
     q       (..., nq)            joint positions [rad | m]

@@ -344,8 +344,10 @@ def _quick_call(inputs: tuple[tuple[str, bool], ...], outputs: tuple[bool, ...],
     given = [f"{name}_{k}" for k, (name, _) in enumerate(inputs)]
     arrays = [name for name, (_, array) in zip(given, inputs, strict=True) if array]
     made, shapes = [f"y{k}" for k in range(len(outputs))], [f"shape{k}" for k in range(len(outputs))]
-    # Numba does not look at the byte order; equal dtypes may be other objects
-    ready = " and ".join(f"({name}.dtype is F8 or {name}.dtype == F8)" for name in arrays + made)
+    # Numba looks neither at the byte order nor at a mask; equal dtypes may be two objects
+    plain = "type({0}) is ndarray and ({0}.dtype is F8 or {0}.dtype == F8)"
+    ready = " and ".join(plain.format(name) for name in arrays + made)
+    ready += "".join(f" and isinstance({name}, (float, int))" for name in given if name not in arrays)
     results = [y if array else f"float({y}[0])" for y, array in zip(made, outputs, strict=True)]
     text = [
         f"def make(caller, plan, {', '.join(shapes)}):",
@@ -363,7 +365,7 @@ def _quick_call(inputs: tuple[tuple[str, bool], ...], outputs: tuple[bool, ...],
         "    call.__name__ = '__call__'",
         "    return call",
     ]
-    scope: dict[str, Any] = {"empty": np.empty, "F8": np.dtype(np.float64)}
+    scope: dict[str, Any] = {"empty": np.empty, "F8": np.dtype(np.float64), "ndarray": np.ndarray}
     exec(compile("\n".join(text), __file__, "exec"), scope)
     function: Callable[..., Any] = scope["make"]
     return function

@@ -8,10 +8,12 @@ by a fifth to a third. Source: Gautier and Khalil, Direct calculation of minimum
 serial robots (1990), in words of its own for any axis.
 
 What is moved up is taken away again further down, so a part must not be larger than what is felt in the end. J is
-therefore the smaller of the two diagonal entries across u, either of which leaves a zero: about each coordinate axis
-across the joint the part is at most once what the body has there, nothing negative remains on the diagonal, and no
-entry of a sum over bodies is larger than in the composite inertia of the untraced recursion. With the larger entry a
-thin rod that may align with an axis above it leaves (thin + J) - J there: of 1e-12 of its length² no digit is left.
+therefore the smaller of the two diagonal entries across u, either of which leaves a zero: where u is a coordinate axis
+the part is at most once what the body has about each other one, nothing negative remains on the diagonal, and no entry
+of a sum over bodies is larger than in the composite inertia of the untraced recursion. With the larger entry a thin rod
+that may align with an axis above it leaves (thin + J) - J there: of 1e-12 of its length² no digit is left. Where u is
+none, c = 1 must hold about each of the three, or nothing of the body is moved: a rod that is thin about one of them
+has little else there.
 An inertia whose axes are oblique to its frame has no small entry to protect, and loses as much in the untraced call.
 """
 
@@ -61,6 +63,8 @@ def _unfelt_by_revolute(body: Inertia, u: Vec) -> Inertia:
     """Mass, first moment along u, and J (1 - u uᵀ) with the least J that leaves a zero on the diagonal of the rest."""
     diagonal = (body.I.xx, u.x), (body.I.yy, u.y), (body.I.zz, u.z)
     J = max(0.0, min((inertia for inertia, along in diagonal if abs(along) <= ALONG), default=0.0))
+    if any(J * (1.0 - along * along) > inertia for inertia, along in diagonal):
+        return Inertia(0.0, Vec(0.0, 0.0, 0.0), Sym(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     ring = Sym(
         J * (1.0 - u.x * u.x), -(J * (u.x * u.y)), -(J * (u.x * u.z)),
         J * (1.0 - u.y * u.y), -(J * (u.y * u.z)), J * (1.0 - u.z * u.z),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....errors import ShapeError
+from ....model.robot import masked
 from ..model.library_model import Made
 from ..types.arguments import NUMBERS, ArgumentError, described
 from ..types.array_rows import Rows
@@ -26,6 +27,8 @@ def vector(name: str, value: Any, size: int) -> Array:
     """A float64 vector of an argument; a column (n, 1) passes. Raises ArgumentError for another type, ShapeError."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
         raise ArgumentError(f"{name} is {described(value)}, expected an array of numbers")
+    if masked(value):
+        raise ArgumentError(f"{name} is masked, expected an array without a mask, which would be lost")
     value = np.asarray(value)  # an np.matrix keeps two axes whatever is taken of it
     if value.ndim == 2 and value.shape[1] == 1:
         value = value[:, 0]
