@@ -1,4 +1,4 @@
-"""How far the energy of a motion may go, by which a simulation that has diverged is told from one that has not."""
+"""How far the energy of a motion may go, which tells a simulation that has diverged from one that has not."""
 
 from __future__ import annotations
 

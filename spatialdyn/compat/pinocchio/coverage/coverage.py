@@ -66,7 +66,7 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("sharedMemory", "a switch for the binding's arrays: results are copies, fields of Data live"),
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
     ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
-    ("romeo_wrapper windows_dll_manager derivative", "parts of the wheel that nobody imports"),
+    ("romeo_wrapper windows_dll_manager derivative", "parts of the wheel that are no interface"),
     ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
     ("boost_type_index std_type_index map_indexing_suite_*", _CONTAINER),
     ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
