@@ -1,9 +1,9 @@
-"""How many digits each call has: errors against the exact engine, over the corpus, long chains and lopsided robots.
+"""Digits of each call: errors against the exact engine, on the corpus, long chains and chains of unequal masses.
 
 ``python benchmarks/accuracy.py [--states 4] [--robots panda icub ...]`` prints tables in units of float64's eps
 2.2e-16, and of float32 for the lanes; ``--json FILE`` writes them too. accuracy.json beside this file holds the whole
-table: errors as they are, "singular" where a joint moves no inertia. Errors are against truth that rounds to more than
-100 digits:
+table: errors as they are, "singular" where a joint has zero articulated inertia. Errors are against a reference of
+more than 100 digits:
 
 rnea   largest error over largest torque
 crba   largest error of an entry over √(M_ii M_jj)
@@ -45,19 +45,19 @@ class State(NamedTuple):
 
 
 def state(model: sd.Model, rng: np.random.Generator) -> State:
-    """A random state: angles all round, the rest normal."""
+    """A random state: angles uniform on the circle, the rest normal."""
     step = rng.uniform(-np.pi, np.pi, model.nv)
     v, a, tau = rng.normal(size=(3, model.nv))
     return State(sd.integrate(model, sd.neutral(model), step), v, a, tau)
 
 
 def inputs(name: str, s: State) -> tuple[Array, ...]:
-    """What a call takes of a state."""
+    """The inputs of a call, from a state."""
     return {"rnea": (s.q, s.v, s.a), "crba": (s.q,), "aba": (s.q, s.v, s.tau)}[name]
 
 
 def error(name: str, found: Any, truth: Any) -> float:
-    """The error of a call, measured as the head of this file says."""
+    """The error of a result, as defined in the module's docstring."""
     if not np.size(truth):
         return 0.0
     wrong = abs(np.asarray(found).astype(object) - truth).astype(float)
@@ -66,12 +66,12 @@ def error(name: str, found: Any, truth: Any) -> float:
         return float(wrong.max()) / size if size else float(wrong.max())
     scale = np.sqrt(np.diagonal(truth).astype(float))
     scale = scale[:, None] * scale
-    seen = scale > 0  # a joint that moves no mass has a row of zeros
+    seen = scale > 0  # a joint without mass behind it has a row of zeros
     return float(max((wrong[seen] / scale[seen]).max(initial=0.0), wrong[~seen].max(initial=0.0)))
 
 
 def measured(model: sd.Model, name: str, s: State, call: Any = None, bits: int = BITS) -> float:
-    """The error of a call, or of ``call`` in its place, at one state."""
+    """The error of a call, or of ``call`` instead, in one state."""
     given = inputs(name, s)
     return error(name, (call or getattr(sd, name))(model, *given), sd.exact(model, getattr(sd, name), bits)(*given))
 
@@ -80,7 +80,7 @@ def measured(model: sd.Model, name: str, s: State, call: Any = None, bits: int =
 
 
 def chain(n: int, spatial: bool, masses: Sequence[float] | None = None) -> sd.Model:
-    """Rods of a metre end to end: hinges about y, or about x and y in turn. Every rotation is exact."""
+    """Rods of 1 m end to end: hinges about y, or about x and y in turn. Every rotation is exact."""
     builder = sd.ModelBuilder(f"{'spatial' if spatial else 'planar'}{n}")
     for k in range(n):
         m = 1.0 if masses is None else masses[k]
@@ -123,7 +123,7 @@ def corpus(names: Sequence[str] = ()) -> Iterator[tuple[str, sd.Model]]:
 
 
 def worst(model: sd.Model, states: int, seed: int = 0) -> dict[str, float | str]:
-    """The largest error of each call over random states; what it raises in place of one."""
+    """The largest error of each call over random states, or the error that it raises."""
     rng = np.random.default_rng(seed)
     found: dict[str, float | str] = {}
     for s in [state(model, rng) for _ in range(states)]:

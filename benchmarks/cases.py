@@ -1,7 +1,7 @@
-"""What is measured: robots in a state, the calls, and our ways of running each of them.
+"""The measured robots, their samples and calls, and the library's contestants.
 
-A ``Case`` is a robot with its samples. A ``Contestant`` runs one call of a case once or over the batch; its answers,
-one flat row a sample in our conventions, are held against Pinocchio's before a time is taken.
+A ``Case`` is a robot with its samples. A ``Contestant`` runs one call of a case once or over the batch; its results,
+one flat row per sample in the library's conventions, are compared with Pinocchio's before it is timed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numba
@@ -21,7 +22,7 @@ from spatialdyn.urdf.load import find_robot
 
 Array = NDArray[np.float64]
 
-ROBOTS = {  # name: (what load_urdf finds, root)
+ROBOTS = {  # name: (argument of load_urdf, root)
     "2R": ("two_link", "fixed"),
     "ur5": ("ur5", "fixed"),
     "panda": ("panda", "fixed"),
@@ -30,12 +31,12 @@ ROBOTS = {  # name: (what load_urdf finds, root)
     "tiago_dual": ("tiago_dual", "fixed"),
 }
 INSIDE = 1000  # calls of a jitted loop
-SCALED = 1e-10  # of the largest entry: both sides are float64; M⁻¹ of an ill-conditioned M is no better in either
-LOOKED_AT = 100  # samples of a batch that are compared
+SCALED = 1e-10  # of the largest entry: both sides are float64, and M may be ill-conditioned
+LOOKED_AT = 100  # compared samples of a batch
 
 
 class Call(NamedTuple):
-    """A call: the letters of its inputs (q, v, a, and t for τ), and which public calls answer it."""
+    """A call: the letters of its inputs (q, v, a, and t for τ), and the public calls that compute it."""
 
     letters: str
     ours: tuple[str, ...]
@@ -48,13 +49,13 @@ CALLS = {
     "nonlinear_effects": Call("qv", ("nonlinear_effects",)),
     "gravity": Call("q", ("generalized_gravity",)),
     "minverse": Call("q", ("minverse",)),
-    "kinematics": Call("q", ("frame_placement", "frame_jacobian")),  # of the joint that hangs on the most others
+    "kinematics": Call("q", ("frame_placement", "frame_jacobian")),  # of the joint with the longest chain to the root
 }
 
 
 @dataclass(frozen=True)
 class Case:
-    """A robot in both libraries, one after the other with the same q, and its samples by letter."""
+    """A robot in both libraries, with the same q, and its samples by letter."""
 
     name: str
     path: str
@@ -66,7 +67,7 @@ class Case:
 
     @property
     def samples(self) -> int:
-        """How many."""
+        """Number of samples."""
         return len(self.state["q"])
 
     def arguments(self, call: str) -> list[Array]:
@@ -78,7 +79,7 @@ class Case:
         return [np.array(x[0]) for x in self.arguments(call)]
 
     def frame(self, call: str) -> dict[str, str]:
-        """What a call takes besides."""
+        """The further arguments of a call."""
         return {"frame": f"joint:{self.tip}"} if call == "kinematics" else {}
 
 
@@ -90,7 +91,7 @@ def load(path: str, **options: Any) -> sd.Model:
 
 
 def deepest(model: sd.Model) -> str:
-    """The joint on the longest chain of joints, the first of such."""
+    """The first joint with the longest chain of joints to the root."""
     depth = [0]
     for joint in model.joints[1:]:
         depth.append(depth[joint.parent] + 1)
@@ -118,13 +119,13 @@ def random_state(model: sd.Model, samples: int) -> dict[str, Array]:
 
 
 class Contestant(NamedTuple):
-    """One way of answering a call.
+    """One implementation of a call.
 
-    single  one evaluation of the first sample from Python, the result allocated; None if that is not offered
-    batch   the first ``count`` samples; None if that is not offered
+    single  evaluates the first sample from Python, with an allocated result; None if not applicable
+    batch   evaluates the first ``count`` samples; None if not applicable
     how     of the batch: a pool of threads, a loop in Python, ...
-    bare    the batch as it is timed, where that keeps no results
-    read    what either returned, with samples as first axis, and their numbers -> one flat row a sample
+    bare    the timed batch, if that keeps no results
+    read    function of a result, samples as first axis, and sample numbers -> one flat row per sample
     """
 
     single: Callable[[], Any] | None
@@ -136,7 +137,7 @@ class Contestant(NamedTuple):
 
 
 def check(case: Case, call: str, name: str, contestant: Contestant, wanted: Array, bound: float = SCALED) -> float:
-    """The largest scaled error against ``wanted``, whose rows are evenly spread samples. AssertionError above bound."""
+    """The largest scaled error against ``wanted``, rows of evenly spaced samples. AssertionError above the bound."""
     worst = 0.0
     at = looked_at(case)
     if contestant.single is not None:
@@ -151,7 +152,7 @@ def check(case: Case, call: str, name: str, contestant: Contestant, wanted: Arra
 
 
 def looked_at(case: Case) -> list[int]:
-    """The samples that are compared."""
+    """Numbers of the samples compared."""
     return list(range(0, case.samples, max(1, case.samples // LOOKED_AT)))
 
 
@@ -160,11 +161,11 @@ def _error(x: Array, wanted: Array) -> float:
     return float((abs(x - wanted).max(axis=1) / np.maximum(abs(wanted).max(axis=1), 1.0)).max())
 
 
-# --- our ways --------------------------------------------------------------------------------------------
+# --- the library's contestants ----------------------------------------------------------------------------
 
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> NDArray[Any]:
-    """An array on a 64-byte boundary, as results that are streamed out want it; its pages are there."""
+    """An array on a 64-byte boundary, as streaming stores need it, its pages mapped."""
     size = np.dtype(dtype).itemsize * int(np.prod(shape))
     raw = np.zeros(size + 64, np.uint8)
     start = -raw.ctypes.data % 64
@@ -182,7 +183,7 @@ def _listed(part: Any) -> Sequence[Any]:
 
 
 def shapes(case: Case, call: str) -> list[tuple[int, ...]]:
-    """Of one sample of each result."""
+    """One flat row of the results of one sample."""
     n = case.ours.nv
     return {"crba": [(n, n)], "minverse": [(n, n)], "kinematics": [(4, 4), (6, n)]}.get(call, [(n,)])
 
@@ -191,6 +192,7 @@ def public(case: Case, call: str, threads: int = 1, fresh: bool = False) -> Cont
     """``sd.rnea(model, q, v, a)``: single, and batched into given arrays."""
     functions = [getattr(sd, name) for name in CALLS[call].ours]
     model, frame, one, arguments = case.ours, case.frame(call), case.one(call), case.arguments(call)
+    sd.compile(model, functions, **frame)  # else what is timed may be interpreted
     outs: list[Any] = [None if fresh else aligned((case.samples, *s)) for s in shapes(case, call)]
 
     def single() -> Any:
@@ -261,6 +263,7 @@ def jitted(case: Case, call: str) -> Callable[[], list[Array]]:
     return run
 
 
+@cache
 def _loop(name: str) -> Callable[..., None]:
     kernel = getattr(sd.kernels, name)
 

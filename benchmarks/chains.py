@@ -12,8 +12,8 @@ from measure import interleaved
 import spatialdyn as sd
 
 LENGTHS = (10, 30, 100, 300, 1000)
-FROM = 30  # joints from which on the slope is taken
-HELD = 300  # joints up to which Pinocchio is asked: its data holds several n³ tensors, 32 GB at 1000
+FROM = 30  # joints: the slope is of chains this long or longer
+HELD = 300  # joints: Pinocchio's longest chain, as its Data has several n³ tensors, 32 GB at 1000
 SAMPLES = 512  # of a batch: the least that runs on lanes
 ARGUMENTS = {"rnea": "qva", "aba": "qvt", "crba": "q"}
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
@@ -40,11 +40,11 @@ def theirs(n: int) -> Any:
 
 
 def measured(rounds: int, tell: Any) -> dict[str, Any]:
-    """Microseconds of one call, and of a sample of a batch; ``slope`` of log time over log n from FROM joints on.
+    """Microseconds of one call, and per sample of a batch; ``slope`` of log time over log n from FROM joints on.
 
-    untraced   one public call from Python, by the kernel for any model
-    batch      a sample of a batch of the public call, by the engine that ``batch_engine`` names for each length
-    pinocchio  one call from Python, of chains that its data can be held of
+    untraced   one public call from Python, in the table kernel
+    batch      per sample of a batch of the public call, in the engine that ``batch_engine`` names for each length
+    pinocchio  one call from Python, of chains whose Data fits into memory
     """
     times: dict[str, dict[str, list[float]]] = {}
     engines = []
@@ -57,7 +57,7 @@ def measured(rounds: int, tell: Any) -> dict[str, Any]:
         tell()
     slope = {
         call: {way: _slope(values) for way, values in ways.items() if way != "batch"} for call, ways in times.items()
-    }  # of batches there is none: they change engines on the way
+    }  # none of batches, whose engine changes with the length
     return {"joints": list(LENGTHS), "us": times, "slope": slope, "batch_engine": engines}
 
 
@@ -86,6 +86,6 @@ def _of_length(n: int, model: sd.Model, rounds: int) -> dict[str, dict[str, floa
 
 
 def _slope(values: list[float]) -> float:
-    """Of log time over log n from FROM joints on."""
+    """Slope of log time over log n from FROM joints on."""
     x, y = np.log([(n, t) for n, t in zip(LENGTHS, values, strict=False) if n >= FROM]).T
     return float(np.polyfit(x, y, 1)[0])

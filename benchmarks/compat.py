@@ -1,14 +1,14 @@
-"""The face for Pinocchio's scripts against Pinocchio: microseconds a call of the same expression under both imports.
+"""This package's Pinocchio names against Pinocchio: microseconds per call of the same expression under both imports.
 
     python benchmarks/compat.py             all groups
-    python benchmarks/compat.py types       one: types, panda, talos_full_v2
+    python benchmarks/compat.py types       some of types, panda, talos_full_v2
 
-Both modules take turns, round after round; what is printed is the median over the rounds, with the cost of calling an
-empty function taken off.
+Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
@@ -21,7 +21,7 @@ ROUNDS, SECONDS = 15, 0.002
 
 
 class Group(NamedTuple):
-    """Expressions of one kind, and the values they speak of, made with the one module or the other."""
+    """Expressions of one kind, and the function that makes their values with either module."""
 
     values: Callable[[Any], dict[str, Any]]
     expressions: Sequence[str]
@@ -103,14 +103,14 @@ GROUPS: dict[str, Group] = {
 
 
 def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
-    """Microseconds a call of each expression under each module."""
+    """Microseconds per call of each expression under each module."""
     values = {name: {"np": np, **group.values(module)} for name, module in modules.items()}
     empty = interleaved({"empty": lambda: None}, ROUNDS, SECONDS)["empty"]
     found = []
     for expression in group.expressions:
         contestants = {name: eval(f"lambda: {expression}", values[name]) for name in modules}
         for run in contestants.values():
-            for _ in range(5):  # what is compiled or loaded at a second or third call is no part of it
+            for _ in range(5):  # leaves out compilation and loading at the second and third call
                 run()
         seconds = interleaved(contestants, ROUNDS, SECONDS)
         found.append((expression, {name: 1e6 * (x - empty) for name, x in seconds.items()}))
@@ -119,16 +119,22 @@ def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str,
 
 def main(arguments: Sequence[str]) -> None:
     """Print a line for each expression."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"some of {', '.join(GROUPS)}; by default all")
+    chosen = parser.parse_args(arguments).groups or list(GROUPS)
+    unknown = [name for name in chosen if name not in GROUPS]
+    if unknown:
+        parser.error(f"group is {unknown[0]!r}, expected some of {', '.join(GROUPS)}")
     import pinocchio
 
     import spatialdyn.compat.pinocchio
 
-    modules = {"wheel": pinocchio, "face": spatialdyn.compat.pinocchio}
-    for name in arguments or GROUPS:
-        print(f"{name:74s}{'wheel':>9s}{'face':>9s}{'ratio':>8s}")
+    modules = {"wheel": pinocchio, "ours": spatialdyn.compat.pinocchio}
+    for name in chosen:
+        print(f"{name:74s}{'wheel':>9s}{'ours':>9s}{'ratio':>8s}")
         for expression, taken in timed(GROUPS[name], modules):
-            ratio = taken["face"] / taken["wheel"]
-            print(f"{expression:74s}{taken['wheel']:9.3f}{taken['face']:9.3f}{ratio:8.2f}")
+            ratio = taken["ours"] / taken["wheel"]
+            print(f"{expression:74s}{taken['wheel']:9.3f}{taken['ours']:9.3f}{ratio:8.2f}")
 
 
 if __name__ == "__main__":

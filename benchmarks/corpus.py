@@ -1,9 +1,9 @@
-"""Every robot of example-robot-data on compiled lanes, against the kernel for any model and against exact values.
+"""Every robot of example-robot-data on SIMD lanes, against the table kernel and against exact values.
 
     python benchmarks/corpus.py [--robots panda,ur5] [--roots fixed,floating] [--samples 24]
 
 rnea, crba and kinematics: lanes within 64 eps of the untraced kernel, of a sample's largest entry. aba and minverse:
-the error against a run in 40 digits at most 4 times the untraced kernel's, and 64 eps. Prints a row for what fails
+the error against a run in 40 digits at most 4 times the untraced kernel's, and 64 eps. Prints a row per failure
 and a summary; the exit status is the number of failures. Needs example-robot-data and mpmath.
 """
 
@@ -22,11 +22,11 @@ from spatialdyn.calls.dynamics import calls
 from spatialdyn.urdf.load import example_robots
 
 EPS = float(np.finfo(float).eps)
-ROUNDING = 64 * EPS  # both sides round the same equations in another order
-SOLVED = 4.0  # times the untraced error, and ROUNDING, for what is solved for
+ROUNDING = 64 * EPS  # both sides round in another order
+SOLVED = 4.0  # times the untraced error, plus ROUNDING, for aba and minverse
 BITS = 140
 FAR = 1e3  # rad
-EXACT = 6  # samples that are run in so many digits
+EXACT = 6  # samples computed in BITS bits
 CALLS = {
     "rnea": "qva",
     "crba": "q",
@@ -39,12 +39,12 @@ CALLS = {
 
 
 def exact(model: sd.Model, name: str, values: list[Array]) -> Array:
-    """One sample of what is solved for, in BITS bits, rounded at the end."""
+    """One sample of aba or minverse in BITS bits, rounded at the end."""
     return np.asarray(sd.exact(model, calls[name], BITS)(*values).astype(np.float64))
 
 
 def scaled(x: Array, wanted: Array) -> float:
-    """The largest difference of a sample, of its largest entry or 1."""
+    """The largest difference of each sample, over its largest entry or 1."""
     x, wanted = (np.reshape(y, (len(x), -1)) for y in (x, wanted))
     errors = abs(x - wanted).max(axis=1, initial=0.0) / np.maximum(abs(wanted).max(axis=1, initial=0.0), 1.0)
     return float(errors.max(initial=0.0))
@@ -65,7 +65,7 @@ def compared(model: sd.Model, name: str, samples: int) -> tuple[str, float, floa
         found = k(*values)
         wanted = np.array([call(model, *(x[i] for x in values), **options) for i in range(samples)])
     except sd.InertiaError:
-        return "refused, a joint moves no inertia", 0.0, 0.0
+        return "refused, a joint has zero articulated inertia", 0.0, 0.0
     left = redone(k, values)
     if left:
         return f"lanes, with {left} of {samples} samples left to the untraced kernel", np.inf, 0.0
@@ -78,7 +78,7 @@ def compared(model: sd.Model, name: str, samples: int) -> tuple[str, float, floa
 
 
 def redone(k: sd.Specialized, values: list[Array]) -> int:
-    """How many samples the program does not answer for, whose results then say nothing of it."""
+    """The number of samples that the program leaves to the table kernel, whose results do not test it."""
     kernel = k._kernel
     assert kernel is not None
     n = len(values[0])
@@ -88,7 +88,7 @@ def redone(k: sd.Specialized, values: list[Array]) -> int:
 
 
 def main() -> int:
-    """Go through them and say what failed."""
+    """Check all of them and print failures."""
     assert __doc__
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", default="", help="parts of file names, by default all")

@@ -1,4 +1,4 @@
-"""What a program costs before its first answer, and beside its answers: fresh processes, each with its own cache."""
+"""Times to start, compile and load, and memory, measured in fresh processes with caches of their own."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ print(json.dumps([max(0, status("VmHWM:") - before), held]))
 
 
 def starting(rounds: int) -> dict[str, float]:
-    """Seconds of a fresh process with a warm cache: the import, and from its start to the first torque."""
+    """Seconds of a fresh process with a warm cache: of the import, and from start to the first torque."""
     path = str(find_robot("panda"))
     with tempfile.TemporaryDirectory() as folder:
         pickled = _pickled(folder, "panda", "fixed")
@@ -75,7 +75,7 @@ def starting(rounds: int) -> dict[str, float]:
 
 
 def compiling(robots: dict[str, Iterable[str]], tell: Any) -> dict[str, dict[str, dict[str, Any]]]:
-    """Seconds of ``specialize`` until its program is there, each in a fresh process: compiled, then from disk."""
+    """Seconds of ``specialize`` with its program, each in a fresh process: compiled, then loaded from disk."""
     found: dict[str, dict[str, dict[str, Any]]] = {}
     for robot, calls in robots.items():
         model = load(str(find_robot(ROBOTS[robot][0])), root=ROBOTS[robot][1])
@@ -94,7 +94,7 @@ def compiling(robots: dict[str, Iterable[str]], tell: Any) -> dict[str, dict[str
 
 
 def memory(samples: int) -> dict[str, dict[str, float]] | None:
-    """Megabytes that a batched ur5 call needs beyond its inputs and result, at its peak; None where Linux is not."""
+    """Peak megabytes of a batched ur5 call beyond its inputs and result; None if not on Linux."""
     if not Path("/proc/self/clear_refs").exists():
         return None
     found = {}
@@ -113,7 +113,7 @@ def _pickled(folder: str, robot: str, root: str) -> str:
 
 
 def _run(code: str, *arguments: str, cache: str = "") -> str:
-    """What a fresh Python prints."""
+    """The output of a fresh Python."""
     here = Path(__file__).parents[1]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(here), os.environ.get("PYTHONPATH", "")])}
     if cache:

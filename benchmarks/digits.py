@@ -1,14 +1,14 @@
-"""Digits that programs keep: batches on lanes against single calls, both measured by the truth.
+"""Digits that programs keep: errors of batches on lanes against errors of single calls.
 
     python benchmarks/digits.py [--robots panda,ur5] [--roots fixed,floating] [--dtypes float64,float32] [--samples 16]
 
-The worst error of a batch over random states and over straight ones (neutral, right angles, and nearly either) is to be
-at most 4 times that of single calls, and 4 eps; in float32 4 times what the single call's would be there, and 4 eps of
-float32. The diagonal of M is positive wherever the truth's is. An error is that of ``accuracy.references``: of M each
-entry over √(M_ii M_jj), else over the largest of the sample; one above 1 counts as 1, for no digit is left.
+The worst error of a batch over random states and over straight ones (neutral, right angles, and nearly either) must be
+at most 4 times that of single calls plus 4 eps; in float32 4 times the single call's error scaled to float32 plus 4 eps
+of float32. The diagonal of M must be positive where the reference's is. Errors are those of ``accuracy.references``: of
+M each entry over √(M_ii M_jj), else over the sample's largest entry; an error above 1 counts as 1: no digit is left.
 
-Goes through the robots of example-robot-data and chains of thin rods. Prints what fails and, of each call, where most
-of the bound is used; the exit status is the number of failures. Needs example-robot-data and mpmath.
+Checks the robots of example-robot-data and chains of thin rods. Prints failures and, per call, the case that uses most
+of its bound; the exit status is the number of failures. Needs example-robot-data and mpmath.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from tables import Bar
 
 import spatialdyn as sd
 from spatialdyn.accuracy.references import of_calls, truths
-from spatialdyn.engines.programs import batch_kernels
 
 Array = NDArray[np.float64]
 
-TIMES = 4.0  # what single calls lose
-EPS = 4.0  # and so many of the precision's own
-LEAST = batch_kernels.FROM  # samples of a batch on lanes
+TIMES = 4.0  # times the error of single calls
+EPS = 4.0  # plus this many eps of the precision
+LEAST = 512  # samples of a batch on lanes
 FAR = 1e3  # rad; two quadrotors have limits of 1e16
 THIN = (1e-6, 1e-9, 1e-12)  # inertia of a rod about itself; about its end it is 1/12
 CALLS = {"rnea": "qva", "crba": "q", "aba": "qvt", "aba_refined": "qvt", "minverse": "q"}
@@ -40,7 +39,7 @@ AXES = np.eye(3)
 
 
 class Judged(NamedTuple):
-    """Of one call in one precision: the worst errors in units of its eps, and whether the diagonal of M is positive."""
+    """One call in one precision: the worst errors in units of its eps, and whether the diagonal of M is positive."""
 
     single: float
     batch: float
@@ -48,7 +47,7 @@ class Judged(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of the bound."""
+        """The part of the bound that is used."""
         return self.batch / (TIMES * self.single + EPS) if self.positive else np.inf
 
 
@@ -88,7 +87,7 @@ def states(model: sd.Model, samples: int, seed: int = 0) -> dict[str, Array]:
 
 
 def judged(model: sd.Model, name: str, state: dict[str, Array], dtype: Any = np.float64) -> Judged | None:
-    """A batch and single calls of one call against the truth; None where it is no program or no state has an answer."""
+    """A batch and single calls of a call against the reference; None without a program or without a finite result."""
     k = sd.specialize(model, getattr(sd, name), dtype=dtype)
     if k.engine != "lanes":
         return None
@@ -130,7 +129,7 @@ def models(robots: list[str], roots: list[str]) -> Iterator[tuple[str, sd.Model]
 
 
 def main() -> int:
-    """Go through them and say what failed."""
+    """Check all of them and print failures."""
     assert __doc__
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", default="", help="parts of names, by default all, and the rods")

@@ -2,15 +2,15 @@
 
 ``python benchmarks/forward.py [--json FILE] [--only errors|many|costs] [--rounds 15] [--states 3000]`` prints the
 largest forward error max|a - a*| / max|a*| over random states, and the median in brackets; a* is ABA in 120 bits on the
-doubles of our model. "one ulp" is how far a* goes when every input moves by an ulp. Then the largest error of every
-method in many states of one chain of each shape, as a batch, and in brackets in units of how far an ulp moves a* in its
-state (half an eps at least); a* is there ABA in double-double, which is held against 160 bits. Then the time of a call
-and of a sample of a batch.
-forward.json beside this file holds all of it.
+Model's doubles. "one ulp" is the change of a* when every input changes by an ulp. Then the largest error of each method
+in many states of one chain of each shape, as a batch, and in brackets over the change of a* by an ulp in that state (at
+least half an eps); there a* is ABA in double-double, checked against 160 bits. Then the time of a call and of a sample
+of a batch, which is that of parallel axes oblique to their frames too, and in brackets over ABA's. forward.json beside
+this file holds all of it.
 
-Joints turn about coordinate axes and frames are shifted, not turned, so that all three libraries hold the same numbers,
-except that MuJoCo turns inertias to their principal axes. Rods are those of accuracy.py; links of any shape are drawn
-anew for every state.
+Joints are about coordinate axes and frames are translated, not rotated, so that all three libraries hold the same
+numbers, except that MuJoCo rotates inertias to their principal axes. Rods are those of accuracy.py; links of any shape
+are random in every state.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 
 import spatialdyn as sd
 from spatialdyn.accuracy.references import truths
-from spatialdyn.calls.forward_dynamics import EXTENDED, METHODS, MOST_ROWS
+from spatialdyn.calls.forward_dynamics import EXTENDED, METHODS
+from spatialdyn.engines.extended import MOST_ROWS
 
 Array = NDArray[np.float64]
 AXES = np.eye(3)
-LARGEST = 300  # chain that Pinocchio is given: its Data of n joints in a row takes 72 n³ bytes, of a thousand 72 GB
+LARGEST = 300  # joints of Pinocchio's longest chain: its Data takes 72 n³ bytes, 72 GB at 1000
 TRIES = 6
 PEERS = ("pin.aba", "mujoco")
 NAMES = (*METHODS, *PEERS, "one ulp")
@@ -43,10 +44,10 @@ NAMES = (*METHODS, *PEERS, "one ulp")
 class Case(NamedTuple):
     """A kind of chain.
 
-    spatial  whether axes change, or all are parallel
+    spatial  whether axes alternate; else all are parallel
     masses   of its links
-    shaped   whether links are of any shape, or rods
-    states   how many it is measured in
+    shaped   whether links have random shapes; else they are rods
+    states   number of states
     """
 
     spatial: bool
@@ -56,12 +57,12 @@ class Case(NamedTuple):
 
     @property
     def name(self) -> str:
-        """How many links, rods or not, about which axes."""
+        """Number of links, their shape and axes, in words."""
         return f"{len(self.masses)} {'links' if self.shaped else 'rods'}, {'spatial' if self.spatial else 'planar'}"
 
 
 def cases() -> Iterator[tuple[str, Case]]:
-    """All that is measured, by name."""
+    """All cases, by name."""
     for n, states in ((10, 100), (100, 10), (1000, 1)):
         for spatial in (False, True):
             case = Case(spatial, [1.0] * n, states)
@@ -80,7 +81,7 @@ def cases() -> Iterator[tuple[str, Case]]:
 
 
 class Body(NamedTuple):
-    """A link: the axis of its joint, where that sits on the last one, its mass, com (3,) and inertia (3, 3) there."""
+    """A link: the axis of its joint and its position on the previous link; mass, com (3,) and inertia (3, 3)."""
 
     axis: Any
     place: Any
@@ -90,7 +91,7 @@ class Body(NamedTuple):
 
 
 def rods(case: Case) -> list[Body]:
-    """A metre each, end to end."""
+    """Rods of 1 m, end to end."""
     length, com, inertia = np.array([0.0, 0.0, 1.0]), np.array(ROD[1]), ROD[2]
     return [
         Body(AXES[0 if case.spatial and k % 2 else 1], length if k else 0.0 * length, m, com, m * inertia)
@@ -99,7 +100,7 @@ def rods(case: Case) -> list[Body]:
 
 
 def shapes(case: Case, rng: np.random.Generator) -> list[Body]:
-    """Links of six points each, hinges anywhere on them."""
+    """Links of six mass points each, hinges at random positions."""
     made = []
     for mass in case.masses:
         points, weights = rng.uniform(-0.3, 0.3, size=(6, 3)), rng.uniform(0.1, 1.0, size=6)
@@ -111,7 +112,7 @@ def shapes(case: Case, rng: np.random.Generator) -> list[Body]:
     return made
 
 
-# --- who answers --------------------------------------------------------------------------------------------
+# --- libraries ----------------------------------------------------------------------------------------------
 
 
 def ours(chain: list[Body]) -> sd.Model:
@@ -124,7 +125,7 @@ def ours(chain: list[Body]) -> sd.Model:
 
 
 def with_pinocchio(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
-    """Its ABA of that chain."""
+    """Pinocchio's ABA of a chain."""
     model, joint = pin.Model(), 0
     for k, b in enumerate(chain):
         made = pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()
@@ -135,7 +136,7 @@ def with_pinocchio(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
 
 
 def with_mujoco(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
-    """Its forward dynamics of that chain, through M. Raises ValueError for a link that it takes for none."""
+    """MuJoCo's forward dynamics of a chain, through M. Raises ValueError for a link that MuJoCo does not accept."""
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -162,7 +163,7 @@ def with_mujoco(chain: list[Body]) -> Callable[[Any, Any, Any], Any]:
 
 
 def ways(chain: list[Body], model: sd.Model, peers: Sequence[str] = PEERS) -> dict[str, Callable[..., Any]]:
-    """Every way of ours to the accelerations, and of these peers that take the chain."""
+    """{name: function} of all methods of forward dynamics, and of the peers that accept the chain."""
     made: dict[str, Callable[..., Any]] = {
         method: lambda q, v, tau, method=method: sd.forward_dynamics(model, q, v, tau, method=method)
         for method in METHODS
@@ -179,7 +180,7 @@ def ways(chain: list[Body], model: sd.Model, peers: Sequence[str] = PEERS) -> di
 
 
 class Measured(NamedTuple):
-    """A chain in a state, the exact accelerations, and the error of every way."""
+    """A chain in a state, the exact accelerations, and the error of every method."""
 
     model: sd.Model
     state: State
@@ -205,9 +206,9 @@ def measured(case: Case, peers: Sequence[str] = PEERS) -> Iterator[Measured]:
 
 
 def moved(model: sd.Model, s: State, truth: Any) -> float:
-    """How far the exact forward dynamics goes when every input moves by an ulp, up or down by chance.
+    """The change of the exact forward dynamics when every input changes by an ulp, up or down at random.
 
-    No arithmetic that rounds its inputs, or a sine of one, can be expected to come closer.
+    Arithmetic that rounds its inputs, or the sine of one, cannot be expected to do better.
     """
     rng, most = np.random.default_rng(0), 0.0
     for _ in range(TRIES):
@@ -217,7 +218,7 @@ def moved(model: sd.Model, s: State, truth: Any) -> float:
 
 
 def errors(case: Case) -> dict[str, dict[str, float]]:
-    """Of every way: the median, what nine of ten states are below, and the worst."""
+    """Of every method: the median, the 90 % quantile and the largest error."""
     found: dict[str, list[float]] = {}
     for x in measured(case):
         here = dict(x.errors)
@@ -225,7 +226,7 @@ def errors(case: Case) -> dict[str, dict[str, float]]:
             here["one ulp"] = moved(x.model, x.state, x.truth)
         for name, e in here.items():
             found.setdefault(name, []).append(e)
-    levels = {"usual": 0.5, "most": 0.9, "worst": 1.0}
+    levels = {"median": 0.5, "most": 0.9, "worst": 1.0}
     return {name: {k: float(np.quantile(e, x)) for k, x in levels.items()} for name, e in found.items()}
 
 
@@ -236,7 +237,7 @@ OBLIQUE = (1.0, *TIPS)
 
 
 def oblique(tip: float) -> sd.Model:
-    """Seven links of any shape about parallel axes that lie along no axis of a frame, a tip that much heavier."""
+    """Seven links of random shapes about parallel axes oblique to their frames, the tip heavier by a factor."""
     rng = np.random.default_rng(7)
     axis = rng.normal(size=3)
     case = Case(True, [1.0] * 6 + [tip], 1, shaped=True)
@@ -244,7 +245,7 @@ def oblique(tip: float) -> sd.Model:
 
 
 def of_each_shape() -> Iterator[tuple[str, sd.Model]]:
-    """A chain of each shape, those that are too long for SIMD lanes left out, and those about oblique axes."""
+    """A chain of each shape that is short enough for SIMD lanes, and those about oblique axes."""
     for name, case in cases():
         if len(case.masses) <= MOST_ROWS:
             yield name, ours(shapes(case, np.random.default_rng(7)) if case.shaped else rods(case))
@@ -253,7 +254,7 @@ def of_each_shape() -> Iterator[tuple[str, sd.Model]]:
 
 
 def many(model: sd.Model, states: int) -> dict[str, dict[str, float]]:
-    """Of every method what nine of ten errors are below, the worst, and the worst in units of what an ulp moves."""
+    """Of every method the 90 % quantile, the largest error, and the largest in units of the change by an ulp."""
     rng = np.random.default_rng(7)
     q, (v, tau) = rng.uniform(-np.pi, np.pi, (states, model.nq)), rng.normal(size=(2, states, model.nv))
     given = [q, v, tau]
@@ -279,17 +280,28 @@ WITH_LAST = Case(True, [1.0] * 7, 1, shaped=True)
 
 
 def costs(rounds: int, samples: int = 4096) -> dict[str, dict[str, float]]:
-    """Microseconds of a call from Python, and nanoseconds of a sample of a batch on one thread, of 7 links."""
+    """Microseconds of a call from Python, and nanoseconds per sample of a batch on one thread, of 7 links.
+
+    "oblique" is "batch" for frames turned every way, where no entry of a rotation is 0 or 1.
+    """
     chain = shapes(WITH_LAST, np.random.default_rng(0))
     model = ours(chain)
     s = state(model, np.random.default_rng(0))
     runs = {name: (lambda run=run: run(s.q, s.v, s.tau)) for name, run in ways(chain, model).items()}
     runs[EXTENDED] = lambda: sd.forward_dynamics(model, s.q, s.v, s.tau, method=EXTENDED)
     call = {name: 1e6 * t for name, t in interleaved(runs, rounds, 0.02).items()}
+    return {
+        "call": call,
+        **{name: batch(m, rounds, samples) for name, m in (("batch", model), ("oblique", oblique(1.0)))},
+    }
+
+
+def batch(model: sd.Model, rounds: int, samples: int) -> dict[str, float]:
+    """Nanoseconds per sample of a batch on one thread, of every method."""
     q, v, tau = np.random.default_rng(0).normal(size=(3, samples, model.nv))
-    batch = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in EVERY}
+    runs = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in EVERY}
     sd.set_num_threads(1)
-    return {"call": call, "batch": {name: 1e9 * t / samples for name, t in interleaved(batch, rounds, 0.05).items()}}
+    return {name: 1e9 * t / samples for name, t in interleaved(runs, rounds, 0.05).items()}
 
 
 def main() -> None:
@@ -309,7 +321,7 @@ def main() -> None:
         for name, case in cases():
             found = errors(case)
             results["errors"][name] = {"states": case.states, **found}
-            cells = [f"{x['worst']:.1e} ({x['usual']:.0e})" if (x := found.get(k)) else "" for k in NAMES]
+            cells = [f"{x['worst']:.1e} ({x['median']:.0e})" if (x := found.get(k)) else "" for k in NAMES]
             print(f"{name:40s}" + "".join(f"{c:>19s}" for c in cells), flush=True)
     if chosen.only in (None, "many"):
         names = (*EVERY, "one ulp")
@@ -321,9 +333,15 @@ def main() -> None:
             print(f"{name:40s}" + "".join(f"{c:>19s}" for c in cells), flush=True)
     if chosen.only in (None, "costs"):
         results["costs"] = costs(chosen.rounds)
-        for what, words in (("call", "µs a call, 7 links"), ("batch", "ns a sample of a batch")):
+        titles = {
+            "call": "µs a call, 7 links",
+            "batch": "ns a sample of a batch",
+            "oblique": "the same, oblique frames",
+        }
+        for what, words in titles.items():
             found = results["costs"][what]
-            print(f"{words:40s}" + "".join(f"{f'{name} {x:.2f}':>19s}" for name, x in found.items()))
+            cells = [f"{name} {x:.2f} ({x / found['aba']:.2g})" for name, x in found.items()]
+            print(f"{words:40s}" + "".join(f"{c:>28s}" for c in cells))
     if path:
         path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 

@@ -1,14 +1,14 @@
-"""How integrators keep the energy: the textbook's experiment, and a long chaotic run.
+"""Energy errors of integrators: the textbook's experiment, and a long chaotic motion.
 
 python benchmarks/integrators.py [--quick] [--out DIRECTORY]
 
-1. Pendulum and 2R arm, 100 s: Runge-Kutta of order 4 against Störmer-Verlet, and against Verlet's method in (q, v). The
-   textbook has Störmer-Verlet's energy error bounded and RK4's growing. For the pendulum, whose M is constant, both
-   Verlets show it. For the arm only the generalised method in (q, p) does: Verlet's method in (q, v), its accelerations
-   "corrected" for the Coriolis forces, is not symplectic when M depends on q, and its energy drifts more than RK4's.
-   And bounded is not small: over 100 s at this dt RK4's error is still a hundredth of Störmer-Verlet's on both.
-2. The 2R arm hung up as a double pendulum, thrown into chaos: energy's slope [J/s] with its standard error, and largest
-   change, by every method of fixed steps, over 2000 s (--quick: 100 s).
+1. Pendulum and 2R arm, 100 s: Runge-Kutta of order 4 against Störmer-Verlet, and against Verlet's method in (q, v). In
+   the textbook Störmer-Verlet's energy error is bounded and RK4's grows. For the pendulum, whose M is constant, both
+   Verlet methods show that. For the arm only the generalised method in (q, p) does: Verlet's method in (q, v), with
+   Coriolis forces in its accelerations, is not symplectic when M depends on q, and its energy drifts more than RK4's.
+   Bounded is not small: over 100 s at this dt RK4's error is still a hundredth of Störmer-Verlet's on both.
+2. The 2R arm as a double pendulum, in chaotic motion: the slope of energy [J/s], its standard error, and the largest
+   change, by every method of fixed step, over 2000 s (--quick: 100 s).
 
 Writes integrators.json and integrators.png, prints the table.
 """
@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
+from spatialdyn.pictures import figures
 
 HERE = Path(__file__).parent
 SEED = ("rk4", "stormer_verlet", "velocity_verlet")
@@ -33,13 +34,13 @@ LABELS = {
     "stormer_verlet": "Störmer-Verlet in (q, p), symplectic",
     "velocity_verlet": "Verlet in (q, v)",
 }
-STYLES = {"rk4": "-", "stormer_verlet": "-", "velocity_verlet": (0, (2, 2))}  # one lies on the other
+STYLES: dict[str, Any] = {"rk4": "-", "stormer_verlet": "-", "velocity_verlet": (0, (2, 2))}  # the curves coincide
 HANGING = -math.pi / 2  # first angle of the 2R arm
 
 
 def main() -> None:
-    """Run both and write what they gave."""
-    parser = argparse.ArgumentParser(description="How integrators keep the energy.")
+    """Run both and write the results."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="the long run over 100 s instead of 2000 s")
     parser.add_argument("--out", type=Path, default=HERE, metavar="DIRECTORY", help="where to write (default: here)")
     arguments = parser.parse_args()
@@ -57,7 +58,7 @@ def main() -> None:
 
 
 def textbook() -> list[sd.Trajectory]:
-    """100 s of free motion, dt 0.01 s, as in the textbook: the pendulum from 1 rad, the 2R arm swinging likewise."""
+    """100 s of free motion, dt 0.01 s, as in the textbook: the pendulum from 1 rad, the 2R arm swinging alike."""
     pendulum, arm = sd.load_urdf("pendulum"), sd.load_urdf("two_link")
     starts = ((pendulum, np.array([1.0])), (arm, np.array([HANGING + 1.0, 0.5])))
     return [
@@ -72,7 +73,7 @@ def errors(run: sd.Trajectory) -> dict[str, float]:
 
 
 def chaos(duration: float) -> list[dict[str, Any]]:
-    """Every method of fixed steps on the double pendulum, from (2.2, 1.0) rad at rest, at two steps."""
+    """Every method of fixed step on the double pendulum, from (2.2, 1.0) rad at rest, at two steps."""
     model, rows = sd.load_urdf("two_link"), []
     q0, v0 = np.array([HANGING + 2.2, 1.0]), np.zeros(2)
     for name, method in sd.integrators.items():
@@ -121,28 +122,27 @@ def show(runs: list[sd.Trajectory], rows: list[dict[str, Any]]) -> None:
 
 def draw(runs: list[sd.Trajectory], path: Path) -> None:
     """The change of energy over time, a panel for each robot."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    panels = dict(zip(("pendulum", "two_link"), figure.subplots(1, 2), strict=True))
+    figure = figures.new_figure(11.0, 4.6)
     titles = {"pendulum": "pendulum: M constant", "two_link": "2R arm: M depends on q"}
-    for name, axes in panels.items():
-        for run in runs:
-            if run.robot == name:
-                error = abs(run.energy - run.energy[0])
-                block = error[1:].reshape(-1, 50).max(axis=1)  # envelope over half a second
-                axes.semilogy(
-                    run.t[50::50],
-                    np.maximum(block, 1e-13),
-                    linewidth=1.1,
-                    label=LABELS[run.method],
-                    linestyle=STYLES[run.method],
-                )
-        axes.set(title=titles[name], xlabel="t [s]", ylabel="|H(t) - H(0)| [J], largest of 0.5 s")
-        axes.grid(alpha=0.3)
-    panels["two_link"].legend(fontsize="small")
+    lines = []
+    for axes, (name, title) in zip(figure.subplots(1, 2, sharey=True), titles.items(), strict=True):
+        figures.tidy(axes)
+        for run in (x for x in runs if x.robot == name):
+            error = abs(run.energy - run.energy[0])
+            block = error[1:].reshape(-1, 50).max(axis=1)  # envelope over half a second
+            style, colour = STYLES[run.method], figures.COLOURS[SEED.index(run.method)]
+            drawn = axes.semilogy(run.t[50::50], np.maximum(block, 1e-13), linewidth=1.2, linestyle=style, color=colour)
+            lines += drawn if name == "pendulum" else []
+        axes.set(title=title, xlabel="t [s]", xlim=(0.0, 100.0))
+        figures.log_ticks(axes.yaxis)
+    figure.axes[0].set_ylabel("|H(t) - H(0)| [J], largest of 0.5 s")
+    figure.axes[0].annotate(
+        "both Verlet methods are one here", (50.0, 8e-4), xytext=(0, 8), textcoords="offset points", ha="center",
+        fontsize="small",
+    )  # fmt: skip
+    figure.legend(lines, [LABELS[name] for name in SEED], loc="outside lower center", ncols=3, frameon=False)
     figure.suptitle("Free motion, dt = 0.01 s")
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=110)
 
 
 if __name__ == "__main__":

@@ -29,8 +29,8 @@ import spatialdyn as sd
 HERE = Path(__file__).parent
 CLOSE = 1e-10  # of the largest entry
 SAMPLES, STATES, STEPS, DT = 8192, 1024, 200, 1e-3
-FEWER = 2048  # of three matrices a sample
-CHECKED = 500  # steps of one simulation that are compared
+FEWER = 2048  # of three matrices per sample
+CHECKED = 500  # compared steps of a simulation
 ROBOTS = ("ur5", "panda", "talos_full")
 DERIVATIVES = {
     "rnea_derivatives": ("qva", pin.computeRNEADerivatives),
@@ -60,14 +60,14 @@ def main() -> None:
 
 
 def same(ours: Any, theirs: Any, what: str) -> None:
-    """Refuse to time what is not equal."""
+    """Raise AssertionError before timing unless results are equal."""
     error = abs(np.asarray(ours) - theirs).max() / max(1.0, abs(np.asarray(theirs)).max())
     if not error <= CLOSE:
         raise SystemExit(f"{what}: differs by {error:.1e} of its largest entry, expected {CLOSE:.0e}")
 
 
 def coriolis(robot: Case, rounds: int, seconds: float) -> dict[str, Any]:
-    """C of a batch against a loop over Pinocchio; Γ and dM/dq, which it has not."""
+    """C of a batch against a loop over Pinocchio; Γ and dM/dq, which Pinocchio has not."""
     model, theirs, data = robot.ours, robot.theirs, robot.theirs.createData()
     q, v = robot.state["q"], robot.state["v"]
     out = np.empty((len(q), model.nv, model.nv))
@@ -141,7 +141,7 @@ INTEGRATORS = {
 
 
 def rollout(robot: Case, method: str, rounds: int) -> dict[str, Any]:
-    """Steps of many states with torques of their own, on one thread, against MuJoCo's: no contacts, limits, damping."""
+    """Steps of many states, each with its torques, on one thread, against MuJoCo: no contacts, limits, damping."""
     model, q, v = robot.ours, robot.state["q"], 0.1 * robot.state["v"]
     tau = np.random.default_rng(7).standard_normal((len(q), STEPS, model.nv))
     theirs = mujoco_model(robot.theirs)
@@ -163,7 +163,7 @@ def rollout(robot: Case, method: str, rounds: int) -> dict[str, Any]:
 
 
 def simulate(robot: Case, rounds: int) -> dict[str, Any]:
-    """One robot by RK4 against the loop that one writes with Pinocchio."""
+    """One robot by RK4 against a Python loop over Pinocchio."""
     model, theirs, data = robot.ours, robot.theirs, robot.theirs.createData()
     q0, v0, tau, steps = robot.state["q"][0], np.zeros(model.nv), np.zeros(model.nv), 5000
 
@@ -182,10 +182,10 @@ def simulate(robot: Case, rounds: int) -> dict[str, Any]:
         return q
 
     def ours() -> sd.Trajectory:
-        warnings.simplefilter("ignore")  # that its damping acts nowhere, as in Pinocchio
+        warnings.simplefilter("ignore")  # that simulate ignores damping, as Pinocchio does
         return sd.simulate(model, q0, v0, steps * DT, DT, method="rk4", record=CHECKED)
 
-    same(ours().q[1], loop(CHECKED), "simulate by rk4")  # later on rounding grows in a falling arm
+    same(ours().q[1], loop(CHECKED), "simulate by rk4")  # a falling arm amplifies rounding later
     times = interleaved({"ours": ours, "pin": loop}, rounds, 0.1)
     return {name + "_us": t / steps * 1e6 for name, t in times.items()} | {"ratio": times["pin"] / times["ours"]}
 

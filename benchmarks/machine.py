@@ -1,4 +1,4 @@
-"""What the figures were taken on, and what it can do at most: multiply-adds and stores a second of one core."""
+"""The machine of the figures, and its limits: multiply-adds and stores per second of one core."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from peers import installed
 from spatialdyn.engines.programs import host_cpu, llvm_vectors
 
 CHAINS = 16  # independent ones hide the latency of a multiply-add, 4 cycles or so
-DEEP = 8  # of each chain in one turn of the loop
+DEEP = 8  # of each chain per turn of the loop
 TURNS = 100_000
 BYTES = 256 << 20  # far above the caches
 SINCOS_FLOPS = {  # of the short sine and cosine of one angle: shift, reduction, polynomials (llvm_vectors.py)
@@ -49,14 +49,14 @@ def machine() -> dict[str, Any]:
 
 
 def flops(operations: dict[str, int], scalar: str = "double") -> int:
-    """Of one sample: what the program counts, a multiply-add as two, and those of sines and cosines."""
+    """Operations per sample: those of the program, a multiply-add as two, and those of sines and cosines."""
     plain = sum(operations[word] for word in ("mul", "add", "div", "sqrt"))
     return plain + SINCOS_FLOPS[scalar] * operations["sincos"]
 
 
 @cache
 def peak(scalar: str) -> float:
-    """Multiply-adds in independent chains of whole vectors: flops a nanosecond, the best of some runs."""
+    """Flops per nanosecond of multiply-adds in independent chains of whole vectors, the best of some runs."""
     lanes_of = host_cpu.host()[2] // (8 if scalar == "double" else 4)
     v, suffix = f"<{lanes_of} x {scalar}>", f"v{lanes_of}f{64 if scalar == 'double' else 32}"
     half = "<" + ", ".join([f"{scalar} 0.5"] * lanes_of) + ">"
@@ -80,7 +80,7 @@ def peak(scalar: str) -> float:
 
 @cache
 def stores() -> dict[str, float]:
-    """Bytes a nanosecond written to memory that is mapped: by memset, by copying, and past the caches."""
+    """Bytes per nanosecond written to mapped memory: by memset, by copying, and by streaming stores."""
     lanes_of = host_cpu.host()[2] // 8
     v, size = f"<{lanes_of} x double>", host_cpu.host()[2]
     body = [f"  %at = getelementptr {v}, ptr %io, i64 %k", f"  store {v} zeroinitializer, ptr %at, align {size}, "]
@@ -130,7 +130,7 @@ class _Compiled:
     """LLVM text as a function of (turns, address), for this processor."""
 
     def __init__(self, text: str) -> None:
-        self._loaded = host_cpu.Loaded(host_cpu.assembled(text))
+        self._loaded = host_cpu.LoadedCode(host_cpu.object_code(text))
         self._call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(self._loaded.address("kernel"))
 
     def __call__(self, turns: int, address: int) -> None:

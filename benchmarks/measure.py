@@ -1,4 +1,4 @@
-"""Timing that can be trusted on a noisy machine: contestants in turn, round after round, medians over the rounds."""
+"""Timing on a noisy machine: contestants take turns, round after round; medians over the rounds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from statistics import median
 
 
 def per_call(run: Callable[[], object], calls: int) -> float:
-    """Seconds per call over a loop of so many."""
+    """Seconds per call over a loop of ``calls``."""
     start = time.perf_counter()
     for _ in range(calls):
         run()
@@ -16,7 +16,7 @@ def per_call(run: Callable[[], object], calls: int) -> float:
 
 
 def interleaved(contestants: Mapping[str, Callable[[], object]], rounds: int, seconds: float) -> dict[str, float]:
-    """Median seconds per call of each contestant, each round giving every one about ``seconds`` in turn."""
+    """Median seconds per call of each contestant; in a round each runs for about ``seconds``."""
     calls = {}
     for name, run in contestants.items():
         run()

@@ -1,7 +1,7 @@
-"""The other libraries on the same samples: Pinocchio, which is the oracle too, and those that are installed.
+"""Other libraries on the same samples: Pinocchio, which is also the oracle, and those that are installed.
 
-Each function gives, for one call of a case, a ``Contestant``, or None where the library does not offer the call or
-cannot hold the robot. Optional libraries are imported inside functions; one that is not there is absent.
+Each function returns, for one call of a case, a ``Contestant``, or None if the library lacks the call or cannot hold
+the robot. Functions import optional libraries; one that is not installed is "absent".
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import spatialdyn as sd
 
 FEW = 512  # samples of a loop in Python
 GRAVITY = 9.81
-FIXED_ARMS = ("ur5", "panda")  # where the optional libraries are asked
+FIXED_ARMS = ("ur5", "panda")  # of the optional libraries
 MODULES = {"mujoco": "mujoco", "casadi + adam": "adam", "frax": "frax", "drake": "pydrake"}
 
 
@@ -79,7 +79,7 @@ def pin_function(case: Case, call: str) -> Callable[..., Any]:
 
 
 def pinocchio(case: Case, call: str) -> Contestant:
-    """From Python, one by one; what is timed is the barest loop there is, over rows taken apart before."""
+    """Pinocchio from Python, one sample at a time; timed is a bare loop over rows that were split before."""
     function, arguments = pin_function(case, call), case.arguments(call)
     one = case.one(call)
     made = looped(lambda k: function(*(x[k] for x in arguments)), case.samples)
@@ -90,7 +90,7 @@ def pinocchio(case: Case, call: str) -> Contestant:
 
 
 def pool(case: Case, call: str, threads: int) -> Contestant | None:
-    """Its C++ pool of threads, for the calls that have one."""
+    """Pinocchio's C++ thread pool, for the calls that have one."""
     run = {"rnea": pin.rneaInParallel, "aba": pin.abaInParallel}.get(call)
     if run is None:
         return None
@@ -107,7 +107,7 @@ def pool(case: Case, call: str, threads: int) -> Contestant | None:
 
 
 def expected(case: Case, call: str) -> Array:
-    """The oracle's rows for the samples that are compared."""
+    """The oracle's rows for the compared samples."""
     function, arguments = pin_function(case, call), case.arguments(call)
     at = looked_at(case)
     return rows([function(*(x[i] for x in arguments)) for i in at], at)
@@ -128,11 +128,11 @@ def mujoco_model(theirs: Any) -> Any:
         X = theirs.jointPlacements[i]
         quaternion = pin.Quaternion(X.rotation).coeffs()[[3, 0, 1, 2]]
         body = ET.SubElement(elements[theirs.parents[i]], "body", pos=_text(X.translation), quat=_text(quaternion))
-        ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")  # the true one is put in below
+        ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")  # the true one is set below
         _mujoco_joint(body, theirs.joints[i])
         elements.append(body)
     model = mujoco.MjModel.from_xml_string(ET.tostring(world, encoding="unicode"))
-    for i in range(1, theirs.njoints):  # as they are: the compiler refuses inertias that no body can have
+    for i in range(1, theirs.njoints):  # as they are: MuJoCo's compiler rejects inertias that are not physical
         I = theirs.inertias[i]
         moments, axes = np.linalg.eigh(I.inertia)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
@@ -160,10 +160,10 @@ def _text(numbers: Sequence[float]) -> str:
 
 
 def mujoco(case: Case, call: str) -> Contestant | None:
-    """The functions that a call is made of, one sample after the other from Python.
+    """MuJoCo's functions for a call, one sample at a time from Python.
 
-    Its floating base moves with a linear velocity in the world's axes; inputs are turned before a time is taken, and
-    results when they are read.
+    MuJoCo's floating base has its linear velocity in the world's axes; inputs are rotated before timing, results when
+    they are read.
     """
     import mujoco as mj
 
@@ -172,7 +172,9 @@ def mujoco(case: Case, call: str) -> Contestant | None:
     qpos, qvel = sd.to_mujoco(case.ours, case.state["q"], case.state["v"])
     base = _Base(case)
     acceleration, torque = base.acceleration(case.state["a"]), base.turned(case.state["t"])
-    fall = base.acceleration(np.zeros_like(case.state["a"])) if case.root == "floating" else None  # ours is at rest
+    fall = (
+        base.acceleration(np.zeros_like(case.state["a"])) if case.root == "floating" else None
+    )  # the Model's frame is at rest
     zero, eye = np.zeros(n), np.eye(n)
     body = list(case.ours.names).index(case.tip)
 
@@ -242,10 +244,10 @@ def _full(mj: Any, model: Any, data: Any, out: Array) -> None:
 
 
 class _Base:
-    """Between MuJoCo's linear velocity of a floating base, in the world's axes, and ours, in its own; T of w = T v."""
+    """Between MuJoCo's linear velocity of a floating base, in the world's axes, and the Model's, its own; w = T v."""
 
     def __init__(self, case: Case) -> None:
-        """T of every sample, and ω × v, by which the linear accelerations differ besides; on a fixed base nothing."""
+        """T of every sample, and ω × v, the further difference of linear accelerations; none for a fixed base."""
         n, samples, self.floating = case.ours.nv, case.samples, case.root == "floating"
         self.T, self.shift = np.tile(np.eye(n), (samples, 1, 1)), np.zeros((samples, n))
         if self.floating:
@@ -289,7 +291,7 @@ class _Base:
 
 @cache
 def bare_urdf(path: str) -> str:
-    """A URDF without meshes, damping, transmissions and what else is for other programs."""
+    """A URDF without meshes, damping, transmissions and other elements that dynamics does not use."""
     robot = ET.parse(path).getroot()
     for element in list(robot):
         if element.tag not in ("link", "joint"):
@@ -301,7 +303,7 @@ def bare_urdf(path: str) -> str:
 
 
 def root_link(path: str) -> str:
-    """The link of a URDF that hangs on no other."""
+    """The root link of a URDF."""
     robot = ET.parse(path).getroot()
     children = {str(element.get("link")) for element in robot.iter("child")}
     (root,) = {str(link.get("name")) for link in robot.findall("link")} - children
@@ -385,7 +387,7 @@ def drake(case: Case, call: str) -> Contestant | None:
     (instance,) = Parser(plant).AddModelsFromString(bare_urdf(case.path), "urdf")
     plant.mutable_gravity_field().set_gravity_vector([0, 0, -GRAVITY])
     root = root_link(case.path)
-    if root != "world":  # which the parser welds by itself
+    if root != "world":  # the parser welds it
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root, instance))
     plant.Finalize()
     context = plant.CreateDefaultContext()

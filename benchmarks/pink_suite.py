@@ -1,10 +1,10 @@
-"""The tests of pink, a client of Pinocchio, under Pinocchio and with the face in its place.
+"""The tests of pink, a client of Pinocchio, under Pinocchio and under spatialdyn.compat.pinocchio.
 
     git clone https://github.com/stephane-caron/pink && python benchmarks/pink_suite.py pink
 
-Counts of tests that pass under each, and the tests that pass under Pinocchio alone. The interpreter needs what pink's
-tests need: pin, qpsolvers and its solvers, robot_descriptions (which clones robots into ROBOT_DESCRIPTIONS_CACHE),
-xacrodoc, loop-rate-limiters, pytest.
+Prints how many tests pass under each, and the tests that pass under Pinocchio alone. The interpreter needs the
+requirements of pink's tests: pin, qpsolvers and its solvers, robot_descriptions (which clones robots into
+ROBOT_DESCRIPTIONS_CACHE), xacrodoc, loop-rate-limiters, pytest.
 """
 
 from __future__ import annotations
@@ -20,42 +20,42 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-FACE = "spatialdyn.compat.pinocchio"
+OURS = "spatialdyn.compat.pinocchio"
 
 
-class Stand(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds the face's modules under Pinocchio's names: ``pinocchio.visualize`` is ``FACE.visualize`` itself."""
+class Importer(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Imports modules of OURS under Pinocchio's names: ``pinocchio.visualize`` is ``OURS.visualize`` itself."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
-        """The spec of a module of Pinocchio's, None for any other."""
+        """The spec of a module of Pinocchio. Returns None if not applicable."""
         return importlib.util.spec_from_loader(name, self) if name.split(".")[0] in ("pin", "pinocchio") else None
 
     def create_module(self, spec: Any) -> Any:
-        """The face's module."""
-        module = importlib.import_module(FACE + spec.name.partition(".")[1] + spec.name.partition(".")[2])
+        """The module of OURS."""
+        module = importlib.import_module(OURS + spec.name.partition(".")[1] + spec.name.partition(".")[2])
         self.own = module.__spec__
         return module
 
     def exec_module(self, module: Any) -> None:
-        """Nothing: it was run under its own name, whose spec it keeps."""
+        """Nothing to do: the module ran under its own name, whose spec it keeps."""
         module.__spec__ = self.own
 
 
-def tests(folder: Path, face: bool, arguments: list[str]) -> int:
+def tests(folder: Path, ours: bool, arguments: list[str]) -> int:
     """Run pytest on a folder in this process."""
     import pytest
 
-    if face:
-        sys.meta_path.insert(0, Stand())
+    if ours:
+        sys.meta_path.insert(0, Importer())
     sys.path.insert(0, str(folder))
     return int(pytest.main(["-q", "-p", "no:cacheprovider", "--rootdir", str(folder), *arguments]))
 
 
-def outcomes(folder: Path, face: bool) -> dict[str, str]:
-    """What became of each test: "" if it passed, else the first line of what it says."""
+def outcomes(folder: Path, ours: bool) -> dict[str, str]:
+    """{test: "" if it passed, else the first line of its failure}."""
     with TemporaryDirectory() as where:
         report = Path(where) / "report.xml"
-        command = [sys.executable, __file__, str(folder), "--run", "face" if face else "wheel", "--report", str(report)]
+        command = [sys.executable, __file__, str(folder), "--run", "ours" if ours else "wheel", "--report", str(report)]
         subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, check=False)
         cases = ET.parse(report).getroot().iter("testcase")
         return {f"{x.get('classname')}.{x.get('name')}": _said(x) for x in cases}
@@ -70,7 +70,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="a checkout of pink, with its folder tests")
     parser.add_argument(
-        "--run", choices=("wheel", "face"), help="run the tests once under this module, in this process"
+        "--run", choices=("wheel", "ours"), help="run the tests once under this module, in this process"
     )
     parser.add_argument("--report", type=Path, help="with --run, where pytest writes its XML")
     given = parser.parse_args()
@@ -79,11 +79,11 @@ def main() -> None:
         parser.error(f"{folder} has no folder tests, expected a checkout of pink")
     if given.run:
         more = [] if given.report is None else [f"--junitxml={given.report}"]
-        sys.exit(tests(folder, given.run == "face", [str(folder / "tests"), *more]))
-    wheel, face = outcomes(folder, False), outcomes(folder, True)
+        sys.exit(tests(folder, given.run == "ours", [str(folder / "tests"), *more]))
+    wheel, ours = outcomes(folder, False), outcomes(folder, True)
     passed = [name for name, said in wheel.items() if not said]
-    lost = {name: face.get(name, "not collected") for name in passed if face.get(name, "not collected")}
-    print(f"{len(wheel)} tests: {len(passed)} pass under Pinocchio, {len(passed) - len(lost)} of those with the face")
+    lost = {name: ours.get(name, "not collected") for name in passed if ours.get(name, "not collected")}
+    print(f"{len(wheel)} tests: {len(passed)} pass under Pinocchio, {len(passed) - len(lost)} of those under {OURS}")
     for name, said in lost.items():
         print(f"  {name}: {said}")
 

@@ -1,12 +1,12 @@
 """Put the measured table of benchmarks/results.json between the marks in README.md.
 
-python benchmarks/report.py [--check]    with --check: say whether it stands there already
+python benchmarks/report.py [--check]
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from pathlib import Path
 
 BATCHES = {  # the robots of the table, with their headings
@@ -49,12 +49,15 @@ def table() -> str:
 
 
 def main() -> int:
-    """Write, or compare."""
+    """Write the table, or compare. Returns 1 if --check finds another, else 0."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 unless the table is there")
+    check = parser.parse_args().check
     text = README.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
     new = before + BEGIN + table() + END + after
-    if "--check" in sys.argv:
+    if check:
         return int(new != text)
     README.write_text(new, encoding="utf-8")
     return 0

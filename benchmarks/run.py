@@ -1,10 +1,10 @@
-"""Ours against its peers in one process: correctness asserted first, then times, and what they cost.
+"""The library against its peers in one process: asserts equal results, then measures times, compilation and memory.
 
     python benchmarks/run.py [--quick] [--robots ur5,panda] [--output FOLDER]
 
-Prints tables, writes results.json and plots/*.svg and *.png into the folder, which is this one unless --quick or
---robots leaves figures out: then nothing is written without --output. benchmarks/report.py puts a table into the
-README. Needs ``pip install "spatialdyn[validate,bench]"``; adam, frax and drake are measured where installed.
+Prints tables, writes results.json and plots/*.svg and *.png into the folder, by default this one; with
+--quick or --robots, which leave figures out, it writes nothing without --output. benchmarks/report.py puts a table into
+the README. Needs ``pip install "spatialdyn[validate,bench]"``; adam, frax and drake are measured where installed.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ import spatialdyn as sd
 from spatialdyn.engines.programs import batch_kernels
 
 HERE = Path(__file__).parent
-FLOAT32 = 2e-2  # of the largest entry: a check that the right thing was computed; the error is reported
-QUICK_CALLS = {"talos_full": ("rnea", "aba", "crba"), "tiago_dual": ()}  # of the others all
+FLOAT32 = 2e-2  # of the largest entry: shows that the results are of the same call; the error is reported
+QUICK_CALLS = {"talos_full": ("rnea", "aba", "crba"), "tiago_dual": ()}  # all calls of the other robots
 QUICK_COMPILED = {"ur5": ("rnea",), "talos_full": ("aba", "crba")}
 
 
 class Effort(NamedTuple):
-    """How much is measured: rounds, seconds of each contestant in each, samples of batches and of memory."""
+    """Amount of work: rounds, seconds per contestant and round, samples of batches and of the memory test."""
 
     rounds: int
     seconds: float
@@ -51,7 +51,7 @@ QUICK = Effort(rounds=5, seconds=0.002, samples=2048, starts=3, held=500_000)
 
 
 def optional(case: Case, call: str, build: Callable[[Case, str], Contestant | None], name: str, wanted: Array) -> Any:
-    """A contestant of another library, None, or {"refused": why}: one that fails or errs is recorded, not timed."""
+    """A contestant of another library, None, or {"refused": why} if it fails or its results are wrong."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -112,7 +112,7 @@ def times_of_many(
     plain: Contestant, two: Contestant, fresh: Contestant, own: Contestant, narrow: Contestant, pin: Contestant,
     pools: list[Contestant | None], others: dict[str, Contestant], effort: Effort,
 ) -> dict[str, Any]:  # fmt: skip
-    """Nanoseconds a sample; ``ratio``: Pinocchio's pool on one thread, or its loop in Python, over the public call."""
+    """Nanoseconds per sample; ``ratio``: Pinocchio's pool on one thread, or its Python loop, over the public call."""
     runs = {"ours": plain, "ours_2_threads": two, "fresh": fresh, "k": own, "float32": narrow, "pin": pools[0] or pin}
     if pools[1] is not None:
         runs["pin_2_threads"] = pools[1]
@@ -128,16 +128,16 @@ def times_of_many(
 
 
 def limits(case: Case, call: str, k: sd.Specialized, ns: float) -> dict[str, Any]:
-    """Operations of the program, and how near the machine's limits the public batch comes with them.
+    """Operations of the program, and the share of the machine's limits that the public batch reaches.
 
-    Of gravity the program is an rnea at rest; of kinematics it is k, for the public calls are two programs. The stores
-    count where the result is larger than the caches; elsewhere there is no share.
+    For gravity the program is rnea at rest; for kinematics it is k, as the public calls are two programs. Stores have a
+    share only if the result exceeds the caches.
     """
     if k.engine != "lanes":
         return dict.fromkeys(("operations", "flops_per_ns", "peak_share", "bytes_per_ns", "store_share"))
     flops = machine.flops(k.operations) / ns
     written = 8 * sum(int(np.prod(shape)) for shape in cases.shapes(case, call))
-    large = written * case.samples >= batch_kernels.STREAM
+    large = written * case.samples >= batch_kernels.STREAM_BYTES
     return {
         "operations": k.operations,
         "flops_per_ns": flops,
@@ -148,7 +148,7 @@ def limits(case: Case, call: str, k: sd.Specialized, ns: float) -> dict[str, Any
 
 
 def measured(robots: list[str], quick: bool) -> dict[str, Any]:
-    """Everything."""
+    """All measurements."""
     effort = QUICK if quick else FULL
     calls = {robot: QUICK_CALLS.get(robot, tuple(CALLS)) if quick else tuple(CALLS) for robot in robots}
     compiled = {robot: QUICK_COMPILED.get(robot, ()) if quick else tuple(CALLS) for robot in robots}

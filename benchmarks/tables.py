@@ -10,7 +10,7 @@ Rows = list[list[str]]
 
 
 def show(results: dict[str, Any]) -> None:
-    """Print every table that the results have the figures of."""
+    """Print every table whose figures are in the results."""
     for title, headings, rows in tables(results):
         draw(title, headings, rows)
 
@@ -25,14 +25,14 @@ def tables(results: dict[str, Any]) -> Iterator[tuple[str, list[str], Rows]]:
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """Three places or so; nothing for nothing."""
+    """x to about three digits; empty for None."""
     if value is None:
         return ""
     return f"{value:.{digits}f}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def _others(entries: Iterable[dict[str, Any]], unit: str) -> list[str]:
-    """The libraries besides Pinocchio that any row has a time of."""
+    """The libraries besides Pinocchio with a time in any row."""
     seen = dict.fromkeys(name for entry in entries for name, peer in entry["peers"].items() if unit in peer)
     return list(seen)
 
@@ -140,7 +140,7 @@ def draw(title: str, headings: list[str], rows: Rows) -> None:
 
 
 def plain(title: str, headings: list[str], rows: Rows) -> str:
-    """The same in columns of text."""
+    """The same table as aligned text."""
     widths = [max(len(row[k]) for row in [headings, *rows]) for k in range(len(headings))]
     lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in [headings, *rows]]
     return "\n".join([title, *lines, ""])
@@ -151,10 +151,10 @@ def _is_number(rows: Rows, k: int) -> bool:
 
 
 class Bar:
-    """A bar of progress over so many steps by rich; lines on stderr where that or a terminal is not there."""
+    """A progress bar by rich; without rich or a terminal, lines on stderr."""
 
     def __init__(self, steps: int) -> None:
-        """Begin at none."""
+        """Start at 0 steps."""
         self._done: Callable[[str], None] = lambda text: print(text, file=sys.stderr, flush=True)
         self._end: Callable[[], None] = lambda: None
         if not sys.stdout.isatty():
@@ -171,9 +171,9 @@ class Bar:
         self._end = bar.stop
 
     def step(self, text: str = "") -> None:
-        """One more is done."""
+        """Count one step."""
         self._done(text)
 
     def end(self) -> None:
-        """Leave the screen."""
+        """Remove the bar."""
         self._end()

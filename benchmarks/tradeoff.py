@@ -1,19 +1,19 @@
-"""What a digit costs: forward dynamics by every way, motions by every integrator; and whether the advice holds.
+"""Errors and costs of forward dynamics by every option, of motions by every integrator; and a test of ``recommend``.
 
     python benchmarks/tradeoff.py [--quick] [--only evaluations,motions,promise] [--models '2R;panda'] [--seconds 8]
                                   [--out DIRECTORY]
 
 evaluations  ``sd.trade`` of forward dynamics on 2R, panda, anymal, talos and four extreme models
-motions      1 s: largest error of the state against Gauss's collocation of order 32 in double-double; 1, 100 and
-             2000 s: largest change of energy over the largest kinetic energy, and the cost of a simulated second. A
-             state after 100 s of a chaotic motion is beyond any arithmetic, so no error is given for it. What floats
-             does so without gravity. Runs that would take longer than --seconds are left out
-promise      10 models, 3 tasks, 5 tolerances: whether what is recommended meets its tolerance on fresh states, and how
-             much faster any other listed way is that meets it too: those whose bound says so, and those that would
-             have got away with it; of these, in which share of 65536 others they do not
+motions      1 s: largest error of the state against Gauss collocation of order 32 in double-double; 1, 100 and 2000 s:
+             largest change of energy over the largest kinetic energy, and the cost of a simulated second. No arithmetic
+             computes a state after 100 s of a chaotic motion, so it has no error. Floating bases move without gravity.
+             Runs longer than --seconds are left out
+promise      10 models, 3 tasks, 5 tolerances: whether the recommended option meets its tolerance on fresh states, and
+             how much faster any other option is that meets it too: those whose bound is within the tolerance, and those
+             whose error happens to be; of the latter, the share of 65536 other states in which they do not
 
 Writes tradeoff.json, tradeoff.png (for the README), tradeoff_evaluations.png, tradeoff_robots.png and
-tradeoff_extremes.png; what is not run is kept from the file that is there.
+tradeoff_extremes.png; parts that are not run keep their results in the file.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ import numpy as np
 import spatialdyn as sd
 from spatialdyn.accuracy import call_errors, integrator_errors, references
 from spatialdyn.accuracy.tradeoff import advice
+from spatialdyn.pictures import figures
+from spatialdyn.pictures.tradeoffs import draw_front, outermost_first, real_time, short
 from spatialdyn.simulation.reference_motion import exact_motion
 
 HERE = Path(__file__).parent
@@ -49,7 +51,7 @@ METHODS = (
 )
 HORIZONS = {1.0: 80, 100.0: 2500, 2000.0: 50_000}  # seconds: steps of the coarsest run, 1/80 s, 1/25 s and again
 FINER = 4
-SAMPLES = 400  # energies that are looked at
+SAMPLES = 400  # recorded energies
 RTOL = (1e-6, 1e-9, 1e-12)
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-12)
 FRESH = 1000
@@ -70,14 +72,14 @@ def rods(masses: list[float], size: float = 1.0) -> sd.Model:
 
 
 def load(name: str, **options: Any) -> sd.Model:
-    """A robot, without what there is to say of its inertias."""
+    """A robot, without warnings about its inertias."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return sd.load_urdf(name, **options)
 
 
 def panda() -> sd.Model:
-    """Without its fingers: nothing holds them on their rails, and they would be off to infinity."""
+    """panda without its fingers, which would slide off to infinity on their rails."""
     return load("panda").reduced(lock={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
 
 
@@ -93,7 +95,7 @@ EXTREMES: dict[str, Callable[[], sd.Model]] = {
     "chain of 30": lambda: rods([1.0] * 30),
     "6 rods of 1 mm, 1 mg": lambda: rods([1e-6] * 6, 1e-3),
 }
-# Seconds in which they move as far as the others in one: a light link under a heavy tip whips, small things are quick.
+# Seconds in which these move as far as the others in 1 s: light links under a heavy tip, and small ones, are fast.
 SECOND = {"7 rods, tip 1e6": 1e-3, "7 rods, tip 1e12": 1e-6, "6 rods of 1 mm, 1 mg": 0.03}
 PROMISED: dict[str, Callable[[], sd.Model]] = {
     **{name: ROBOTS[name] for name in ("2R", "panda", "anymal")},
@@ -104,7 +106,7 @@ PROMISED: dict[str, Callable[[], sd.Model]] = {
 }
 
 
-# --- what is measured ---------------------------------------------------------------------------------------
+# --- measurements -------------------------------------------------------------------------------------------
 
 
 def of_evaluations(quick: bool) -> dict[str, Any]:
@@ -119,7 +121,7 @@ def of_evaluations(quick: bool) -> dict[str, Any]:
 
 
 def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Work and precision of integrators: a list of runs for each model, beside those that there are."""
+    """Cost and error of integrators: a list of runs per model, added to those found."""
     horizons = {1.0: 80, 10.0: 250} if quick else HORIZONS
     for name, make in {**ROBOTS, **EXTREMES}.items():
         if name not in names:
@@ -148,7 +150,7 @@ def of_motions(quick: bool, seconds: float, names: list[str], found: dict[str, A
 
 
 def _warm(model: sd.Model, q0: Any, v0: Any, method: str) -> None:
-    """Have compiled what a method needs."""
+    """Compile what a method needs."""
     with warnings.catch_warnings(), contextlib.suppress(sd.SpatialDynError):
         warnings.simplefilter("ignore")
         sd.simulate(model, q0, v0, 2e-9, 1e-9, method)
@@ -157,7 +159,7 @@ def _warm(model: sd.Model, q0: Any, v0: Any, method: str) -> None:
 def _runs(
     model: sd.Model, q0: Any, v0: Any, duration: float, steps: int, method: str, truth: Any, seconds: float
 ) -> Iterator[dict[str, Any]]:
-    """A method at steps, or tolerances, ever finer, as long as a run is to be expected within so many seconds."""
+    """A method at finer and finer steps or tolerances, while the expected time of a run is within ``seconds``."""
     adaptive = sd.integrators[method].family is None
     last = 0.0
     for k in range(6):
@@ -175,7 +177,7 @@ def _runs(
 
 
 def _expected(model: sd.Model, q0: Any, v0: Any, duration: float, method: str, words: dict[str, Any]) -> float:
-    """Seconds that a simulated second will take."""
+    """Expected seconds per simulated second."""
     row = _run(model, q0, v0, 50 * words["dt"] if "rtol" not in words else duration / 100, method, words, None)
     return float(row["seconds"] / row["duration"])
 
@@ -183,7 +185,7 @@ def _expected(model: sd.Model, q0: Any, v0: Any, duration: float, method: str, w
 def _run(
     model: sd.Model, q0: Any, v0: Any, duration: float, method: str, words: Any, truth: Any, limit: float = 10.0
 ) -> dict[str, Any]:  # fmt: skip
-    """One run: its cost, errors of energy and state, and what went wrong."""
+    """One run: its cost, errors of energy and state, and its failure if any."""
     count = max(1, round(duration / words["dt"]))
     samples = integrator_errors.SAMPLES if truth is not None else SAMPLES
     words = {**words, "dt": duration / samples} if "rtol" in words else words
@@ -212,8 +214,8 @@ def _run(
         try:
             kinetic = np.asarray(sd.kinetic_energy(model, run.q, run.v))
             row["energy"] = _finite(float(abs(run.energy - run.energy[0]).max() / kinetic.max()))
-            row["state"] = None if truth is None else _finite(integrator_errors.off(model, run, truth, 0))
-        except sd.NonFiniteError as error:  # of a state that is all but lost
+            row["state"] = None if truth is None else _finite(integrator_errors.motion_error(model, run, truth, 0))
+        except sd.NonFiniteError as error:  # the state is near overflow
             row["note"] = str(error)
     return row
 
@@ -230,15 +232,15 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def of_promises(quick: bool) -> dict[str, Any]:
-    """What is recommended, held to its word."""
+    """Recommended options, tested on fresh states."""
     rows: list[dict[str, Any]] = []
     broken = slower = luck = 0
     for name, make in list(PROMISED.items())[: 3 if quick else None]:
         model = make()
-        for task in call_errors.TASKS:
+        for task in call_errors.TASK_CALLS:
             found = sd.trade(model, task)
-            first = call_errors.TASKS[task][0]
-            fresh = call_errors.random_states(model, task, FRESH, seed=1)
+            first = call_errors.TASK_CALLS[task][0]
+            fresh = call_errors.random_call_states(model, task, FRESH, seed=1)
             truth, _ = references.truths(model, first, fresh)
             wrong: dict[str, float] = {}
             for x in found.options:
@@ -283,11 +285,11 @@ def of_promises(quick: bool) -> dict[str, Any]:
 
 
 def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> float:
-    """The share of MANY fresh states in which the error of a way is beyond a tolerance."""
-    first, bad, many = call_errors.TASKS[task][0], 0, 0
+    """The share of MANY fresh states in which the error of an option exceeds a tolerance."""
+    first, bad, many = call_errors.TASK_CALLS[task][0], 0, 0
     assert way.run is not None
     for k in range(references.MANY // 4096):
-        fresh = call_errors.random_states(model, task, 4096, [2, k])
+        fresh = call_errors.random_call_states(model, task, 4096, [2, k])
         truth, _ = references.truths(model, first, fresh, 0)
         bad += int((references.of_calls(first, np.asarray(way.run(*fresh)), truth) > tolerance).sum())
         many += len(truth)
@@ -296,126 +298,165 @@ def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> flo
 
 # --- figures ------------------------------------------------------------------------------------------------
 
-CALLS = {"aba": "#1f5fa8", "crba_solve": "#d1782a", "aba_refined": "#7a9a3a", "aba_square_root": "#8a6bb0"}
+NAMES = ("aba", "crba_solve", "aba_refined", "aba_square_root", *METHODS)
+COLOURS = dict(zip(NAMES, figures.COLOURS, strict=True))
 MARKS = {"lanes float32": "v", "lanes float64": "o", "untraced float64": "s"}
-COLOURS = dict(
-    zip(METHODS, ("#999999", "#8fbce6", "#1f5fa8", "#c9b458", "#7a9a3a", "#e6a06a", "#d1782a", "#8a6bb0"), strict=True)
-)
+SYMBOLS = dict(zip(METHODS, "osD^vPX*", strict=True))
 FLOOR = 1e-17
+SPAN = 100.0  # the least ratio of the ends of an axis of costs
 
 
 def ways_panel(axes: Any, found: dict[str, Any], title: str) -> None:
-    """Error against the cost of a sample."""
+    """Error against the cost per sample, and the front."""
+    figures.tidy(axes)
     for x in found["options"]:
         engine, _, call = x["name"].rpartition(" ")
         if x["error"] is not None and x["ns"] is not None:
             axes.plot(
-                x["ns"], max(x["error"], FLOOR), MARKS[engine], color=CALLS[call], mec="black" if x["best"] else "none"
-            )
-    front = [x for x in found["options"] if x["best"] and x["error"] is not None]
-    axes.step(
-        [x["ns"] for x in front], [max(x["error"], FLOOR) for x in front], color="0.6", where="post", ls=":", zorder=0
-    )
+                x["ns"], max(x["error"], FLOOR), MARKS[engine], color=COLOURS[call],
+                mec="black" if x["best"] else "none",
+            )  # fmt: skip
+    draw_front(axes, [(x["ns"], x["error"]) for x in found["options"] if x["best"] and x["error"] is not None])
     axes.set(xscale="log", yscale="log", title=title)
-    axes.grid(alpha=0.3)
+    wide_enough(axes)
 
 
-def runs_panel(axes: Any, rows: list[dict[str, Any]], key: str, title: str) -> None:
-    """Error against the cost of a simulated second, a line for each method."""
+def runs_panel(axes: Any, rows: list[dict[str, Any]], key: str, title: str) -> list[tuple[float, float, str, Any]]:
+    """Error against ms of computing for a second of motion, a line for each method; the labels of its steps."""
+    figures.tidy(axes)
+    labels = []
     for method in METHODS:
-        points = [
-            (row["ns"], max(row[key], FLOOR)) for row in rows if row["method"] == method and row.get(key) is not None
-        ]
-        if points:
-            x, y = zip(*points, strict=True)
-            axes.plot(x, y, "o-", ms=3.5, lw=1.0, color=COLOURS[method], label=method)
+        here = [row for row in rows if row["method"] == method and row.get(key) is not None]
+        if here:
+            x, y = [1e-6 * row["ns"] for row in here], [max(row[key], FLOOR) for row in here]
+            line = "-" if len(here) > 1 else ""
+            axes.plot(x, y, marker=SYMBOLS[method], ms=4.5, lw=1.0, ls=line, color=COLOURS[method], label=method)
+            steps = [short(row["rtol"] if "rtol" in row else row["dt"]) for row in here]
+            labels += list(zip(x, y, steps, [COLOURS[method]] * len(here), strict=True))
     axes.set(xscale="log", yscale="log", title=title, ylim=(1e-16, 10.0))
-    axes.grid(alpha=0.3)
+    wide_enough(axes)
+    return labels
+
+
+def wide_enough(axes: Any) -> None:
+    """Powers of ten at the ticks, two of them at least in costs."""
+    low, high = axes.get_xlim()
+    more = max(1.0, SPAN / (high / low)) ** 0.5
+    axes.set_xlim(low / more, high * more)
+    figures.log_ticks(axes.xaxis)
+    figures.log_ticks(axes.yaxis)
 
 
 def legends(figure: Any, kind: str) -> None:
-    """Beside the panels."""
+    """A legend below the panels."""
     from matplotlib.lines import Line2D
 
+    front = Line2D([], [], ls=(0, (1, 1.5)), lw=2, color=figures.FAINT, label="front")
     if kind == "ways":
         made = [Line2D([], [], marker=m, ls="", color="0.4", label=name) for name, m in MARKS.items()]
-        made += [Line2D([], [], marker="o", ls="", color=c, label=name) for name, c in CALLS.items()]
-        made += [Line2D([], [], marker="o", ls=":", color="0.6", mfc="none", mec="black", label="front")]
+        made += [Line2D([], [], marker="o", ls="", color=COLOURS[name], label=name) for name in NAMES[:4]]
+        made.append(front)
     else:
-        made = [Line2D([], [], marker="o", ms=3.5, color=c, label=name) for name, c in COLOURS.items()]
-    figure.legend(
-        handles=made,
-        loc="outside lower center",
-        ncols=4 if figure.get_figwidth() < 13 else 8,
-        fontsize="small",
-        frameon=False,
-    )
+        made = [
+            Line2D([], [], marker=SYMBOLS[name], ms=4.5, lw=1.0, color=COLOURS[name], label=name) for name in METHODS
+        ]
+    figure.legend(handles=made, loc="outside lower center", ncols=8, fontsize="small", frameon=False)
 
 
 def draw(results: dict[str, Any], out: Path) -> list[Path]:
-    """All figures that there are results for."""
-    from matplotlib.figure import Figure
-
+    """All figures with results."""
     written = []
     ways, runs = results.get("evaluations"), results.get("motions")
     if ways:
-        figure = Figure(figsize=(15, 7.5), layout="constrained")
-        panels = figure.subplots(2, 4)
-        for axes, (name, found) in zip(panels.ravel(), ways.items(), strict=False):
-            ways_panel(axes, found, f"{name}, {found['nv']} freedoms")
-            axes.set_ylim(1e-16, 100.0)
-        for axes in panels[-1]:
-            axes.set_xlabel("ns a sample")
-        for axes in panels[:, 0]:
-            axes.set_ylabel("largest error / largest acceleration")
-        figure.suptitle(f"Forward dynamics: error against cost, of {ways['panda']['states']} random states")
-        legends(figure, "ways")
-        written.append(_saved(figure, out / "tradeoff_evaluations.png"))
-    if runs:
-        for label, group in (("robots", ROBOTS), ("extremes", EXTREMES)):
-            names = [name for name in group if name in runs]
-            if not names:
-                continue
-            count = max(len({row["duration"] for row in runs[name]["runs"]}) for name in names)
-            figure = Figure(figsize=(1.5 + 3.5 * len(names), 3.4 * (count + 1)), layout="constrained")
-            panels = figure.subplots(count + 1, len(names), squeeze=False)
-            for column, name in zip(panels.T, names, strict=True):
-                rows = runs[name]["runs"]
-                horizons = sorted({row["duration"] for row in rows})
-                first = [r for r in rows if r["duration"] == horizons[0]]
-                runs_panel(column[0], first, "state", f"{name}: state, {horizons[0]:g} s")
-                for axes, duration in zip(column[1:], horizons, strict=False):
-                    here = [r for r in rows if r["duration"] == duration]
-                    runs_panel(axes, here, "energy", f"{name}: energy, {duration:g} s")
-                column[-1].set_xlabel("ns a simulated second")
-            for axes in panels.ravel():
-                axes.set_visible(bool(axes.lines))
-            for axes, what in zip(panels[:, 0], ["state"] + ["energy"] * count, strict=True):
-                axes.set_ylabel(f"largest relative error of {what}")
-            legends(figure, "runs")
-            written.append(_saved(figure, out / f"tradeoff_{label}.png"))
+        written.append(_saved(all_ways(ways), out / "tradeoff_evaluations.png"))
+    for label, group in (("robots", ROBOTS), ("extremes", EXTREMES)):
+        chosen = {name: runs[name] for name in group if name in runs} if runs else {}
+        if chosen:
+            written.append(_saved(all_runs(chosen), out / f"tradeoff_{label}.png"))
     if ways and runs:
-        figure = Figure(figsize=(12, 5.2), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        ways_panel(left, ways["panda"], "panda: forward dynamics of a batch")
-        left.set(xlabel="ns a sample", ylabel="largest error / largest acceleration", ylim=(1e-16, 1e-3))
-        for x in ways["panda"]["options"]:
-            engine, _, call = x["name"].rpartition(" ")
-            words = f"{call}{', float32' if '32' in engine else ', untraced' if engine.startswith('untraced') else ''}"
-            left.annotate(
-                words,
-                (x["ns"], x["error"]),
-                xytext=(6, -15 if "refined" in call else 6),
-                textcoords="offset points",
-                fontsize=8,
-            )
-        left.set_xlim(right=40 * max(x["ns"] for x in ways["panda"]["options"]))
-        rows = [row for row in runs["panda"]["runs"] if row["duration"] == 1.0]
-        runs_panel(right, rows, "state", "panda: a second of free motion")
-        right.set(xlabel="ns a simulated second", ylabel="largest relative error of q and v")
-        right.legend(fontsize="small")
-        written.append(_saved(figure, out / "tradeoff.png"))
+        written.append(_saved(of_panda(ways["panda"], runs["panda"]["runs"]), out / "tradeoff.png"))
     return written
+
+
+def all_ways(ways: dict[str, Any]) -> Any:
+    """Forward dynamics of every model, four panels a row."""
+    across = min(4, len(ways))
+    down = -(-len(ways) // across)
+    figure = figures.new_figure(15, 3.6 * down + 0.6)
+    cells = figure.add_gridspec(down, across)
+    for k, (name, found) in enumerate(ways.items()):
+        axes = figure.add_subplot(cells[divmod(k, across)])
+        ways_panel(axes, found, f"{name}, {found['nv']} freedoms")
+        axes.set_ylim(1e-16, 100.0)
+        if k + across >= len(ways):
+            axes.set_xlabel("ns a sample")
+        if k % across == 0:
+            axes.set_ylabel("largest error / largest acceleration")
+    states = next(iter(ways.values()))["states"]
+    figure.suptitle(f"Forward dynamics: error against cost, of {states} random states")
+    legends(figure, "ways")
+    return figure
+
+
+def all_runs(runs: dict[str, Any]) -> Any:
+    """Motions, a column for each model, from short to long ones; words where no run of a length is left."""
+    count = max(len({row["duration"] for row in found["runs"]}) for found in runs.values())
+    figure = figures.new_figure(1.5 + 3.5 * len(runs), 3.2 * (count + 1) + 0.4)
+    panels = figure.subplots(count + 1, len(runs), squeeze=False)
+    for column, (name, found) in zip(panels.T, runs.items(), strict=True):
+        rows = found["runs"]
+        horizons = sorted({row["duration"] for row in rows})
+        shown = [("state", horizons[0]), *(("energy", duration) for duration in horizons)]
+        for axes, (key, duration) in zip(column, shown, strict=True):
+            here = [row for row in rows if row["duration"] == duration]
+            title = f"{name}: {key}, {duration:g} s"
+            if any(row.get(key) is not None for row in here):
+                runs_panel(axes, here, key, title)
+                axes.set_xlabel("ms of computing for 1 s of motion", fontsize="small")
+            else:
+                axes.axis("off")
+                words = f"{title}\n\nevery run diverges,\nor takes too long to be tried"
+                axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes, color="0.35")
+    for axes, what in zip(panels[:, 0], ["state"] + ["energy"] * count, strict=True):
+        axes.set_ylabel(f"largest relative error of {what}")
+    legends(figure, "runs")
+    return figure
+
+
+def of_panda(ways: dict[str, Any], runs: list[dict[str, Any]]) -> Any:
+    """Forward dynamics of a batch, and a second of motion, of one robot: the fronts, the steps, real time."""
+    figure = figures.new_figure(13.5, 6.0)
+    left, right = figure.subplots(1, 2)
+    ways_panel(left, ways, "panda: forward dynamics of a batch\n")
+    left.set(xlabel="ns a sample", ylabel="largest error / largest acceleration", ylim=(1e-16, 1e-3))
+    left.set_xlim(right=12 * max(x["ns"] for x in ways["options"]))
+    words = []
+    for x in ways["options"]:
+        engine, _, call = x["name"].rpartition(" ")
+        kind = ", float32" if "32" in engine else ", untraced" if engine.startswith("untraced") else ""
+        if x["error"] is not None:
+            words.append((x["ns"], x["error"], call + kind, COLOURS[call]))
+    figures.place_labels(left, words, size=8.0)
+    rows = [row for row in runs if row["duration"] == 1.0]
+    steps = runs_panel(right, rows, "state", "panda: a second of free motion")
+    right.set(xlabel="ms of computing for a second of motion", ylabel="largest relative error of q and v")
+    real_time(right)
+    draw_front(right, front_of([(1e-6 * row["ns"], row["state"]) for row in rows if row["state"] is not None]))
+    right.legend(
+        loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False,
+        title="labels: step dt [s],\nrtol of dop853\ndotted: the front", title_fontsize="small",
+    )  # fmt: skip
+    figures.place_labels(right, outermost_first(steps, len(METHODS)), size=6.5)
+    return figure
+
+
+def front_of(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Points (cost, error) of which none is both cheaper and more accurate, by cost."""
+    kept: list[tuple[float, float]] = []
+    for cost, error in sorted(points):
+        if not kept or error < kept[-1][1]:
+            kept.append((cost, error))
+    return kept
 
 
 def _saved(figure: Any, path: Path) -> Path:
@@ -424,9 +465,9 @@ def _saved(figure: Any, path: Path) -> Path:
 
 
 def main() -> None:
-    """Run what is asked for and write it down."""
+    """Run the chosen parts and write the results."""
     assert __doc__
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="fewer states, 1 and 10 s, 3 models of the promise")
     parser.add_argument("--only", default="evaluations,motions,promise", help="parts, separated by commas; or figures")
     parser.add_argument("--models", default="", help="of motions, by name, separated by semicolons; by default all")

@@ -14,18 +14,13 @@ quaternions x y z w, the velocity of a floating base in its own frame.
 
 from __future__ import annotations
 
-from .accuracy.diagnose import diagnose
-from .accuracy.findings import Diagnosis, Finding
-from .accuracy.results import Option, Recommendation, Tradeoff
-from .accuracy.simplify import simplify
-from .accuracy.tradeoff import recommend, trade
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from .calls import dynamics as _dynamics
-from .calls.dynamics import *
-from .calls.exact import Exact, exact
-from .calls.forward_dynamics import forward_dynamics
-from .calls.specialize import Specialized, specialize
+from .calls.dynamics import set_num_threads as set_num_threads
+from .calls.dynamics import total_mass as total_mass
 from .calls.states import random_configuration, step, wrench_at
-from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
 from .engines.compiled.numba_kernels import kernels
 from .errors import (
     ConfigurationError,
@@ -39,20 +34,37 @@ from .errors import (
     SpatialDynError,
     UrdfError,
 )
-from .interop.names import suggestion as _suggestion
-from .interop.pinocchio import from_pinocchio
-from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
-from .lagrangian.check_conservation import check_conservation
-from .lagrangian.conserved import conserved_quantities
-from .lagrangian.coriolis_constructions import ChristoffelC, verify_skew_symmetry
-from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
-from .lagrangian.symbolic_manipulator import SymbolicManipulator
-from .model.builder import ModelBuilder
 from .model.model import Frame, Joint, Model, assemble
 from .model.robot import Robot
-from .simulation import PD, Rollout, Trajectory, hamilton_simulation, integrators, rollout, simulate
 from .urdf.load import load_urdf
-from .validate import compare_with_pinocchio
+
+if TYPE_CHECKING:
+    from .accuracy.diagnose import diagnose
+    from .accuracy.findings import Diagnosis, Finding
+    from .accuracy.results import Option, Recommendation, Tradeoff
+    from .accuracy.simplify import simplify
+    from .accuracy.tradeoff import recommend, trade
+    from .calls.dynamics import *
+    from .calls.exact import Exact, exact
+    from .calls.forward_dynamics import forward_dynamics
+    from .calls.prepare import compile
+    from .calls.specialize import Specialized, specialize
+    from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
+    from .interop.pinocchio import from_pinocchio
+    from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
+    from .lagrangian.check_conservation import check_conservation
+    from .lagrangian.conserved import conserved_quantities
+    from .lagrangian.coriolis_constructions import ChristoffelC, verify_skew_symmetry
+    from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
+    from .lagrangian.symbolic_manipulator import SymbolicManipulator
+    from .model.builder import ModelBuilder
+    from .pictures.plots import plot
+    from .pictures.scene import view
+    from .simulation.methods import integrators
+    from .simulation.rollouts import PD, Rollout, rollout
+    from .simulation.runs import hamilton_simulation, simulate
+    from .simulation.trajectory import Trajectory
+    from .validate.comparison import compare_with_pinocchio
 
 __version__ = "0.1.0"
 __all__ = [
@@ -61,11 +73,32 @@ __all__ = [
     "Impact", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError", "Option", "PD",
     "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
     "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "assemble", "check_conservation",
-    "compare_with_pinocchio", "conserved_quantities", "constrained_dynamics", "diagnose", "exact", "forward_dynamics",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "integrators",
-    "kernels", "load_urdf", "poisson_bracket", "random_configuration", "recommend", "rollout", "simplify", "simulate",
-    "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "wrench_at",
+    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics", "diagnose", "exact",
+    "forward_dynamics", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "impact", "integrators", "kernels", "load_urdf", "plot", "poisson_bracket", "random_configuration", "recommend",
+    "rollout", "simplify", "simulate", "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry",
+    "view", "wrench_at",
 ]  # fmt: skip
+
+_LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
+    "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
+    "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
+    "accuracy.tradeoff": "recommend trade", "calls.exact": "Exact exact",
+    "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
+    "calls.specialize": "Specialized specialize",
+    "constraints.contact": "Constrained Impact constrained_dynamics impact", "interop.pinocchio": "from_pinocchio",
+    "interop.states": "from_drake from_mujoco to_drake to_mujoco",
+    "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
+    "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
+    "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
+    "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
+    "pictures.plots": "plot", "pictures.scene": "view",
+    "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
+    "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",
+    "validate.comparison": "compare_with_pinocchio",
+}  # fmt: skip
+_MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
+_ROOMS = ("accuracy", "constraints", "interop", "lagrangian", "pictures", "simulation", "validate")
 
 
 def __dir__() -> list[str]:
@@ -73,5 +106,20 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> object:
-    found = "" if name.startswith("_") else _suggestion(name, __all__)
+    if name in _dynamics.calls:
+        value: object = _dynamics.calls[name]
+        globals()[name] = value
+        return value
+    if name in _MODULE_OF:
+        value = getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+        globals()[name] = value
+        return value
+    if name in _ROOMS:
+        return import_module(f".{name}", __name__)
+    if name.startswith("_"):
+        found = ""
+    else:
+        from .interop.names import suggestion
+
+        found = suggestion(name, __all__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}" + (f", {found}" if found else ""))

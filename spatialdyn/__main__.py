@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import sys
 
-from .commands.cli import main
+from .commands.entry import main
 
 sys.exit(main())

@@ -18,7 +18,7 @@ class ModelError(SpatialDynError):
 
 
 class InertiaError(SpatialDynError):
-    """An inertia no body can have, or a joint that moves no inertia where one is needed."""
+    """An inertia no body can have, or a joint with zero articulated inertia where one is needed."""
 
 
 class ShapeError(SpatialDynError):

@@ -11,6 +11,7 @@ first; every 6-vector that a function takes or returns is linear first, as the l
 kind            q                       v
 revolute        angle                   rate about the axis
 prismatic       displacement            rate along the axis
+helical         angle                   rate about the axis, along which the body moves by pitch a radian
 continuous_cs   cos, sin of the angle   rate about the axis
 spherical       quaternion x y z w      angular velocity in the body frame
 floating        x y z, quaternion       body twist in the body frame, linear first
@@ -32,8 +33,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-NQ = dict(revolute=1, prismatic=1, continuous_cs=2, spherical=4, floating=7, planar=3, planar_cs=4)
-NV = dict(revolute=1, prismatic=1, continuous_cs=1, spherical=3, floating=6, planar=3, planar_cs=3)
+NQ = dict(revolute=1, prismatic=1, helical=1, continuous_cs=2, spherical=4, floating=7, planar=3, planar_cs=4)
+NV = dict(revolute=1, prismatic=1, helical=1, continuous_cs=1, spherical=3, floating=6, planar=3, planar_cs=3)
 REFERENCES = ("local", "world", "local_world_aligned")
 
 
@@ -47,6 +48,7 @@ class Body:
     placement  (4, 4) pose of the joint in the parent's frame
     mass       [kg];  com (3,) [m];  inertia (3, 3) about the com [kg m²]; in the body's frame
     armature   added to every M_ii of the joint [kg m² | kg]
+    pitch      of a helical joint [m/rad]
     """
 
     parent: int
@@ -57,6 +59,7 @@ class Body:
     com: ArrayLike = (0.0, 0.0, 0.0)
     inertia: ArrayLike = field(default_factory=lambda: np.zeros((3, 3)))
     armature: float = 0.0
+    pitch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -208,6 +211,9 @@ def joint_pose(body: Body, q: Array) -> Array:
         return pose(rotation_about(body.axis, q[0], q[1]))
     if body.kind == "prismatic":
         return pose(p=q[0] * np.asarray(body.axis, float))
+    if body.kind == "helical":
+        turned = pose(rotation_about(body.axis, np.cos(q[0]), np.sin(q[0])))
+        return turned @ pose(p=body.pitch * q[0] * np.asarray(body.axis, float))
     if body.kind == "spherical":
         return pose(rotation_of(q))
     if body.kind == "floating":
@@ -224,6 +230,8 @@ def subspace(body: Body) -> Array:
         return np.r_[axis, np.zeros(3)][:, None]
     if body.kind == "prismatic":
         return np.r_[np.zeros(3), axis][:, None]
+    if body.kind == "helical":
+        return np.r_[axis, body.pitch * axis][:, None]
     if body.kind == "spherical":
         return np.vstack([one, o])
     if body.kind == "floating":
@@ -661,7 +669,7 @@ def integrate(tree: Tree, q: ArrayLike, v: ArrayLike) -> Array:
     q, v = np.array(q, float), np.asarray(v, float)
     for body, at, to in zip(tree.bodies, tree.q_slices[1:], tree.v_slices[1:], strict=True):
         x, d = q[at], v[to]  # x is a view: q is written through it
-        if body.kind in ("revolute", "prismatic"):
+        if body.kind in ("revolute", "prismatic", "helical"):
             x[0] += d[0]
         elif body.kind == "continuous_cs":
             x[:] = expm(d[0] * np.array([[0.0, -1.0], [1.0, 0.0]])) @ x
@@ -687,7 +695,7 @@ def difference(tree: Tree, q0: ArrayLike, q1: ArrayLike) -> Array:
     q0, q1, v = np.asarray(q0, float), np.asarray(q1, float), np.zeros(tree.nv)
     for body, at, to in zip(tree.bodies, tree.q_slices[1:], tree.v_slices[1:], strict=True):
         x, y, d = q0[at], q1[at], v[to]
-        if body.kind in ("revolute", "prismatic"):
+        if body.kind in ("revolute", "prismatic", "helical"):
             d[:] = y - x
         elif body.kind == "continuous_cs":
             d[0] = np.arctan2(x[0] * y[1] - x[1] * y[0], x[0] * y[0] + x[1] * y[1])

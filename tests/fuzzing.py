@@ -1,6 +1,6 @@
 """How much is fuzzed: some thousand cases, the same ones in every run; more of them, and others each time, on demand.
 
-SPATIALDYN_FUZZ=20 runs twenty times as many; ``benchmarks/fuzz.py --minutes 30`` goes on for as long as it is told.
+SPATIALDYN_FUZZ=20 runs twenty times as many; ``benchmarks/fuzz.py --minutes 30`` runs that long.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import json
 import sys
 from pathlib import Path
@@ -32,6 +34,12 @@ import report  # noqa: E402
 import run  # noqa: E402
 import tables  # noqa: E402
 import tradeoff  # noqa: E402
+
+_found = importlib.util.spec_from_file_location("benchmark_of_compat", BENCHMARKS / "compat.py")
+assert _found is not None
+assert _found.loader is not None
+compat = importlib.util.module_from_spec(_found)  # ``import compat`` may be the tests of that name
+_found.loader.exec_module(compat)
 
 SAMPLES = 20
 EPS = float(np.finfo(float).eps)
@@ -214,6 +222,14 @@ def test_no_kept_recommendation_broke_its_promise(kept: dict[str, Any]) -> None:
         assert row["way"] is None or row["error"] <= row["tolerance"]
 
 
+def test_work_precision_figures_of_one_robot_are_drawn(kept: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    written = tradeoff.draw({what: {"panda": kept[what]["panda"]} for what in ("evaluations", "motions")}, tmp_path)
+    assert {path.name for path in written} == {"tradeoff_evaluations.png", "tradeoff_robots.png", "tradeoff.png"}
+    assert all(path.stat().st_size > 10_000 for path in written)
+
+
+@pytest.mark.slow(quick="test_work_precision_figures_of_one_robot_are_drawn")
 def test_work_precision_figures_are_drawn(kept: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     written = tradeoff.draw(kept, tmp_path)
@@ -231,3 +247,67 @@ def test_plots_are_written_in_both_forms(results: dict[str, Any], tmp_path: Path
 def test_the_readme_holds_the_kept_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["report.py", "--check"])
     assert report.main() == 0
+
+
+SCRIPTS = [path for path in sorted(BENCHMARKS.glob("*.py")) if "__main__" in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_every_script_says_what_it_does(script: Path) -> None:
+    """``--help`` is argparse's, with the script's own words; it runs nothing."""
+    tree = ast.parse(script.read_text(encoding="utf-8"))
+    made = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("ArgumentParser")
+    ]
+    assert len(made) == 1
+    described = {keyword.arg: ast.unparse(keyword.value) for keyword in made[0].keywords}["description"]
+    assert "__doc__" in described
+    assert ast.get_docstring(tree)
+
+
+@pytest.mark.parametrize("main", [report.main, lambda: compat.main(["--help"]), plots.main])
+def test_help_runs_nothing(main: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["script", "--help"])
+    before = (BENCHMARKS.parent / "README.md").read_bytes()
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert "usage:" in capsys.readouterr().out
+    assert (BENCHMARKS.parent / "README.md").read_bytes() == before
+
+
+def test_an_unknown_group_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        compat.main(["tipes"])
+    assert "group is 'tipes', expected some of types, panda" in capsys.readouterr().err
+
+
+# --- what pictures hold -----------------------------------------------------------------------------------
+
+
+def test_no_panel_is_empty_and_no_colour_means_two_things(results: dict[str, Any], kept: dict[str, Any]) -> None:
+    pytest.importorskip("matplotlib")
+    drawn = [plots.throughput(results), plots.chains(results), tradeoff.all_ways(kept["evaluations"])]
+    talos = {"talos": kept["motions"]["talos"]}
+    drawn += [
+        tradeoff.all_runs(talos),
+        tradeoff.of_panda(kept["evaluations"]["panda"], kept["motions"]["panda"]["runs"]),
+    ]
+    for figure in drawn:
+        for axes in figure.axes:
+            assert axes.lines or axes.texts, axes.get_title()
+            if axes.lines:
+                assert axes.get_xlabel() or axes.get_xticklabels()
+            for axis in (axes.xaxis, axes.yaxis):  # the ticks of a logarithmic axis are powers of ten, far apart
+                assert axis.get_scale() == "linear" or len(axis.get_ticklabels(minor=True)) in (
+                    0,
+                    len(axis.get_ticklocs()),
+                )
+    assert len(set(tradeoff.COLOURS.values())) == len(tradeoff.COLOURS)
+
+
+def test_the_front_is_what_nothing_beats() -> None:
+    points = [(3.0, 0.1), (1.0, 1.0), (2.0, 2.0), (4.0, 0.1), (2.0, 0.5)]
+    assert tradeoff.front_of(points) == [(1.0, 1.0), (2.0, 0.5), (3.0, 0.1)]

@@ -8,7 +8,7 @@ import dense
 import numpy as np
 import pytest
 from dense import Array, Body, Tree
-from trees import RandomTree, random_state, random_tree
+from trees import KINDS, SCREWS, RandomTree, random_state, random_tree
 
 EPS = np.finfo(float).eps
 IDENTITY = 2000 * EPS  # relative to the largest number: 6 x 6 products along a dozen bodies, M up to 1e4 in condition
@@ -20,6 +20,7 @@ TREES = {
     "tree": lambda: random_tree(2, 10),
     "pairs": lambda: random_tree(3, 10, continuous="cos_sin"),
     "floating": lambda: random_tree(4, 9, floating=True, continuous="cos_sin", gravity=(1.0, -2.0, 3.0)),
+    "screws": lambda: random_tree(6, 7, SCREWS),
     "one": lambda: random_tree(5, 1, ("prismatic",), fixed=False),
 }
 
@@ -250,20 +251,20 @@ def turn(body: Body) -> Array:
 def to_pinocchio(pin: Any, tree: Tree) -> Any:
     """The same tree as a Pinocchio model, with the body frames of ``turn``."""
     kinds = {
-        "revolute": lambda a: pin.JointModelRevoluteUnaligned(a),
-        "prismatic": lambda a: pin.JointModelPrismaticUnaligned(a),
-        "continuous_cs": lambda a: pin.JointModelRUBZ(),
-        "spherical": lambda a: pin.JointModelSpherical(),
-        "floating": lambda a: pin.JointModelFreeFlyer(),
-        "planar_cs": lambda a: pin.JointModelPlanar(),
+        "revolute": lambda b: pin.JointModelRevoluteUnaligned(np.asarray(b.axis, float)),
+        "prismatic": lambda b: pin.JointModelPrismaticUnaligned(np.asarray(b.axis, float)),
+        "helical": lambda b: pin.JointModelHelicalUnaligned(np.asarray(b.axis, float), b.pitch),
+        "continuous_cs": lambda b: pin.JointModelRUBZ(),
+        "spherical": lambda b: pin.JointModelSpherical(),
+        "floating": lambda b: pin.JointModelFreeFlyer(),
+        "planar_cs": lambda b: pin.JointModelPlanar(),
     }
     model = pin.Model()
     model.gravity = pin.Motion(np.array(tree.gravity), np.zeros(3))
     turns = [np.eye(3), *(turn(b) for b in tree.bodies)]
     for i, b in enumerate(tree.bodies, 1):
         placement = dense.pose(turns[max(b.parent, 0)].T) @ b.placement @ dense.pose(turns[i])
-        joint = kinds[b.kind](np.asarray(b.axis, float))
-        model.addJoint(max(b.parent, 0), joint, pin.SE3(placement), f"j{i}")
+        model.addJoint(max(b.parent, 0), kinds[b.kind](b), pin.SE3(placement), f"j{i}")
         Q = turns[i].T
         inertia = pin.Inertia(b.mass, Q @ np.asarray(b.com), Q @ np.asarray(b.inertia) @ Q.T)
         model.appendBodyToJoint(i, inertia, pin.SE3.Identity())
@@ -271,10 +272,12 @@ def to_pinocchio(pin: Any, tree: Tree) -> Any:
     return model
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(6))
 def test_oracle_equals_pinocchio(seed: int) -> None:
+    """From seed 4 on with helical joints."""
     pin = pytest.importorskip("pinocchio")
-    tree = random_tree(20 + seed, 9, floating=bool(seed % 2), continuous="cos_sin", gravity=(0.3, -0.2, -9.7)).tree
+    kinds, gravity = SCREWS if seed > 3 else KINDS, (0.3, -0.2, -9.7)
+    tree = random_tree(20 + seed, 9, kinds, bool(seed % 2), "cos_sin", gravity=gravity).tree
     model = to_pinocchio(pin, tree)
     data = model.createData()
     armature = model.armature.copy()
@@ -293,8 +296,8 @@ def test_oracle_equals_pinocchio(seed: int) -> None:
     same(dense.bias(tree, q, v), pin.nonLinearEffects(model, data, q, v), "bias")
     same(dense.gravity_torque(tree, q), pin.computeGeneralizedGravity(model, data, q), "gravity")
     same(dense.minverse(tree, q), pin.computeMinverse(model, data, q), "minverse")
-    # Pinocchio 4.1 leaves the armature of JointModelRevoluteUnaligned out of T, though not out of M
-    hinges = [b.kind == "revolute" for b in tree.bodies for _ in range(dense.NV[b.kind])]
+    # Pinocchio 4.1 leaves the armature of JointModelRevoluteUnaligned and HelicalUnaligned out of T, not out of M
+    hinges = [b.kind in ("revolute", "helical") for b in tree.bodies for _ in range(dense.NV[b.kind])]
     lost = 0.5 * float(np.sum((model.armature * v**2)[hinges]))
     model.armature = np.where(hinges, 0.0, model.armature)
     theirs = pin.computeKineticEnergy(model, data, q, v)

@@ -1,4 +1,4 @@
-"""Who may import whom, who may touch files, who may print: the plan of the house, held against the sources."""
+"""Which room may import which, touch files, print: the table of rooms, checked against the sources."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import spatialdyn
+from spatialdyn.calls.dynamics import calls
 from spatialdyn.engines.compiled.numba_kernels import COMPILED, package_folder
 from spatialdyn.recursions import SPECS
 
@@ -29,48 +32,72 @@ BELOW: dict[str, tuple[str, ...]] = {
     "engines": ("recursions", "errors"),
     "calls": ("model", "engines"),
     "constraints": ("calls",),
-    "lagrangian": ("calls",),
+    "lagrangian": ("calls", "urdf"),
     "interop": ("calls",),
     "simulation": ("lagrangian", "constraints"),
     "accuracy": ("simulation",),
     "validate": ("interop", "urdf"),
-    "compat": ("accuracy", "interop", "urdf"),
-    "__init__": ("accuracy", "validate"),
-    "commands": ("__init__", "compat"),
+    "pictures": ("validate", "accuracy"),
+    "compat": ("pictures", "accuracy", "interop", "urdf"),
+    "__init__": ("accuracy", "validate", "pictures"),
+    "examples": ("__init__", "compat"),
+    "commands": ("examples",),
     "__main__": ("commands",),
 }
 # What lies in a room of several, low to high: each may import those before it.
 FLOORS: dict[str, tuple[str, ...]] = {
-    "engines": ("compiled", "programs", "numbers"),
+    "engines": ("threads", "interrupt", "memory", "compiled", "programs", "numbers", "run", "extended"),
     "compat": ("native", "pinocchio"),
     "compat.pinocchio": ("coverage", "types", "model", "data", "algorithms"),
 }
 LOOSE = {"__init__", "__main__", "errors"}  # the only modules at the package's root
 # Imports that go up nonetheless, made by a function when it is called.
-UPWARD: dict[tuple[str, str], str] = {}
+UPWARD: dict[tuple[str, str], str] = {
+    (room, "pictures"): "methods that draw"
+    for room in ("calls", "model", "lagrangian", "simulation", "accuracy", "validate")
+}
+# Functions below ``pictures`` that draw: each is a docstring, one import from there, and one call.
+DRAW: dict[str, set[str]] = {
+    "model.model": {"_repr_html_"},
+    "lagrangian.symbolic_manipulator": {"_repr_html_"},
+    "simulation.trajectory": {"plot", "report", "_repr_html_"},
+    "simulation.rollouts": {"plot", "_repr_html_"},
+    "calls.progress": {"bar"},
+    "accuracy.results": {"plot", "report", "_repr_html_"},
+    "accuracy.findings": {"report", "_repr_html_"},
+    "validate.rows": {"_repr_html_"},
+}
 
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
-CHANGED = {"engines.programs.batch_kernels": {"_kept", "team"}, "engines.compiled.disk_cache": {"_once"}}
+CHANGED = {
+    "engines.programs.batch_kernels": {"_programs"}, "engines.compiled.disk_cache": {"_done"},
+    "algebra.scalars": {"_waiting"},
+}  # fmt: skip
 
 # what recursions import of their own room
 SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
-    "square_root_rows", "square_root_inertia",
+    "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "engines"}
+TOUCH_FILES = {"urdf", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, and a script; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port",
-    "compat.pinocchio.coverage.strictness",
+    "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
-NAME_FILES = {"validate", "commands"}  # tells Pinocchio which file to read; asks how wide the terminal is
-PRINT = {"commands"}
+NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
+PRINT = {"commands", "examples"}
+COMPILES_ITS_OWN = {"examples.own_loop"}  # a loop as a user writes one, not cached: the stamp does not name it
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
 FILE_CALLS = {
     "open", "read_text", "read_bytes", "write_text", "write_bytes", "glob", "rglob", "iterdir", "unlink", "mkdir",
     "fromfile", "tofile", "loadtxt", "savetxt", "genfromtxt", "memmap",
 }  # fmt: skip
-LATE = {"yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas"}
+LATE = {
+    "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
+    "IPython",
+}  # fmt: skip
+HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}
 
 
@@ -85,6 +112,12 @@ def modules() -> dict[str, ast.Module]:
 
 MODULES = modules()
 NAMES = sorted(MODULES)
+
+
+@cache
+def nodes(name: str) -> list[ast.AST]:
+    """Every node of a module's syntax tree."""
+    return list(ast.walk(MODULES[name]))
 
 
 def room_of(name: str) -> str:
@@ -106,7 +139,7 @@ def everything_below(room: str) -> set[str]:
 def own_imports(name: str) -> Iterator[str]:
     """Dotted names below the package of the modules that a module imports, wherever in it."""
     package = ["spatialdyn", *name.split(".")[:-1]]
-    for node in ast.walk(MODULES[name]):
+    for node in nodes(name):
         if isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[2] or "__init__" for alias in node.names if is_own(alias.name))
         elif isinstance(node, ast.ImportFrom):
@@ -132,7 +165,7 @@ def is_module(name: str) -> bool:
 def foreign_imports(name: str) -> set[str]:
     """Top-level names of the other packages that a module imports, wherever in it."""
     found = set()
-    for node in ast.walk(MODULES[name]):
+    for node in nodes(name):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -142,7 +175,7 @@ def foreign_imports(name: str) -> set[str]:
 
 def called(name: str) -> Iterator[tuple[str, str]]:
     """Calls in a module: ("", f) for f(...), ("x", f) for x.f(...)."""
-    for node in ast.walk(MODULES[name]):
+    for node in nodes(name):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             yield "", node.func.id
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
@@ -150,7 +183,7 @@ def called(name: str) -> Iterator[tuple[str, str]]:
             yield value.id if isinstance(value, ast.Name) else "?", node.func.attr
 
 
-# --- who imports whom -----------------------------------------------------------------------------------
+# --- imports --------------------------------------------------------------------------------------------
 
 
 def test_every_module_has_its_room_in_the_table() -> None:
@@ -172,9 +205,26 @@ def test_no_module_imports_one_above_or_beside_it(name: str) -> None:
 
 def test_every_exempt_import_is_still_made_and_by_a_function() -> None:
     for below, above in UPWARD:
-        assert above in {room_of(imported) for imported in own_imports(below)}
-        top = {alias for node in MODULES[below].body if isinstance(node, ast.ImportFrom) for alias in [node.module]}
-        assert above not in top
+        names = [name for name in NAMES if room_of(name) == below]
+        assert above in {room_of(imported) for name in names for imported in own_imports(name)}
+        for name in names:
+            top = {(node.module or "") for node in MODULES[name].body if isinstance(node, ast.ImportFrom)}
+            assert above not in {part for module in top for part in module.split(".")}
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if "pictures" not in everything_below(room_of(name))])
+def test_what_draws_below_pictures_is_one_late_import_and_one_call(name: str) -> None:
+    found = set()
+    for function in ast.walk(MODULES[name]):
+        if isinstance(function, ast.FunctionDef) and any(_imports_pictures(node) for node in ast.walk(function)):
+            found.add(function.name)
+            body = function.body[1:] if ast.get_docstring(function) else function.body
+            assert [type(node) for node in body] in ([ast.ImportFrom, ast.Return], [ast.ImportFrom, ast.Expr])
+    assert found == DRAW.get(name, set())
+
+
+def _imports_pictures(node: ast.AST) -> bool:
+    return isinstance(node, ast.ImportFrom) and "pictures" in (node.module or "").split(".")
 
 
 def test_modules_of_one_room_import_each_other_in_no_circle() -> None:
@@ -193,13 +243,23 @@ def test_recursions_know_tables_and_numbers_only(name: str) -> None:
     assert foreign_imports(name) & {"numpy", "numba", "llvmlite", "scipy"} <= arrays
 
 
+@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "recursions"])
+def test_signatures_of_recursions_name_what_they_take(name: str) -> None:
+    """``bodies: Bodies``, not ``bodies: Any``; in ``configuration`` joints' own functions take pieces of arrays."""
+    if not name.startswith("recursions.configuration"):
+        for node in nodes(name):
+            if isinstance(node, ast.FunctionDef):
+                kinds = [ast.unparse(x.annotation) for x in node.args.args if x.annotation]
+                assert "Any" not in kinds, node.name
+
+
 @pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "engines"])
 def test_engines_know_recursions_by_their_specs_only(name: str) -> None:
     seen = {m for m in own_imports(name) if room_of(m) == "recursions"}
     assert seen <= {"recursions", "recursions.spec"}
-    words = {node.value for node in ast.walk(MODULES[name]) if isinstance(node, ast.Constant)}
-    words |= {node.id for node in ast.walk(MODULES[name]) if isinstance(node, ast.Name)}
-    words |= {node.attr for node in ast.walk(MODULES[name]) if isinstance(node, ast.Attribute)}
+    words = {node.value for node in nodes(name) if isinstance(node, ast.Constant)}
+    words |= {node.id for node in nodes(name) if isinstance(node, ast.Name)}
+    words |= {node.attr for node in nodes(name) if isinstance(node, ast.Attribute)}
     assert words & set(SPECS) == set()
 
 
@@ -222,11 +282,11 @@ def test_no_room_has_the_name_of_a_public_call() -> None:
     assert set(BELOW) & set(spatialdyn.__all__) == set()
 
 
-# --- who touches files, who speaks ----------------------------------------------------------------------
+# --- files and output -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) not in TOUCH_FILES and name not in SAVE])
-def test_only_urdf_and_engines_touch_files(name: str) -> None:
+def test_only_some_rooms_touch_files(name: str) -> None:
     assert {f for _, f in called(name)} & FILE_CALLS == set()
     assert {f for of, f in called(name) if of in ("np", "numpy", "pickle", "json")} & {"load", "save", "dump"} == set()
     if room_of(name) not in NAME_FILES:
@@ -234,11 +294,11 @@ def test_only_urdf_and_engines_touch_files(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_only_the_command_line_prints_and_nobody_logs(name: str) -> None:
+def test_only_commands_and_examples_print_and_no_module_logs(name: str) -> None:
     assert "logging" not in foreign_imports(name)
     if room_of(name) not in PRINT:
         assert ("", "print") not in set(called(name))
-        attributes = {node.attr for node in ast.walk(MODULES[name]) if isinstance(node, ast.Attribute)}
+        attributes = {node.attr for node in nodes(name) if isinstance(node, ast.Attribute)}
         assert attributes & {"stdout", "stderr"} == set()
 
 
@@ -264,27 +324,67 @@ def test_slow_and_optional_packages_are_imported_when_needed(name: str) -> None:
 
 
 def test_importing_the_package_imports_none_of_them() -> None:
-    """None that Numba does not bring: it imports SciPy where there is one."""
+    """Importing Numba takes 0.2 s and brings SciPy where there is one; concurrent.futures is a thread pool's."""
     code = f"""
-import sys, numba
-brought = set(sys.modules)
-import spatialdyn
-print(*sorted({{name.split(".")[0] for name in set(sys.modules) - brought}} & {LATE!r}))
+import sys, spatialdyn
+heavy = {LATE | HEAVY!r}
+print(*sorted(name for name in sys.modules if name in heavy))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
     assert done.stdout.split() == []
 
 
+@pytest.mark.parametrize("words", [["--help"], ["info", "two_link"], ["info", "--json"]])
+def test_the_command_line_imports_what_it_uses(words: list[str]) -> None:
+    code = f"""
+import contextlib, io, sys
+from spatialdyn.commands import cli
+with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()) as shown:
+    cli.main({words!r})
+assert shown.getvalue()
+heavy = {(LATE | HEAVY) - {"rich", "lxml"}!r} | {{"spatialdyn.accuracy", "spatialdyn.simulation", "spatialdyn.compat"}}
+print(*sorted(name for name in sys.modules if name in heavy))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
+    assert done.stdout.split() == []
+
+
+def test_public_names_that_are_imported_late_are_declared_for_type_checkers() -> None:
+    """Under ``if TYPE_CHECKING``, from the module that has them."""
+    branch = next(node for node in MODULES["__init__"].body if isinstance(node, ast.If))
+    lines = [node for node in branch.body if isinstance(node, ast.ImportFrom)]
+    assert ast.unparse(branch.test) == "TYPE_CHECKING"
+    declared = {alias.name: line.module for line in lines for alias in line.names}
+    assert declared.pop("*") == "calls.dynamics"  # those of SPECS
+    assert declared == spatialdyn._MODULE_OF
+    for name, module in spatialdyn._MODULE_OF.items():
+        assert getattr(spatialdyn, name) is getattr(import_module(f"spatialdyn.{module}"), name)
+    for name in SPECS:
+        assert getattr(spatialdyn, name) is calls[name]
+    assert {x for x in vars(spatialdyn) if x in spatialdyn.__all__} == set(spatialdyn.__all__)  # kept once asked for
+
+
+def test_rooms_are_attributes_of_the_package_without_an_import() -> None:
+    code = """
+import sys, spatialdyn
+for room in spatialdyn._ROOMS:
+    assert f"spatialdyn.{room}" not in sys.modules, room
+    assert getattr(spatialdyn, room) is sys.modules[f"spatialdyn.{room}"]
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=PACKAGE.parent, check=True)
+
+
 def compiles(name: str) -> bool:
     """Whether a module makes functions for compiled code."""
-    imported = {
-        alias.name for node in ast.walk(MODULES[name]) if isinstance(node, ast.ImportFrom) for alias in node.names
-    }
-    makers = {"inlined", "woven", "called", "define", "njit", "register_jitable", "overload", "intrinsic"}
+    imported = {alias.name for node in nodes(name) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    makers = {"inline", "inline_unoptimized", "no_inline", "kernel_from_text", "njit"}
+    makers |= {"register_jitable", "overload", "intrinsic", "compiled_as"}
     return bool(imported & makers) or bool({"numba", "llvmlite"} & foreign_imports(name))
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if home_of(name) not in COMPILED])
+@pytest.mark.parametrize(
+    "name", [name for name in NAMES if home_of(name) not in COMPILED and name not in COMPILES_ITS_OWN]
+)
 def test_what_the_stamp_leaves_out_compiles_nothing(name: str) -> None:
     assert not compiles(name)
 
@@ -294,13 +394,15 @@ def test_the_stamp_starts_from_the_package() -> None:
 
 
 def test_the_stamp_names_rooms_that_compile() -> None:
-    assert {home_of(name) for name in NAMES if compiles(name)} | {"bodies"} == set(COMPILED)
+    compiling = {name for name in NAMES if compiles(name)}
+    assert COMPILES_ITS_OWN <= compiling
+    assert {home_of(name) for name in compiling - COMPILES_ITS_OWN} | {"bodies"} == set(COMPILED)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if home_of(name) in COMPILED])
 def test_compiled_code_takes_no_constant_from_a_room_that_the_stamp_leaves_out(name: str) -> None:
     taken = set()
-    for node in ast.walk(MODULES[name]):
+    for node in nodes(name):
         if isinstance(node, ast.ImportFrom) and node.module and node.level > name.count("."):
             constants = {alias.name for alias in node.names if alias.name.isupper()}
             taken |= set() if home_of(node.module) in COMPILED else constants
@@ -308,10 +410,10 @@ def test_compiled_code_takes_no_constant_from_a_room_that_the_stamp_leaves_out(n
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_nobody_asks_for_fastmath_altogether(name: str) -> None:
+def test_no_module_sets_fastmath_true(name: str) -> None:
     """``fastmath=True`` deletes checks for NaN."""
-    asked = [node.value for node in ast.walk(MODULES[name]) if isinstance(node, ast.keyword) and node.arg == "fastmath"]
-    for node in ast.walk(MODULES[name]):
+    asked = [node.value for node in nodes(name) if isinstance(node, ast.keyword) and node.arg == "fastmath"]
+    for node in nodes(name):
         if isinstance(node, ast.Dict):
             pairs = zip(node.keys, node.values, strict=True)
             asked += [value for key, value in pairs if isinstance(key, ast.Constant) and key.value == "fastmath"]
@@ -321,7 +423,7 @@ def test_nobody_asks_for_fastmath_altogether(name: str) -> None:
 
 
 def test_every_recursion_is_written_once() -> None:
-    """Under its own name; a face gives the calls other names, some of which are the same."""
+    """Under its own name; the Pinocchio names are other functions, some of the same name."""
     written = Counter(
         node.name
         for name, tree in MODULES.items()
@@ -331,6 +433,18 @@ def test_every_recursion_is_written_once() -> None:
     )
     assert {name: written[name] for name in {"rnea", "crba", "aba"}} == {"rnea": 1, "crba": 1, "aba": 1}
     assert {spec.recursion.__name__ for spec in SPECS.values() if written[spec.recursion.__name__] != 1} == set()
+
+
+def test_facts_are_written_once() -> None:
+    """The unit of rounding, and the velocity of a body from its parent's."""
+    numbers = [
+        name for name, tree in MODULES.items() for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value in (2.0**-52, 4e-16, 2e-6)
+    ]  # fmt: skip
+    assert sorted(numbers) == ["algebra.rotations", "algebra.scalars", "urdf.strict_xml"]  # the last: of an angle
+    velocities = "motion_to_child(pose_of(here.X), motion_of(parent.v))", "motion_to_child(X, motion_of(parent.v))"
+    lines = {name: ast.unparse(tree) for name, tree in MODULES.items() if room_of(name) == "recursions"}
+    assert {name for name, text in lines.items() if any(line in text for line in velocities)} == {"recursions.steps"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -362,3 +476,15 @@ def test_no_function_changes_what_its_module_holds(name: str) -> None:
             if isinstance(changed, ast.Name) and changed.id in held - local:
                 found.add(changed.id)
     assert found == CHANGED.get(name, set())
+
+
+def test_tests_lie_in_folders_named_as_the_rooms() -> None:
+    """tests/ROOM/test_*.py; what is of no single room, the package as a whole and its README, is at their root."""
+    here = Path(__file__).parent
+    folders = {path.parent.relative_to(here).as_posix() for path in here.rglob("test_*.py")} - {"."}
+    # tests of the Pinocchio names are of whole scripts and classes, not one per module
+    assert folders - {"compat"} <= {str(p.parent.relative_to(PACKAGE).as_posix()) for p in PACKAGE.rglob("__init__.py")}
+    loose = {path.stem for path in here.glob("test_*.py")}
+    assert loose == {
+        "test_layers", "test_readme", "test_benchmarks", "test_seed", "test_dense", "test_words", "test_slow",
+    }  # fmt: skip

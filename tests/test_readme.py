@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -47,3 +50,30 @@ def test_links_lead_to_files() -> None:
 def test_every_public_name_that_is_shown_is_there() -> None:
     shown = set(re.findall(r"`sd\.(\w+)", TEXT)) - {"mass_matrix"}  # shown as a name that is not there
     assert shown <= set(sd.__all__)
+
+
+# --- the blocks that CI runs ------------------------------------------------------------------------------
+
+
+def listed(root: Path) -> subprocess.CompletedProcess[str]:
+    """What ``.ci/run --list`` says in a folder."""
+    return subprocess.run(["bash", str(root / ".ci" / "run"), "--list"], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(os.name == "nt" or not (README.parent / ".ci" / "run").exists(), reason="no .ci/run")
+def test_ci_runs_the_marked_blocks_and_no_other(tmp_path: Path) -> None:
+    compare, test = marked = re.findall(r"^<!-- ci -->\n```bash\n(.*?)```$", TEXT, re.DOTALL | re.MULTILINE)
+    assert "spatialdyn compare" in compare
+    assert test.endswith("python -m pytest\n")
+    assert listed(README.parent).stdout == "".join(marked)
+
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(README.parent / ".ci" / "run", tmp_path / ".ci")
+    more = "\n```bash\nfalse\n```\n\n<!-- ci -->\n```python\nfalse\n```\n"
+    (tmp_path / "README.md").write_text(more + TEXT + more, encoding="utf-8")
+    assert listed(tmp_path).stdout == "".join(marked)
+    for text in (TEXT.replace("<!-- ci -->", "", 1), TEXT + "\n<!-- ci -->\n```bash\nfalse\n```\n"):
+        (tmp_path / "README.md").write_text(text, encoding="utf-8")
+        refused = listed(tmp_path)
+        assert refused.returncode == 1
+        assert refused.stderr == "README.md has not two blocks behind <!-- ci -->\n"

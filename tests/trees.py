@@ -17,6 +17,7 @@ from dense import NV, Array, Body, Tree, pose, rotation_of
 from spatialdyn.model.builder import ModelBuilder
 
 KINDS = ("revolute", "continuous", "prismatic", "spherical", "floating", "planar")
+SCREWS = (*KINDS, *("helical",) * len(KINDS))  # half of them helical; KINDS stays, for it is what seeds draw from
 AXES = np.vstack([np.eye(3), -np.eye(3)])
 
 
@@ -137,15 +138,16 @@ def random_tree(
         kind = str(rng.choice(list(kinds)))
         axis, placement, inertia = random_axis(rng), random_placement(rng), random_inertia(rng)
         rotor = float(rng.uniform(0.01, 0.5)) if armature and rng.random() < 0.5 else 0.0
-        name = f"b{number:04d}"
-        builder.add_body(name, link, kind, axis, placement, inertia, joint_name=f"j{number:04d}", armature=rotor)
+        pitch = float(rng.normal(scale=0.5)) if kind == "helical" else 0.0
+        name, joint = f"b{number:04d}", f"j{number:04d}"
+        builder.add_body(name, link, kind, axis, placement, inertia, joint_name=joint, armature=rotor, pitch=pitch)
         end = (name, np.eye(4))
         if fixed and rng.random() < 0.25:
             T, further = random_placement(rng), random_inertia(rng)
             tip = f"{name}_tip"
             builder.add_body(tip, name, "fixed", placement=T, inertia=further, joint_name=f"j{number:04d}_tip")
             inertia, end = merged(inertia, further, T), (tip, T)
-        bodies.append(Body(parent, dense_kind.get(kind, kind), axis, at @ placement, *inertia, rotor))
+        bodies.append(Body(parent, dense_kind.get(kind, kind), axis, at @ placement, *inertia, rotor, pitch))
         ends.append(end)
         line.append(number)
     options = dict(root="floating" if floating else "fixed", gravity=tuple(gravity), continuous=continuous)
@@ -163,6 +165,7 @@ def random_state(tree: Tree, rng: np.random.Generator) -> State:
         q += {
             "revolute": [angle],
             "prismatic": [place[0]],
+            "helical": [angle],
             "continuous_cs": pair,
             "spherical": [*quaternion],
             "floating": [*place, *quaternion],

@@ -1,1 +1,1 @@
-"""Accuracy against speed: what a model and a task cost in digits and in time, and what a scene can do without."""
+"""Accuracy against speed: errors and costs of a task on a model, diagnosis and simplification of models."""

@@ -1,22 +1,26 @@
-"""Ways to answer a call: by the program on SIMD lanes in float64 or float32, or by the kernel for any model."""
+"""Errors and costs of calls: as a program on SIMD lanes in float64 or float32, or in the table kernel."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calls.arguments import as_array, as_count, broadcast
+from ..calls.arguments import as_array, as_count
 from ..calls.dynamics import calls
+from ..calls.forward_dynamics import EXTENDED, extended_runs_on_lanes, forward_dynamics
+from ..calls.progress import Report, Steps
 from ..calls.specialize import specialize
 from ..calls.states import random_configuration
+from ..engines import run as engine
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels
+from ..engines.compiled.numba_kernels import variant
+from ..engines.extended import LEAST_BATCH
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS
@@ -25,22 +29,23 @@ from .results import INPUTS, Further, Option
 
 Array = NDArray[np.float64]
 
-TASKS = {
-    "forward_dynamics": ("aba", "crba_solve", "aba_refined", "aba_square_root"),
+TASK_CALLS = {
+    "forward_dynamics": ("aba", "crba_solve", "aba_refined", "aba_square_root", EXTENDED),
     "inverse_dynamics": ("rnea",),
     "mass_matrix": ("crba",),
 }
-STATES = 8 if numba_kernels.PLAIN else 4096  # from 1024, one thousand other states of a UR5 in 12 goes beyond its bound
-ROUNDS = 25  # of which the fastest counts
-SECONDS = 5e-4  # a way in a round: short, so that some round is spared what else the machine does
-SPENT = 0.3  # on a way that takes longer, and 3 rounds
-MOST = 1 << 24  # samples that are drawn, or timed, at once
-CHUNK = 1024  # more states at a time, so that what has failed in some is not tried in the others
-PATIENCE = 4.0  # seconds of this thread on more states
+STATES = 8 if numba_kernels.PLAIN else 4096  # with 1024, 1 in 12 sets of 1000 other states of a UR5 exceeds its bound
+ROUNDS = 25  # the fastest counts
+SECONDS = 5e-4  # per candidate and round: short, so that some round is undisturbed
+SPENT = 0.3  # total per candidate, beyond 3 rounds
+MOST = 1 << 24  # random or timed samples at once
+CHUNK = 1024  # further states at a time; an option that fails in one chunk skips the rest
+HALF_ULP = 2.0**-53  # of the result: the least error of "extended", which rounds the reference itself
+PATIENCE = 4.0  # seconds of this thread spent on further states
 
 
-class Way(NamedTuple):
-    """A way before it is measured."""
+class Candidate(NamedTuple):
+    """An option before it is measured."""
 
     name: str
     code: str
@@ -48,18 +53,18 @@ class Way(NamedTuple):
     run: Callable[..., Any]
 
 
-def states_of(model: Model, task: str, states: Any) -> list[Array]:
-    """The inputs of a task: those that are given, or so many random ones.
+def call_states(model: Model, task: str, states: Any) -> list[Array]:
+    """The inputs of a task: the given arrays, or that many random states.
 
-    Torques are normal, of the size that the inverse dynamics of normal v and a has in each joint.
-    Raises ShapeError, SpatialDynError for states that are none.
+    Random torques are normal, scaled per joint to the inverse dynamics of normal v and a.
+    Raises ShapeError, SpatialDynError for invalid states.
     """
     names = INPUTS[task]
-    if drawn(states):
+    if is_count(states):
         count = STATES if states is None else as_count(states, MOST)
         if not count:
             raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays {', '.join(names)}")
-        return random_states(model, task, count, 0)
+        return random_call_states(model, task, count, 0)
     given = list(states) if isinstance(states, (tuple, list)) else [states]
     if len(given) != len(names):
         raise ShapeError(f"states has {len(given)} arrays, expected {len(names)}: {', '.join(names)}")
@@ -76,117 +81,113 @@ def states_of(model: Model, task: str, states: Any) -> list[Array]:
     return arrays
 
 
-def drawn(states: Any) -> bool:
-    """Whether states are a number of random ones."""
+def is_count(states: Any) -> bool:
+    """Whether ``states`` is the number of random states: None or a whole number."""
     return states is None or (isinstance(states, (int, np.integer)) and not isinstance(states, bool))
 
 
-def random_states(model: Model, task: str, count: int, seed: int | list[int]) -> list[Array]:
+def random_call_states(model: Model, task: str, count: int, seed: int | list[int]) -> list[Array]:
     """Random inputs of a task."""
     rng = np.random.default_rng(seed)
     q = random_configuration(model, rng, count)
     v, a, tau = rng.normal(size=(3, count, model.nv))
     if task == "forward_dynamics":
-        usual = np.asarray(calls["rnea"](model, q, v, a))
-        tau = tau * np.sqrt((usual**2).mean(axis=0))
+        typical = np.asarray(calls["rnea"](model, q, v, a))
+        tau = tau * np.sqrt((typical**2).mean(axis=0))
     return {"forward_dynamics": [q, v, tau], "inverse_dynamics": [q, v, a], "mass_matrix": [q]}[task]
 
 
-def ways(model: Model, task: str, batch: int) -> list[Way]:
-    """All there are for so many samples a call."""
-    found, given = [], ", ".join(INPUTS[task])
-    for name in TASKS[task]:
-        call = calls[name]
+def candidates(model: Model, task: str, batch: int) -> Iterator[list[Candidate]]:
+    """The candidates of each call for a task at a batch size; to make them compiles."""
+    given = ", ".join(INPUTS[task])
+    for name in TASK_CALLS[task]:
+        found: list[Candidate] = []
+        extended = name == EXTENDED
+        call = partial(forward_dynamics, method=EXTENDED) if extended else calls[name]
 
         def public(*x: Any, call: Any = call) -> Any:
             return call(model, *x)
 
-        def piecewise(*x: Any, call: Any = call) -> Any:
-            """The same for so few samples at a time that no program is made."""
-            arrays = [as_array(name, y) for name, y in zip(INPUTS[task], x, strict=True)]
-            shape = broadcast(list(INPUTS[task]), [y.shape[:-1] for y in arrays])
-            count, step = math.prod(shape), batch_kernels.FROM - 1
-            if count <= step:
-                return call(model, *arrays)
-            flat = [np.broadcast_to(y, (*shape, *y.shape[-1:])).reshape(count, -1) for y in arrays]
-            parts = [call(model, *(y[k : k + step] for y in flat)) for k in range(0, count, step)]
-            whole = np.concatenate(parts)
-            return whole.reshape(shape + whole.shape[1:])
-
-        code = f"sd.{name}(model, {given})"
-        if _traces(model, name):
-            for dtype in (np.float32, np.float64):
-                k = specialize(model, call, dtype=dtype)
-                if k.engine != "lanes":
-                    continue
-                words = ", dtype=np.float32" if dtype == np.float32 else ""
-                whole = dtype == np.float64 and batch >= batch_kernels.FROM
-                text = code if whole else f"sd.specialize(model, sd.{name}{words})({given})"
-                found.append(Way(f"lanes {np.dtype(dtype)} {name}", text, dtype, public if whole else k))
-        traces = _traces(model, name)  # and a large batch has a program made
-        text = (
-            f"{code}  # at most {batch_kernels.FROM - 1} samples at once"
-            if traces and batch >= batch_kernels.FROM
-            else code
-        )
-        found.append(Way(f"untraced float64 {name}", text, np.float64, piecewise if traces else public))
-    return found
+        code = f'sd.forward_dynamics(model, {given}, method="{name}")' if extended else f"sd.{name}(model, {given})"
+        traces = _traces(model, name)
+        way = "lanes" if traces and (not extended or batch >= LEAST_BATCH) else "untraced"
+        if traces and not extended:
+            engine.compile_program(variant(SPECS[name], ()), model, ())  # what is timed
+            k = specialize(model, call, dtype=np.float32)
+            if k.engine == "lanes":
+                text = f"sd.specialize(model, sd.{name}, dtype=np.float32)({given})"
+                found.append(Candidate(f"lanes float32 {name}", text, np.float32, k))
+        found.append(Candidate(f"{way} float64 {name}", code, np.float64, public))
+        yield found
 
 
 def _traces(model: Model, name: str) -> bool:
-    return not numba_kernels.PLAIN and SPECS[name].traces
+    if name == EXTENDED:
+        return extended_runs_on_lanes(model)
+    return not numba_kernels.PLAIN and engine.program(variant(SPECS[name], ()), model, ()) is not None
 
 
-def measured(model: Model, task: str, states: Any, batch: int) -> tuple[list[Option], int, float]:
-    """Options of a task, how many states they were measured in, and the error of the truth."""
-    arrays = states_of(model, task, states)
-    first = TASKS[task][0]
-    calls[first](model, *arrays)  # names what is wrong with the states, or with the model
+def _errors(name: str, first: str, found: Any, truth: Array) -> Array:
+    """Errors of a candidate; of one that rounds the reference itself, at least those of rounding."""
+    errors = of_calls(first, np.asarray(found), truth)
+    return np.maximum(errors, HALF_ULP) if name.endswith(EXTENDED) else errors
+
+
+def measure_calls(model: Model, task: str, states: Any, batch: int, report: Report) -> tuple[list[Option], int, float]:
+    """Options of a task, the number of states they were measured in, and the error of the reference."""
+    steps = Steps(report, len(TASK_CALLS[task]) + 2)
+    arrays = call_states(model, task, states)
+    first = TASK_CALLS[task][0]
+    calls[first](model, *arrays)  # raises for invalid states or an invalid model
     truth, certainty = truths(model, first, arrays)
+    steps.next()
     repeated = [np.ascontiguousarray(np.resize(x, (batch, x.shape[1]))) for x in arrays]
     if batch == 1:
         repeated = [np.array(x[0]) for x in repeated]
-    found: list[tuple[Way, Array, str]] = []
-    for way in ways(model, task, batch):
-        try:
-            errors = of_calls(first, np.asarray(way.run(*arrays)), truth)
-            note = ""
-        except (InertiaError, NonFiniteError) as error:
-            errors, note = np.full(1, math.inf), str(error)
-        found.append((way, errors, note))
+    found: list[tuple[Candidate, Array, str]] = []
+    for some in candidates(model, task, batch):
+        for candidate in some:
+            try:
+                errors = _errors(candidate.name, first, candidate.run(*arrays), truth)
+                note = ""
+            except (InertiaError, NonFiniteError) as error:
+                errors, note = np.full(1, math.inf), str(error)
+            found.append((candidate, errors, note))
+        steps.next()
     timed = {
-        way.name: partial(way.run, *(x.astype(way.dtype) for x in repeated))
-        for way, errors, _ in found
+        candidate.name: partial(candidate.run, *(x.astype(candidate.dtype) for x in repeated))
+        for candidate, errors, _ in found
         if np.isfinite(errors).all()
     }
     ns = costs(timed, batch)
+    steps.next()
     options = [
         Option(
-            way.name, way.code, float(errors.max()), float(np.median(errors)), bound(errors),
-            ns.get(way.name, math.inf), note=note, run=way.run,
+            candidate.name, candidate.code, float(errors.max()), float(np.median(errors)), bound(errors),
+            ns.get(candidate.name, math.inf), note=note, run=candidate.run,
         )
-        for way, errors, note in found
+        for candidate, errors, note in found
     ]  # fmt: skip
     return options, len(arrays[0]), certainty
 
 
-def further(model: Model, task: str) -> Further:
-    """What says of ways in how many more states they stay within a tolerance: their errors, if in all of MANY.
+def confirm_calls(model: Model, task: str) -> Further:
+    """The function ``confirm(options, tolerance)``: errors in MANY further states of the options within the tolerance.
 
-    Ways that fail are left out. None where the truth of MANY states takes longer than PATIENCE.
+    Options that exceed it are left out. It returns None if the references of MANY states take longer than PATIENCE.
     """
-    first = TASKS[task][0]
+    first = TASK_CALLS[task][0]
 
-    def judged(options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+    def confirm(options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
         began, errors = time.thread_time(), {x.name: np.empty(0) for x in options}
         for k in range(MANY // CHUNK):
-            arrays = random_states(model, task, CHUNK, [0, k + 1])
+            arrays = random_call_states(model, task, CHUNK, [0, k + 1])
             truth, _ = truths(model, first, arrays, 0)
             for x in options:
                 if x.name not in errors or x.run is None:
                     continue
                 try:
-                    found = of_calls(first, np.asarray(x.run(*arrays)), truth)
+                    found = _errors(x.name, first, x.run(*arrays), truth)
                 except (InertiaError, NonFiniteError):
                     found = np.full(1, math.inf)
                 errors[x.name] = np.append(errors[x.name], found)
@@ -198,14 +199,14 @@ def further(model: Model, task: str) -> Further:
                 return None
         return errors
 
-    return judged
+    return confirm
 
 
 def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:
-    """Nanoseconds of a sample, the fastest of rounds in which all take turns."""
+    """Nanoseconds per sample, of the fastest of interleaved rounds."""
     repeats, spent, best = {}, dict.fromkeys(runs, 0.0), dict.fromkeys(runs, math.inf)
     for name, run in runs.items():
-        run()  # compiled by now
+        run()  # compiles
         repeats[name] = max(1, int(SECONDS / max(_seconds(run, 1), 1e-9)))
     for k in range(2 if numba_kernels.PLAIN else ROUNDS):
         for name, run in runs.items():

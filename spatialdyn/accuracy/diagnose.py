@@ -1,4 +1,4 @@
-"""What is odd about a model before anybody computes with it: inertias, mass ratios, digits, time steps."""
+"""``diagnose``: oddities of a model found before use: inertias, mass ratios, digits, time steps."""
 
 from __future__ import annotations
 
@@ -10,63 +10,64 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import calls
+from ..calls.forward_dynamics import EXTENDED
+from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, float32_range
+from ..engines.programs import float32_range
 from ..errors import NonFiniteError, ShapeError
 from ..model.model import Joint, Model
 from ..model.physical_inertia import inertia_defect
 from ..recursions import SPECS
 from .findings import SEVERITIES, Diagnosis, Finding, Stiffest
 from .predicted_digits import EPS as ROUNDING
-from .predicted_digits import digits_of, method_errors, program_errors
+from .predicted_digits import INPUTS, digits_of, method_errors, program_errors
 
 Array = NDArray[np.float64]
 
-SAMPLES = 8  # random states in which M is looked at
-LARGE = 256  # freedoms above which M is looked at in one random state: each costs O(n³)
-STATES = (
-    8 if numba_kernels.PLAIN else batch_kernels.FROM
-)  # in which digits are measured, and what a batch is worth a program from
-WORK = 2e9  # cubed freedoms in all of these states: crba_solve takes n³/3 operations
+SAMPLES = 8  # random states in which M is examined
+LARGE = 256  # freedoms above which M is examined in one random state: each costs O(n³)
+STATES = 8 if numba_kernels.PLAIN else 512  # in which digits are measured
+WORK = 2e9  # limit on states times freedoms cubed: crba_solve takes n³/3 operations
 EPS = ROUNDING["float64"]
-HEAVY = 1e3  # a body so many times heavier than all that carry it costs a digit or more
-POOR = 10.0  # digits of ABA in float64 below which a warning is due
-LOST = 6.0  # and below which it is an error
-FEW = 3.0  # digits of float32 below which it is worth a note
-ILL = 1e8  # scaled condition of M: half of the digits of float64
-WORSE = 10.0  # times the error of single calls, from which a program has lost a digit
-LEVELS = (0.5, 0.9, 1.0)  # of states: in the worst of an ill-conditioned robot both lose what others keep
-SLACK = 16.0  # eps that it may lose beside: other roundings, not fewer digits
+HEAVY = 1e3  # a body this many times heavier than all that carry it costs a digit or more
+POOR = 10.0  # digits of ABA in float64: fewer are a warning
+LOST = 6.0  # fewer are an error
+FEW = 3.0  # digits of ABA in float32: fewer are a note
+ILL = 1e8  # scaled condition of M that costs half of the digits of float64
+WORSE = 10.0  # times the error of the table kernel: a program with more has lost a digit
+LEVELS = (0.5, 0.9, 1.0)  # quantiles of states: in the worst state of an ill-conditioned robot both lose digits
+SLACK = 16.0  # eps allowed beside: another order of rounding, not fewer digits
 # Of the 68 robots of example-robot-data, the widest radius of gyration is 3.2 m on a body of 0.1 m (1 kg m² at 0.1 kg,
-# made up) and the farthest reach 1 m; a millimetre that is taken for a metre is a factor of 1000.
+# made up) and the farthest reach 1 m; millimetres taken for metres are a factor of 1000.
 WIDE, APART = 3.0, 30.0  # metres: a radius of gyration, and a reach, beyond which units are in doubt
-BESIDE = 100.0  # times as large as the other of them
-HUGE = 300.0  # metres that no link reaches, whatever its radius of gyration
+BESIDE = 100.0  # times the other of the two
+HUGE = 300.0  # metres: no link reaches that far, whatever its radius of gyration
 
 
-def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
-    """What is odd about a model, what it costs and what helps, before anything is computed with it.
+def diagnose(model: Model, q: ArrayLike | None = None, progress: Progress = False) -> Diagnosis:
+    """Oddities of a model, what they cost and what helps.
 
-    * links whose inertia no body can have, and links without mass that move
-    * inertias and lengths in other units: a radius of gyration far beyond what the link and its neighbours reach, or
-      far below it
-    * bodies 1000 times heavier than all that carry them: what ABA subtracts there is lost
-    * the condition of M, its diagonal scaled to 1: what no choice of units removes
-    * joints that move no inertia, bodies that no motion can feel
+    * links with an inertia that is not physical, and moving links without mass
+    * inertias and lengths in other units: a radius of gyration far above or below the reach of the link and its
+      neighbours
+    * bodies 1000 times heavier than all that carry them: ABA subtracts nearly equal inertias there
+    * the condition number of M scaled to a unit diagonal, which does not depend on units
+    * joints with zero articulated inertia, bodies whose inertia is in no entry of M
     * digits of ``forward_dynamics`` by method, in float64 and float32, measured against double-double arithmetic
-    * batches whose program on SIMD lanes has a digit less than single calls
-    * links too light or too heavy for float32's range, with which programs turn to float64
-    * the largest time step for explicit integrators, were the damping of the joints a torque
+    * calls whose program has a digit less than the table kernel
+    * links too light or too heavy for float32's range, whose programs fall back to float64
+    * the largest time step of explicit integrators, with joint damping as a torque
 
     model   Model
-    q       (nq,)   the only state to look at [rad | m]; by default neutral and, always the same, random ones
+    q       (nq,)   the only state to examine [rad | m]; by default neutral and random ones, the same in every call
+    progress        True for a bar (needs rich), or a function of the number of steps done and their total
 
-    Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``programs``, ``stiffest`` and in how many ``states``
-    that was; ``print`` shows it, ``to_json()`` too. Long robots are looked at in fewer states: in neutral and 512
-    others to 157 freedoms, 250 at 200, 2 at 1000. The programs of batches are compiled for it once a model, which takes
-    seconds: of five calls to 32 freedoms, of rnea and aba to 128. There are no digits with mimic joints or where a
-    joint moves no inertia.
+    Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``programs``, ``stiffest`` and the number of
+    ``states``; ``print`` shows it, ``to_json()`` writes it. Long robots are examined in fewer states: neutral and 512
+    others up to 157 freedoms, 250 at 200, 2 at 1000. It compiles programs of batches once per model, which takes
+    seconds: of five calls up to 32 freedoms, of rnea and aba up to 128. There are no digits for a model with mimic
+    joints or a joint with zero articulated inertia.
     Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms.
 
     >>> import spatialdyn as sd
@@ -77,6 +78,15 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
     True
     """
     check_model(model)
+    check_progress(progress)
+    with reporting(progress, "diagnose") as report:
+        steps = Steps(report, 2 + len(INPUTS))
+        found = _diagnose(model, q, steps)
+        steps.next(steps.total)
+        return found
+
+
+def _diagnose(model: Model, q: ArrayLike | None, steps: Steps) -> Diagnosis:
     positions, arrays = _states(model, q)
     findings = [*_links(model), *_units(model), *_mass_ratios(model)]
     condition: dict[str, float] = {}
@@ -94,6 +104,7 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
             stiffest = _stiffest(model, M)
             findings += _time_step(model, stiffest)
         if model.mimic_matrix is None and not singular:
+            steps.next()
             states = len(arrays[0])
             errors = method_errors(model, arrays)
             digits = {
@@ -101,20 +112,20 @@ def diagnose(model: Model, q: ArrayLike | None = None) -> Diagnosis:
                 for method, of in errors.items()
             }
             findings += _digits(model, digits, errors["aba"]["float64"], arrays[0], "" if q is not None else "neutral")
-            judged = program_errors(model, arrays) if len(arrays[0]) >= STATES else {}
+            judged = program_errors(model, arrays, steps.next) if len(arrays[0]) >= STATES else {}
             programs = {
                 call: {"single": digits_of(alone), "batch": digits_of(batch)} for call, (alone, batch) in judged.items()
             }
             findings += _programs(model, judged)
     findings.sort(key=lambda f: -SEVERITIES.index(f.severity))
-    return Diagnosis(model.name, tuple(findings), condition, digits, stiffest, programs, states)
+    return Diagnosis(model.name, tuple(findings), condition, digits, stiffest, programs, states, model)
 
 
 def _states(model: Model, q: ArrayLike | None) -> tuple[Array, list[Array]]:
-    """The positions in which M is looked at, and the q, v, tau in which digits are measured; v and tau are normal.
+    """The positions in which M is examined, and the q, v, tau in which digits are measured; v and tau are normal.
 
-    Both start with q, or with neutral, and random positions follow only where q is not given.
-    Raises ShapeError, NonFiniteError for a q that is none.
+    Both are q alone if given, else neutral followed by random positions.
+    Raises ShapeError, NonFiniteError for an invalid q.
     """
     rng = np.random.default_rng(0)
     count = int(max(1, min(STATES, WORK // max(model.nv, 1) ** 3)))
@@ -143,7 +154,7 @@ def _link(model: Model, joint: Joint) -> str:
 
 
 def _links(model: Model) -> Iterator[Finding]:
-    """Inertias no body can have, and links that stand still."""
+    """Inertias that are not physical, and links fixed in the world."""
     for link in model.robot.links:
         I = np.reshape(link.inertia, (3, 3))
         defect = inertia_defect(I)
@@ -159,7 +170,7 @@ def _links(model: Model) -> Iterator[Finding]:
 
 
 def _units(model: Model) -> Iterator[Finding]:
-    """Links that are far wider than far, or the other way round: inertias or lengths in other units than kg and m."""
+    """Links whose radius of gyration and reach differ widely: inertias or lengths in units other than kg and m."""
     links = {link.name: link for link in model.robot.links}
     radius, reach = {}, dict.fromkeys(links, 0.0)
     for name, link in links.items():
@@ -202,8 +213,8 @@ def _gives_energy(model: Model, link: str) -> bool:
 
 
 def _ratios(model: Model) -> Iterator[tuple[Joint, float, float, int]]:
-    """For each joint that others carry: it, the mass that hangs on it [kg], the heaviest body that carries it [kg],
-    and how many do.
+    """For each joint carried by others: the joint, the mass of its body [kg], the mass of the heaviest body that
+    carries it [kg], and the number of such bodies.
     """
     mass = model.bodies["inertia"]["m"]
     heaviest, carriers = [0.0], [0]
@@ -221,7 +232,7 @@ def _mass_ratios(model: Model) -> Iterator[Finding]:
         if own > HEAVY * heaviest:
             what = f"is {own / heaviest:.2g} times heavier than every body" if heaviest > 0.0 else "hangs on bodies"
             rest = "that carries it" if heaviest > 0.0 else "without mass only"
-            severity = "warning" if carriers >= 3 else "note"  # fewer joints leave it next to nothing to cancel
+            severity = "warning" if carriers >= 3 else "note"  # with fewer joints almost nothing cancels
             yield Finding(
                 severity, "mass ratio", _link(model, joint), f"{what} {rest}, at {own:.4g} kg",
                 'add armature to the joints before it, merge the light links, or take method="refined"',
@@ -229,12 +240,13 @@ def _mass_ratios(model: Model) -> Iterator[Finding]:
 
 
 def _singular(model: Model, M: Array) -> Iterator[Finding]:
-    """Joints whose entry on the diagonal of M is next to 0 in every state."""
+    """Joints whose entry on the diagonal of M is 0 in every state."""
     diagonal = np.einsum("kii->ki", M).max(axis=0)
     for joint in model.joints[1:]:
         if joint.mimic is None and not (diagonal[joint.idx_v : joint.idx_v + joint.nv] > 0.0).all():
             yield Finding(
-                "error", "singular", _link(model, joint), f'hangs on joint "{joint.name}", which moves no inertia',
+                "error", "singular", _link(model, joint),
+                f'hangs on joint "{joint.name}", which has zero articulated inertia',
                 "give the joint an armature, or lock it",
             )  # fmt: skip
 
@@ -266,8 +278,8 @@ def _spatial_inertia(model: Model, row: int) -> Array:
 
 
 def _conditions(model: Model, M: Array, first: str) -> tuple[dict[str, float], list[Finding]]:
-    """Condition of M scaled to a unit diagonal, in the first state and the worst of all, and what there is to say."""
-    with np.errstate(all="ignore"):  # inertias that no body has may make an entry of the diagonal negative
+    """Condition numbers of M scaled to a unit diagonal, of the first state and the worst of the others; findings."""
+    with np.errstate(all="ignore"):  # an inertia that is not physical may make an entry of the diagonal negative
         scale = np.sqrt(np.einsum("kii->ki", M))
         unit = M / (scale[:, :, None] * scale[:, None, :])
     if not np.isfinite(unit).all():
@@ -292,7 +304,7 @@ def _joint_at(model: Model, k: int) -> Joint:
 
 
 def _stiffest(model: Model, M: Array) -> Stiffest | None:
-    """The largest eigenvalue of M⁻¹ diag(damping) in any state; without damping the joint of the least inertia."""
+    """The largest eigenvalue of M⁻¹ diag(damping) over all states; without damping the joint of least inertia."""
     root = np.sqrt(np.maximum(model.damping, 0.0))
     try:
         inverse = np.linalg.inv(M)
@@ -315,7 +327,7 @@ def _stiffest(model: Model, M: Array) -> Stiffest | None:
 
 
 def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
-    """A step below a millisecond, at which most robots are simulated."""
+    """A stable step below 1 ms, at which most robots are simulated."""
     if stiffest is None or stiffest.dt >= 1e-3:
         return
     yield Finding(
@@ -332,21 +344,24 @@ def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
 def _digits(
     model: Model, digits: dict[str, dict[str, float]], errors: Array, positions: Array, first: str
 ) -> Iterator[Finding]:
-    """What ABA loses, at the link that is heaviest beside what carries it or at the joint that keeps least of its
-    inertia, and which method keeps it.
+    """Digits that ABA loses, attributed to the link heaviest relative to its carriers or to the joint that keeps the
+    least part of its inertia, and the best method.
 
     errors  (n,) of ABA in float64, in n positions
-    first   name of the first of them, if the others are random
+    first   name of the first position, if the others are random
     """
     aba = digits["aba"]
-    better = {m: d["float64"] for m, d in digits.items()}
+    better = {m: d["float64"] for m, d in digits.items() if m != EXTENDED}
     best = max(better, key=lambda m: (better[m] > better["refined"] + 1.0, m == "refined"))
     if aba["float64"] < POOR:
         only = f" in {first}, and {digits_of(errors[1:]):.0f} elsewhere" if first and not int(np.argmax(errors)) else ""
         link, what = _loser(model, positions[int(np.argmax(errors))])
         remedy = f'take method="{best}", which keeps {better[best]:.0f}'
+        every = f'"{EXTENDED}", which keeps {digits[EXTENDED]["float64"]:.0f}'
         if better[best] <= aba["float64"] + 1.0:
-            remedy = 'take method="extended", or give the joint an armature: no method in float64 keeps more'
+            remedy = f"take method={every}, or give the joint an armature: no method in float64 keeps more"
+        elif better[best] < POOR:
+            remedy += f", or {every}"
         yield Finding(
             "error" if aba["float64"] < LOST else "warning", "digits", link,
             f"{what}leaves ABA about {aba['float64']:.0f} digits in float64{only}", remedy,
@@ -358,7 +373,7 @@ def _digits(
 
 
 def _loser(model: Model, q: Array) -> tuple[str, str]:
-    """The link that costs ABA its digits in a state, and why: its mass, or how little inertia its joint keeps."""
+    """The link that costs ABA its digits in a state, and the reason: its mass, or the inertia that its joint keeps."""
     if any(own > HEAVY * heaviest for _, own, heaviest, _ in _ratios(model)):
         return _heaviest(model), ""
     n, spec = model.nv, SPECS["minverse"]
@@ -375,7 +390,7 @@ def _loser(model: Model, q: Array) -> tuple[str, str]:
 
 
 def _programs(model: Model, judged: dict[str, tuple[Array, Array]]) -> Iterator[Finding]:
-    """Calls whose batches lose a digit that single calls keep."""
+    """Calls whose program has a digit less than the table kernel."""
     lost = {}
     for call, errors in judged.items():
         for level in LEVELS:
@@ -386,14 +401,13 @@ def _programs(model: Model, judged: dict[str, tuple[Array, Array]]) -> Iterator[
         which = ", ".join(f"{call} {batch:.1f} of {alone:.1f}" for call, (alone, batch) in lost.items())
         yield Finding(
             "warning", "programs", _heaviest(model),
-            f"is part of a robot whose batches of {batch_kernels.FROM} and more keep fewer digits than single calls: "
-            f"{which}",
-            f"call for fewer than {batch_kernels.FROM} samples at once, which runs no program",
+            f"is part of a robot whose programs keep fewer digits than the table kernel: {which}",
+            "call spatialdyn.kernels, which are table kernels, in a jitted loop of your own",
         )  # fmt: skip
 
 
 def _out_of_range(model: Model, M: Array) -> Iterator[Finding]:
-    """Links whose inertia, or what a joint moves in no state more of, is so large or small that float32 has no room."""
+    """Links whose inertia, or whose joint's inertia in every state, is outside the range of float32."""
     beyond = set(float32_range.beyond(model.bodies))
     diagonal = np.einsum("kii->ki", M).max(axis=0)
     for joint in model.joints[1:]:
@@ -410,7 +424,7 @@ def _out_of_range(model: Model, M: Array) -> Iterator[Finding]:
 
 
 def _heaviest(model: Model) -> str:
-    """The link that is heaviest beside what carries it."""
+    """The link that is heaviest relative to its carriers."""
     ratios = {joint.name: own / heavy if heavy > 0.0 else math.inf for joint, own, heavy, _ in _ratios(model)}
     name = max(ratios, key=lambda name: ratios[name]) if ratios else model.joints[-1].name
     return _link(model, model.joint(name))

@@ -1,4 +1,4 @@
-"""What a diagnosis says: findings with a severity, the thing they are about and a remedy."""
+"""The result of a diagnosis: findings, each with a severity, a link, a message and a remedy."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import json
 import math
 from typing import Any, NamedTuple
 
+from ..model.model import Model
+
 SEVERITIES = ("note", "warning", "error")
 
 
 class Finding(NamedTuple):
-    """One thing that is odd about a model.
+    """One oddity of a model.
 
-    severity  "note", "warning" or "error": good to know, costs digits, results are wrong or refused
+    severity  "note": worth knowing, "warning": costs digits, "error": results are wrong or refused
     kind      inertia, units, mass ratio, condition, unfelt, singular, digits, programs, range or time step
-    link      name of the link it is about
-    message   what was found, with its figure
-    remedy    what to do about it
+    link      name of the link
+    message   the finding, with its figure
+    remedy    what to do
     """
 
     severity: str
@@ -30,10 +32,10 @@ class Finding(NamedTuple):
 
 
 class Stiffest(NamedTuple):
-    """What the largest eigenvalue of M⁻¹ diag(damping) says to an explicit integrator.
+    """The stability limit of an explicit integrator, from the largest eigenvalue λ of M⁻¹ diag(damping).
 
-    joint    name of the joint that takes most part in it
-    inertia  [kg m² | kg] that it moves, all other joints free: 1 / (M⁻¹)_jj
+    joint    name of the joint with the largest part in its eigenvector
+    inertia  [kg m² | kg] of that joint with all others free: 1 / (M⁻¹)_jj
     rate     λ [1/s], 0 without damping
     dt       2 / λ [s], above which explicit Euler grows (rk4: 2.79 / λ); infinite without damping
     """
@@ -45,15 +47,17 @@ class Stiffest(NamedTuple):
 
 
 class Diagnosis(NamedTuple):
-    """What ``diagnose`` has found of a model.
+    """The result of ``diagnose``.
 
     name       of the model
     findings   tuple of Finding, the worst first
-    condition  {"neutral" or "given", "sampled"}: condition of M scaled to a unit diagonal, the worst of each
-    digits     {method: {"float64": digits, "float32": digits}} to expect of ``forward_dynamics``, at worst
-    stiffest   Stiffest, or None if nothing moves
-    programs   {call: {"single": digits, "batch": digits}}, at worst, of calls that run as programs on SIMD lanes
-    states     how many states digits are of
+    condition  {"neutral" or "given", "sampled"}: condition number of M scaled to a unit diagonal, the worst of each
+    digits     {method: {"float64": digits, "float32": digits}} of ``forward_dynamics`` in the worst state;
+               "extended" has float64 alone
+    stiffest   Stiffest, or None without joints that move
+    programs   {call: {"single": digits, "batch": digits}} in the worst state, of calls that run on SIMD lanes
+    states     number of states in which digits were measured
+    subject    the Model; None if it is not at hand
     """
 
     name: str
@@ -63,10 +67,11 @@ class Diagnosis(NamedTuple):
     stiffest: Stiffest | None
     programs: dict[str, dict[str, float]]
     states: int
+    subject: Model | None = None
 
     @property
     def severity(self) -> str:
-        """Of the worst finding; "ok" if there is none."""
+        """The worst severity; "ok" without findings."""
         return self.findings[0].severity if self.findings else "ok"
 
     def of(self, kind: str) -> tuple[Finding, ...]:
@@ -74,7 +79,7 @@ class Diagnosis(NamedTuple):
         return tuple(f for f in self.findings if f.kind == kind)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as what JSON holds; what is infinite is None."""
+        """All of it as JSON types; infinite numbers are None."""
         return {
             "name": self.name,
             "severity": self.severity,
@@ -100,7 +105,8 @@ class Diagnosis(NamedTuple):
         if self.digits:
             lines += ["digits of forward dynamics   float64  float32"]
             for method, found in self.digits.items():
-                lines.append(f"  {method:<26} {found['float64']:>7.1f}  {found['float32']:>7.1f}")
+                narrow = f"  {found['float32']:>7.1f}" if "float32" in found else ""
+                lines.append(f"  {method:<26} {found['float64']:>7.1f}{narrow}")
             lines.append(f"  the worst of {self.states} states")
         if self.programs:
             lines += ["digits of programs             single    batch"]
@@ -112,7 +118,21 @@ class Diagnosis(NamedTuple):
             lines.append(f'stiffest joint "{s.joint}" moves {s.inertia:.3g}: explicit Euler is stable to {limit}')
         return "\n".join([*lines, *map(str, self.findings)])
 
+    def report(self, path: Any) -> None:
+        """Write one HTML page of the diagnosis, which needs no network: robot, findings, digits, how to reproduce it.
+
+        Raises  SpatialDynError if the file cannot be written, or where matplotlib is not installed.
+        """
+        from ..pictures.page import report_diagnosis
+
+        report_diagnosis(self, path)
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import diagnosis_html
+
+        return diagnosis_html(self)
+
 
 def _finite(x: float) -> float | None:
-    """A number that JSON can hold."""
+    """x, or None if it is not finite, as JSON has no such number."""
     return x if math.isfinite(x) else None

@@ -1,4 +1,4 @@
-"""Ways to let a robot move: every integrator at steps from coarse to fine, against the same motion in double-double."""
+"""Errors and costs of integrators at steps from coarse to fine, against the same motion in double-double."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, as_count
 from ..calls.dynamics import calls
+from ..calls.progress import Report, Steps
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators, simulate
-from ..simulation.reference_motion import Motion, exact_motion
-from .call_errors import PATIENCE, drawn
+from ..simulation.reference_motion import ReferenceMotion, exact_motion
+from .call_errors import PATIENCE, is_count
 from .references import bound
 from .results import Further, Option
 
@@ -29,21 +30,21 @@ Array = NDArray[np.float64]
 STATES = 4
 MOST = 1 << 12
 SAMPLES = 10  # times at which motions are compared
-FIRST, FACTOR = 40, 4  # steps of the coarsest run; of each finer one so many times more
-BUDGET = 0.15  # seconds that a run of a method may take
-FLOOR = 0.3  # a finer step that does not lower the error below this much of it is the last
-MORE = 32  # states, after which a margin of 2 may be enough
-FINER = 0.01  # of a tolerance: the error of a motion that others are held against
-TOLERANCES = (1e-6, 1e-9, 1e-12)  # of methods that choose their steps
+FIRST, FACTOR = 40, 4  # steps of the coarsest run; factor to the next finer one
+BUDGET = 0.15  # longest run [s]
+FLOOR = 0.3  # a finer step that leaves more than this part of the error is the last
+MORE = 32  # further states, after which a margin of 2 may be enough
+FINER = 0.01  # of a tolerance: the error of a reference motion
+TOLERANCES = (1e-6, 1e-9, 1e-12)  # rtol of adaptive methods
 
 
-def states_of(model: Model, states: Any) -> tuple[Array, Array]:
-    """(q0, v0) that are given, or so many random ones at rest."""
-    if drawn(states):
+def motion_states(model: Model, states: Any) -> tuple[Array, Array]:
+    """The given (q0, v0), or that many random configurations at rest."""
+    if is_count(states):
         count = STATES if states is None else as_count(states, MOST)
         if not count:
             raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays q0, v0")
-        return random_states(model, count, 0)
+        return random_motion_states(model, count, 0)
     try:
         given = dict(zip(("q0", "v0"), states, strict=True))
     except (TypeError, ValueError):
@@ -56,34 +57,37 @@ def states_of(model: Model, states: Any) -> tuple[Array, Array]:
     return q0, v0
 
 
-def random_states(model: Model, count: int, seed: int | list[int]) -> tuple[Array, Array]:
+def random_motion_states(model: Model, count: int, seed: int | list[int]) -> tuple[Array, Array]:
     """Random configurations at rest."""
     return random_configuration(model, np.random.default_rng(seed), count), np.zeros((count, model.nv))
 
 
-def measured(
-    model: Model, states: Any, duration: float, methods: Sequence[str] | None
+def measure_motions(
+    model: Model, states: Any, duration: float, methods: Sequence[str] | None, report: Report
 ) -> tuple[list[Option], int, float]:
-    """Options of a simulation, how many states they were measured in, and the error of the truth.
+    """Options of a simulation, the number of states they were measured in, and the error of the reference.
 
-    methods  names of integrators, None for all that can be run here
+    methods  names of integrators, None for all that are installed
     """
     names = list(integrators if methods is None else methods)
     if methods is None and importlib.util.find_spec("scipy") is None:
         names = [name for name in names if integrators[name].family is not None]
-    q0, v0 = states_of(model, states)
-    calls["aba"](model, q0, v0, np.zeros(model.nv))  # names what is wrong with the states, or with the model
+    steps = Steps(report, len(names) + 1)
+    q0, v0 = motion_states(model, states)
+    calls["aba"](model, q0, v0, np.zeros(model.nv))  # raises for invalid states or an invalid model
     t = np.linspace(0.0, duration, SAMPLES + 1)
     truth = exact_motion(model, q0, v0, t)
+    steps.next()
     options = []
     for name in names:
         method = integrators[name]
         options += _fixed(model, name, truth, duration) if method.family else _adaptive(model, name, truth, duration)
+        steps.next()
     return options, len(q0), float(truth.error.max())
 
 
-def off(model: Model, run: Any, truth: Motion, k: int) -> float:
-    """Error of a motion: the largest of q over how far any coordinate moves, and of v over the fastest."""
+def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int) -> float:
+    """Error of a motion: the largest of q over the largest change of a coordinate, and of v over the largest |v|."""
     if len(run) != len(truth.t) or not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
         return math.inf
     q, v = truth.q[:, k], truth.v[:, k]
@@ -93,31 +97,31 @@ def off(model: Model, run: Any, truth: Motion, k: int) -> float:
     return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
 
 
-def further(model: Model, duration: float, options: Sequence[Option]) -> Further:
-    """What says of ways from how many more states they stay within a tolerance: their errors, if from all of MORE.
+def confirm_motions(model: Model, duration: float, options: Sequence[Option]) -> Further:
+    """The function ``confirm(options, tolerance)``: errors from MORE further states, of options within the tolerance.
 
-    The truth there is another way, whose bound is a hundredth of the tolerance, and of the error of what is judged if
-    there is one; its bound is counted as an error of others. None where there is no such way, or where this takes
-    longer than PATIENCE.
+    The reference is another option, whose bound is at most a hundredth of the tolerance and, if possible, of the errors
+    of the options judged; its bound is added to their errors. Returns None without such an option, or after more than
+    PATIENCE.
     """
     t = np.linspace(0.0, duration, SAMPLES + 1)
 
-    def judged(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+    def confirm(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
         finer = _finer(options, open_, tolerance)
         if finer is None or finer.run is None:
             return None
         began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
-        for q, v in zip(*random_states(model, MORE, [0, 1]), strict=True):
+        for q, v in zip(*random_motion_states(model, MORE, [0, 1]), strict=True):
             try:
                 best = finer.run(q, v, duration, sampled=True)
             except (SimulationError, NonFiniteError):
                 return None
-            truth = Motion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
+            truth = ReferenceMotion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
             for x in open_:
                 if x.name not in errors or x.run is None:
                     continue
                 try:
-                    found = off(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
+                    found = motion_error(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
                 except (SimulationError, NonFiniteError):
                     found = math.inf
                 errors[x.name] = np.append(errors[x.name], found)
@@ -129,11 +133,11 @@ def further(model: Model, duration: float, options: Sequence[Option]) -> Further
                 return None
         return errors
 
-    return judged
+    return confirm
 
 
 def _finer(options: Sequence[Option], judged: Sequence[Option], tolerance: float) -> Option | None:
-    """The cheapest way that is fine enough to judge others by, the finest if none is finer than they are."""
+    """The cheapest option accurate enough as a reference for others; else the most accurate."""
     names = {x.name for x in judged}
     others = [x for x in options if x.name not in names and x.bound <= FINER * tolerance]
     goal = FINER * min((x.error for x in judged), default=0.0)
@@ -145,8 +149,8 @@ def _over(wrong: float, size: float) -> float:
     return wrong / size if size > 0.0 else wrong
 
 
-def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Option]:
-    """A method at steps ever finer, until they cost too much or gain nothing."""
+def _fixed(model: Model, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
+    """Options of a method at finer and finer steps, until they cost too much or gain nothing."""
     found: list[Option] = []
     steps = FIRST
     while True:
@@ -160,8 +164,8 @@ def _fixed(model: Model, name: str, truth: Motion, duration: float) -> list[Opti
         steps *= FACTOR
 
 
-def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[Option]:
-    """A method at several tolerances."""
+def _adaptive(model: Model, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
+    """Options of a method at several tolerances."""
     made = []
     for rtol in TOLERANCES:
         words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
@@ -172,8 +176,8 @@ def _adaptive(model: Model, name: str, truth: Motion, duration: float) -> list[O
     return made
 
 
-def _option(model: Model, label: str, code: str, truth: Motion, duration: float, **words: Any) -> Option:
-    """A method measured on all motions."""
+def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duration: float, **words: Any) -> Option:
+    """The option of a method, measured on all motions."""
 
     every = max(1, round(duration / words["dt"] / SAMPLES))
 
@@ -182,22 +186,22 @@ def _option(model: Model, label: str, code: str, truth: Motion, duration: float,
 
     errors, seconds, note = [], [], ""
     motions = range(truth.q.shape[1])
-    for k in motions if len(motions) > 1 else (0, 0):  # the faster of two at least
+    for k in motions if len(motions) > 1 else (0, 0):  # at least two runs: the faster counts
         start = (truth.q[0, k], truth.v[0, k], duration, True)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 if not k:
-                    run(truth.q[0, 0], truth.v[0, 0], min(duration, 3 * words["dt"]))  # compiled by now
+                    run(truth.q[0, 0], truth.v[0, 0], min(duration, 3 * words["dt"]))  # compiles
                 began = time.perf_counter()
                 found = run(*start)
             seconds.append(time.perf_counter() - began)
-            errors.append(off(model, found, truth, k))
+            errors.append(motion_error(model, found, truth, k))
         except (SimulationError, NonFiniteError) as error:
             errors.append(math.inf)
             note = str(error)
     of_all = np.array(errors)
     ns = 1e9 * min(seconds) / duration if seconds else math.inf
     full = f"sd.simulate(model, q0, v0, duration, {code})"
-    usual = float(np.median(of_all))
-    return Option(label, full, float(of_all.max()), usual, bound(of_all), ns, note=note, run=run)
+    median = float(np.median(of_all))
+    return Option(label, full, float(of_all.max()), median, bound(of_all), ns, note=note, run=run)

@@ -1,9 +1,9 @@
-"""How many digits calls keep on a model: single ones, batches on SIMD lanes, and float32, against the truth."""
+"""Digits that calls keep on a model: in the table kernel, in programs and in float32, against double-double."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import full_shape
 from ..calls.dynamics import calls
-from ..calls.forward_dynamics import METHODS
+from ..calls.forward_dynamics import EXTENDED, METHODS
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels
+from ..engines.programs import recording
 from ..engines.programs.regroup import regroup
 from ..errors import SpatialDynError
 from ..model.model import Model
@@ -21,20 +21,21 @@ from ..recursions import SPECS
 from .references import of_calls, truths
 
 Array = NDArray[np.float64]
-State = tuple[Array, Array, Array]
+JointState = tuple[Array, Array, Array]
 
 EPS = {"float64": float(np.finfo(np.float64).eps), "float32": float(np.finfo(np.float32).eps)}
 COARSER = EPS["float32"] / EPS["float64"]
-INPUTS = {"rnea": "qva", "crba": "q", "aba": "qva", "aba_refined": "qva", "minverse": "q"}  # the calls that are judged
-SHORT = 32  # freedoms to which all of them are judged; of 100, crba takes 20 s to compile, aba_refined 8
-ALWAYS = ("rnea", "aba")  # 2 and 4 s, and show what regrouping costs calls without and with pivots
+INPUTS = {"rnea": "qva", "crba": "q", "aba": "qva", "aba_refined": "qva", "minverse": "q"}  # inputs of judged calls
+SHORT = 32  # freedoms up to which all are judged; at 100, crba takes 20 s to compile, aba_refined 8
+ALWAYS = ("rnea", "aba")  # at any size: 2 and 4 s at 100; one call without pivots and one with
 
 
-def predicted_digits(model: Model, states: Sequence[State]) -> dict[str, dict[str, float]]:
-    """Digits of the largest acceleration to expect of each method, the worst of some states; see ``method_errors``.
+def predicted_digits(model: Model, states: Sequence[JointState]) -> dict[str, dict[str, float]]:
+    """Digits of the largest acceleration expected of each method, in the worst of some states; see ``method_errors``.
 
     states  (q, v, tau) each; the model has no mimic joints
-    Returns {method: {"float64": digits, "float32": digits}}, -log10 of the error, 0 where none is right.
+    Returns {method: {"float64": digits, "float32": digits}}, -log10 of the error, at least 0; "extended" has
+    "float64" alone.
     """
     arrays = [np.array([s[k] for s in states]) for k in range(3)]
     return {
@@ -44,29 +45,33 @@ def predicted_digits(model: Model, states: Sequence[State]) -> dict[str, dict[st
 
 
 def digits_of(errors: Array, least: float = EPS["float64"]) -> float:
-    """Digits that the worst of some errors leaves: at most those of the precision, at least 0."""
+    """Digits left by the worst of some errors: at most those of the precision, at least 0."""
     return max(0.0, -math.log10(min(1.0, max(least, float(errors.max(initial=0.0))))))
 
 
 def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Array]]:
-    """Errors of the largest acceleration by every method of ``forward_dynamics``, against ABA in double-double.
+    """Errors of each method of ``forward_dynamics``, over the largest acceleration, against ABA in double-double.
 
-    float64 is what single calls run, measured. float32 follows from it: the same rounding 2²⁹ times as large, for
-    "refined" that of its first solution squared, and what the rounding of the model's numbers and of the inputs moves.
-    It is of float32 throughout, in its range of exponents too: samples whose pivots it loses, or that leave its range,
-    are computed in float64 by ``specialize``.
+    float64 is measured, in the table kernel. float32 is derived: the same error times 2²⁹, for "refined" plus
+    the square of its first solution's, plus the effect of rounding the model's numbers and the inputs. It supposes
+    float32 throughout; ``specialize`` computes samples whose pivots are lost, or that leave its range, in float64.
+
+    "extended" is the truth itself, rounded: off by half an ulp of float64, and by ABA's error 2⁵⁰ times smaller.
 
     arrays  q (n, nq), v (n, nv), tau (n, nv)
-    Returns {method: {"float64": (n,), "float32": (n,)}}, infinite where a method gives no numbers.
+    Returns {method: {"float64": (n,), "float32": (n,)}}, infinite where a result is not finite; {"float64": (n,)} of
+    "extended".
     """
     with np.errstate(all="ignore"):
         truth, _ = truths(model, "aba", arrays, checked=0)
-        measured = {method: of_calls("aba", single(model, name, arrays), truth) for method, name in METHODS.items()}
+        measured = {
+            method: of_calls("aba", by_table_kernel(model, name, arrays), truth) for method, name in METHODS.items()
+        }
         bodies = model.bodies.copy()
-        regroup(bodies, solved=True)  # as a program has it, whose constants are rounded after that
+        regroup(bodies, solved=True)  # as in a program, whose constants are rounded after regrouping
         _round(bodies)
         rounded = [x.astype(np.float32).astype(np.float64) for x in arrays]
-        moved = of_calls("aba", single(model, METHODS["refined"], rounded, bodies), truth)
+        moved = of_calls("aba", by_table_kernel(model, METHODS["refined"], rounded, bodies), truth)
         first = COARSER * measured["aba"]
         return {
             method: {
@@ -74,29 +79,32 @@ def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Arra
                 "float32": COARSER * found + moved + (first * first if method == "refined" else 0.0),
             }
             for method, found in measured.items()
-        }
+        } | {EXTENDED: {"float64": EPS["float64"] * (0.5 + 4.0 * measured["aba"])}}
 
 
-def program_errors(model: Model, arrays: list[Array]) -> dict[str, tuple[Array, Array]]:
-    """Errors of calls, by name: of single ones, and of one batch that runs as a program on SIMD lanes.
+def program_errors(
+    model: Model, arrays: list[Array], step: Callable[[], None] = lambda: None
+) -> dict[str, tuple[Array, Array]]:
+    """{call: (errors of the table kernel, errors of the program)}.
 
-    arrays  q (n, nq), v (n, nv), and a or tau (n, nv), n at least ``batches.FROM``
-    Returns {} where no program runs: for long models, without mimic joints only, with NUMBA_DISABLE_JIT.
+    arrays  q (n, nq), v (n, nv), and a or tau (n, nv)
+    step    called before each call
+    Returns {} where no program runs: for long models, mimic joints and NUMBA_DISABLE_JIT.
     """
     if numba_kernels.PLAIN or model.mimic_matrix is not None:
         return {}
     found = {}
     for name, letters in INPUTS.items():
+        step()
         given = [arrays["qva".index(x)] for x in letters]
         spec = SPECS[name]
-        if not batch_kernels.fits((spec,), model.bodies) or (model.nv > SHORT and name not in ALWAYS):
+        if not recording.fits((spec,), model.bodies) or (model.nv > SHORT and name not in ALWAYS):
             continue
-        alone = single(model, name, given)
+        alone = by_table_kernel(model, name, given)
         sound = np.flatnonzero(np.isfinite(alone.reshape(len(alone), -1)).all(axis=1))
         if not len(sound):
             continue
-        chosen = np.resize(sound, max(len(sound), batch_kernels.FROM))  # a batch with a singular sample gives no answer
-        given = [x[chosen] for x in given]
+        given = [x[sound] for x in given]  # a batch with a singular sample raises
         try:
             batch = np.asarray(calls[name](model, *given))
         except SpatialDynError:
@@ -104,14 +112,14 @@ def program_errors(model: Model, arrays: list[Array]) -> dict[str, tuple[Array, 
         of = "crba" if name == "minverse" else name  # both are matrices, scaled by their diagonals
         with np.errstate(all="ignore"):
             truth, _ = truths(model, "aba" if name == "aba_refined" else name, given, checked=0)
-            found[name] = of_calls(of, alone[chosen], truth), of_calls(of, batch, truth)
+            found[name] = of_calls(of, alone[sound], truth), of_calls(of, batch, truth)
     return found
 
 
-def single(model: Model, name: str, arrays: list[Array], bodies: NDArray[Any] | None = None) -> Array:
-    """The answers of the kernel that single calls run, sample by sample; what it gives no number for is not finite.
+def by_table_kernel(model: Model, name: str, arrays: list[Array], bodies: NDArray[Any] | None = None) -> Array:
+    """Results of the table kernel, sample by sample; not finite where it fails.
 
-    bodies  another table than the model's
+    bodies  a table instead of the model's
     """
     spec = numba_kernels.variant(SPECS[name], frozenset())
     table = model.bodies if bodies is None else bodies
@@ -119,14 +127,14 @@ def single(model: Model, name: str, arrays: list[Array], bodies: NDArray[Any] | 
     out = np.full((n, *full_shape(model, spec.output)), np.nan)
     passed = [y for x in arrays for y in (np.ascontiguousarray(x), 1)]
     with np.errstate(all="ignore"):
-        numba_kernels.batch(spec)(
+        numba_kernels.batch_kernel(spec)(
             table if numba_kernels.PLAIN else table.ctypes.data, n, *passed, out, np.empty(n, np.int8)
         )
     return out
 
 
 def _round(record: NDArray[Any]) -> None:
-    """Every number of a table to the nearest of float32, in place."""
+    """Round every number of a table to float32, written in place."""
     for name in record.dtype.names or ():
         column = record[name]
         if column.dtype.names:

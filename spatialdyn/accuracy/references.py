@@ -1,4 +1,4 @@
-"""Errors of a task against the truth, and how much worse than the worst of a sample others may be."""
+"""Reference values of calls, errors against them, and a bound on the errors of other states."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.exact import exact
 from ..engines.compiled import numba_kernels
-from ..engines.numbers.double_double import Twofold, recorded
+from ..engines.numbers.double_double import DoubleDouble, record_double_double
 from ..engines.programs.tracer import evaluate
 from ..model.model import Model
 from ..recursions import SPECS
 
 Array = NDArray[np.float64]
 
-CHECKED = 2  # samples of the truth that are held against more digits
+CHECKED = 2  # samples of the reference that are checked against the exact engine
 BITS = 160
-LEAST = 2.0  # margin
-FEW = 32  # errors that are too few to say how they scatter
+LEAST = 2.0  # least margin
+FEW = 32  # fewer errors do not show how they scatter
 FEW_LEAST = 4.0
-MANY = 65536  # errors so many that the worst of a thousand others is beyond theirs in 1.5 % of all cases
+MANY = 65536  # errors, exceeded by the worst of 1000 others in 1.5 % of cases
 MANY_LEAST = 1.25
-TOP = 128  # of many: the tail, whose slope can be seen
-BEYOND = 4.0  # times as many states
+TOP = 128  # errors in the tail of many, whose slope is estimated
+BEYOND = 4.0  # times as many states, to which the tail is extrapolated
 TAIL = 0.95
 SMALL = 0.1
 
 
 @lru_cache(maxsize=4)
-def recorded_call(model: Model, name: str) -> tuple[Twofold, tuple[int, ...]]:
-    """The program of a call in double-double, of all its inputs in a row, and the shape of its answer."""
+def recorded_call(model: Model, name: str) -> tuple[DoubleDouble, tuple[int, ...]]:
+    """The program of a call in double-double, a function of its concatenated inputs, and the shape of the result."""
     spec = numba_kernels.variant(SPECS[name], frozenset())
-    inputs = [x for x in spec.given if not x.static]
+    inputs = [x for x in spec.present if not x.static]
     places = np.cumsum([0] + [core_shape(model, x)[0] for x in inputs])
     shape = core_shape(model, spec.output)
 
@@ -45,14 +45,14 @@ def recorded_call(model: Model, name: str) -> tuple[Twofold, tuple[int, ...]]:
         parts = {arg.name: x[a:b] for arg, a, b in zip(inputs, places[:-1], places[1:], strict=True)}
         return list(evaluate(spec, rows, shape, parts, np.empty(model.nv, object)).ravel())
 
-    return recorded(model.bodies, int(places[-1]), made), shape
+    return record_double_double(model.bodies, int(places[-1]), made), shape
 
 
 def truths(model: Model, name: str, arrays: list[Array], checked: int = CHECKED) -> tuple[Array, float]:
-    """The answers of a call to all samples, rounded to float64, and the largest error of what was rounded.
+    """Reference results of a call for all samples, rounded to float64, and their largest error before rounding.
 
     arrays   (n, ...) each, in the order of the call
-    checked  samples whose error is looked at, in BITS bits: the largest over the largest entry of the sample
+    checked  samples compared with the exact engine in BITS bits; errors are over the largest entry of the sample
     """
     program, shape = recorded_call(model, name)
     high, low = program(np.ascontiguousarray(np.concatenate(arrays, axis=1).T))
@@ -68,8 +68,8 @@ def truths(model: Model, name: str, arrays: list[Array], checked: int = CHECKED)
 def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
     """(n,) errors of samples: of M each entry over √(M_ii M_jj), else over the sample's largest entry.
 
-    A sample all of whose entries happen to be next to 0, below SMALL of the median of all samples, is measured by that:
-    a bound would have to be that of the rarest such sample.
+    The scale of a sample is at least SMALL of the median of all: else samples that happen to be near 0 would set the
+    bound.
     """
     off = abs(found.astype(np.float64) - truth)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -84,13 +84,13 @@ def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
 
 
 def bound(errors: Array) -> float:
-    """What other states stay below: the largest error times a margin.
+    """A bound expected to hold in other states: the largest error times a margin.
 
-    Errors of a nearly singular robot scatter like a power law, whose largest value grows with the number of samples
-    the faster the further it is from the rest: the root of that distance is what ten times the samples bring. Of MANY
-    errors the exponent shows in the TOP of them, as the mean logarithm of what they are of the least of these (Hill's
-    estimator), and the margin is what BEYOND times as many would bring. The worst of 1000 other states is beyond that
-    in 0.25 % of the cases that were tried, and beyond the bound of 4096 in 0.43 %.
+    Errors of a nearly singular robot follow a power law: the largest grows with the number of samples, the faster the
+    farther it is from the rest; ten times the samples multiply it by the root of its ratio to the TAIL quantile. Of
+    MANY errors the TOP ones give the exponent, the mean logarithm of their ratio to the least of them (Hill's
+    estimator), and the margin extrapolates to BEYOND times as many. In trials the worst of 1000 other states exceeded
+    that in 0.25 % of cases, and the bound of 4096 in 0.43 %.
     """
     worst = float(errors.max(initial=0.0))
     if worst == 0.0 or not math.isfinite(worst):

@@ -1,4 +1,4 @@
-"""What ``trade`` has found: every way of doing a task with its error and its cost, as text, JSON and a plot."""
+"""The results of ``trade`` and ``recommend``: options with their errors and costs, as text, JSON and a plot."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 from ..calls.arguments import as_number
 from ..errors import ShapeError, SpatialDynError
+from ..model.model import Model
 
 UNITS = {"simulate": "ns a simulated second"}
 INPUTS = {
@@ -22,24 +23,24 @@ INPUTS = {
 
 @dataclass(frozen=True)
 class Option:
-    """One way of doing a task.
+    """One option for a task: an engine, dtype and method, or an integrator and step.
 
-    name    what it is called: engine, dtype and method, or integrator and step
-    code    how it is written
-    error   the largest of all sampled states, as ``trade`` defines it for the task
-    usual   the median of them
-    bound   what other states of the same kind stay below: ``error`` times a margin that is larger where errors scatter
+    name    the name in tables
+    code    the line to write
+    error   the largest error in the sampled states, as ``trade`` defines it for the task
+    median  the median of the errors in those states
+    bound   expected to hold in other states of the same kind: ``error`` times a margin, larger where errors scatter
     ns      cost [ns] of a sample, or of a simulated second
-    best    on the Pareto front: whatever costs less has a larger error
-    note    what else there is to say, why it has no error for one
-    states  how many states that is of, 0 if those of the table
-    run     the way itself: inputs of the call, or (q0, v0, duration), to what the call returns
+    best    whether on the Pareto front: whatever costs less has a larger error
+    note    remarks, such as why there is no error
+    states  number of states of these errors, 0 if it is the table's
+    run     the function of the call's inputs, or of (q0, v0, duration), that returns the call's result
     """
 
     name: str
     code: str
     error: float
-    usual: float
+    median: float
     bound: float
     ns: float
     best: bool = False
@@ -53,18 +54,19 @@ Further = Callable[[Sequence[Option], float], Mapping[str, Any] | None]
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """Every way of doing a task on a model, the cheapest first.
+    """All options for a task on a model, the cheapest first.
 
     model      its name
-    task       what is done
+    task       name of the task
     options    tuple of Option
-    states     how many states were sampled
+    states     number of sampled states
     batch      samples of a call, 0 for simulations
     duration   of the simulations [s], 0 for calls
-    certainty  how far the truth itself can be trusted: its largest difference to a better one
-    truth      what that was, in words
-    further    errors of ways in many more states: {name: array} of those that stay within a tolerance, None where that
-               takes too long or cannot be told; itself None where states were given
+    certainty  error of the reference itself: its largest difference to a better one
+    truth      how the reference was computed, in words
+    further    function of (options, tolerance): errors in many more states, {name: array} of the options that stay
+               within the tolerance, None if that takes too long or has no reference; None if states were given
+    subject    the Model that was measured; None if it is not at hand
     """
 
     model: str
@@ -76,6 +78,7 @@ class Tradeoff:
     certainty: float
     truth: str
     further: Further | None = field(default=None, repr=False, compare=False)
+    subject: Model | None = field(default=None, repr=False, compare=False)
 
     @property
     def front(self) -> tuple[Option, ...]:
@@ -83,22 +86,22 @@ class Tradeoff:
         return tuple(x for x in self.options if x.best)
 
     def cheapest(self, tolerance: float) -> Option | None:
-        """The cheapest way whose bound is within a tolerance, None if there is none.
+        """The cheapest option whose bound is within a tolerance, None if there is none.
 
-        Raises  SpatialDynError for a tolerance that is no number above 0.
+        Raises  SpatialDynError for a tolerance that is not a number above 0.
         """
         within = checked_tolerance(tolerance)
         return next((x for x in self.options if x.bound <= within), None)
 
     @property
     def unit(self) -> str:
-        """What ``ns`` counts."""
+        """The unit of ``ns`` in words."""
         return UNITS.get(self.task, "ns a sample" if self.batch > 1 else "ns a call")
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as what JSON holds; what is not finite is None."""
+        """All of it as JSON types; numbers that are not finite are None."""
         rows = [{k: _json(v) for k, v in vars(x).items() if k not in ("run", "states")} for x in self.options]
-        whole = {k: _json(v) for k, v in vars(self).items() if k != "further"}
+        whole = {k: _json(v) for k, v in vars(self).items() if k not in ("further", "subject")}
         return {**whole, "unit": self.unit, "options": rows}
 
     def to_json(self) -> str:
@@ -117,12 +120,12 @@ class Tradeoff:
 
     @property
     def head(self) -> str:
-        """What the table is of, in a line."""
+        """The title of the table."""
         what = f"{self.duration:g} s each" if self.task == "simulate" else f"{self.batch} a call"
         return f"{self.model}: {self.task} of {self.states} states, {what}; truth {self.truth}"
 
     def __str__(self) -> str:
-        rows = [["", "way", "error", "bound", self.unit, "code"], *self.rows()]
+        rows = [["", "option", "error", "bound", self.unit, "code"], *self.rows()]
         widths = [max(len(row[k]) for row in rows) for k in range(6)]
         lines = [self.head]
         for row in rows:
@@ -133,55 +136,43 @@ class Tradeoff:
         return "\n".join([*lines, "* nothing cheaper has a smaller error"])
 
     def __repr__(self) -> str:
-        return f"<Tradeoff {self.task} of {self.model}: {len(self.options)} ways, {len(self.front)} on the front>"
+        return f"<Tradeoff {self.task} of {self.model}: {len(self.options)} options, {len(self.front)} on the front>"
 
-    def plot(self, path: Any = None) -> Any:
-        """A matplotlib Figure of error against cost, the front marked; written to the file ``path`` if that is given.
+    def plot(self, path: Any = None, *, ax: Any = None) -> Any:
+        """A Matplotlib Figure of error against cost with the Pareto front, written to the file ``path`` if given.
 
+        ax  Matplotlib axes to draw into
+
+        Simulations are labelled with their steps, in ms of computing for a second of motion.
         Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
         """
-        if not (path is None or isinstance(path, str) or hasattr(path, "__fspath__") or hasattr(path, "write")):
-            raise SpatialDynError(f"path is {path!r}, expected the name of a file")
-        try:
-            from matplotlib.figure import Figure
-        except ImportError as error:
-            raise SpatialDynError('matplotlib is not installed; pip install "spatialdyn[plot]"') from error
-        figure_ = Figure(figsize=(9.0, 5.0), layout="constrained")
-        axes = figure_.subplots()
-        families: dict[str, list[Option]] = {}
-        for x in self.options:
-            if math.isfinite(x.error):
-                families.setdefault(x.name.split(",")[0] if self.task == "simulate" else x.name, []).append(x)
-        for k, (name, points) in enumerate(families.items()):
-            points.sort(key=lambda x: -x.error)  # from the coarsest step to the finest
-            marker = "osD^vPX*<>"[(k + k // 10) % 10]  # colours begin again at the tenth
-            shown = [max(x.error, 1e-17) for x in points]
-            axes.plot([x.ns for x in points], shown, marker=marker, linewidth=0.8, label=name)
-        front = [x for x in self.front if math.isfinite(x.error)]
-        axes.step(
-            [x.ns for x in front], [max(x.error, 1e-17) for x in front], color="0.6", linestyle=":", where="post",
-            label="front", zorder=0,
-        )  # fmt: skip
-        axes.set(xscale="log", yscale="log", xlabel=self.unit, ylabel="largest error")
-        axes.set_title(f"{self.model}: {self.task.replace('_', ' ')}")
-        axes.grid(alpha=0.3)
-        figure_.legend(loc="outside right upper", fontsize="small")
-        if path is not None:
-            try:
-                figure_.savefig(path, dpi=130)
-            except (OSError, ValueError) as error:
-                raise SpatialDynError(f"plot cannot be written to {path}: {error}") from error
-        return figure_
+        from ..pictures.tradeoffs import plot_tradeoff
+
+        return plot_tradeoff(self, ax, path)
+
+    def report(self, path: Any) -> None:
+        """Write one HTML page of the trade, which needs no network: robot, plot, table, how to reproduce it.
+
+        Raises  SpatialDynError if the file cannot be written, or where matplotlib is not installed.
+        """
+        from ..pictures.page import report_tradeoff
+
+        report_tradeoff(self, path)
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import tradeoff_html
+
+        return tradeoff_html(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recommendation:
-    """The cheapest way that meets a tolerance; called like the task's own call, it does it that way.
+    """The cheapest option within a tolerance; a call of it is the task's call, done by that option.
 
-    option     the way
-    why        in words
-    tolerance  what was asked for
-    tradeoff   all that it was chosen from
+    option     the Option
+    why        the reason in words
+    tolerance  the tolerance given
+    tradeoff   the Tradeoff it was chosen from
     """
 
     option: Option
@@ -191,13 +182,13 @@ class Recommendation:
 
     @property
     def code(self) -> str:
-        """How it is written."""
+        """The line to write."""
         return self.option.code
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the task's call returns of its inputs; a Trajectory of (q0, v0, duration).
+        """The result of the task's call; for a simulation the Trajectory from (q0, v0, duration).
 
-        Raises  ShapeError for as many as it does not take, and what the call raises.
+        Raises  ShapeError for another number of inputs; what the call raises.
         """
         assert self.option.run is not None
         names = INPUTS[self.tradeoff.task]
@@ -205,12 +196,21 @@ class Recommendation:
             raise ShapeError(f"{len(arguments)} inputs were given, expected {len(names)}: {', '.join(names)}")
         return self.option.run(*arguments)
 
+    def __repr__(self) -> str:
+        of = f"{self.tradeoff.task} of {self.tradeoff.model}"
+        return f"<Recommendation for {of} within {self.tolerance:g}: {self.option.name}, {self.code}>"
+
     def __str__(self) -> str:
         return f"{self.code}\n{self.why}"
 
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import recommendation_html
+
+        return recommendation_html(self)
+
 
 def checked_tolerance(tolerance: Any) -> float:
-    """A tolerance as a float. Raises SpatialDynError for what is no number above 0."""
+    """A tolerance as a float. Raises SpatialDynError unless it is a number above 0."""
     number = as_number(tolerance)
     if not 0.0 < number:
         raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
@@ -222,8 +222,8 @@ def figure(x: float) -> str:
     return f"{x:.1e}" if math.isfinite(x) else "-"
 
 
-def marked(options: list[Option]) -> tuple[Option, ...]:
-    """The cheapest first, those on the Pareto front marked."""
+def mark_pareto(options: list[Option]) -> tuple[Option, ...]:
+    """Options sorted by cost, ``best`` set on those of the Pareto front."""
     least, made = math.inf, []
     for x in sorted(options, key=lambda x: (x.ns, x.error)):
         best = x.error < least

@@ -1,4 +1,4 @@
-"""Only what a scene requires: a smaller model, what it saves and what it costs."""
+"""A smaller model with locked joints and dropped terms: time saved and error made."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_number, check_model, words
+from ..calls.arguments import as_number, as_words, check_model
 from ..calls.dynamics import calls
 from ..calls.specialize import specialize
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels
+from ..engines.programs import recording
 from ..errors import ModelError, SpatialDynError
-from ..model.model import Joint, Model
+from ..model.model import Model, lock_values, resting
 
 Array = NDArray[np.float64]
 
 DROPPED = ("armature", "damping", "friction", "gravity")
-TIMED = {"rnea": "qva", "aba": "qvt", "crba": "q"}  # and what each takes
-FEW = 64  # states in which the two models are compared where no program is on SIMD lanes
-SAMPLES = FEW if numba_kernels.PLAIN else 4096  # and where one is
-PART = 512  # at a time: M of 128 freedoms are 64 MiB then
-MOST = 0.999  # of the states, whose largest change says more of others than the largest of all
+TIMED = {"rnea": "qva", "aba": "qvt", "crba": "q"}  # the timed calls and their inputs
+FEW = 64  # states in which the two models are compared if no program runs on SIMD lanes
+SAMPLES = FEW if numba_kernels.PLAIN else 4096  # and if one runs
+PART = 512  # states at a time: their M of 128 freedoms take 64 MiB
+MOST = 0.999  # a quantile of the states: it predicts other states better than the maximum
 BATCH = 8 if numba_kernels.PLAIN else 1024  # samples of a timed call
-REPEATS = 5  # of which the fastest counts
+REPEATS = 5  # the fastest counts
 
 
 class Change(NamedTuple):
-    """How much a quantity changes over the sampled states.
+    """Change of a quantity over the sampled states.
 
     absolute  the largest change of an entry
-    relative  that over the largest entry there is
-    most      what 999 of 1000 of these states are within
+    relative  the same over the largest entry
+    most      largest change in 999 of 1000 of the states
     """
 
     absolute: float
@@ -46,15 +46,15 @@ class Change(NamedTuple):
 
 
 class Savings(NamedTuple):
-    """What a smaller model saves and what it costs.
+    """Savings and errors of a smaller model.
 
-    locked      {joint: coordinates at which it is frozen}, those of light links included
-    dropped     what was set to zero
+    locked      {joint: coordinates at which it is locked}, those of light links included
+    dropped     names of the properties set to zero
     nv          freedoms (before, after)
-    operations  {"rnea", "aba", "crba"}: operations of the program of a sample (before, after)
-    ns          the same: nanoseconds of a sample of a large batch, measured here and now (before, after)
-    cost        {"M", "tau", "a"}: Change of what is left, see ``simplify``; empty where nothing is
-    states      how many random ones the cost is of: in others the change may be larger
+    operations  {"rnea", "aba", "crba"}: operations of the program per sample (before, after)
+    ns          the same calls: nanoseconds per sample of a large batch, measured now (before, after)
+    cost        {"M", "tau", "a"}: Change in the remaining freedoms, see ``simplify``; empty without any
+    states      number of random states of the cost; in others the change may be larger
     """
 
     locked: dict[str, Any]
@@ -90,20 +90,19 @@ def simplify(
     merge_lighter_than: float = 0.0,
     drop: str | Iterable[str] = (),
 ) -> tuple[Model, Savings]:
-    """A model with less in it, what that saves and what it costs.
+    """A smaller model, the time it saves and the error it makes.
 
-    lock                joint name -> coordinates at which it is frozen, or names: frozen where they are neutral
-    merge_lighter_than  mass [kg]: a joint that carries less in all is frozen where it is neutral, or at the nearest
-                        limit if that is beyond it
+    lock                as ``Model.reduced`` takes it: joint name -> coordinates, or names: locked at rest
+    merge_lighter_than  mass [kg]: a joint whose subtree is lighter is locked at neutral, or at its nearest limit if
+                        neutral is outside the limits
     drop                some of "armature", "damping", "friction", "gravity": set to zero
 
-    Returns the Model and its Savings. The cost is the largest difference between the two models over random states, a
-    sample and no bound: 4096, or 64 of robots of more than 128 freedoms. What 99.9 % of them are within is beside it,
-    which changes less from sample to sample. It is in the freedoms that are left: of M and, for the same v and a, of
-    tau = rnea, with the frozen joints anywhere within their limits and at rest; and of a = aba, with a torque on the
-    frozen joints that holds them as long as nothing accelerates. Lengths and angles are not weighed against each other:
-    "relative" is of the largest entry.
-    Raises  ModelError naming a joint, SpatialDynError for a mass or a name that makes no sense.
+    Returns the Model and its Savings. The cost is the largest difference between the two models over 4096 random
+    states, 64 for robots of more than 128 freedoms: a sample and no bound; its 99.9 % quantile, beside it, varies less
+    from sample to sample. It is that of the remaining freedoms: of M and, for the same v and a, of tau = rnea, with the
+    locked joints anywhere within their limits and at rest; and of a = aba, with a torque on the locked joints that
+    holds them as long as nothing accelerates. "relative" is over the largest entry, whether length or angle.
+    Raises  ModelError naming a joint, SpatialDynError for an invalid mass or name.
 
     >>> import spatialdyn as sd
     >>> small, savings = sd.simplify(sd.load_urdf("two_link"), lock={"joint2": 0.3})
@@ -112,7 +111,7 @@ def simplify(
     """
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) to simplify')
-    dropped = words("drop", drop, DROPPED)
+    dropped = as_words("drop", drop, DROPPED)
     locked = _locked(model, lock, merge_lighter_than)
     small = _without(model.reduced(locked), dropped)
     operations: dict[str, tuple[int, int]] = {}
@@ -120,7 +119,7 @@ def simplify(
     for name in TIMED:
         operations[name] = (_operations(model, name), _operations(small, name))
         ns[name] = (_nanoseconds(model, name), _nanoseconds(small, name))
-    states = SAMPLES if model.nv <= batch_kernels.MOST_ROWS else FEW
+    states = SAMPLES if model.nv <= recording.MOST_ROWS else FEW
     cost = _cost(model, small, states)
     return small, Savings(locked, dropped, (model.nv, small.nv), operations, ns, cost, states if cost else 0)
 
@@ -129,39 +128,22 @@ def simplify(
 
 
 def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
-    """Joints to freeze, and where."""
+    """{joint: coordinates} of the joints to lock."""
     if not 0.0 <= as_number(lightest) < math.inf:
         raise SpatialDynError(f"merge_lighter_than is {lightest!r}, expected a finite mass >= 0")
-    if isinstance(lock, Mapping):
-        locked = dict(lock)
-    else:
-        try:
-            names = [lock] if isinstance(lock, str) else list(lock)
-        except TypeError:
-            what = "expected names of joints, or a mapping of them to coordinates"
-            raise SpatialDynError(f"lock is {lock!r}, {what}") from None
-        locked = {name: _resting(model, joint) for name, joint in zip(names, map(model.joint, names), strict=True)}
+    locked = lock_values(model, lock)
     if lightest > 0.0:
         carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
         for k in range(model.njoints - 1, 0, -1):
             carried[model.joints[k].parent] += carried[k]
         for joint, mass in zip(model.joints[1:], carried[1:], strict=True):
             if mass < lightest and joint.name not in locked:
-                locked[joint.name] = _resting(model, joint)
+                locked[joint.name] = resting(model, joint)
     return locked
 
 
-def _resting(model: Model, joint: Joint) -> Any:
-    """A joint's neutral coordinates, moved to a limit where they are beyond it; a float where there is one."""
-    place = slice(joint.idx_q, joint.idx_q + joint.nq)
-    q = np.asarray(calls["neutral"](model))[place]
-    if joint.nq == 1:
-        return float(np.clip(q[0], model.lower[place][0], model.upper[place][0]))
-    return q.tolist()
-
-
 def _without(model: Model, dropped: tuple[str, ...]) -> Model:
-    """A Model with some of its properties zero."""
+    """The Model with the dropped properties set to zero."""
     if not dropped:
         return model
     zeros: dict[str, Any] = {name: 0.0 for name in dropped if name != "gravity"}
@@ -170,16 +152,16 @@ def _without(model: Model, dropped: tuple[str, ...]) -> Model:
     return made.with_(gravity=(0.0, 0.0, 0.0)) if "gravity" in dropped else made
 
 
-# --- what it saves ---------------------------------------------------------------------------------------
+# --- savings -------------------------------------------------------------------------------------------
 
 
 def _operations(model: Model, name: str) -> int:
-    """Operations of a call's program, 0 where nothing moves."""
+    """Operations of a call's program, 0 without freedoms."""
     return sum(specialize(model, calls[name]).operations.values()) if model.nv else 0
 
 
 def _nanoseconds(model: Model, name: str) -> float:
-    """Time of a sample of a batch, the fastest of a few runs."""
+    """Time per sample of a batch [ns], of the fastest of a few runs."""
     if not model.nv:
         return 0.0
     rng = np.random.default_rng(0)
@@ -195,11 +177,11 @@ def _nanoseconds(model: Model, name: str) -> float:
     return best / BATCH * 1e9
 
 
-# --- what it costs ---------------------------------------------------------------------------------------
+# --- cost ----------------------------------------------------------------------------------------------
 
 
 def _cost(model: Model, small: Model, states: int) -> dict[str, Change]:
-    """Changes of M, tau and a in the freedoms that both have, if any, over so many states."""
+    """Changes of M, tau and a in the remaining freedoms over random states; {} without any."""
     if not small.nv:
         return {}
     rng = np.random.default_rng(0)
@@ -227,7 +209,7 @@ def _cost(model: Model, small: Model, states: int) -> dict[str, Change]:
 
 
 def _places(model: Model, small: Model) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where in q and in v of a model the entries of a smaller one are."""
+    """Indices in q and in v of a model of the entries of a smaller one."""
     in_q: list[int] = []
     in_v: list[int] = []
     for joint in small.joints[1:]:
@@ -238,7 +220,7 @@ def _places(model: Model, small: Model) -> tuple[NDArray[np.intp], NDArray[np.in
 
 
 def _change(off: Array, size: float) -> Change:
-    """Of the largest change in each state, and the largest entry of all."""
+    """The Change of ``off``, the largest change in each state, with ``size`` the largest entry."""
     largest = float(off.max())
     relative = largest / size if size > 0.0 else 0.0 if largest == 0.0 else math.inf
     return Change(largest, relative, float(np.quantile(off, MOST)))

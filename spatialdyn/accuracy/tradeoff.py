@@ -1,4 +1,4 @@
-"""What each digit costs on a model and on this machine, and the cheapest way to as many as are needed."""
+"""Errors and costs of all options for a task, measured, and the cheapest option within a tolerance."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from ..calls.arguments import as_count, as_number, check_model, words
+from ..calls.arguments import as_count, as_number, as_words, check_model
+from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators
 from . import call_errors, integrator_errors
 from .references import LEAST, MANY, MANY_LEAST, bound
-from .results import Option, Recommendation, Tradeoff, checked_tolerance, figure, marked
+from .results import Option, Recommendation, Tradeoff, checked_tolerance, figure, mark_pareto
 
-TASKS = (*call_errors.TASKS, "simulate")
+TASKS = (*call_errors.TASK_CALLS, "simulate")
 BATCH = 8 if numba_kernels.PLAIN else 4096
-WORTH = 1.1  # times that a way must be faster to be worth more states
+WORTH = 1.1  # an option must be this many times faster to be tried in more states
 
 
 def trade(
@@ -30,39 +31,44 @@ def trade(
     batch: int = BATCH,
     duration: float = 1.0,
     methods: str | Sequence[str] | None = None,
+    progress: Progress = False,
 ) -> Tradeoff:
-    """Error and cost of every way of doing a task, measured on this model, on this machine, now.
+    """Error and cost of every option for a task, measured on this model, on this machine, now.
 
     model     Model without mimic joints
-    task      what is done, by which ways, and how an error is measured:
+    task      what is computed, by which calls, and what an error is relative to:
 
               ==================  ==================================================  ==============================
-              "forward_dynamics"  aba, crba_solve, aba_refined, aba_square_root       largest over largest of a
+              "forward_dynamics"  aba, crba_solve, aba_refined, aba_square_root,      largest over largest of a
+                                  ``forward_dynamics(method="extended")``
               "inverse_dynamics"  rnea                                                largest over largest of tau
               "mass_matrix"       crba                                                entries over √(M_ii M_jj)
-              "simulate"          every integrator, at steps from coarse to fine      of q over how far any
-                                                                                      coordinate goes, of v over the
+              "simulate"          every integrator, at steps from coarse to fine      q over the largest change of
+                                                                                      a coordinate, v over the
                                                                                       largest, at 10 times
               ==================  ==================================================  ==============================
 
-              A state whose largest entry is below a tenth of their median is measured by that instead.
-              Calls run as programs on SIMD lanes in float64 and float32 (whose inputs are rounded to float32 too), and
-              by the kernel for any model, "untraced".
-    states    in which errors are measured: a number of random ones, 4096 by default, or a tuple of arrays (n, ...): (q,
-              v, tau), (q, v, a), (q,). Of simulations (q0, v0), by default 4 random configurations at rest
-    batch     samples of a call whose time is taken; 1 for calls of one sample
+              In a state whose largest entry is below a tenth of the states' median, errors are relative to that tenth.
+              Calls run as programs on SIMD lanes in float64 and float32 (with inputs rounded to float32); those that
+              are no programs in the table kernel, "untraced"; "extended" on lanes in batches of 512 or more, to 32
+              freedoms.
+    states    states in which errors are measured: a number of random ones, 4096 by default, or a tuple of arrays
+              (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random ones at rest
+    batch     samples of a timed call; 1 times calls of one sample
     duration  of a simulation [s], without torques
     methods   integrators of simulations, by default all
+    progress  True for a bar (needs rich), or a function of the number of steps done and their total
 
-    The truth of calls is computed in double-double, and that is held against the exact engine; of crba_solve and the
-    others it is that of aba, for the numbers of the model as they are. The truth of a motion is Gauss's collocation of
-    order 32 in double-double, and how far it is from itself with twice the step is its certainty; where that is not
-    small, the motion is too chaotic for any way to follow.
+    The reference of calls is computed in double-double and checked against the exact engine; that of every method of
+    forward dynamics is aba's, for the model's numbers as they are; "extended" rounds that, so its error counts as half
+    an ulp of the largest entry at least. The reference of a motion is Gauss collocation of order 32 in double-double;
+    its difference to the same with twice the step is the certainty. Where that is not small, the motion is too chaotic
+    for any method to follow.
 
     Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
-    a few seconds, and the first time of all what there is to compile: seconds for calls, minutes for all integrators.
-    The truth of a second takes seconds for an arm, a minute for a humanoid with light fingers.
-    Raises  SpatialDynError for a task, states, batch or duration that are none, or where mpmath is not installed;
+    a few seconds, at first use also the time to compile: seconds for calls, minutes for all integrators. The reference
+    of a motion of 1 s takes seconds for an arm, a minute for a humanoid with light fingers.
+    Raises  SpatialDynError for an invalid task, states, batch or duration, or if mpmath is not installed;
             ModelError for mimic joints; what the call raises for its states.
 
     >>> import spatialdyn as sd
@@ -82,22 +88,25 @@ def trade(
         raise SpatialDynError(f"batch is {batch!r}, expected a number of samples of 1 to {call_errors.MOST}")
     if not 0.0 < seconds < math.inf:
         raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
-    names = None if methods is None else words("methods", methods, integrators)
+    names = None if methods is None else as_words("methods", methods, integrators)
     if names == ():
         raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
+    check_progress(progress)
     if task == "simulate":
-        options, count, certainty = integrator_errors.measured(model, states, seconds, names)
+        with reporting(progress, "trade") as report:
+            options, count, certainty = integrator_errors.measure_motions(model, states, seconds, names, report)
         truth = f"double-double, {figure(certainty)} from itself with twice the step"
         found = (
-            integrator_errors.further(model, seconds, options)
-            if call_errors.drawn(states) and not numba_kernels.PLAIN
+            integrator_errors.confirm_motions(model, seconds, options)
+            if call_errors.is_count(states) and not numba_kernels.PLAIN
             else None
         )
-        return Tradeoff(model.name, task, marked(options), count, 0, seconds, certainty, truth, found)
-    options, count, certainty = call_errors.measured(model, task, states, samples)
+        return Tradeoff(model.name, task, mark_pareto(options), count, 0, seconds, certainty, truth, found, model)
+    with reporting(progress, "trade") as report:
+        options, count, certainty = call_errors.measure_calls(model, task, states, samples, report)
     truth = f"double-double, {figure(certainty)} from the exact engine"
-    more = call_errors.further(model, task) if call_errors.drawn(states) and not numba_kernels.PLAIN else None
-    return Tradeoff(model.name, task, marked(options), count, samples, 0.0, certainty, truth, more)
+    more = call_errors.confirm_calls(model, task) if call_errors.is_count(states) and not numba_kernels.PLAIN else None
+    return Tradeoff(model.name, task, mark_pareto(options), count, samples, 0.0, certainty, truth, more, model)
 
 
 def recommend(
@@ -108,21 +117,22 @@ def recommend(
     batch: int = BATCH,
     duration: float = 1.0,
     methods: str | Sequence[str] | None = None,
+    progress: Progress = False,
 ) -> Recommendation:
-    """The cheapest way of doing a task whose error stays within a tolerance, and why.
+    """The cheapest option for a task whose error stays within a tolerance, and why.
 
-    tolerance  largest error that will do, as ``trade`` defines it for the task
-    model, task, states, batch, duration, methods   as in ``trade``
+    tolerance  largest acceptable error, as ``trade`` defines it for the task
+    model, task, states, batch, duration, methods, progress   as in ``trade``
 
-    A way is taken for good enough if its largest error times a margin of 2 or more is within the tolerance; the margin
-    is larger where errors scatter widely or states are few, for other states may be worse than those measured. Where
-    that leaves open whether a cheaper way will do, it is tried in 65536 random states, after which a margin of 1.25 may
-    be enough. Motions from a few states say little, so a way to simulate is tried from 32 others, its truth a way a
-    hundred times better. Neither is done if it takes longer than 4 seconds, or if the states are given.
+    An option is good enough if its bound is within the tolerance: its largest error times a margin of 2 or more, larger
+    where errors scatter widely or states are few, as other states may be worse than those measured. A cheaper option
+    whose error, but not its bound, is within the tolerance is tried in 65536 random states, after which a margin of
+    1.25 may be enough. Motions from a few states say little, so an integrator is tried from 32 other states, against a
+    reference option a hundred times better. Neither is done if it takes longer than 4 s, or if states are given.
 
-    Returns a Recommendation: ``code`` is what to write, ``why`` the reason, and it can be called like the task's own
-    call, a simulation's with (q0, v0, duration).
-    Raises  SpatialDynError if no way is good enough, naming the best; what ``trade`` raises.
+    Returns a Recommendation: ``code`` is the line to write, ``why`` the reason. It can be called as the task's call, or
+    with (q0, v0, duration) for a simulation.
+    Raises  SpatialDynError if no option is good enough, naming the best; what ``trade`` raises.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -133,11 +143,11 @@ def recommend(
     (2,)
     """
     within = checked_tolerance(tolerance)  # before anything is measured
-    return advice(trade(model, task, states, batch, duration, methods), within)
+    return advice(trade(model, task, states, batch, duration, methods, progress), within)
 
 
 def advice(found: Tradeoff, tolerance: float) -> Recommendation:
-    """The cheapest of what ``trade`` has found that stays within a tolerance. Raises what ``recommend`` does."""
+    """The cheapest option of a Tradeoff within a tolerance. Raises what ``recommend`` raises."""
     tolerance = checked_tolerance(tolerance)
     if found.task == "simulate" and found.further is not None:
         chosen = _confirmed(found, tolerance)
@@ -154,7 +164,7 @@ def advice(found: Tradeoff, tolerance: float) -> Recommendation:
 
 
 def _cheaper(found: Tradeoff, chosen: Option | None, tolerance: float) -> Option | None:
-    """A way cheaper than the chosen one that many more states show to be good enough, None if there is none."""
+    """The cheapest option below the chosen one that many more states confirm; None if there is none."""
     most = math.inf if chosen is None else chosen.ns / WORTH
     open_ = [x for x in found.options if x.ns < most and x.error <= tolerance < x.bound]
     if not open_ or found.further is None:
@@ -164,9 +174,9 @@ def _cheaper(found: Tradeoff, chosen: Option | None, tolerance: float) -> Option
 
 
 def _confirmed(found: Tradeoff, tolerance: float) -> Option | None:
-    """The cheapest way that motions from more states show to be good enough, for those of a few say little.
+    """The cheapest option that motions from more states confirm, as few states say little.
 
-    Where that cannot be told the bound decides.
+    Without an answer from them the bound decides.
     """
     assert found.further is not None
     for x in found.options:
@@ -179,18 +189,18 @@ def _confirmed(found: Tradeoff, tolerance: float) -> Option | None:
 
 
 def _in_more(x: Option, errors: Any, tolerance: float) -> Option | None:
-    """A way with its errors in more states, if there are any and their bound is within a tolerance."""
+    """An option with its errors in more states; None without errors or if their bound exceeds the tolerance."""
     if errors is None:
         return None
     worst = max(x.error, float(errors.max()))
     limit = max(bound(errors), worst * (MANY_LEAST if len(errors) >= MANY else LEAST))
     if not limit <= tolerance:
         return None
-    return replace(x, error=worst, usual=float(np.median(errors)), bound=limit, states=len(errors))
+    return replace(x, error=worst, median=float(np.median(errors)), bound=limit, states=len(errors))
 
 
 def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
-    """The reason in words: its error and margin, and what was passed over."""
+    """The reason in words: error and bound, the best cheaper option, and the next better one."""
     of = f"{chosen.states or found.states} states"
     lines = [
         f"{chosen.name}: {chosen.ns:.4g} {found.unit}, error at most {figure(chosen.error)} in {of}, expected below "
@@ -201,7 +211,7 @@ def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
         best = min(cheaper, key=lambda x: x.bound)
         lines.append(
             f"cheaper is {best.name} ({best.ns:.4g} {found.unit}), with {figure(best.error)}, expected below "
-            f"{figure(best.bound)}" + (", which more states have not borne out" if best.bound <= tolerance else "")
+            f"{figure(best.bound)}" + (", which more states do not confirm" if best.bound <= tolerance else "")
         )
     better = [x for x in found.options if x.bound < chosen.bound and x.ns > chosen.ns]
     if better:

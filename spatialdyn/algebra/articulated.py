@@ -1,11 +1,11 @@
-"""Articulated bodies: the inertia that is felt of a body with others hanging on it by joints (RBDA chapter 7)."""
+"""Articulated-body inertia: that of a body with the bodies that joints attach to it (RBDA chapter 7)."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from .euclidean import Rot, Sym, add_rot, add_sym, apply_sym, congruence, matmul, plus, rotate, transpose, unrotate
-from .scalars import inlined
+from .euclidean import Mat3, Sym, add, add_mat3, add_sym, apply_sym, congruence, matmul, rotate, transpose, unrotate
+from .scalars import inline
 from .spatial import Force, Inertia, Motion, Pose
 
 
@@ -13,39 +13,39 @@ class Articulated(NamedTuple):
     """An articulated body inertia [I H; Hᵀ M] (RBDA section 7.1)."""
 
     I: Sym
-    H: Rot
+    H: Mat3
     M: Sym
 
 
-@inlined
+@inline
 def articulated(I: Inertia) -> Articulated:
     """A rigid body as an articulated one: [Ī h̃; h̃ᵀ m 1]."""
     h = I.h
     return Articulated(
         I.I,
-        Rot(0.0, -h.z, h.y, h.z, 0.0, -h.x, -h.y, h.x, 0.0),
+        Mat3(0.0, -h.z, h.y, h.z, 0.0, -h.x, -h.y, h.x, 0.0),
         Sym(I.m, 0.0, 0.0, I.m, 0.0, I.m),
     )
 
 
-@inlined
+@inline
 def add_articulated(A: Articulated, B: Articulated) -> Articulated:
     """A + B."""
-    return Articulated(add_sym(A.I, B.I), add_rot(A.H, B.H), add_sym(A.M, B.M))
+    return Articulated(add_sym(A.I, B.I), add_mat3(A.H, B.H), add_sym(A.M, B.M))
 
 
-@inlined
+@inline
 def articulated_force(A: Articulated, a: Motion) -> Force:
     """A a."""
     return Force(
-        plus(apply_sym(A.I, a.w), rotate(A.H, a.v)),
-        plus(unrotate(A.H, a.w), apply_sym(A.M, a.v)),
+        add(apply_sym(A.I, a.w), rotate(A.H, a.v)),
+        add(unrotate(A.H, a.w), apply_sym(A.M, a.v)),
     )
 
 
-@inlined
-def without(A: Articulated, U: Force, W: Force) -> Articulated:
-    """A - U Wᵀ for W parallel to U: what is left of A once a joint is free to move."""
+@inline
+def subtract_outer(A: Articulated, U: Force, W: Force) -> Articulated:
+    """A - U Wᵀ for W parallel to U. With U = A S and W = U/D it is A across a joint that moves freely along S."""
     n, f, N, F = U.n, U.f, W.n, W.f
     I, H, M = A.I, A.H, A.M
     return Articulated(
@@ -53,7 +53,7 @@ def without(A: Articulated, U: Force, W: Force) -> Articulated:
             I.xx - n.x * N.x, I.xy - n.x * N.y, I.xz - n.x * N.z,
             I.yy - n.y * N.y, I.yz - n.y * N.z, I.zz - n.z * N.z,
         ),
-        Rot(
+        Mat3(
             H.xx - n.x * F.x, H.xy - n.x * F.y, H.xz - n.x * F.z,
             H.yx - n.y * F.x, H.yy - n.y * F.y, H.yz - n.y * F.z,
             H.zx - n.z * F.x, H.zy - n.z * F.y, H.zz - n.z * F.z,
@@ -65,9 +65,9 @@ def without(A: Articulated, U: Force, W: Force) -> Articulated:
     )  # fmt: skip
 
 
-@inlined
+@inline
 def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
-    """The articulated inertia in child coordinates, in parent coordinates: Xᵀ A X, symmetric by construction.
+    """An articulated inertia from child to parent coordinates: Xᵀ A X, symmetric by construction.
 
     With everything rotated, H' = H + p̃ M and I' = I - H p̃ + p̃ H'ᵀ.
     """
@@ -75,7 +75,7 @@ def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
     M = congruence(R, A.M)
     H = matmul(matmul(R, A.H), transpose(R))
     I = congruence(R, A.I)
-    G = Rot(
+    G = Mat3(
         H.xx + (p.y * M.xz - p.z * M.xy), H.xy + (p.y * M.yz - p.z * M.yy), H.xz + (p.y * M.zz - p.z * M.yz),
         H.yx + (p.z * M.xx - p.x * M.xz), H.yy + (p.z * M.xy - p.x * M.yz), H.yz + (p.z * M.xz - p.x * M.zz),
         H.zx + (p.x * M.xy - p.y * M.xx), H.zy + (p.x * M.yy - p.y * M.xy), H.zz + (p.x * M.yz - p.y * M.xz),

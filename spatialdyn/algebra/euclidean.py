@@ -2,7 +2,7 @@
 
 ===================  =====================================================================
 Vec (x, y, z)        a vector of three numbers
-Rot (xx .. zz)       a 3 x 3 matrix, row by row; in a Pose the rotation child -> parent
+Mat3 (xx .. zz)      a 3 x 3 matrix, row by row; in a Pose the rotation child -> parent
 Sym (xx xy xz        a symmetric 3 x 3 matrix, upper triangle
 yy yz zz)
 ===================  =====================================================================
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .scalars import Scalar, inlined
+from .scalars import Scalar, inline
 
 
 class Vec(NamedTuple):
@@ -26,7 +26,7 @@ class Vec(NamedTuple):
     z: Scalar
 
 
-class Rot(NamedTuple):
+class Mat3(NamedTuple):
     """A 3 x 3 matrix, row by row."""
 
     xx: Scalar
@@ -54,43 +54,43 @@ class Sym(NamedTuple):
 # --- vectors ------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def zero() -> Vec:
     """The null vector."""
     return Vec(0.0, 0.0, 0.0)
 
 
-@inlined
-def plus(a: Vec, b: Vec) -> Vec:
+@inline
+def add(a: Vec, b: Vec) -> Vec:
     """a + b."""
     return Vec(a.x + b.x, a.y + b.y, a.z + b.z)
 
 
-@inlined
-def minus(a: Vec, b: Vec) -> Vec:
+@inline
+def sub(a: Vec, b: Vec) -> Vec:
     """a - b."""
     return Vec(a.x - b.x, a.y - b.y, a.z - b.z)
 
 
-@inlined
-def negative(a: Vec) -> Vec:
+@inline
+def neg(a: Vec) -> Vec:
     """-a."""
     return Vec(-a.x, -a.y, -a.z)
 
 
-@inlined
-def times(s: Scalar, a: Vec) -> Vec:
+@inline
+def scale(s: Scalar, a: Vec) -> Vec:
     """s a."""
     return Vec(s * a.x, s * a.y, s * a.z)
 
 
-@inlined
+@inline
 def dot(a: Vec, b: Vec) -> Scalar:
     """a · b."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
-@inlined
+@inline
 def cross(a: Vec, b: Vec) -> Vec:
     """a × b."""
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
@@ -99,16 +99,16 @@ def cross(a: Vec, b: Vec) -> Vec:
 # --- matrices -----------------------------------------------------------------------------------------
 
 
-@inlined
-def identity() -> Rot:
+@inline
+def identity() -> Mat3:
     """The 3 x 3 identity."""
-    return Rot(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    return Mat3(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@inlined
-def matmul(A: Rot, B: Rot) -> Rot:
+@inline
+def matmul(A: Mat3, B: Mat3) -> Mat3:
     """A B."""
-    return Rot(
+    return Mat3(
         A.xx * B.xx + A.xy * B.yx + A.xz * B.zx,
         A.xx * B.xy + A.xy * B.yy + A.xz * B.zy,
         A.xx * B.xz + A.xy * B.yz + A.xz * B.zz,
@@ -121,14 +121,14 @@ def matmul(A: Rot, B: Rot) -> Rot:
     )
 
 
-@inlined
-def transpose(A: Rot) -> Rot:
+@inline
+def transpose(A: Mat3) -> Mat3:
     """Aᵀ."""
-    return Rot(A.xx, A.yx, A.zx, A.xy, A.yy, A.zy, A.xz, A.yz, A.zz)
+    return Mat3(A.xx, A.yx, A.zx, A.xy, A.yy, A.zy, A.xz, A.yz, A.zz)
 
 
-@inlined
-def rotate(R: Rot, a: Vec) -> Vec:
+@inline
+def rotate(R: Mat3, a: Vec) -> Vec:
     """R a."""
     return Vec(
         R.xx * a.x + R.xy * a.y + R.xz * a.z,
@@ -137,8 +137,8 @@ def rotate(R: Rot, a: Vec) -> Vec:
     )
 
 
-@inlined
-def unrotate(R: Rot, a: Vec) -> Vec:
+@inline
+def unrotate(R: Mat3, a: Vec) -> Vec:
     """Rᵀ a."""
     return Vec(
         R.xx * a.x + R.yx * a.y + R.zx * a.z,
@@ -147,17 +147,17 @@ def unrotate(R: Rot, a: Vec) -> Vec:
     )
 
 
-@inlined
-def add_rot(A: Rot, B: Rot) -> Rot:
+@inline
+def add_mat3(A: Mat3, B: Mat3) -> Mat3:
     """A + B."""
-    return Rot(
+    return Mat3(
         A.xx + B.xx, A.xy + B.xy, A.xz + B.xz,
         A.yx + B.yx, A.yy + B.yy, A.yz + B.yz,
         A.zx + B.zx, A.zy + B.zy, A.zz + B.zz,
     )  # fmt: skip
 
 
-@inlined
+@inline
 def apply_sym(A: Sym, a: Vec) -> Vec:
     """A a for a symmetric A."""
     return Vec(
@@ -167,14 +167,14 @@ def apply_sym(A: Sym, a: Vec) -> Vec:
     )
 
 
-@inlined
+@inline
 def add_sym(A: Sym, B: Sym) -> Sym:
     """A + B."""
     return Sym(A.xx + B.xx, A.xy + B.xy, A.xz + B.xz, A.yy + B.yy, A.yz + B.yz, A.zz + B.zz)
 
 
-@inlined
-def congruence(R: Rot, A: Sym) -> Sym:
+@inline
+def congruence(R: Mat3, A: Sym) -> Sym:
     """R A Rᵀ for a symmetric A; only its six numbers are computed."""
     x = apply_sym(A, Vec(R.xx, R.xy, R.xz))
     y = apply_sym(A, Vec(R.yx, R.yy, R.yz))
@@ -189,11 +189,11 @@ def congruence(R: Rot, A: Sym) -> Sym:
     )
 
 
-# --- rotational inertias, and bodies that turn --------------------------------------------------------
+# --- rotational inertias and rotating bodies ----------------------------------------------------------
 
 
-@inlined
-def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym:
+@inline
+def parallel_axis(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym:
     """I + (p·a + p·b) 1 - a pᵀ - p bᵀ for b - a parallel to p, where the sum is symmetric.
 
     With a the first moment before and b after a shift of the origin by -p, this is the rotational
@@ -210,7 +210,7 @@ def shifted(I: Sym, p: Vec, a: Vec, b: Vec) -> Sym:
     )
 
 
-@inlined
+@inline
 def second_moment(I: Sym) -> Sym:
     """Σ = ½ tr(Ī) 1 - Ī, the integral of r rᵀ over a body of rotational inertia Ī."""
     return Sym(
@@ -220,21 +220,21 @@ def second_moment(I: Sym) -> Sym:
     )  # fmt: skip
 
 
-@inlined
-def spin_matrix(w: Vec, dw: Vec) -> Rot:
-    """U = ω̇~ + ω̃²: a point at p of a body that turns so accelerates by U p against its origin."""
+@inline
+def acceleration_matrix(w: Vec, dw: Vec) -> Mat3:
+    """U = ω̇~ + ω̃²: the point p of a rotating body accelerates by U p relative to the origin."""
     xx, yy, zz = w.x * w.x, w.y * w.y, w.z * w.z
     xy, xz, yz = w.x * w.y, w.x * w.z, w.y * w.z
-    return Rot(
+    return Mat3(
         -(yy + zz), xy - dw.z, xz + dw.y,
         xy + dw.z, -(xx + zz), yz - dw.x,
         xz - dw.y, yz + dw.x, -(xx + yy),
     )  # fmt: skip
 
 
-@inlined
-def rate_of_spin(I: Sym, w: Vec, dw: Vec, U: Rot) -> Vec:
-    """Ī ω̇ + ω × Ī ω with U = spin_matrix(w, dw), in fifteen products (after Khalil and Kleinfinger 1987)."""
+@inline
+def newton_euler_moment(I: Sym, w: Vec, dw: Vec, U: Mat3) -> Vec:
+    """Ī ω̇ + ω × Ī ω with U = acceleration_matrix(w, dw), in fifteen products (after Khalil and Kleinfinger 1987)."""
     xx, yy, zz = w.x * w.x, w.y * w.y, w.z * w.z
     return Vec(
         I.xx * dw.x + (I.zz - I.yy) * (w.y * w.z) + I.yz * (yy - zz) + (I.xz * U.yx - I.xy * U.zx),

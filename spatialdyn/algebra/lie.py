@@ -3,11 +3,11 @@
 With θ = |w|, W = w× and V = v×, the twist m = (w, v), held constant in the moving frame, ends after unit time at
 
     rotation     the quaternion (w sin(θ/2)/θ, cos(θ/2))
-    travel       p = (s 1 + b W + c w wᵀ) v     s = sin θ/θ,  b = (1 - cos θ)/θ²,  c = (1 - s)/θ²
+    translation  p = (s 1 + b W + c w wᵀ) v     s = sin θ/θ,  b = (1 - cos θ)/θ²,  c = (1 - s)/θ²
     and back     v = (u 1 - ½ W + β w wᵀ) p     u = (θ/2) cot(θ/2),  β = (1 - u)/θ²
 
 A twist is a rotation vector w + ε v with ε² = 0, so the derivative of a series in W, taken at w in the direction
-v, is the block that couples turning and travelling in the same series of the spatial cross product m×.
+v, is the block that couples rotation and translation in the same series of the spatial cross product m×.
 
 No function compares values. θ stands for √(|w|² + 1e-36), which makes the quotients regular at 0 and changes none
 of them by more than 1e-36; where a difference would cancel, its Taylor series is selected for θ < 1, summed to
@@ -22,9 +22,9 @@ from fractions import Fraction
 from math import factorial
 from typing import NamedTuple
 
-from .euclidean import Rot, Vec, cross, dot, matmul, plus, times, transpose
+from .euclidean import Mat3, Vec, add, cross, dot, matmul, scale, transpose
 from .rotations import rotation
-from .scalars import Scalar, atan2, cos, inlined, select, sin, sqrt, summed
+from .scalars import Scalar, atan2, cos, inline, select, series_or_closed, sin, sqrt
 from .spatial import Motion
 
 TINY = 1e-36  # its root is far below the resolution of θ, and both are normal numbers in float32
@@ -48,16 +48,16 @@ class Quat(NamedTuple):
 
 
 class Tangent(NamedTuple):
-    """The matrix [J K; 0 J] between twists, linear part first: J turns, K couples."""
+    """The matrix [J K; 0 J] between twists, linear part first: K is what the angular part adds to the linear."""
 
-    J: Rot
-    K: Rot
+    J: Mat3
+    K: Mat3
 
 
 # --- quaternions ----------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def product(a: Quat, b: Quat) -> Quat:
     """a b: the rotation b of the frame a."""
     return Quat(
@@ -68,27 +68,27 @@ def product(a: Quat, b: Quat) -> Quat:
     )
 
 
-@inlined
+@inline
 def conjugate(a: Quat) -> Quat:
     """The inverse rotation."""
     return Quat(-a.x, -a.y, -a.z, a.w)
 
 
-@inlined
+@inline
 def scale_quat(s: Scalar, a: Quat) -> Quat:
     """s a."""
     return Quat(s * a.x, s * a.y, s * a.z, s * a.w)
 
 
-@inlined
+@inline
 def unit(a: Quat) -> Quat:
     """a / |a|, exact to rounding for any a near the unit sphere."""
     return scale_quat(1.0 / sqrt(a.x * a.x + a.y * a.y + a.z * a.z + a.w * a.w), a)
 
 
-@inlined
+@inline
 def rescaled(a: Quat) -> Quat:
-    """a / |a| for an a of any size, shrunk first lest a square over- or underflow; the null quaternion as it is."""
+    """a / |a|, divided by its largest entry first so that no square over- or underflows; a null a stays null."""
     size = larger(larger(a.x, a.y), larger(a.z, a.w))
     size = size + select(size, 0.0, 1.0)
     a = Quat(a.x / size, a.y / size, a.z / size, a.w / size)
@@ -96,15 +96,15 @@ def rescaled(a: Quat) -> Quat:
     return scale_quat(1.0 / sqrt(n + select(n, 0.0, 1.0)), a)
 
 
-@inlined
+@inline
 def larger(x: Scalar, y: Scalar) -> Scalar:
     """max(|x|, |y|)."""
     x, y = select(-x, -x, x), select(-y, -y, y)
     return select(x - y, x, y)
 
 
-@inlined
-def matrix(a: Quat) -> Rot:
+@inline
+def matrix(a: Quat) -> Mat3:
     """The rotation matrix of a unit quaternion."""
     return rotation(a.x, a.y, a.z, a.w)
 
@@ -112,7 +112,7 @@ def matrix(a: Quat) -> Rot:
 # --- exponential and logarithm --------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def exp_rotation(w: Vec) -> Quat:
     """The rotation by |w| about w."""
     h = 0.5 * sqrt(dot(w, w) + TINY)
@@ -120,7 +120,7 @@ def exp_rotation(w: Vec) -> Quat:
     return Quat(s * w.x, s * w.y, s * w.z, cos(h))
 
 
-@inlined
+@inline
 def log_rotation(a: Quat) -> Vec:
     """The rotation vector of a, with |w| <= π; a and -a are one rotation, and |a| does not matter."""
     n = sqrt(a.x * a.x + a.y * a.y + a.z * a.z + TINY)
@@ -129,21 +129,21 @@ def log_rotation(a: Quat) -> Vec:
     return Vec(s * a.x, s * a.y, s * a.z)
 
 
-@inlined
+@inline
 def exp_travel(m: Motion) -> Vec:
     """p = (s 1 + b W + c w wᵀ) v: where the twist m takes the origin."""
     s, b, c = exp_factors(dot(m.w, m.w))
-    return plus(plus(times(s, m.v), times(b, cross(m.w, m.v))), times(c * dot(m.w, m.v), m.w))
+    return add(add(scale(s, m.v), scale(b, cross(m.w, m.v))), scale(c * dot(m.w, m.v), m.w))
 
 
-@inlined
+@inline
 def log_travel(w: Vec, p: Vec) -> Vec:
-    """v = (u 1 - ½ W + β w wᵀ) p: the linear part of the twist that turns by w, |w| < 2π, and travels by p."""
+    """v = (u 1 - ½ W + β w wᵀ) p: the linear part of the twist that rotates by w, |w| < 2π, and translates by p."""
     u, beta = log_factors(dot(w, w))
-    return plus(plus(times(u, p), times(-0.5, cross(w, p))), times(beta * dot(w, p), w))
+    return add(add(scale(u, p), scale(-0.5, cross(w, p))), scale(beta * dot(w, p), w))
 
 
-@inlined
+@inline
 def exp_factors(t: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """s, b, c at θ² = t."""
     h = 0.5 * sqrt(t + TINY)
@@ -152,7 +152,7 @@ def exp_factors(t: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return s, 0.5 * half * half, near(t, C, (1.0 - s) / away(t))
 
 
-@inlined
+@inline
 def log_factors(t: Scalar) -> tuple[Scalar, Scalar]:
     """u, β at θ² = t < (2π)²."""
     h = 0.5 * sqrt(t + TINY)
@@ -160,48 +160,48 @@ def log_factors(t: Scalar) -> tuple[Scalar, Scalar]:
     return u, near(t, BETA, (1.0 - u) / away(t))
 
 
-@inlined
+@inline
 def near(t: Scalar, series: tuple[float, ...], closed: Scalar) -> Scalar:
     """The series in t where t < 1, the closed form elsewhere (and for a NaN)."""
     x = select(1.0 - t, t, 0.0)
     total = 0.0 * x
     for i in range(len(series) - 1, -1, -1):
         total = total * x + series[i]
-    return summed(1.0 - t, total, closed)
+    return series_or_closed(1.0 - t, total, closed)
 
 
-@inlined
+@inline
 def away(t: Scalar) -> Scalar:
-    """t where the closed form counts, 1 where it does not: a divisor that is never small."""
-    return summed(1.0 - t, 1.0, t + TINY)
+    """The divisor of a closed form: t where that is taken, 1 where the series is; never small."""
+    return series_or_closed(1.0 - t, 1.0, t + TINY)
 
 
 # --- derivatives ----------------------------------------------------------------------------------------
 
 
-@inlined
-def mixed(a: Scalar, u: Vec, w: Vec, g: Vec) -> Rot:
+@inline
+def mixed(a: Scalar, u: Vec, w: Vec, g: Vec) -> Mat3:
     """a 1 + u× + w gᵀ + g wᵀ."""
     xy, xz, yz = w.x * g.y + g.x * w.y, w.x * g.z + g.x * w.z, w.y * g.z + g.y * w.z
-    return Rot(
+    return Mat3(
         a + 2.0 * w.x * g.x, xy - u.z, xz + u.y,
         xy + u.z, a + 2.0 * w.y * g.y, yz - u.x,
         xz - u.y, yz + u.x, a + 2.0 * w.z * g.z,
     )  # fmt: skip
 
 
-@inlined
+@inline
 def dual(m: Motion, a: Scalar, k: Scalar, e: Scalar, da: Scalar, dk: Scalar, de: Scalar) -> Tangent:
     """J = a 1 + k W + e w wᵀ, and K its derivative at w along v; da, dk, de are (1/θ) d/dθ of a, k, e."""
     w, v = m.w, m.v
     d = dot(w, v)
     return Tangent(
-        mixed(a, times(k, w), w, times(0.5 * e, w)),
-        mixed(d * da, plus(times(k, v), times(d * dk, w)), w, plus(times(e, v), times(0.5 * d * de, w))),
+        mixed(a, scale(k, w), w, scale(0.5 * e, w)),
+        mixed(d * da, add(scale(k, v), scale(d * dk, w)), w, add(scale(e, v), scale(0.5 * d * de, w))),
     )
 
 
-@inlined
+@inline
 def exp_jacobian(m: Motion) -> Tangent:
     """Right Jacobian of the exponential: exp(m + δ) = exp(m) exp(J δ) to first order."""
     t = dot(m.w, m.w)
@@ -211,7 +211,7 @@ def exp_jacobian(m: Motion) -> Tangent:
     return dual(m, s, -b, c, c - b, -b1, c1)
 
 
-@inlined
+@inline
 def log_jacobian(m: Motion, side: float) -> Tangent:
     """Derivative of m = log(A⁻¹ B), |w| <= π, by twists of B in its own frame (side = 1) or of A in its own (-1).
 
@@ -224,9 +224,9 @@ def log_jacobian(m: Motion, side: float) -> Tangent:
     return dual(m, side * u, 0.5, side * beta, -side * (2.0 * beta + beta1 * t), 0.0, side * beta1)
 
 
-@inlined
-def carried_back(m: Motion) -> Tangent:
-    """The change of frame of twists from before exp(m) to after it."""
+@inline
+def inverse_adjoint(m: Motion) -> Tangent:
+    """Adjoint of exp(m)⁻¹: takes a twist from the frame before the motion exp(m) to the frame after it."""
     p = exp_travel(m)
     R = transpose(matrix(exp_rotation(m.w)))
-    return Tangent(R, matmul(R, Rot(0.0, p.z, -p.y, -p.z, 0.0, p.x, p.y, -p.x, 0.0)))
+    return Tangent(R, matmul(R, Mat3(0.0, p.z, -p.y, -p.z, 0.0, p.x, p.y, -p.x, 0.0)))

@@ -1,8 +1,8 @@
-"""How Numba compiles what is inlined: as LLVM's code for its caller, without machine code of its own.
+"""Numba's compiler pipelines for ``inline`` functions: LLVM code for the caller, no machine code of their own.
 
-By itself Numba takes every function down to machine code, wrappers for C included, before it copies it into those that
-call it. What is inlined without exception is never run by itself. It is optimised all the same: handed on as it was
-lowered it would save more, but then LLVM fuses other products, and answers change in the last digit.
+By default Numba compiles every function to machine code, C wrappers included, before it links its LLVM code into the
+callers. An ``inline`` function never runs by itself, so that step is left out. LLVM optimizes it all the same: without
+that, compiling would be faster still, but LLVM would fuse other products and answers change in the last digit.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import IRLegalization
 
-# Passes for what no recursion has: closures, with-blocks, array expressions, literal_unroll, parfors.
+# Passes for features that no recursion uses: closures, with-blocks, array expressions, literal_unroll, parfors.
 _WITHOUT = {
     "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
     "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineOverloads", "NopythonRewrites",
@@ -23,18 +23,18 @@ _WITHOUT = {
 
 
 class _Code(JITCodeLibrary):
-    """The code of one function and all that it calls, for linking alone."""
+    """The LLVM code of one function and its callees, for linking alone."""
 
     @property
     def codegen(self) -> Any:
-        """What is told of the function's Python environment, which nothing inlined looks at: itself."""
+        """Where Numba declares the function's Python environment, which inlined code does not read: here."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Nothing: there is no machine code that could look."""
+        """Do nothing: no machine code reads an environment."""
 
     def get_pointer_to_function(self, name: str) -> int:
-        """0: it is nowhere."""
+        """0: there is no machine code."""
         return 0
 
     def _finalize_final_module(self) -> None:
@@ -44,20 +44,20 @@ class _Code(JITCodeLibrary):
 
 
 class _Lowered(_Code):
-    """Such code as it was lowered."""
+    """The same without LLVM's optimization."""
 
     def _optimize_final_module(self) -> None:
         pass
 
 
 class _Into(LoweringPass):
-    """Gives lowering the library to put its code into."""
+    """The pass that gives lowering the library to write its code to."""
 
     _name = "spatialdyn_into_code"
     library: Any = _Code
 
     def __init__(self) -> None:
-        """As all passes are begun."""
+        """Set up as every pass is."""
 
     def run_pass(self, state: Any) -> bool:
         """Set the library of the function that is compiled."""
@@ -76,12 +76,12 @@ for _kind in (_Into, _IntoLowered):
 
 
 class Inlining(CompilerBase):
-    """The passes of a function that is inlined: Numba's, without those that recursions have no use for."""
+    """The pipeline of an ``inline`` function: Numba's, less the passes for features that no recursion uses."""
 
     into: Any = _Into
 
     def define_pipelines(self) -> list[Any]:
-        """The one way of compiling it."""
+        """The only pipeline."""
         builder: Any = DefaultPassBuilder
         passes = builder.define_nopython_pipeline(self.state)
         passes.passes = [x for x in passes.passes if x[0].__name__ not in _WITHOUT]
@@ -90,7 +90,7 @@ class Inlining(CompilerBase):
         return [passes]
 
 
-class Weaving(Inlining):
-    """The passes of a function that stands between a loop and compiled kernels, which it would optimise anew."""
+class InliningUnoptimized(Inlining):
+    """The pipeline of ``inline_unoptimized``: LLVM optimizes the function, kernels included, in its caller alone."""
 
     into = _IntoLowered

@@ -1,40 +1,85 @@
-"""The few functions of one number that the recursions use beside + - * /.
+"""The few functions of one number that the recursions use beside + - * /, and the decorators of compiled functions.
 
-Each is math's for floats, compiled code's under Numba, and whatever an engine registers for its own numbers:
-``sin.register(MyNumber)(my_sin)``. A recursion never branches on a value; it calls ``select``.
+Each is that of ``math`` for floats, native code under Numba, and for an engine's own numbers the function that the
+engine registers: ``sin.register(MyNumber)(my_sin)``. A recursion never branches on a value; it calls ``select``.
+
+Importing Numba takes 0.2 s, so the decorators only list functions; ``register`` hands the list to Numba before anything
+is compiled.
 """
 
 from __future__ import annotations
 
 import math
+import threading
+from collections.abc import Callable
 from functools import singledispatch
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from numba.extending import overload, register_jitable
-
-_INLINED: dict[str, Any] = {}
-_WOVEN: dict[str, Any] = {}
-try:
-    from .numba_passes import Inlining, Weaving
-except ImportError:  # a Numba whose parts are elsewhere: compiling takes twice as long
-    pass
-else:
-    _INLINED["pipeline_class"], _WOVEN["pipeline_class"] = Inlining, Weaving
 
 Scalar = Any
+Function = TypeVar("Function", bound=Callable[..., Any])
+EPS = 2.220446049250313e-16  # 2⁻⁵², of float64
 
-inlined = register_jitable(forceinline=True, no_cfunc_wrapper=True, **_INLINED)
-"""Decorates what recursions are made of: plain Python when called, inlined without exception when compiled.
+_lock = threading.RLock()
+_waiting: list[tuple[str, Callable[..., Any], Callable[..., Any]]] = []  # (how, function, implementation)
 
-Left to itself LLVM calls the larger ones, and each call counts references to its arrays: half the cost of a CRBA.
-"""
 
-woven = register_jitable(forceinline=True, no_cfunc_wrapper=True, **_WOVEN)
-"""Decorates what calls compiled kernels and is inlined: the outermost caller alone optimises the kernels anew."""
+def inline(function: Function) -> Function:
+    """Decorator of recursions and their parts: plain Python when called from Python, always inlined in compiled code.
 
-called = register_jitable(no_cfunc_wrapper=True)
-"""Decorates what is large and called from several places: compiled once, for a tenth of the time inlining takes."""
+    By default LLVM does not inline the larger ones, and each call counts references to its arrays: half the cost of a
+    CRBA.
+    """
+    _waiting.append(("inline", function, function))
+    return function
+
+
+def inline_unoptimized(function: Function) -> Function:
+    """Decorator of functions that call compiled kernels: inlined, and optimized in the outermost caller alone."""
+    _waiting.append(("inline_unoptimized", function, function))
+    return function
+
+
+def no_inline(function: Function) -> Function:
+    """Decorator of large functions with several callers: compiled once, in a tenth of the time that inlining takes."""
+    _waiting.append(("no_inline", function, function))
+    return function
+
+
+def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Decorator of Numba's implementation of ``function``: given types, it returns the function to compile."""
+
+    def listed(implementation: Function) -> Function:
+        _waiting.append(("overload", function, implementation))
+        return implementation
+
+    return listed
+
+
+def register() -> None:
+    """Hand the listed functions to Numba. Whatever compiles calls it first: ``engines.compiled.jit`` does."""
+    with _lock:
+        if not _waiting:
+            return
+        from numba.extending import overload, register_jitable
+
+        ways: dict[str, dict[str, Any]] = {
+            "inline": {"forceinline": True}, "inline_unoptimized": {"forceinline": True}, "no_inline": {}
+        }  # fmt: skip
+        try:
+            from .numba_passes import Inlining, InliningUnoptimized
+        except ImportError:  # a version of Numba with these parts elsewhere: compiling takes twice as long
+            pass
+        else:
+            ways["inline"]["pipeline_class"] = Inlining
+            ways["inline_unoptimized"]["pipeline_class"] = InliningUnoptimized
+        while _waiting:
+            how, function, implementation = _waiting.pop()
+            if how == "overload":
+                overload(function)(implementation)
+            else:
+                register_jitable(no_cfunc_wrapper=True, **ways[how])(function)
 
 
 @singledispatch
@@ -68,39 +113,39 @@ def select(x: Scalar, positive: Scalar, otherwise: Scalar) -> Scalar:
 
 
 @singledispatch
-def summed(x: Scalar, series: Scalar, closed: Scalar) -> Scalar:
+def series_or_closed(x: Scalar, series: Scalar, closed: Scalar) -> Scalar:
     """``series``, good to float64, where x > 0, else the closed form it stands for.
 
-    Both are computed. Numbers of more digits, which can afford what cancels, take the closed form throughout.
+    Both are computed. Numbers of more digits than float64, which can afford cancellation, always take the closed form.
     """
     return select(x, series, closed)
 
 
-@overload(sin)
+@compiled_as(sin)
 def _sin(x):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
     return lambda x: math.sin(x)
 
 
-@overload(cos)
+@compiled_as(cos)
 def _cos(x):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
     return lambda x: math.cos(x)
 
 
-@overload(sqrt)
+@compiled_as(sqrt)
 def _sqrt(x):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
     return lambda x: np.sqrt(x)
 
 
-@overload(atan2)
+@compiled_as(atan2)
 def _atan2(y, x):  # type: ignore[no-untyped-def]
     return lambda y, x: math.atan2(y, x)
 
 
-@overload(select)
+@compiled_as(select)
 def _select(x, positive, otherwise):  # type: ignore[no-untyped-def]
     return lambda x, positive, otherwise: positive if x > 0.0 else otherwise
 
 
-@overload(summed)
-def _summed(x, series, closed):  # type: ignore[no-untyped-def]
+@compiled_as(series_or_closed)
+def _series_or_closed(x, series, closed):  # type: ignore[no-untyped-def]
     return lambda x, series, closed: series if x > 0.0 else closed

@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .euclidean import (
-    Rot,
+    Mat3,
     Sym,
     Vec,
+    add,
     add_sym,
     apply_sym,
     congruence,
@@ -27,17 +28,16 @@ from .euclidean import (
     dot,
     identity,
     matmul,
-    minus,
-    negative,
-    plus,
+    neg,
+    parallel_axis,
     rotate,
-    shifted,
-    times,
+    scale,
+    sub,
     transpose,
     unrotate,
     zero,
 )
-from .scalars import Scalar, inlined
+from .scalars import Scalar, inline
 
 
 class Motion(NamedTuple):
@@ -57,7 +57,7 @@ class Force(NamedTuple):
 class Pose(NamedTuple):
     """A frame seen from its parent: R takes child coordinates to parent ones, p is the child's origin."""
 
-    R: Rot
+    R: Mat3
     p: Vec
 
 
@@ -72,146 +72,146 @@ class Inertia(NamedTuple):
 # --- motions and forces -------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def zero_motion() -> Motion:
     """The null motion."""
     return Motion(zero(), zero())
 
 
-@inlined
+@inline
 def zero_force() -> Force:
     """The null force."""
     return Force(zero(), zero())
 
 
-@inlined
+@inline
 def add_motion(a: Motion, b: Motion) -> Motion:
     """a + b."""
-    return Motion(plus(a.w, b.w), plus(a.v, b.v))
+    return Motion(add(a.w, b.w), add(a.v, b.v))
 
 
-@inlined
+@inline
 def sub_motion(a: Motion, b: Motion) -> Motion:
     """a - b."""
-    return Motion(minus(a.w, b.w), minus(a.v, b.v))
+    return Motion(sub(a.w, b.w), sub(a.v, b.v))
 
 
-@inlined
+@inline
 def scale_motion(s: Scalar, a: Motion) -> Motion:
     """s a."""
-    return Motion(times(s, a.w), times(s, a.v))
+    return Motion(scale(s, a.w), scale(s, a.v))
 
 
-@inlined
+@inline
 def add_force(a: Force, b: Force) -> Force:
     """a + b."""
-    return Force(plus(a.n, b.n), plus(a.f, b.f))
+    return Force(add(a.n, b.n), add(a.f, b.f))
 
 
-@inlined
+@inline
 def sub_force(a: Force, b: Force) -> Force:
     """a - b."""
-    return Force(minus(a.n, b.n), minus(a.f, b.f))
+    return Force(sub(a.n, b.n), sub(a.f, b.f))
 
 
-@inlined
+@inline
 def scale_force(s: Scalar, a: Force) -> Force:
     """s a."""
-    return Force(times(s, a.n), times(s, a.f))
+    return Force(scale(s, a.n), scale(s, a.f))
 
 
-@inlined
+@inline
 def power(S: Motion, f: Force) -> Scalar:
     """S · f: the power of a force along a motion (RBDA eq. 2.6)."""
     return dot(S.w, f.n) + dot(S.v, f.f)
 
 
-@inlined
+@inline
 def cross_motion(v: Motion, m: Motion) -> Motion:
     """v × m (RBDA eq. 2.31)."""
-    return Motion(cross(v.w, m.w), plus(cross(v.w, m.v), cross(v.v, m.w)))
+    return Motion(cross(v.w, m.w), add(cross(v.w, m.v), cross(v.v, m.w)))
 
 
-@inlined
+@inline
 def cross_force(v: Motion, f: Force) -> Force:
     """v ×* f (RBDA eq. 2.32)."""
-    return Force(plus(cross(v.w, f.n), cross(v.v, f.f)), cross(v.w, f.f))
+    return Force(add(cross(v.w, f.n), cross(v.v, f.f)), cross(v.w, f.f))
 
 
 # --- poses: changes of frame (RBDA section 2.8) -------------------------------------------------------
 
 
-@inlined
+@inline
 def identity_pose() -> Pose:
     """The pose of a frame in itself."""
     return Pose(identity(), zero())
 
 
-@inlined
+@inline
 def compose(A: Pose, B: Pose) -> Pose:
     """A B: the frame B of the frame A, seen from A's parent."""
-    return Pose(matmul(A.R, B.R), plus(A.p, rotate(A.R, B.p)))
+    return Pose(matmul(A.R, B.R), add(A.p, rotate(A.R, B.p)))
 
 
-@inlined
+@inline
 def inverse(X: Pose) -> Pose:
     """The parent seen from the child."""
-    return Pose(transpose(X.R), negative(unrotate(X.R, X.p)))
+    return Pose(transpose(X.R), neg(unrotate(X.R, X.p)))
 
 
-@inlined
+@inline
 def motion_to_child(X: Pose, m: Motion) -> Motion:
-    """A motion in parent coordinates, in child coordinates."""
-    return Motion(unrotate(X.R, m.w), unrotate(X.R, plus(m.v, cross(m.w, X.p))))
+    """A motion from parent to child coordinates."""
+    return Motion(unrotate(X.R, m.w), unrotate(X.R, add(m.v, cross(m.w, X.p))))
 
 
-@inlined
+@inline
 def motion_to_parent(X: Pose, m: Motion) -> Motion:
-    """A motion in child coordinates, in parent coordinates."""
+    """A motion from child to parent coordinates."""
     w = rotate(X.R, m.w)
-    return Motion(w, plus(rotate(X.R, m.v), cross(X.p, w)))
+    return Motion(w, add(rotate(X.R, m.v), cross(X.p, w)))
 
 
-@inlined
+@inline
 def force_to_parent(X: Pose, f: Force) -> Force:
-    """A force in child coordinates, in parent coordinates."""
+    """A force from child to parent coordinates."""
     linear = rotate(X.R, f.f)
-    return Force(plus(rotate(X.R, f.n), cross(X.p, linear)), linear)
+    return Force(add(rotate(X.R, f.n), cross(X.p, linear)), linear)
 
 
-@inlined
+@inline
 def force_to_child(X: Pose, f: Force) -> Force:
-    """A force in parent coordinates, in child coordinates."""
-    return Force(unrotate(X.R, minus(f.n, cross(X.p, f.f))), unrotate(X.R, f.f))
+    """A force from parent to child coordinates."""
+    return Force(unrotate(X.R, sub(f.n, cross(X.p, f.f))), unrotate(X.R, f.f))
 
 
 # --- rigid bodies -------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def add_inertia(A: Inertia, B: Inertia) -> Inertia:
-    """Two bodies made one."""
-    return Inertia(A.m + B.m, plus(A.h, B.h), add_sym(A.I, B.I))
+    """The inertia of two bodies as one."""
+    return Inertia(A.m + B.m, add(A.h, B.h), add_sym(A.I, B.I))
 
 
-@inlined
+@inline
 def momentum(I: Inertia, v: Motion) -> Force:
     """I v: the spatial momentum of a body of inertia I moving with v (RBDA eq. 2.63)."""
     return Force(
-        plus(apply_sym(I.I, v.w), cross(I.h, v.v)),
-        minus(times(I.m, v.v), cross(I.h, v.w)),
+        add(apply_sym(I.I, v.w), cross(I.h, v.v)),
+        sub(scale(I.m, v.v), cross(I.h, v.w)),
     )
 
 
-@inlined
+@inline
 def inertia_to_parent(X: Pose, I: Inertia) -> Inertia:
-    """The inertia of a body in child coordinates, in parent coordinates (RBDA eq. 2.66)."""
+    """The inertia of a body from child to parent coordinates (RBDA eq. 2.66)."""
     a = rotate(X.R, I.h)
-    b = plus(a, times(I.m, X.p))
-    return Inertia(I.m, b, shifted(congruence(X.R, I.I), X.p, a, b))
+    b = add(a, scale(I.m, X.p))
+    return Inertia(I.m, b, parallel_axis(congruence(X.R, I.I), X.p, a, b))
 
 
-@inlined
+@inline
 def inertia_rate(I: Inertia, v: Motion) -> Inertia:
     """d/dt I of a body that moves with v, both in one fixed frame: v×* I - I v×, ten numbers again, the mass 0.
 
@@ -239,44 +239,44 @@ def inertia_rate(I: Inertia, v: Motion) -> Inertia:
 # --- parallel frames: the same axes, another origin ---------------------------------------------------
 
 
-@inlined
-def rotate_motion(R: Rot, m: Motion) -> Motion:
-    """A motion in axes of which R gives the orientation, in the axes R is seen from; the origin is the same."""
+@inline
+def rotate_motion(R: Mat3, m: Motion) -> Motion:
+    """A motion from axes of orientation R to the axes that R is given in, about the same origin."""
     return Motion(rotate(R, m.w), rotate(R, m.v))
 
 
-@inlined
-def rotate_force(R: Rot, f: Force) -> Force:
-    """A force in axes of which R gives the orientation, in the axes R is seen from; the origin is the same."""
+@inline
+def rotate_force(R: Mat3, f: Force) -> Force:
+    """A force from axes of orientation R to the axes that R is given in, about the same origin."""
     return Force(rotate(R, f.n), rotate(R, f.f))
 
 
-@inlined
-def shift_motion(p: Vec, m: Motion) -> Motion:
-    """A motion seen from an origin that lies at p."""
-    return Motion(m.w, plus(m.v, cross(m.w, p)))
+@inline
+def motion_at_child(p: Vec, m: Motion) -> Motion:
+    """A motion moved from the origin that p is measured from to an origin at p."""
+    return Motion(m.w, add(m.v, cross(m.w, p)))
 
 
-@inlined
-def shift_force(p: Vec, f: Force) -> Force:
-    """A force about the origin that p starts from, about an origin that lies at p."""
-    return Force(minus(f.n, cross(p, f.f)), f.f)
+@inline
+def force_at_child(p: Vec, f: Force) -> Force:
+    """A force moved from the origin that p is measured from to an origin at p."""
+    return Force(sub(f.n, cross(p, f.f)), f.f)
 
 
-@inlined
-def unshift_force(p: Vec, f: Force) -> Force:
-    """A force about an origin that lies at p, about the origin that p starts from."""
-    return Force(plus(f.n, cross(p, f.f)), f.f)
+@inline
+def force_at_parent(p: Vec, f: Force) -> Force:
+    """A force moved from an origin at p to the origin that p is measured from."""
+    return Force(add(f.n, cross(p, f.f)), f.f)
 
 
-@inlined
-def rotate_inertia(R: Rot, I: Inertia) -> Inertia:
-    """An inertia in axes of which R gives the orientation, in the axes R is seen from; the origin is the same."""
+@inline
+def rotate_inertia(R: Mat3, I: Inertia) -> Inertia:
+    """An inertia from axes of orientation R to the axes that R is given in, about the same origin."""
     return Inertia(I.m, rotate(R, I.h), congruence(R, I.I))
 
 
-@inlined
-def unshift_inertia(p: Vec, I: Inertia) -> Inertia:
-    """An inertia about an origin that lies at p, about the origin that p starts from: the parallel axis theorem."""
-    h = plus(I.h, times(I.m, p))
-    return Inertia(I.m, h, shifted(I.I, p, I.h, h))
+@inline
+def inertia_at_parent(p: Vec, I: Inertia) -> Inertia:
+    """An inertia moved from an origin at p to the one that p is measured from: the parallel axis theorem."""
+    h = add(I.h, scale(I.m, p))
+    return Inertia(I.m, h, parallel_axis(I.I, p, I.h, h))

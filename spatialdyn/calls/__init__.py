@@ -1,1 +1,1 @@
-"""The public calls: arguments checked, an engine run, failures named."""
+"""The public calls: check the arguments, run an engine, raise errors that name the cause."""

@@ -1,4 +1,4 @@
-"""The border between what people pass and what kernels take: dtypes, shapes, broadcasting, mimic joints."""
+"""Argument checks of the public calls: dtypes, shapes, broadcasting, outputs, mimic joints."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..engines.memory import empty as empty
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot import masked
@@ -26,9 +27,9 @@ def check_model(model: Any) -> Model:
 
 
 def as_array(name: str, value: ArrayLike) -> Array:
-    """A float64 array of anything that reads as real numbers.
+    """A float64 array of any array-like of real numbers.
 
-    Raises ShapeError naming the argument, NonFiniteError for finite numbers that are too large for float64.
+    Raises ShapeError naming the argument, NonFiniteError for finite numbers that overflow float64.
     """
     if masked(value):
         raise ShapeError(f"{name} is masked, expected an array without a mask, which would be lost")
@@ -41,11 +42,11 @@ def as_array(name: str, value: ArrayLike) -> Array:
     if x.dtype.kind != "f" or x.dtype.itemsize <= 8:
         return x.astype(np.float64, copy=False)
     with np.errstate(over="ignore"):
-        made = x.astype(np.float64)
+        converted = x.astype(np.float64)
     finite = np.isfinite(x)
-    if not np.isfinite(made[finite]).all():
+    if not np.isfinite(converted[finite]).all():
         raise NonFiniteError(f"{name} holds {abs(x[finite]).max()!s}, expected the range of float64")
-    return made
+    return converted
 
 
 def as_flag(name: str, value: Any) -> bool:
@@ -56,7 +57,7 @@ def as_flag(name: str, value: Any) -> bool:
 
 
 def as_number(value: Any) -> float:
-    """A real number as a float, infinite where it is larger than floats; NaN for anything else, a bool too."""
+    """A real number as a float, ±inf if it overflows; NaN for anything else, bools included."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         return math.nan
     try:
@@ -66,14 +67,14 @@ def as_number(value: Any) -> float:
 
 
 def as_count(value: Any, most: int) -> int:
-    """A whole number of 1 to ``most``; 0 for anything else, a bool too."""
+    """An integer of 1 to ``most``; 0 for anything else, bools included."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
         return 0
     return int(value)
 
 
-def words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
-    """One word or several, each of those that are known. Raises SpatialDynError naming the argument."""
+def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
+    """A string or several as a tuple, each one of ``known``. Raises SpatialDynError naming the argument."""
     expected = f"expected some of {', '.join(known)}"
     try:
         given = (value,) if isinstance(value, str) else tuple(value)
@@ -91,7 +92,7 @@ def core_shape(model: Model, argument: Argument) -> tuple[int, ...]:
 
 
 def batch_shape(model: Model, argument: Argument, x: Array) -> tuple[int, ...]:
-    """What stands before one sample's shape. Raises ShapeError if the last axes are not that shape."""
+    """Leading axes of an input. Raises ShapeError if the last axes are not the shape of one sample."""
     core = core_shape(model, argument)
     if x.ndim < len(core) or x.shape[x.ndim - len(core) :] != core:
         wanted = ", ".join(["...", *map(str, core)])
@@ -108,20 +109,10 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
         raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
 
 
-def empty(shape: tuple[int, ...]) -> Array:
-    """An array for results; a large one begins on a cache line, so that it can be written past the caches."""
-    size = 8 * math.prod(shape)
-    if size < 1 << 20:
-        return np.empty(shape)
-    raw = np.empty(size + 64, np.uint8)
-    start = -raw.ctypes.data % 64
-    return raw[start : start + size].view(np.float64).reshape(shape)
-
-
 def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> Array:
-    """``out`` if results can be written to it.
+    """``out``, checked.
 
-    Raises ShapeError if it is not of that shape, float64, in C order and writable, or overlaps an input.
+    Raises ShapeError unless it has that shape, is float64, in C order and writable, and overlaps no input.
     """
     if not isinstance(out, np.ndarray) or masked(out):
         raise ShapeError(f"out is a {type(out).__name__}, expected a float64 array of shape {shape}")
@@ -137,8 +128,8 @@ def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> 
     return out
 
 
-def rows_of(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> tuple[Array, int]:
-    """An input as (samples, *core) in C order with the step that walks it: 0 where one sample serves all."""
+def flatten_batch(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
+    """An input as (samples, *core) in C order, or (1, *core) if all samples share one."""
     lead = x.shape[: x.ndim - len(core)]
     count = math.prod(lead)
     if lead != batch and count != 1:
@@ -146,17 +137,17 @@ def rows_of(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> tuple[Ar
     flat = np.ascontiguousarray(x)
     if flat.ndim != 1 + len(core) or not core:
         flat = flat.reshape((count, *(core or (1,))))
-    return flat, 0 if lead != batch and count == 1 else 1
+    return flat
 
 
-def frame_of(model: Model, frame: str | Frame) -> tuple[int, Array]:
-    """Row and placement of a frame given by name."""
+def frame_row_and_placement(model: Model, frame: str | Frame) -> tuple[int, Array]:
+    """Row of the table and placement (4, 4) of a frame given by name. Raises ModelError."""
     found = check_model(model).frame(frame)
     return model.joints[found.joint].row, found.placement
 
 
-def reference_of(reference: str) -> int:
-    """Code of a reference. Raises SpatialDynError for another word."""
+def reference_code(reference: str) -> int:
+    """The code of "local", "world" or "local_world_aligned". Raises SpatialDynError for anything else."""
     try:
         return REFERENCES[reference]
     except (KeyError, TypeError):
@@ -167,40 +158,40 @@ def reference_of(reference: str) -> int:
 
 
 def mimic_matrix(model: Model) -> Array:
-    """G (rows, nv) with v of the whole tree = G v."""
+    """G (rows, nv) of v_full = G v."""
     return np.eye(model.nv) if model.mimic_matrix is None else model.mimic_matrix
 
 
-def expanded(model: Model, argument: Argument, x: Array) -> Array:
-    """An input of a model with mimic joints, for the whole tree."""
+def to_full_tree(model: Model, argument: Argument, x: Array) -> Array:
+    """An input of a model with mimic joints as the input of its full tree."""
     if argument.shape == ("nq",):
         q: Array = x[..., model.mimic_index] * model.mimic_ratio + model.mimic_offset
         return q
-    if argument.shape == ("nv",) and argument.dual:
-        whole = np.zeros((*x.shape[:-1], len(model.bodies) - 1))
-        whole[..., model.free_v] = x
-        return whole
+    if argument.shape == ("nv",) and argument.is_force:
+        full = np.zeros((*x.shape[:-1], len(model.bodies) - 1))
+        full[..., model.free_v] = x
+        return full
     if argument.shape == ("nv",):
         return x @ mimic_matrix(model).T
     return x
 
 
 def full_shape(model: Model, argument: Argument) -> tuple[int, ...]:
-    """Shape of one sample for the whole tree, mimic joints counted."""
+    """Shape of one sample of an argument of the full tree, mimic joints counted."""
     if model.mimic_matrix is None:
         return core_shape(model, argument)
-    full = {"nq": int(model.bodies[0]["at"]), "nv": len(model.bodies) - 1, "njoints": model.njoints}
+    full = {"nq": int(model.bodies[0]["q_index"]), "nv": len(model.bodies) - 1, "njoints": model.njoints}
     return tuple(full[s] if isinstance(s, str) else s for s in argument.shape)
 
 
-def contracted(model: Model, argument: Argument, x: Array) -> Array:
-    """An output for the whole tree as one of the model: axes of velocities are summed with G, coordinates taken."""
+def from_full_tree(model: Model, argument: Argument, x: Array) -> Array:
+    """An output of the full tree as one of the model: axes "nv" times G, or indexed if per coordinate."""
     axes = len(argument.shape)
     for k, size in enumerate(argument.shape):
         axis = x.ndim - axes + k
         if size == "nq":
             x = np.take(x, model.free_q, axis)
-        elif size == "nv" and argument.free:
+        elif size == "nv" and argument.per_coordinate:
             x = np.take(x, model.free_v, axis)
         elif size == "nv":
             x = np.moveaxis(np.moveaxis(x, axis, -1) @ mimic_matrix(model), -1, axis)

@@ -1,4 +1,4 @@
-"""The truth about a call: the same recursion on one model in as many digits as asked for, or in exact rationals."""
+"""Ground truth of a call: the same recursion in any number of digits, or in exact rationals."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteErro
 from ..model.model import Frame, Model
 from ..model.robot import masked
 from ..recursions.spec import Argument, Spec
-from .arguments import batch_shape, broadcast, check_model, contracted, core_shape, expanded, full_shape
-from .failures import no_inertia
-from .specialize_request import spec_of, static_of
+from .arguments import batch_shape, broadcast, check_model, core_shape, from_full_tree, full_shape, to_full_tree
+from .failures import zero_inertia_message
+from .specs import spec_of, static_of
 
 Numbers = NDArray[Any]
 
@@ -31,12 +31,12 @@ def exact(
     reference: str = "local",
     classical: bool = False,
 ) -> Exact:
-    """A public call of one model in high precision: what it would return if nothing were rounded on the way.
+    """A public call of one model in high precision: its result without rounding errors.
 
-    model  Model; its numbers, and the floats that are passed, are taken at their exact binary value
+    model  Model; its numbers and the floats that are passed have their exact binary values
     call   a public call such as ``sd.aba``
-    bits   precision of the result, at least 53; None for exact rationals, without mimic joints, of calls that are made
-           of + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
+    bits   precision of the result, at least 53; None for exact rationals: models without mimic joints, calls of
+           + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
     frame, reference, classical   of calls that take them
 
     Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
@@ -62,16 +62,16 @@ def exact(
         raise SpatialDynError(
             f"call is {getattr(call, '__name__', repr(call))}, expected a public call such as spatialdyn.aba"
         )
-    made_by = engine.arithmetic(bits)
+    arithmetic = engine.arithmetic(bits)
     if model.mimic_matrix is not None and (bits is None or spec.pivots):
         what = "rationals" if bits is None else f"the truth of {spec.name}"
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for {what}')
-    static = static_of(model, [x.name for x in spec.given if x.static], frame, reference, classical)
-    return Exact(model, spec, made_by, static, bits)
+    static = static_of(model, [x.name for x in spec.present if x.static], frame, reference, classical)
+    return Exact(model, spec, arithmetic, static, bits)
 
 
 class Exact:
-    """A call in high precision, made by ``exact``; called like the public call, it returns objects.
+    """A call in high precision, made by ``exact``: takes the public call's inputs, returns arrays of objects.
 
     model    the Model
     call     name of the public call
@@ -82,27 +82,27 @@ class Exact:
     ``.astype(float)`` rounds them.
 
     Raises
-        ShapeError for sizes that do not fit, SpatialDynError for what is no number or has no rational value
+        ShapeError for shapes that do not match, SpatialDynError for what is no number or has no rational value
         ConfigurationError for a quaternion or pair whose norm is not 1 within 1e-6
-        InertiaError naming a joint that moves no inertia, NonFiniteError for another division by 0
+        InertiaError naming a joint with zero articulated inertia, NonFiniteError for another division by 0
         NaN in a sample gives NaN in what depends on it
     """
 
     def __init__(
-        self, model: Model, spec: Spec, made_by: engine.Arithmetic, static: dict[str, Any], bits: int | None
+        self, model: Model, spec: Spec, arithmetic: engine.Arithmetic, static: dict[str, Any], bits: int | None
     ) -> None:
-        """Fill the twin of the model's table."""
+        """Convert the model's table to numbers of the arithmetic."""
         self.model, self.call, self.bits = model, spec.name, bits
-        self.context = getattr(made_by, "context", None)
-        self._spec, self._made_by = spec, made_by
-        self._rows = table(model.bodies, made_by.number)
-        placed = {"placement": engine.numbers(made_by, static["placement"])} if "placement" in static else {}
+        self.context = getattr(arithmetic, "context", None)
+        self._spec, self._arithmetic = spec, arithmetic
+        self._rows = table(model.bodies, arithmetic.number)
+        placed = {"placement": engine.numbers(arithmetic, static["placement"])} if "placement" in static else {}
         self._static = {**static, **placed}
 
     def __call__(self, *values: Any, **named: Any) -> Any:
-        """The call on one sample, or on batches sample by sample."""
+        """The call on one sample, or on batches, sample by sample."""
         model, spec = self.model, self._spec
-        given = self._bound(values, named)
+        given = self._match_inputs(values, named)
         arrays = {x.name: self._array(x, value) for x, value in given}
         shapes = [batch_shape(model, x, arrays[x.name]) for x, _ in given]
         batch = broadcast([x.name for x, _ in given], shapes)
@@ -112,17 +112,22 @@ class Exact:
         for at in np.ndindex(batch):
             sample = {x.name: np.array(whole[x.name][at], dtype=object) for x, _ in given}
             if model.mimic_matrix is None:
-                result[at] = self._one(sample, at)
+                result[at] = self._sample(sample, at)
             else:
-                sample = {x.name: expanded(model, x, sample[x.name]) for x, _ in given}
-                result[at] = contracted(model, spec.output, self._one(sample, at))
+                sample = {x.name: to_full_tree(model, x, sample[x.name]) for x, _ in given}
+                result[at] = from_full_tree(model, spec.output, self._sample(sample, at))
         for at in np.ndindex(result.shape):
-            result[at] = self._made_by.shown(result[at])
+            result[at] = self._arithmetic.shown(result[at])
         return result if result.shape else result[()]
 
-    def _bound(self, values: tuple[Any, ...], named: dict[str, Any]) -> list[tuple[Argument, Any]]:
-        """Inputs with what is given for them, in the recursion's order."""
-        varying = [x for x in self._spec.given if not x.static]
+    def __repr__(self) -> str:
+        how = "rationals" if self.bits is None else f"{self.bits} bits"
+        inputs = ", ".join(x.name for x in self._spec.present if not x.static)
+        return f"<Exact {self.call} of {self.model.name} in ({inputs}): {how}>"
+
+    def _match_inputs(self, values: tuple[Any, ...], named: dict[str, Any]) -> list[tuple[Argument, Any]]:
+        """Inputs and their values, in the recursion's order. Raises ShapeError for missing or unknown ones."""
+        varying = [x for x in self._spec.present if not x.static]
         order = [x for x in varying if not x.optional] + [x for x in varying if x.optional]
         if len(values) > len(order):
             raise ShapeError(f"{self.call} takes {len(order)} inputs, {len(values)} were given")
@@ -145,16 +150,16 @@ class Exact:
         except ValueError:
             raise ShapeError(f"{argument.name} is ragged, expected an array of numbers") from None
         try:
-            return engine.numbers(self._made_by, given)
+            return engine.numbers(self._arithmetic, given)
         except SpatialDynError as error:
             raise type(error)(f"{argument.name}: {error}") from None
 
-    def _one(self, sample: dict[str, Numbers], at: tuple[int, ...]) -> Numbers:
-        """One sample, for the whole tree."""
-        model, spec, made_by = self.model, self._spec, self._made_by
+    def _sample(self, sample: dict[str, Numbers], at: tuple[int, ...]) -> Numbers:
+        """The result of one sample, on the full tree."""
+        model, spec, arithmetic = self.model, self._spec, self._arithmetic
         where = f" in sample {at[0] if len(at) == 1 else at}" if at else ""
         inputs: dict[str, Any] = {}
-        for x in spec.given:
+        for x in spec.present:
             if not x.static and x.name in sample:
                 value = sample[x.name]
                 if x.unit_norm and not unit_norm(self._rows, value):
@@ -162,8 +167,10 @@ class Exact:
                         f"{x.name}{where} holds a quaternion or (cos, sin) pair that is not of unit norm, expected 1 "
                         "within 1e-6; normalize(model, q) is the cure"
                     )
-                angles = x.shape == ("nq",)
-                inputs[x.name] = made_by.coordinates(model.bodies, value) if angles else value if x.shape else value[()]
+                if x.shape == ("nq",):
+                    inputs[x.name] = arithmetic.coordinates(model.bodies, value)
+                else:
+                    inputs[x.name] = value if x.shape else value[()]
         pivots = np.full(len(model.bodies) - 1, None, dtype=object)
         present = numba_kernels.variant(spec, frozenset(sample))
         try:
@@ -171,10 +178,10 @@ class Exact:
         except ZeroDivisionError:
             if not spec.pivots:
                 raise NonFiniteError(f"{spec.name} divides by 0{where}, expected a robot with mass") from None
-            row = 1 + max(k for k, D in enumerate(pivots) if D is None)  # the inward pass got there
-            raise InertiaError(no_inertia(model, row, where)) from None
-        if spec.pivots and all(made_by.finite(e) for value in sample.values() for e in value.ravel()):
-            row = singular_row(self._rows, inputs["q"], pivots, made_by.eps)
+            row = 1 + max(k for k, D in enumerate(pivots) if D is None)  # where the inward pass stopped
+            raise InertiaError(zero_inertia_message(model, row, where)) from None
+        if spec.pivots and all(arithmetic.finite(e) for value in sample.values() for e in value.ravel()):
+            row = singular_row(self._rows, inputs["q"], pivots, arithmetic.eps)
             if row:
-                raise InertiaError(no_inertia(model, row, where))
+                raise InertiaError(zero_inertia_message(model, row, where))
         return out.reshape(full_shape(model, spec.output))[()]

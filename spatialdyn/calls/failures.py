@@ -1,81 +1,86 @@
-"""The way back from a kernel's status to an error that names its cause."""
+"""From a kernel's status to an error that names the cause."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..bodies import table as table
+from ..algebra.rotations import UNIT_TOLERANCE
+from ..bodies.kinds import unit_part
+from ..engines import run
 from ..engines.compiled import numba_kernels
+from ..engines.run import Failed
 from ..errors import ConfigurationError, InertiaError, NonFiniteError
 from ..model.model import Joint, Model
 from ..recursions import SPECS
-from ..recursions.spec import Argument, Spec
+from ..recursions.spec import Spec
 from .arguments import Array, full_shape
 
 
-def diagnose(
-    spec: Spec,
-    model: Model,
-    stepped: list[tuple[Array, int]],
-    batch: tuple[int, ...],
-    static: tuple[Any, ...],
-    out: Array,
-    status: NDArray[np.int8],
-    samples: NDArray[np.intp],
-) -> None:
-    """Raise what a status stands for, naming the first such sample and how many there are.
+def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tuple[Any, ...], failed: Failed) -> None:
+    """Raise the error of a status, naming the first such sample and their number.
 
-    A sample with an input that is not finite is no error: its answer is NaN. A pivot under the bound is looked at
-    again, against the composite inertia itself. ``samples`` are the numbers of these samples in the batch.
+    A sample with an input that is not finite is no error: its result is NaN. A pivot below the kernel's bound is
+    compared again, with the composite inertia itself.
     """
-    varying = [x for x in spec.given if not x.static]
+    samples, status = failed.samples, failed.status
+    varying = [x for x in spec.present if not x.static]
+
+    def inputs_of(at: int) -> list[Array]:
+        return [x[at if len(x) == len(samples) else 0] for x in failed.inputs]
+
     unfit = np.flatnonzero(status == numba_kernels.UNIT)
     if len(unfit):
         at = int(unfit[0])
-        for argument, (x, step) in zip(varying, stepped, strict=True):
+        for argument, x in zip(varying, inputs_of(at), strict=True):
             if argument.shape == ("nq",):
-                _raise_unit_norm(model, argument.name, x[at * step], _where(samples[at], len(unfit), batch))
+                _raise_unit_norm(model, argument.name, x, _where(samples[at], len(unfit), batch))
     finite = np.ones(len(status), bool)
-    for x, step in stepped:
-        ok = np.asarray(np.isfinite(x).reshape(len(x), -1).all(axis=1))
-        finite &= ok if step else bool(ok.all())
+    for x in failed.inputs:
+        finite &= np.isfinite(x).reshape(len(x), -1).all(axis=1)
     pivots = np.flatnonzero((status == numba_kernels.PIVOT) & finite)
     for at in pivots.tolist():
-        row = _singular_row(spec, model, [x[at * step] for x, step in stepped], static)
+        row = _singular_row(spec, model, inputs_of(at), static)
         if row is not None:
-            raise InertiaError(no_inertia(model, row, _where(samples[at], len(pivots), batch)))
-    lost = np.flatnonzero((status != numba_kernels.OK) & finite & ~np.isfinite(out).reshape(len(out), -1).all(axis=1))
+            raise InertiaError(zero_inertia_message(model, row, _where(samples[at], len(pivots), batch)))
+    lost = np.flatnonzero((status != run.RANGE) & finite & ~failed.finite)
     if len(lost):
-        where = _where(samples[lost[0]], len(lost), batch)
-        row = _weightless_row(spec, model, [x[lost[0] * step] for x, step in stepped]) if spec.pivots else None
+        at = int(lost[0])
+        where = _where(samples[at], len(lost), batch)
+        row = _weightless_row(spec, model, inputs_of(at)) if spec.pivots else None
         if row is not None:
-            raise InertiaError(no_inertia(model, row, where))
-        raise NonFiniteError(_not_finite(spec, where))
+            raise InertiaError(zero_inertia_message(model, row, where))
+        raise NonFiniteError(_not_finite_message(spec, where))
+    if (status == run.RANGE).any():
+        raise NonFiniteError(f"{spec.name} leaves the range of float32, expected dtype=np.float64 for such input")
 
 
-def refuse_lost(spec: Spec, given: list[tuple[Argument, Array]], batch: tuple[int, ...], out: Array) -> None:
-    """Raise NonFiniteError if a sample of finite inputs has a result that is not finite."""
-    lost = ~np.isfinite(out).all(axis=tuple(range(len(batch), out.ndim)))
-    for argument, x in given:
-        lost = lost & np.isfinite(x).all(axis=tuple(range(-len(argument.shape), 0)))
+def raise_if_not_finite(spec: Spec, inputs: Sequence[Array], batch: tuple[int, ...], out: Array) -> None:
+    """Raise NonFiniteError if a sample of finite inputs has a result that is not finite.
+
+    inputs  (n, ...), or (1, ...) if all samples share one
+    out     (n, columns)
+    """
+    lost = ~np.isfinite(out).all(axis=1)
+    for x in inputs:
+        lost = lost & np.isfinite(x).reshape(len(x), -1).all(axis=1)
     if lost.any():
         samples = np.flatnonzero(lost)
-        raise NonFiniteError(_not_finite(spec, _where(samples[0], len(samples), batch)))
+        raise NonFiniteError(_not_finite_message(spec, _where(samples[0], len(samples), batch)))
 
 
-def _not_finite(spec: Spec, where: str) -> str:
+def _not_finite_message(spec: Spec, where: str) -> str:
     expected = "expected numbers whose products stay in the range of float64"
     return f"{spec.name} of finite input is not finite{where}, {expected}"
 
 
-def no_inertia(model: Model, row: int, where: str) -> str:
-    """What there is to say of a row that moves none."""
+def zero_inertia_message(model: Model, row: int, where: str) -> str:
+    """The message for a row with zero articulated inertia."""
     return (
-        f'joint "{joint_of_row(model, row).name}" moves no inertia{where}: articulated inertia next to 0, expected a '
+        f'joint "{joint_of_row(model, row).name}" has zero articulated inertia{where}: zero to rounding, expected a '
         "body with mass or armature behind it"
     )
 
@@ -89,18 +94,18 @@ def _where(at: Any, count: int, batch: tuple[int, ...]) -> str:
 
 
 def joint_of_row(model: Model, row: int) -> Joint:
-    """The joint that a row of the table is of."""
+    """The joint of a row of the table."""
     return next(j for j in model.joints[1:] if j.row - j.nv < row <= j.row)
 
 
 def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
     for joint in model.joints[1:]:
         first = model.bodies[joint.row - joint.nv + 1]
-        part = unit_part(int(first["kind"]), int(first["at"]))
+        part = unit_part(int(first["kind"]), int(first["q_index"]))
         if part is None:
             continue
-        norm = math.hypot(*q[part].tolist())  # which does not overflow on the way
-        if abs(norm * norm - 1.0) > 2e-6:
+        norm = math.hypot(*q[part].tolist())  # hypot does not overflow on the way
+        if abs(norm * norm - 1.0) > UNIT_TOLERANCE:
             cure = "; normalize(model, q) is the cure" if 0.0 < norm < math.inf else ""
             what = "quaternion" if len(q[part]) == 4 else "(cos, sin) pair"
             raise ConfigurationError(
@@ -109,25 +114,12 @@ def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
             )
 
 
-def unit_part(kind: int, at: int) -> slice | None:
-    """Where in q a joint of that kind has coordinates of unit norm."""
-    if kind == table.REVOLUTE_CS:
-        return slice(at, at + 2)
-    if kind == table.SPHERICAL:
-        return slice(at, at + 4)
-    if kind == table.FLOATING:
-        return slice(at + 3, at + 7)
-    if kind == table.PLANAR_CS:
-        return slice(at + 2, at + 4)
-    return None
-
-
 def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[Any, ...]) -> int | None:
     """The outermost row whose articulated inertia is <= n eps of its composite inertia, in one sample."""
     n = len(model.bodies) - 1
-    values = dict(zip((x.name for x in spec.given if not x.static), sample, strict=True))
+    values = dict(zip((x.name for x in spec.present if not x.static), sample, strict=True))
     inputs = [None if x is None else values[x.name] for x in spec.inputs]
-    pivots, *spare = (np.empty(size) for size in spec.beside(n))
+    pivots, *spare = (np.empty(size) for size in spec.extra_outputs(n))
     M = np.empty((n, n))
     with np.errstate(all="ignore"):
         scratch = np.zeros(n + 1, spec.work)
@@ -141,9 +133,9 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
 def _weightless_row(spec: Spec, model: Model, sample: list[Array]) -> int | None:
     """The outermost row whose composite inertia is so small that its reciprocal is infinite, in one sample.
 
-    It is what makes a pivot of ABA no number; a factor of its root is one, and what is solved with it may not be.
+    Then a pivot of ABA is NaN; a factor of its root is finite, and what is solved with it may not be.
     """
-    q = dict(zip((x.name for x in spec.given if not x.static), sample, strict=True))["q"]
+    q = dict(zip((x.name for x in spec.present if not x.static), sample, strict=True))["q"]
     n, crba = len(model.bodies) - 1, SPECS["crba"]
     M = np.empty((n, n))
     with np.errstate(all="ignore"):
@@ -152,10 +144,9 @@ def _weightless_row(spec: Spec, model: Model, sample: list[Array]) -> int | None
     return int(weightless[-1]) + 1 if len(weightless) else None
 
 
-def refuse_singular(model: Model, M: Array) -> None:
-    """Raise InertiaError if some M is not positive definite: if a pivot of its LᵀL is next to nothing."""
-    if not np.isfinite(M).all():
-        return
+def raise_if_singular(model: Model, M: Array) -> None:
+    """Raise InertiaError if a finite M is not positive definite: scaled to unit diagonal, an eigenvalue <= nv eps."""
+    M = M[np.isfinite(M).all(axis=(-2, -1))]
     scale = np.sqrt(np.einsum("...ii->...i", M))
     if (scale > 0.0).all():
         smallest = np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :]))[..., 0]
@@ -164,8 +155,8 @@ def refuse_singular(model: Model, M: Array) -> None:
         joint = ""
     else:
         k = int(np.argwhere(scale <= 0.0)[0][-1])
-        joint = f'joint "{joint_of_velocity(model, k).name}" moves no inertia: '
-    raise InertiaError(joint + f'the mass matrix of "{model.name}" is singular, expected every joint to move inertia')
+        joint = f'joint "{joint_of_velocity(model, k).name}" has zero articulated inertia: '
+    raise InertiaError(joint + f'the mass matrix of "{model.name}" is singular, expected inertia behind every joint')
 
 
 def joint_of_velocity(model: Model, k: int) -> Joint:

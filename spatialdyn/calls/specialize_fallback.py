@@ -1,6 +1,6 @@
-"""The samples that a program does not answer for, by the kernels for any model.
+"""Samples beyond a program's range (large angles, NaN, joints without inertia), recomputed by the table kernel.
 
-Angles beyond its range, NaN, joints without inertia: what is wrong with them is said here, in the words of the calls.
+Raises the errors of the public calls.
 """
 
 from __future__ import annotations
@@ -11,91 +11,90 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, parameters
-from ..errors import NonFiniteError
+from ..engines import run
+from ..engines.programs import parameters
 from ..model.model import Model
 from .arguments import full_shape
-from .failures import diagnose
-from .specialize_request import Input, Task
+from .failures import raise_failures
+from .specialize_request import Input, SpecializeRequest
 
 
 def compute(
-    task: Task,
+    request: SpecializeRequest,
     inputs: Sequence[Input],
-    stepped: list[tuple[NDArray[Any], int]],
+    rows: list[NDArray[Any]],
     results: list[NDArray[Any]],
     batch: tuple[int, ...],
     samples: NDArray[np.intp],
+    seen: bool,
 ) -> None:
-    """These samples by the kernel for any model, in float64. Raises what went wrong."""
-    taken = [(np.asarray(x[samples] if step else x, np.float64), step) for x, step in stepped]
+    """Recompute the samples by the table kernel, in float64. Raises the errors of the public calls.
+
+    rows     each input (n, ...), or (1, ...) if all samples share one
+    samples  indices of the samples
+    results  (n, columns), written in place
+    seen     whether the caller reads results after Ctrl-C
+    """
+    n, count = len(results[0]), len(samples)
+    taken = [np.asarray(x[samples] if len(x) == n else x, np.float64) for x in rows]
     given = dict(zip((x.name for x in inputs), taken, strict=True))
     full = {}
-    for x in task.arguments:
-        core = full_shape(task.model, x) or (1,)
-        if x.name not in task.constants:
+    for x in request.arguments:
+        core = full_shape(request.model, x) or (1,)
+        if x.name not in request.constants:
             full[x.name] = given[x.name]
             continue
-        constant = task.constants[x.name]
-        rest, step = given.get(x.name, (np.empty((1, 0)), 0))
+        constant = request.constants[x.name]
+        rest = given.get(x.name, np.empty((1, 0)))
         entries = np.tile(constant, (len(rest), 1))
         entries[:, np.isnan(constant)] = rest.reshape(len(rest), -1)
-        full[x.name] = entries.reshape((len(rest), *core)), step
-    varied = [given[name] for name in task.names]
-    everyone = np.arange(len(samples))
-    groups = [everyone] if not any(step for _, step in varied) else list(everyone[:, None])
-    for group in groups:
-        model = task.model
+        full[x.name] = entries.reshape((len(rest), *core))
+    varied = [given[name] for name in request.parameter_names]
+    together = all(len(x) == 1 for x in varied)
+    for group in [slice(0, count)] if together else [slice(k, k + 1) for k in range(count)]:
+        model = request.model
         if varied:
-            values = [x[group[0] * step].ravel().tolist() for x, step in varied]
-            model = _with_bodies(model, parameters.changed(model.bodies, task.parameters, values))
-        part = full if group is everyone else {k: (x[group] if s else x, s) for k, (x, s) in full.items()}
-        _by_kernel(task, model, part, results, batch, samples[group])
+            values = [x[group.start if len(x) == count else 0].ravel().tolist() for x in varied]
+            model = _with_bodies(model, parameters.changed(model.bodies, request.parameters, values))
+        part = {name: x[group] if len(x) == count else x for name, x in full.items()}
+        try:
+            _by_table(request, model, part, results, batch, samples[group], seen)
+        except KeyboardInterrupt:
+            for result in results if seen else ():
+                result[samples[group.stop :]] = np.nan
+            raise
 
 
-def _by_kernel(
-    task: Task,
+def _by_table(
+    request: SpecializeRequest,
     model: Model,
-    full: dict[str, tuple[NDArray[np.float64], int]],
+    full: dict[str, NDArray[np.float64]],
     results: list[NDArray[Any]],
     batch: tuple[int, ...],
     samples: NDArray[np.intp],
+    seen: bool,
 ) -> None:
-    """Samples of one model, whole inputs, by the kernel of each call."""
-    n = len(samples)
-    for k, (spec, result) in enumerate(zip(task.specs, results, strict=True)):
-        inputs = [full[x.name] for x in spec.given if not x.static]
-        static = tuple(task.static[x.name] for x in spec.given if x.static)
-        out = np.empty((n, *(full_shape(model, spec.output) or (1,))))
-        status = np.empty(n, np.int8)
-        kernel, bad = numba_kernels.batch(spec), 0
-        flat = out.reshape((n, -1))
-        a = 0
+    """Samples of one model with full inputs, call by call."""
+    for k, (spec, result) in enumerate(zip(request.specs, results, strict=True)):
+        inputs = [full[x.name] for x in spec.present if not x.static]
+        static = tuple(request.static[x.name] for x in spec.present if x.static)
+        columns = None if request.output_places is None else request.output_places[k].ravel()
         try:
-            for a, b in batch_kernels.slices(n, len(model.bodies), flat.shape[1]):
-                passed = [y for x, step in inputs for y in (x[a:b] if step else x, step)]
-                bad += kernel(getattr(model, numba_kernels.TABLE), b - a, *passed, *static, out[a:b], status[a:b])
-                chosen = flat[a:b] if task.wanted is None else flat[a:b, task.wanted[k].ravel()]
-                with np.errstate(over="ignore"):
-                    result[samples[a:b]] = chosen
-                a = b
+            failed = run.run_table_kernel(spec, model, inputs, static, result, samples, columns, seen)
         except KeyboardInterrupt:
-            result[samples[a:]] = np.nan  # out holds what was done
+            for later in results[k + 1 :] if seen else ():
+                later[samples] = np.nan
             raise
-        if bad:
-            diagnose(spec, model, inputs, batch, static, out, status, samples)
-        flat = flat if task.wanted is None else flat[:, task.wanted[k].ravel()]
-        if task.dtype == np.float32 and not np.isfinite(result[samples][np.isfinite(flat)]).all():
-            raise NonFiniteError(f"{spec.name} leaves the range of float32, expected dtype=np.float64 for such input")
+        if failed is not run.ALL_OK:
+            raise_failures(spec, model, batch, static, failed)
 
 
 def _with_bodies(model: Model, bodies: NDArray[Any]) -> Model:
-    """The model with another table, to compute and to name joints with."""
-    made: Model = object.__new__(Model)
+    """A copy of the model with another table of bodies."""
+    changed: Model = object.__new__(Model)
     for slot in Model.__slots__:
         if slot != "__weakref__":
-            object.__setattr__(made, slot, getattr(model, slot))
-    object.__setattr__(made, "bodies", bodies)
-    object.__setattr__(made, "address", bodies.ctypes.data)
-    return made
+            object.__setattr__(changed, slot, getattr(model, slot))
+    object.__setattr__(changed, "bodies", bodies)
+    object.__setattr__(changed, "address", bodies.ctypes.data)
+    return changed

@@ -1,44 +1,47 @@
-"""What is asked of ``specialize``, read: names of calls, joints, frames and inputs become a ``Task`` of places.
+"""The arguments of ``specialize``, checked: names of calls, joints, frames and inputs become indices.
 
-A ``batches.Choice``, which is the same for engines, knows rows and columns in place of names.
+A ``recording.ProgramOptions`` is what the engines read of a request: rows and columns, no names.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from ..algebra.rotations import UNIT_TOLERANCE
+from ..bodies.kinds import unit_part
 from ..engines.compiled import numba_kernels
-from ..engines.compiled.checks import UNIT_TOLERANCE
-from ..engines.programs import batch_kernels, parameters
+from ..engines.programs import parameters, recording
 from ..engines.programs.parameters import Parameter
 from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
-from ..recursions import SPECS
 from ..recursions.spec import Argument, Spec
-from .arguments import REFERENCES, as_array, as_flag, check_model, core_shape, frame_of, reference_of
-from .dynamics import calls as public
-from .failures import unit_part
+from .arguments import as_array, check_model, core_shape, frame_row_and_placement
+from .specs import specs_of, static_of
 
 Names = str | Sequence[str] | Mapping[str, str | Sequence[str] | None]
-KINDS = "fext, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
+EXTRA_INPUTS = "fext, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
 
 
 class Input(NamedTuple):
-    """An input of the callable: its name, shape of a sample, and that shape in words."""
+    """An input of a Specialized: its name, the shape of one sample, and that shape in symbols."""
 
     name: str
     shape: tuple[int, ...]
-    words: str
+    shape_text: str
 
 
-class Task(NamedTuple):
-    """What is to be computed. Constants are flat, NaN where the entry is an input; wanted (axes, places) per call."""
+class SpecializeRequest(NamedTuple):
+    """What ``specialize`` records.
+
+    constants      name -> flat values, NaN where the entry stays an input
+    output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
+    """
 
     model: Model
     specs: tuple[Spec, ...]
@@ -47,46 +50,46 @@ class Task(NamedTuple):
     arguments: tuple[Argument, ...]
     static: dict[str, Any]
     constants: dict[str, NDArray[np.float64]]
-    names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
     parameters: tuple[Parameter, ...]
-    wanted: tuple[NDArray[np.intp], ...] | None
+    output_places: tuple[NDArray[np.intp], ...] | None
 
     @property
-    def choice(self) -> batch_kernels.Choice:
-        """The same for engines."""
+    def options(self) -> recording.ProgramOptions:
+        """The part of the request that the engines read."""
         fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
-        places = () if self.wanted is None else tuple(tuple(x.ravel().tolist()) for x in self.wanted)
-        return batch_kernels.Choice(fixed, self.parameters, places, self.dtype == np.float32)
+        places = () if self.output_places is None else tuple(tuple(x.ravel().tolist()) for x in self.output_places)
+        return recording.ProgramOptions(fixed, self.parameters, places, self.dtype == np.float32)
 
     def inputs(self) -> list[Input]:
-        """What is left to be given, in order."""
+        """The remaining inputs, in order."""
         left = []
         for x in self.arguments:
             core = core_shape(self.model, x)
             if x.name not in self.constants:
-                left.append(Input(x.name, core, shown(x.shape)))
+                left.append(Input(x.name, core, shape_text(x.shape)))
                 continue
             count = int(np.isnan(self.constants[x.name]).sum())
             if count:
                 core = (count // math.prod(core[1:]), *core[1:])
-                left.append(Input(x.name, core, shown(core)))
-        for name, p in zip(self.names, self.parameters, strict=True):
-            left.append(Input(name, parameters.shape(p, self.model.nv), shown(parameters.SHAPES[p.kind])))
+                left.append(Input(x.name, core, shape_text(core)))
+        for name, p in zip(self.parameter_names, self.parameters, strict=True):
+            left.append(Input(name, parameters.shape(p, self.model.nv), shape_text(parameters.SHAPES[p.kind])))
         return left
 
     def shapes(self) -> list[tuple[int, ...]]:
         """Shape of one sample of each result."""
-        if self.wanted is None:
+        if self.output_places is None:
             return [core_shape(self.model, spec.output) for spec in self.specs]
-        return [x.shape for x in self.wanted]
+        return [x.shape for x in self.output_places]
 
 
-def shown(shape: Sequence[str | int]) -> str:
-    """A shape as a tuple of what its axes are called."""
+def shape_text(shape: Sequence[str | int]) -> str:
+    """A shape as the text of a tuple, axes by size or symbol."""
     return f"({shape[0]},)" if len(shape) == 1 else f"({', '.join(map(str, shape))})"
 
 
-def task_of(
+def read_request(
     model: Model,
     calls: Callable[..., Any] | Sequence[Callable[..., Any]],
     dtype: DTypeLike,
@@ -96,17 +99,17 @@ def task_of(
     frame: str | Frame | None,
     reference: str,
     classical: bool,
-) -> Task:
-    """The arguments of ``specialize``, read. Raises what is said there."""
+) -> SpecializeRequest:
+    """The request of ``specialize``'s arguments. Raises as ``specialize``."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
     specs = specs_of(calls)
     optional, names, chosen = _inputs(model, inputs, specs)
     constants = _fixed(model, fixed, specs)
     present = optional | {name for name in constants if constants[name].any()}
-    specs = tuple(numba_kernels.variant(spec, frozenset(present & {x.name for x in spec.given})) for spec in specs)
-    given = {x.name: x for spec in specs for x in spec.given}
-    return Task(
+    specs = tuple(numba_kernels.variant(spec, frozenset(present & {x.name for x in spec.present})) for spec in specs)
+    given = {x.name: x for spec in specs for x in spec.present}
+    return SpecializeRequest(
         model=model,
         specs=specs,
         several=not callable(calls),
@@ -114,15 +117,15 @@ def task_of(
         arguments=tuple(x for x in given.values() if not x.static),
         static=static_of(model, [x.name for x in given.values() if x.static], frame, reference, classical),
         constants={name: x for name, x in constants.items() if name in given},
-        names=names,
+        parameter_names=names,
         parameters=chosen,
-        wanted=_wanted(model, outputs, specs),
+        output_places=_output_places(model, outputs, specs),
     )
 
 
 def _dtype(dtype: DTypeLike) -> np.dtype:
     found = None
-    if dtype is None or isinstance(dtype, (str, type, np.dtype)):  # NumPy takes the dtype of whatever has one
+    if dtype is None or isinstance(dtype, (str, type, np.dtype)):  # np.dtype takes any object with a dtype
         with suppress(TypeError, ValueError, SyntaxError):
             found = np.dtype(dtype)
     if found is None or found not in (np.dtype(np.float64), np.dtype(np.float32)):
@@ -130,39 +133,17 @@ def _dtype(dtype: DTypeLike) -> np.dtype:
     return np.dtype(found)
 
 
-def spec_of(call: Any) -> Spec | None:
-    """The spec of a public call, None for anything else."""
-    return next((SPECS[name] for name, function in public.items() if function is call), None)
-
-
-def specs_of(calls: Any) -> tuple[Spec, ...]:
-    """The specs of a public call or several. Raises SpatialDynError for anything else."""
-    listed = [calls] if callable(calls) else calls
-    if not isinstance(listed, (list, tuple)) or not listed:
-        raise SpatialDynError(f"calls is {calls!r}, expected a public call such as spatialdyn.rnea or a list of such")
-    specs: list[Spec] = []
-    for function in listed:
-        spec = spec_of(function)
-        if spec is None:
-            name = getattr(function, "__name__", repr(function))
-            raise SpatialDynError(f"calls has {name}, expected public calls such as spatialdyn.rnea")
-        if spec in specs:
-            raise SpatialDynError(f"calls has {spec.name} twice, expected it once")
-        specs.append(spec)
-    return tuple(specs)
-
-
 def _inputs(
     model: Model, inputs: Names, specs: tuple[Spec, ...]
 ) -> tuple[set[str], tuple[str, ...], tuple[Parameter, ...]]:
-    """Optional inputs that are to be given, then names of the parameters that are inputs, and the parameters."""
+    """Names of the optional inputs, names of the parameters that are inputs, and those parameters."""
     optional: set[str] = set()
     chosen: dict[str, Parameter] = {}
     for name in _labels(inputs):
         kind, _, where = name.partition(":")
         if name in optional or name in chosen:
             raise SpatialDynError(f'inputs has "{name}" twice, expected it once')
-        if any(x.name == name and x.optional for spec in specs for x in spec.given):
+        if any(x.name == name and x.optional for spec in specs for x in spec.present):
             optional.add(name)
         elif kind == "payload" and kind in parameters.SHAPES:
             chosen[name] = _payload(model, where)
@@ -174,24 +155,24 @@ def _inputs(
         elif name in ("gravity", "armature"):
             chosen[name] = Parameter(name)
         else:
-            raise SpatialDynError(f"inputs has {name!r}, expected {KINDS}")
+            raise SpatialDynError(f"inputs has {name!r}, expected {EXTRA_INPUTS}")
     return optional, tuple(chosen), tuple(chosen.values())
 
 
 def _labels(inputs: Any) -> list[str]:
-    """Whatever form they come in as "kind" and "kind:where"."""
+    """A string, sequence or mapping as a list of "kind" and "kind:where"."""
     if isinstance(inputs, str):
         return [inputs]
     if not isinstance(inputs, Mapping):
-        return [str(name) for name in _listed("inputs", inputs)]
+        return [str(name) for name in _as_list("inputs", inputs)]
     labels = []
     for kind, where in inputs.items():
-        listed = [where] if where is None or isinstance(where, str) else _listed(f'inputs["{kind}"]', where)
+        listed = [where] if where is None or isinstance(where, str) else _as_list(f'inputs["{kind}"]', where)
         labels += [str(kind) if w is None else f"{kind}:{w}" for w in listed]
     return labels
 
 
-def _listed(name: str, value: Any) -> list[Any]:
+def _as_list(name: str, value: Any) -> list[Any]:
     try:
         return list(value)
     except TypeError:
@@ -200,7 +181,7 @@ def _listed(name: str, value: Any) -> list[Any]:
 
 def _payload(model: Model, where: str) -> Parameter:
     if where:
-        row, placement = frame_of(model, where)
+        row, placement = frame_row_and_placement(model, where)
         if not row:
             raise ModelError(f'frame "{where}" is fixed in the world, expected one that moves for a payload')
         return Parameter("payload", row, parameters.place(placement))
@@ -215,8 +196,8 @@ def _payload(model: Model, where: str) -> Parameter:
 
 
 def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> dict[str, NDArray[np.float64]]:
-    """Flat constants of each fixed input, NaN where it stays an input."""
-    known = {x.name: x for spec in specs for x in spec.given if not x.static}
+    """Flat constants of each fixed input, NaN where the entry stays an input."""
+    known = {x.name: x for spec in specs for x in spec.present if not x.static}
     if not isinstance(fixed, Mapping):
         raise SpatialDynError(f"fixed is a {type(fixed).__name__}, expected a mapping of names to values")
     found = {}
@@ -232,14 +213,14 @@ def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> d
         else:
             entries[...] = _constant(name, value, core)
         if known[name].unit_norm:
-            _refuse_norms(model, name, entries)
+            _raise_unit_norm(model, name, entries)
         if not (known[name].optional and not entries.any()):
             found[name] = entries.ravel()
     return found
 
 
 def _places(model: Model, argument: Argument, name: str) -> slice:
-    """Where in the first axis of an input or output a joint has its entries."""
+    """The slice of a joint's entries in the first axis of an input or output."""
     joint = model.joint(name)
     first = argument.shape[0] if argument.shape else None
     if first == "nq" and joint.nq:
@@ -249,9 +230,7 @@ def _places(model: Model, argument: Argument, name: str) -> slice:
     if first == "njoints":
         index = model.names.index(name)
         return slice(index, index + 1)
-    raise SpatialDynError(
-        f'{argument.name} has no entries of joint "{name}", expected an input and joint that go together'
-    )
+    raise SpatialDynError(f'{argument.name} has no entries of joint "{name}", expected a joint that has entries in it')
 
 
 def _constant(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -263,21 +242,21 @@ def _constant(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np
     return x
 
 
-def _refuse_norms(model: Model, name: str, q: NDArray[np.float64]) -> None:
+def _raise_unit_norm(model: Model, name: str, q: NDArray[np.float64]) -> None:
     for joint in model.joints[1:]:
         first = model.bodies[joint.row - joint.nv + 1]
-        part = unit_part(int(first["kind"]), int(first["at"]))
+        part = unit_part(int(first["kind"]), int(first["q_index"]))
         if part is not None and abs(float(q[part] @ q[part]) - 1.0) > UNIT_TOLERANCE:
             raise ConfigurationError(
                 f'fixed {name} is {q[part].tolist()} for joint "{joint.name}", expected a norm within 1e-6 of 1'
             )
 
 
-def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArray[np.intp], ...] | None:
-    """For each call the places of its output, flat, that are wanted, in the shape of the result."""
+def _output_places(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArray[np.intp], ...] | None:
+    """For each call the flat indices of the selected entries of its output, in the shape of the result."""
     if outputs is None:
         return None
-    listed = [outputs] if isinstance(outputs, (str, int)) else _listed("outputs", outputs)
+    listed = [outputs] if isinstance(outputs, (str, int)) else _as_list("outputs", outputs)
     if not listed:
         raise SpatialDynError("outputs is empty, expected names of joints or indices, or None for all")
     if not any(isinstance(s, str) for spec in specs for s in spec.output.shape):
@@ -301,28 +280,3 @@ def _wanted(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArra
         flat = np.arange(math.prod(core), dtype=np.intp).reshape(core)
         wanted.append(flat[np.ix_(*axes)])
     return tuple(wanted)
-
-
-def static_of(
-    model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
-) -> dict[str, Any]:
-    """Values of the inputs that are no arrays of samples."""
-    values: dict[str, Any] = {}
-    names = set(names)
-    if "row" in names:
-        if frame is None:
-            raise ModelError("frame is None, expected the name of one: a call takes it")
-        values["row"], values["placement"] = frame_of(model, frame)
-    elif frame is not None:
-        raise SpatialDynError(f"frame is {frame!r}, expected None: no call takes one")
-    code = reference_of(reference)
-    if "reference" in names:
-        values["reference"] = code
-    elif code != REFERENCES["local"]:
-        raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
-    classical = as_flag("classical", classical)
-    if "classical" in names:
-        values["classical"] = int(classical)
-    elif classical:
-        raise SpatialDynError("classical is True, expected the default: no call takes it")
-    return values

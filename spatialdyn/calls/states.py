@@ -1,20 +1,21 @@
-"""Random configurations, one step of time, and forces that act at named frames."""
+"""Random configurations, one time step, and forces at named frames."""
 
 from __future__ import annotations
 
 import math
 import operator
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies import table as table
+from ..bodies.kinds import ANGLE, KINDS, PAIR, QUATERNION
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot import masked
 from ..recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
-from .arguments import as_array, batch_shape, broadcast, check_model, reference_of
+from .arguments import as_array, batch_shape, broadcast, check_model, reference_code
 from .dynamics import calls
 
 Array = NDArray[np.float64]
@@ -25,42 +26,55 @@ FORCE = Argument("force", (6,), "N | N m", "force at a frame, linear first")
 # --- random configurations -------------------------------------------------------------------------------
 
 
-def random_configuration(model: Model, rng: np.random.Generator, shape: int | tuple[int, ...] = ()) -> Array:
+def random_configuration(
+    model: Model, rng: np.random.Generator | int | None = None, shape: int | tuple[int, ...] = ()
+) -> Array:
     """Random configurations: within the limits, rotations uniform on the sphere of quaternions.
 
-    rng    a NumPy Generator; a sample takes nv numbers of it, so n samples at once are n samples one by one
+    rng    a NumPy Generator, a seed for one, or None for other states each time; a sample draws nv numbers, so a batch
+           of n equals n single samples
     shape  batch shape
 
     A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; with a limit on one side only, in the
     interval of that length that ends at the limit. Positions of floating and planar joints count as without
-    limits. With mimic joints the independent coordinates are drawn, and the others follow wherever that leads.
+    limits. With mimic joints the independent coordinates are drawn; the others may leave their limits.
 
     Returns q (*shape, nq) [rad | m].
-    Raises  SpatialDynError if rng is no Generator; ShapeError if shape is none.
+    Raises  SpatialDynError if rng is none of these; ShapeError if shape is none.
 
     >>> import spatialdyn as sd
-    >>> random_configuration(sd.load_urdf("two_link"), np.random.default_rng(0), (5, 3)).shape
+    >>> random_configuration(sd.load_urdf("two_link"), 0, (5, 3)).shape
     (5, 3, 2)
     """
     check_model(model)
-    if not isinstance(rng, np.random.Generator):
-        raise SpatialDynError(f"rng is a {type(rng).__name__}, expected a numpy.random.Generator")
+    rng = _generator(rng)
     batch = _shape(shape)
     u = rng.random((*batch, model.nv))
     q = np.empty((*batch, model.nq))
     for joint in model.joints[1:]:
         if joint.mimic is not None:
             continue
-        kind = int(model.bodies[joint.row - joint.nv + 1]["kind"])
+        kind = KINDS[model.bodies[joint.row - joint.nv + 1]["kind"]]
         part = u[..., joint.idx_v : joint.idx_v + joint.nv]
         at = joint.idx_q
-        if kind in (table.REVOLUTE, table.PRISMATIC):
-            reach = math.pi if kind == table.REVOLUTE else 1.0
-            drawn = _within(float(model.lower[at]), float(model.upper[at]), reach, part)
+        if kind.group == "R":
+            reach = 1.0 if kind.lengths else math.pi
+            q[..., at : at + 1] = _within(float(model.lower[at]), float(model.upper[at]), reach, part)
         else:
-            drawn = _DRAWN[kind](part)
-        q[..., at : at + joint.nq] = drawn
+            q[..., at : at + kind.lengths] = _place(part[..., : kind.lengths])
+            q[..., at + kind.lengths : at + kind.nq] = _TURNED[kind.turn](part[..., kind.lengths :])
     return q
+
+
+def _generator(rng: Any) -> np.random.Generator:
+    """A Generator as it is, or a new one from a seed or from None."""
+    if isinstance(rng, np.random.Generator):
+        return rng
+    whole = isinstance(rng, (int, np.integer)) and not isinstance(rng, bool)
+    if rng is None or (whole and rng >= 0):
+        return np.random.default_rng(rng)
+    what = repr(rng) if whole else f"a {type(rng).__name__}"
+    raise SpatialDynError(f"rng is {what}, expected a numpy.random.Generator, a seed or None")
 
 
 def _shape(shape: int | tuple[int, ...]) -> tuple[int, ...]:
@@ -70,13 +84,13 @@ def _shape(shape: int | tuple[int, ...]) -> tuple[int, ...]:
         batch = (operator.index(shape),) if np.ndim(shape) == 0 else tuple(operator.index(n) for n in shape)  # type: ignore[arg-type, union-attr]
     except (TypeError, ValueError):
         batch = (-1,)
-    if any(n < 0 for n in batch) or math.prod(batch) >= 1 << 48:  # bytes that no memory has
+    if any(n < 0 for n in batch) or math.prod(batch) >= 1 << 48:  # beyond any memory
         raise ShapeError(f"shape is {shape!r}, expected a size or a tuple of sizes")
     return batch
 
 
 def _within(lower: float, upper: float, reach: float, u: Array) -> Array:
-    """From [0, 1) to the limits, or where there are none to an interval of length 2 reach."""
+    """u in [0, 1) scaled to the limits, or without limits to an interval of length 2 reach."""
     if math.isinf(lower) and math.isinf(upper):
         lower, upper = -reach, reach
     elif math.isinf(lower):
@@ -110,16 +124,10 @@ def _quaternion(u: Array) -> Array:
     return np.concatenate([a * _pair(u[..., 1:2]), b * _pair(u[..., 2:])], -1)
 
 
-_DRAWN: dict[int, Callable[[Array], Array]] = {
-    table.REVOLUTE_CS: _pair,
-    table.SPHERICAL: _quaternion,
-    table.FLOATING: lambda u: np.concatenate([_place(u[..., :3]), _quaternion(u[..., 3:])], -1),
-    table.PLANAR: lambda u: np.concatenate([_place(u[..., :2]), _angle(u[..., 2:])], -1),
-    table.PLANAR_CS: lambda u: np.concatenate([_place(u[..., :2]), _pair(u[..., 2:])], -1),
-}
+_TURNED: dict[int, Callable[[Array], Array]] = {ANGLE: _angle, PAIR: _pair, QUATERNION: _quaternion}
 
 
-# --- one step of time ------------------------------------------------------------------------------------
+# --- one time step ---------------------------------------------------------------------------------------
 
 
 def step(
@@ -141,13 +149,12 @@ def step(
     method
         explicit_euler        v + a dt and q moved by v dt; order 1, gains energy
         semi_implicit_euler   v + a dt and q moved by the new v dt; order 1, keeps energy bounded
-        rk4                   the classical Runge-Kutta method in the coordinates u of q ∘ exp(u), where
-                              u̇ is such that the joints move with v; order 4 whatever the joints. No joint may turn
-                              by 2π in one step
+        rk4                   the classical Runge-Kutta method in the coordinates u of q ∘ exp(u), with u̇ from v by the
+                              inverse of ``dintegrate``; order 4 for all joints, which must turn less than 2π a step
 
     Returns (q, v), new arrays of the common batch shape.
-    Raises  SpatialDynError for another method or a dt that is not finite; what aba raises; NonFiniteError if a
-            finite state has none to follow.
+    Raises  SpatialDynError for another method or a dt that is not finite; NonFiniteError if the new state of a finite
+            one is not finite; the errors of aba.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -170,22 +177,22 @@ def step(
         [*(x.name for x in specs), "dt"],
         [*(batch_shape(model, x, a) for x, a in zip(specs, given, strict=True)), h.shape],
     )
-    q0, v0 = _spread(given[0], batch), _spread(given[1], batch)
+    q0, v0 = _full_batch(given[0], batch), _full_batch(given[1], batch)
     with np.errstate(over="ignore", invalid="ignore"):
         q1, v1 = advance(model, q0, v0, given[2], h[..., None], None if fext is None else given[3])
     if not (np.isfinite(q1).all() and np.isfinite(v1).all()):
-        _refuse_lost(batch, given, (q1, v1))
+        _raise_if_not_finite(batch, given, (q1, v1))
     return q1, v1
 
 
-def _spread(x: Array, batch: tuple[int, ...]) -> Array:
-    """x (..., n) with the batch shape written out."""
+def _full_batch(x: Array, batch: tuple[int, ...]) -> Array:
+    """x (..., n) broadcast to the batch shape: itself, or a copy."""
     shape = (*batch, x.shape[-1])
     return x if x.shape == shape else np.array(np.broadcast_to(x, shape))
 
 
-def _refuse_lost(batch: tuple[int, ...], given: list[Array], after: tuple[Array, Array]) -> None:
-    """Raise NonFiniteError if a sample of finite input has come out otherwise."""
+def _raise_if_not_finite(batch: tuple[int, ...], given: list[Array], after: tuple[Array, Array]) -> None:
+    """Raise NonFiniteError if a sample of finite input gave a state that is not finite."""
     finite = np.ones(batch, bool)
     for x, axes in zip(given, (1, 1, 1, 2), strict=False):
         finite &= np.isfinite(x).all(axis=tuple(range(-axes, 0)))
@@ -235,7 +242,7 @@ _METHODS: dict[str, Callable[[Model, Array, Array, Array, Array, Array | None], 
 
 
 def wrench_at(model: Model, q: ArrayLike, frame: str | Frame, force: ArrayLike, reference: str = "local") -> Array:
-    """The ``fext`` of a force that acts at a named frame, as rnea, aba and static_torque take it.
+    """The ``fext`` of a force at a named frame, for rnea, aba and static_torque.
 
     q          (..., nq)  joint positions [rad | m]
     frame      a link's or joint's name; link:NAME or joint:NAME says which
@@ -243,9 +250,9 @@ def wrench_at(model: Model, q: ArrayLike, frame: str | Frame, force: ArrayLike, 
     reference  local: at the frame's origin in its axes; local_world_aligned: there in the world's axes;
                world: at the world's origin in the world's axes
 
-    A force on what is fixed in the world goes to row 0, which moves nothing. Forces at several frames add up.
+    A force on a link fixed to the world goes to row 0, which is ignored. Sum the fext of several forces.
 
-    Returns fext (..., njoints, 6): zero but for the row of the frame's joint, in that joint's frame.
+    Returns fext (..., njoints, 6): zero except the row of the frame's joint, in that joint's frame.
     Raises  ModelError if there is no such frame; SpatialDynError for another reference; ShapeError.
 
     >>> import spatialdyn as sd
@@ -254,7 +261,7 @@ def wrench_at(model: Model, q: ArrayLike, frame: str | Frame, force: ArrayLike, 
     [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
     check_model(model)
-    place, code = model.frame(frame), reference_of(reference)
+    place, code = model.frame(frame), reference_code(reference)
     q, force = as_array("q", q), as_array("force", force)
     batch = broadcast(["q", "force"], [batch_shape(model, Q, q), batch_shape(model, FORCE, force)])
     f, n = force[..., :3], force[..., 3:]

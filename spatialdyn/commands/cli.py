@@ -1,8 +1,8 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
-``check ROBOT``, ``trade ROBOT``, ``port SCRIPT``.
+``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``compile ROBOT``, ``port SCRIPT``, ``example [NAME]``.
 
-Exit status: 0 all is well, 1 disagreement with Pinocchio, or a script uses what is not there, 2 bad input, which is
-said on stderr in one line, 130 Ctrl-C, likewise.
+Exit status: 0 success; 1 disagreement with Pinocchio, an error found by ``check``, or a script with missing names; 2
+bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early.
 """
 
 from __future__ import annotations
@@ -10,20 +10,46 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 from .. import __version__
+from ..engines.interrupt import INTERRUPTED
 from ..errors import SpatialDynError
-from . import check, compare, derive, info, port, simulate, trade
 
-INTERRUPTED = 130  # 128 and the number of the signal, as shells have it
+COMMANDS = {
+    "info": "links, joints and limits of a robot, and oddities of its file",
+    "check": "oddities of inertias, mass ratios, digits and time steps, and remedies",
+    "derive": "M, C, g, energies in closed form",
+    "compare": "errors and times of every call against Pinocchio",
+    "simulate": "free motion of a robot, its energy, a plot and a file of it",
+    "view": "a robot in the browser, or in one page to keep",
+    "trade": "error and cost of every option for a task, and the cheapest within a tolerance",
+    "compile": "compile a robot's calls ahead, and keep the code on disk",
+    "port": "which of Pinocchio's names a script uses, and which are supported",
+    "example": "short programs that show what the library does: listed, run, printed",
+}  # {command, a module of this folder: its help}
+LISTS = ("--q0", "--v0", "--q")  # options that take numbers separated by commas
+PIPE_CLOSED = 141  # likewise: the reader of stdout, such as head, has closed it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; ``argv`` is ``sys.argv[1:]`` by default."""
-    for stream in (sys.stdout, sys.stderr):  # a pipe may know less than the terminal: print what it has for the rest
+    for stream in (sys.stdout, sys.stderr):  # a pipe may lack characters of the terminal: replace them
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
-    arguments = _parser().parse_args(argv)
+    try:
+        try:
+            return _status(argv)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except BrokenPipeError:
+        return PIPE_CLOSED
+
+
+def _status(argv: Sequence[str] | None) -> int:
+    words = _joined(sys.argv[1:] if argv is None else argv)
+    arguments = _parser(words).parse_args(words)
     try:
         status: int = arguments.run(arguments)
     except SpatialDynError as error:
@@ -32,18 +58,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         print(f"spatialdyn: {str(interrupt) or 'interrupted'}", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader, head say, has seen enough
-        sys.stderr.close()
-        return 0
     return status
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="spatialdyn", description="Rigid-body dynamics of robots described by a URDF."
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (info, check, derive, compare, simulate, trade, port):
-        command.add(commands)
-    return parser
+def _joined(argv: Sequence[str]) -> list[str]:
+    """Arguments with ``--q0 -1,0`` as ``--q0=-1,0``: argparse takes numbers that begin with a minus for an option."""
+    joined: list[str] = []
+    for word in argv:
+        if joined and joined[-1] in LISTS and word[:1] == "-" and word[1:2].isdigit() | (word[1:2] == "."):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of these words; only the commands that they name have their arguments."""
+    whole = argparse.ArgumentParser(prog="spatialdyn", description="Rigid-body dynamics of robots described by a URDF.")
+    whole.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    commands = whole.add_subparsers(required=True, metavar="COMMAND")
+    for name, text in COMMANDS.items():
+        parser = commands.add_parser(name, help=text)
+        if name in words:  # importing them all takes as long as many a command runs
+            import_module(f".{name}", __package__).add(parser)
+    return whole

@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from ..errors import SpatialDynError
 from ..urdf.load import example_robots, robot_names
 from ..validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
-from .printing import Column, finite, fold, print_table, progress
-from .robots import ROBOT, ROOTS
+from .printing import Column, finite, fold, print_table, progress, shown
+from .robots import ROBOT, ROOTS, add_quiet
 
 TIMED = ("rnea", "crba", "aba")
 
 
-def add(commands: Any) -> None:
-    """Register the command with what argparse's ``add_subparsers`` has given."""
-    parser = commands.add_parser("compare", help="errors and times of every call against Pinocchio")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to its parser."""
     parser.add_argument("robots", metavar="ROBOT", nargs="*", help=ROBOT)
     parser.add_argument("--all", action="store_true", help="every robot of example-robot-data")
     parser.add_argument("--samples", type=int, default=20, metavar="N", help="random states each (default: 20)")
     parser.add_argument("--no-timing", dest="timing", action="store_false", help="errors only")
     parser.add_argument("--json", action="store_true", help="print JSON")
+    add_quiet(parser)
     parser.set_defaults(run=_run)
 
 
 class _Compared(NamedTuple):
-    """A robot under the name it was asked for: its comparisons by root, or why neither library loads it."""
+    """A robot under its name on the command line: its comparisons by root, or why neither library loads it."""
 
     label: str
     by_root: dict[str, Comparison]
@@ -50,10 +50,14 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.all:
         sources = {name: str(path) for name, path in robot_names().items() if path in examples}
     found: list[_Compared] = []
-    with progress(len(sources)) as begin:
-        for label, source in sources.items():
-            begin(label)
-            found.append(_compared(label, source, arguments))
+    if len(sources) == 1:
+        with shown("comparing", "calls", arguments.quiet) as report:
+            found += [_compared(label, source, arguments, report) for label, source in sources.items()]
+    else:
+        with progress(len(sources), arguments.quiet) as begin:
+            for label, source in sources.items():
+                begin(label)
+                found.append(_compared(label, source, arguments))
     ok = all(robot.ok for robot in found)
     if arguments.json:
         print(json.dumps([_record(robot) for robot in found], indent=2, ensure_ascii=False))
@@ -64,16 +68,22 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0 if ok else 1
 
 
-def _compared(label: str, source: str, arguments: argparse.Namespace) -> _Compared:
-    """Both roots of a robot. Under ``--all`` a robot that Pinocchio refuses too is no failure."""
+def _compared(
+    label: str, source: str, arguments: argparse.Namespace, report: Callable[[int, int], None] | None = None
+) -> _Compared:
+    """Both roots of a robot. Under ``--all`` a robot that Pinocchio does not load either is no failure."""
+    by_root = {}
     try:
-        return _Compared(
-            label,
-            {
-                root: compare_with_pinocchio(source, root, samples=arguments.samples, timing=arguments.timing)
-                for root in ROOTS
-            },
-        )
+        for k, root in enumerate(ROOTS):
+
+            def both(done: int, total: int, k: int = k) -> None:
+                if report is not None:
+                    report(done + k * total, len(ROOTS) * total)
+
+            by_root[root] = compare_with_pinocchio(
+                source, root, samples=arguments.samples, timing=arguments.timing, progress=both
+            )
+        return _Compared(label, by_root)
     except SpatialDynError as error:
         if arguments.all and not _loads_in_pinocchio(source):
             return _Compared(label, {}, str(error))
@@ -135,7 +145,7 @@ def _show_one(robot: _Compared) -> None:
 
 
 def _show_many(robots: Sequence[_Compared], timing: bool) -> None:
-    """A row per robot: its largest error for each root, the worst call of all, and how the times compare."""
+    """A row per robot: the largest error for each root, the worst call of all, and ratios of times."""
     columns = [Column("robot"), Column("nv", True), *(Column(f"{root} ", True) for root in ROOTS)]
     columns += [Column("worst call")] + [Column(call, True) for call in TIMED] * timing
     lines, bad = [], []
@@ -161,7 +171,7 @@ def _show_many(robots: Sequence[_Compared], timing: bool) -> None:
 
 
 def _show_notes(robots: Sequence[_Compared]) -> None:
-    """Every note once, with the calls, roots and robots it is about."""
+    """Every note once, with its calls, roots and robots."""
     notes: dict[str, dict[str, list[str]]] = {}
     for robot in robots:
         if robot.refused:
@@ -169,15 +179,15 @@ def _show_notes(robots: Sequence[_Compared]) -> None:
         for root, comparison in robot.by_root.items():
             for row in comparison.rows:
                 if row.note:
-                    who = f"{root} root" if len(robots) == 1 else f"{robot.label} ({root})"
-                    notes.setdefault(row.note, {}).setdefault(who, []).append(row.call)
+                    subject = f"{root} root" if len(robots) == 1 else f"{robot.label} ({root})"
+                    notes.setdefault(row.note, {}).setdefault(subject, []).append(row.call)
     for note, about in notes.items():
         calls = ", ".join(dict.fromkeys(call for some in about.values() for call in some))
         fold(f"{', '.join(about)}{': ' * bool(calls)}{calls}: {note}", "* ")
 
 
 def _verdict(robots: Sequence[_Compared]) -> str:
-    """One line: does everything agree, and if not, what does not."""
+    """One line: AGREES, or DISAGREES and the calls that do."""
     failed = [
         f"{robot.label} ({root}): {row.call}"
         for robot in robots
@@ -189,14 +199,14 @@ def _verdict(robots: Sequence[_Compared]) -> str:
     if failed:
         more = f" and {len(failed) - 5} more" if len(failed) > 5 else ""
         return f"DISAGREES with Pinocchio: {'; '.join(failed[:5])}{more}"
-    who = compared[0].label if len(compared) == 1 else f"{len(compared)} robots"
+    subject = compared[0].label if len(compared) == 1 else f"{len(compared)} robots"
     refused = len(robots) - len(compared)
     rest = f"; {refused} refused by both" if refused else ""
-    return f"AGREES with Pinocchio: {who}, every call within its bound{rest}"
+    return f"AGREES with Pinocchio: {subject}, every call within its bound{rest}"
 
 
 def _record(robot: _Compared) -> dict[str, Any]:
-    """What ``compare`` says of a robot, for machines; a number that is not finite is null."""
+    """The comparison of a robot as JSON types; a number that is not finite is None."""
     return {
         "robot": robot.label,
         "ok": robot.ok,

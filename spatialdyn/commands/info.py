@@ -1,26 +1,21 @@
-"""``spatialdyn info ROBOT``: what a robot is made of, and what is odd about its file; ``info`` lists robots by name."""
+"""``spatialdyn info ROBOT``: links, joints and limits of a robot, oddities of its file; ``info`` lists robots."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from typing import Any
 
 from ..model.model import Model
-from ..model.robot import Joint
+from ..pictures.robot_rows import kinds_of, neutral_outside, tree_rows
 from ..urdf.load import robot_names
-from .printing import Column, finite, fold, print_table
+from .printing import Column, finite, fold, print_table, terminal_width
 from .robots import ROBOT, add_root, load
 
-DEEP = 60  # columns of a tree's branches: without a limit a comb of n links is n² columns
 
-
-def add(commands: Any) -> None:
-    """Register the command with what argparse's ``add_subparsers`` has given."""
-    parser = commands.add_parser("info", help="what a robot is made of, and what is odd about its file")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to its parser."""
     parser.add_argument("robot", metavar="ROBOT", nargs="?", help=f"{ROBOT} without ROBOT")
     add_root(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -36,18 +31,38 @@ def _run(arguments: argparse.Namespace) -> int:
         return 0
     robot, options = model.robot, model.options
     at_root = {x.name: x.mass for x in robot.links}[robot.root]
-    print(
-        f"{model.name}: {options.root} root, {model.nv} freedoms (nq {model.nq}), {model.total_mass:.6g} kg that move\n"
-    )
-    print(f"links   {len(robot.links)}, root link {robot.root} of {at_root:.6g} kg")
-    print(f"joints  {len(robot.joints)}: {_kinds(robot.joints)}")
-    print(f"frames  {len(model.frames)}\n")
+    size = f"{model.nv} freedoms (nq {model.nq}), {model.total_mass:.6g} kg that move"
+    fold(f"{model.name}: {options.root} root, {size}", "")
+    print()
+    fold(f"{len(robot.links)}, root link {robot.root} of {at_root:.6g} kg", "links   ")
+    fold(f"{len(robot.joints)}: {kinds_of(robot.joints)}", "joints  ")
+    fold(f"{len(model.frames)}", "frames  ")
+    print()
     columns = (Column("link"), Column("kg", True), Column("joint"), Column("kind"), Column("v", True))
-    print_table((*columns, Column("range", True)), list(_tree(model)))
+    rows = list(tree_rows(model))
+    widest = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    if sum(widest) + 2 * len(widest) <= terminal_width():
+        print_table((*columns, Column("range", True)), rows)
+    else:
+        _print_narrow(rows)
+    outside = list(neutral_outside(model))
+    if outside:
+        print("\nneutral is outside the limits:")
+    for line in outside:
+        fold(line, "  - ")
     print("\nodd about the file:" if robot.notes else "\nnothing is odd about the file")
     for note in robot.notes:
         fold(note, "  - ")
     return 0
+
+
+def _print_narrow(rows: Sequence[Sequence[str]]) -> None:
+    """A link a line, its joint below it: where a table would be wider than the terminal."""
+    for link, mass, joint, kind, at, span in rows:
+        fold(f"{link}  {mass} kg", "")
+        if joint:
+            words = [f"{joint}: {kind}", *[f"v {at}"] * bool(at), *[span.strip()] * bool(span)]
+            fold(", ".join(words), "      ")
 
 
 def _list(as_json: bool) -> int:
@@ -60,67 +75,8 @@ def _list(as_json: bool) -> int:
     return 0
 
 
-def _kinds(joints: Iterable[Joint]) -> str:
-    """How many joints of each kind, and how many mimic others."""
-    joints = list(joints)
-    count = Counter(joint.kind for joint in joints)
-    mimics = sum(joint.mimic is not None for joint in joints)
-    words = [f"{n} {kind}" for kind, n in count.most_common()] + [f"{mimics} of them mimics"] * bool(mimics)
-    return ", ".join(words) or "none"
-
-
-def _tree(model: Model) -> Iterator[list[str]]:
-    """A row per link; the only child of a link stands right under it, several are set in, the deepest ones no more."""
-    robot = model.robot
-    children, links = robot.children, {link.name: link for link in robot.links}
-    places = {joint.name: joint for joint in model.joints[1:]}
-    base = places.get("root_joint") if model.options.root == "floating" else None
-    stack: list[tuple[str, Joint | None, str, str]] = [(robot.root, None, "", "")]
-    while stack:
-        name, joint, lead, below = stack.pop()
-        if joint is None:
-            of = ["", "", "", ""] if base is None else ["root_joint", "floating", _span(base.idx_v, 6), "unlimited"]
-        else:
-            place = places.get(joint.name)
-            at = "" if place is None else _span(place.idx_v, place.nv)
-            of = [joint.name, joint.kind + _axis(joint), at, _range(joint)]
-        yield [lead + name, f"{links[name].mass:.4g}", *of]
-        several = len(children[name]) > 1
-        for k, child in enumerate(reversed(children[name])):
-            branch, under = ("└ ", "  ") if k == 0 else ("├ ", "│ ")
-            stack.append((child.child, child, _cut(below + branch * several), _cut(below + under * several)))
-
-
-def _cut(lead: str) -> str:
-    """What stands before a link's name, of a deep one only its last columns."""
-    return lead if len(lead) <= DEEP else "…" + lead[1 - DEEP :]
-
-
-def _span(first: int, count: int) -> str:
-    return str(first) if count == 1 else f"{first}-{first + count - 1}"
-
-
-def _axis(joint: Joint) -> str:
-    """The axis if it is one of the coordinate axes, a star if not; nothing where a kind has none."""
-    if joint.kind not in ("revolute", "continuous", "prismatic", "planar"):
-        return ""
-    for letter, column in zip("xyz", range(3), strict=True):
-        if abs(joint.axis[column]) == 1.0:
-            return f" {'-' if joint.axis[column] < 0.0 else ''}{letter}"
-    return " *"
-
-
-def _range(joint: Joint) -> str:
-    if joint.kind == "fixed":
-        return ""
-    if math.isinf(joint.lower) and math.isinf(joint.upper):
-        return "unlimited"
-    unit = "m" if joint.kind == "prismatic" else "rad"
-    return f"{joint.lower:.4g} .. {joint.upper:.4g} {unit:<3}"
-
-
 def _record(model: Model) -> dict[str, Any]:
-    """What ``info`` says, for machines; an absent limit is null."""
+    """The output of ``info`` as JSON types; an absent limit is None."""
     robot = model.robot
     places = {joint.name: joint for joint in model.joints[1:]}
     return {
@@ -149,5 +105,6 @@ def _record(model: Model) -> dict[str, Any]:
             }
             for joint in robot.joints
         ],
+        "neutral_outside_limits": list(neutral_outside(model)),
         "notes": list(robot.notes),
     }

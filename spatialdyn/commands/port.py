@@ -1,4 +1,4 @@
-"""``spatialdyn port SCRIPT.py``: which of Pinocchio's names a script uses, and which of them are to be had here."""
+"""``spatialdyn port SCRIPT.py``: which of Pinocchio's names a script uses, and which of them are supported."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import argparse
 import json
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 from ..compat.pinocchio.coverage.coverage import DIFFERENT, SUPPORTED
 from ..compat.pinocchio.coverage.porting import Use, uses
@@ -14,19 +13,18 @@ from ..errors import SpatialDynError
 from .printing import Column, print_table
 
 CHANGE = "import spatialdyn.compat.pinocchio as pin"
-SHOWN = 6  # lines of the script named for one name
+SHOWN = 6  # lines of the script listed per name
 
 
-def add(commands: Any) -> None:
-    """Register the command with what argparse's ``add_subparsers`` has given."""
-    parser = commands.add_parser("port", help="which of Pinocchio's names a script uses, and what is here for them")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to its parser."""
     parser.add_argument("script", nargs="+", help="a Python file")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """1 if a script uses a name that is not here, else 0."""
+    """Returns 1 if a script uses a name that is not supported, else 0."""
     found = {script: _uses_of(script) for script in arguments.script}
     if arguments.json:
         print(json.dumps({script: [use._asdict() for use in used] for script, used in found.items()}, indent=2))

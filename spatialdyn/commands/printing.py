@@ -1,24 +1,23 @@
-"""What commands print with: tables, folded text, a progress bar.
+"""Output of commands: tables, folded text, a progress bar.
 
-Tables are drawn by rich if it is installed, as aligned text otherwise.
+rich draws tables if it is installed; else they are aligned text.
 """
 
 from __future__ import annotations
 
-import importlib.util
+import itertools
 import math
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
-WIDE = 400  # columns of a table that is not read in a terminal: nothing is folded
-
-
-def watched() -> bool:
-    """Whether a progress bar would be seen."""
-    return sys.stderr.isatty() and importlib.util.find_spec("rich") is not None
+NARROW = 12  # columns that words of a table have at least
+NARROWEST = 24  # columns that folded text takes at least
+LINE_SECONDS = 0.1  # between two writes of a line of progress
+WIDE = 400  # columns of a table that is not in a terminal: nothing is folded
 
 
 class Column(NamedTuple):
@@ -29,7 +28,10 @@ class Column(NamedTuple):
 
 
 def print_table(columns: Sequence[Column], rows: Sequence[Sequence[str]], bad: Iterable[int] = ()) -> None:
-    """An aligned table on stdout: numbers right, words left; the rows ``bad`` stand out where there is colour."""
+    """An aligned table on stdout: numbers right, words left; the rows ``bad`` are red in a terminal.
+
+    Words longer than NARROW are folded to fit the terminal; of a terminal too narrow for those, lines run over.
+    """
     try:
         from rich.box import SIMPLE_HEAD
         from rich.console import Console
@@ -45,10 +47,17 @@ def print_table(columns: Sequence[Column], rows: Sequence[Sequence[str]], bad: I
     for column in columns:
         right = column.number
         table.add_column(column.title, justify="right" if right else "left", no_wrap=right, overflow="fold")
+    least = [max(map(len, (column.title, *(row[k] for row in rows)))) for k, column in enumerate(columns)]
+    least = [n if column.number else min(n, NARROW) for n, column in zip(least, columns, strict=True)]
+    for size, part in zip(least, table.columns, strict=True):
+        part.min_width = size
+    console.width = max(console.width, sum(least) + 2 * len(least))
     marked = set(bad)
     for k, row in enumerate(rows):
         table.add_row(*(Text(cell) for cell in row), style="bold red" if k in marked else None)
-    console.print(table)
+    with console.capture() as drawn:  # rich itself ends the process if stdout is closed
+        console.print(table)
+    print(drawn.get(), end="")
 
 
 def _print_plain(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
@@ -64,17 +73,74 @@ def _print_plain(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> No
 
 
 @contextmanager
-def progress(total: int) -> Iterator[Callable[[str], None]]:
-    """A bar on stderr that is told what comes next; nothing without rich, without a terminal, or for one step."""
+def shown(doing: str, things: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """A function ``report(done, total)`` that shows on stderr, at once, what is being done: "compiling 12 of 70 calls".
+
+    A bar and the time it took, where rich is installed; else a line. Nothing if quiet, or if stderr is no terminal.
+    """
+    if quiet or sys.stderr is None or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    try:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    except ImportError:
+        with _line(doing, things) as report:
+            yield report
+        return
+    parts = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*parts, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
+        task = bar.add_task(doing, total=None)
+        yield lambda done, total: bar.update(
+            task, completed=done, total=total, description=_doing(doing, done, total, things)
+        )
+
+
+@contextmanager
+def _line(doing: str, things: str) -> Iterator[Callable[[int, int], None]]:
+    """``shown`` by a line that is written again and again, and erased at the end."""
+    last, due = doing, 0.0
+
+    def show(text: str) -> None:
+        nonlocal last
+        sys.stderr.write("\r" + text.ljust(len(last)))
+        sys.stderr.flush()
+        last = text
+
+    def report(done: int, total: int) -> None:
+        nonlocal due
+        if time.monotonic() >= due:
+            due = time.monotonic() + LINE_SECONDS
+            show(_doing(doing, done, total, things))
+
+    show(doing)
+    try:
+        yield report
+    finally:
+        sys.stderr.write("\r" + " " * len(last) + "\r")
+        sys.stderr.flush()
+
+
+def _doing(doing: str, done: int, total: int, things: str) -> str:
+    """What is being done: the thing after those that are done."""
+    return f"{doing} {min(done + 1, total)} of {total} {things}"
+
+
+@contextmanager
+def progress(total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """A function that moves a bar on stderr to the step it names, a line without rich; as ``shown``."""
     try:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
     except ImportError:
-        yield lambda what: None
+        with shown("comparing", "robots", quiet) as report:
+            count = itertools.count()
+            yield lambda what: report(next(count), total)
         return
     console = Console(stderr=True)
     parts = (TextColumn("{task.description:<32.32}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*parts, console=console, transient=True, disable=total < 2 or not console.is_terminal) as bar:
+    hidden = quiet or total < 2 or not console.is_terminal
+    with Progress(*parts, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("", total=total)
         done = -1
 
@@ -86,14 +152,20 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
         yield begin
 
 
+def terminal_width() -> int:
+    """Columns of the terminal; WIDE where stdout is none."""
+    return shutil.get_terminal_size((WIDE, 24)).columns if sys.stdout and sys.stdout.isatty() else WIDE
+
+
 def fold(text: str, first: str = "  ") -> None:
     """Print a text folded to the terminal, later lines under the text of the first."""
     import textwrap
 
-    width = shutil.get_terminal_size((WIDE, 24)).columns if sys.stdout.isatty() else WIDE
-    print(textwrap.fill(text, max(40, width), initial_indent=first, subsequent_indent=" " * len(first)))
+    print(
+        textwrap.fill(text, max(NARROWEST, terminal_width()), initial_indent=first, subsequent_indent=" " * len(first))
+    )
 
 
 def finite(x: float | None) -> float | None:
-    """A number that JSON can hold."""
+    """x, or None if it is not finite, as JSON has no such number."""
     return x if x is not None and math.isfinite(x) else None

@@ -1,30 +1,53 @@
-"""The robot that a command is about: its argument, and its Model."""
+"""The robot of a command: its arguments, and its Model."""
 
 from __future__ import annotations
 
 import argparse
 import warnings
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SpatialDynError
 from ..model.model import Model
 from ..urdf.load import load_urdf
 
 ROBOT = "path of a URDF, or one of the names that `spatialdyn info` lists"
+Array = NDArray[np.float64]
 ROOTS = ("fixed", "floating")
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
-    """The arguments ROBOT and --root, of a command about one robot."""
+    """Add the arguments ROBOT and --root."""
     parser.add_argument("robot", metavar="ROBOT", help=ROBOT)
     add_root(parser)
 
 
 def add_root(parser: argparse.ArgumentParser) -> None:
-    """The argument --root."""
+    """Add the argument --root."""
     parser.add_argument("--root", choices=ROOTS, default="fixed", help="what the root link does (default: fixed)")
 
 
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the argument --quiet."""
+    parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
+
+
 def load(arguments: argparse.Namespace) -> Model:
-    """The model, without warnings: ``info`` tells what is odd about the file. Raises UrdfError as ``load_urdf``."""
+    """The model, without warnings, as ``info`` shows oddities of the file. Raises UrdfError as ``load_urdf``."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return load_urdf(arguments.robot, root=arguments.root)
+
+
+def numbers(option: str, text: str | None, count: int) -> Array | None:
+    """Numbers separated by commas. Raises SpatialDynError unless there are ``count``."""
+    if text is None:
+        return None
+    try:
+        x = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        raise SpatialDynError(f"{option} is {text!r}, expected numbers separated by commas") from None
+    if len(x) != count:
+        raise SpatialDynError(f"{option} has {len(x)} numbers, expected {count}")
+    return x

@@ -1,32 +1,32 @@
-"""``spatialdyn simulate ROBOT``: let a robot move freely, and see what becomes of its energy."""
+"""``spatialdyn simulate ROBOT``: a free motion of a robot, and the change of its energy."""
 
 from __future__ import annotations
 
 import argparse
 import warnings
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
+from ..calls.prepare import compile_calls
 from ..calls.states import random_configuration
 from ..errors import SimulationInterrupt, SpatialDynError
 from ..model.model import Model
+from ..pictures.scene import view
+from ..pictures.stage import viser_module
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.energy import scale_of
-from .printing import watched
-from .robots import add_robot, load
-from .targets import check_file, check_plot
+from .printing import shown
+from .robots import add_quiet, add_robot, load, numbers
+from .targets import check_file, check_plot, check_report
+from .view import PAGES, keep_open, notes
 
-Array = NDArray[np.float64]
-LARGE = 0.1  # of its scale, beyond which a change of energy is warned of
+LARGE = 0.1  # of its scale: a larger change of energy gives a warning
 
 
-def add(commands: Any) -> None:
-    """Register the command with what argparse's ``add_subparsers`` has given."""
-    parser = commands.add_parser("simulate", help="free motion of a robot, its energy, a plot and a file of it")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to its parser."""
     add_robot(parser)
     parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="seconds (default: 10)")
     parser.add_argument("--dt", type=float, default=1e-3, metavar="S", help="step in seconds (default: 0.001)")
@@ -36,10 +36,13 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--v0", metavar="V", help="joint velocities, separated by commas (default: zeros)")
     parser.add_argument(
-        "--record", type=int, metavar="K", help="keep every K-th step (default: 10 000 samples at most)"
+        "--record", type=int, metavar="K", help="record every K-th step (default: 10 000 samples at most)"
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw q, v and energy to a PNG, SVG or PDF file")
-    parser.add_argument("--save", metavar="FILE", help="write the trajectory to an npz file")
+    parser.add_argument("--plot", metavar="FILE", help="draw q, v and energy to a PNG, SVG, PDF, JPG or WebP file")
+    parser.add_argument("--report", metavar="FILE", help="write one HTML page of it all, which needs no network")
+    parser.add_argument("--save", metavar="FILE", help="write the trajectory to an npz file, or a page of it (.html)")
+    parser.add_argument("--view", action="store_true", help="play the motion in the browser")
+    add_quiet(parser)
     parser.set_defaults(run=_run)
 
 
@@ -49,19 +52,25 @@ def _methods() -> str:
 
 def _run(arguments: argparse.Namespace) -> int:
     check_plot(arguments.plot)
+    page = arguments.save is not None and arguments.save.lower().endswith(PAGES)
+    check_report(arguments.report)
     check_file("--save", arguments.save)
-    model = load(arguments)
-    q0 = _numbers("--q0", arguments.q0, model.nq)
+    if page or arguments.view:
+        viser_module()  # raises before the simulation where it is missing
+    with shown("reading", "robots", arguments.quiet):
+        model = load(arguments)
+        compile_calls(model, ("kinetic_energy", "potential_energy"))  # else Ctrl-C has to wait for them
+    q0 = numbers("--q0", arguments.q0, model.nq)
     if q0 is None:
         q0 = random_configuration(model, np.random.default_rng(0))
-    v0 = _numbers("--v0", arguments.v0, model.nv)
+    v0 = numbers("--v0", arguments.v0, model.nv)
     stopped = None
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
         warnings.simplefilter("always")
         try:
             run = simulate(
                 model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt,
-                arguments.method, record=arguments.record, progress=watched(),
+                arguments.method, record=arguments.record, progress=report,
             )  # fmt: skip
         except SimulationInterrupt as interrupt:
             run, stopped = interrupt.trajectory, interrupt
@@ -70,39 +79,38 @@ def _run(arguments: argparse.Namespace) -> int:
     for warning in caught:
         print(f"note    {warning.message}")
     if arguments.save:
-        _write("--save", arguments.save, run.save)
+        if page:
+            with notes():
+                scene = view(run)
+            scene.save(arguments.save)
+        else:
+            _write("--save", arguments.save, run.save)
         print(f"saved   {arguments.save}")
     if arguments.plot:
-        _write("--plot", arguments.plot, run.plot().savefig)
+        _write("--plot", arguments.plot, lambda path: run.plot(path=path))
         print(f"drawn   {arguments.plot}")
+    if arguments.report:
+        run.report(arguments.report)
+        print(f"written {arguments.report}")
+    if arguments.view and stopped is None:
+        with notes():
+            scene = view(run)
+        keep_open(scene)
     if stopped is not None:
-        raise stopped  # which the command line says in one line
+        raise stopped  # ``main`` reports it in one line
     return 0
 
 
 def _write(option: str, path: str, write: Callable[[str], None]) -> None:
-    """Write a file. Raises SpatialDynError where the system does not let it."""
+    """Write a file. Raises SpatialDynError if the system refuses."""
     try:
         write(path)
     except OSError as error:
         raise SpatialDynError(f"{option} is {path!r}: {error.strerror}, expected a file that can be written") from None
 
 
-def _numbers(option: str, text: str | None, count: int) -> Array | None:
-    """Numbers separated by commas. Raises SpatialDynError unless there are ``count``."""
-    if text is None:
-        return None
-    try:
-        x = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        raise SpatialDynError(f"{option} is {text!r}, expected numbers separated by commas") from None
-    if len(x) != count:
-        raise SpatialDynError(f"{option} has {len(x)} numbers, expected {count}")
-    return x
-
-
 def _report(model: Model, run: Trajectory) -> list[str]:
-    """What there is to say of a run in a few lines."""
+    """The report of a run, in a few lines."""
     method = integrators[run.method]
     change = run.energy - run.energy[0]
     T = calls["kinetic_energy"](model, run.q, run.v)

@@ -1,28 +1,43 @@
-"""The files that a command is to write, looked at before it computes for a minute."""
+"""Checks of output files before a long computation."""
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 from ..errors import SpatialDynError
+from ..pictures.figures import FORMATS, need_matplotlib
 
 
 def check_plot(path: str | None) -> None:
-    """Raise SpatialDynError unless a plot can go to a file of this name; None asks for none."""
+    """Raise SpatialDynError unless a plot can be written to a file of this name; None passes."""
     if path is None:
         return
-    try:
-        from matplotlib.backend_bases import FigureCanvasBase
-    except ImportError as error:
-        raise SpatialDynError('matplotlib is not installed; pip install "spatialdyn[plot]"') from error
-    kinds = FigureCanvasBase.get_supported_filetypes()
-    if Path(path).suffix[1:].lower() not in kinds:
-        raise SpatialDynError(f"--plot is {path!r}, expected a name that ends in one of .{', .'.join(sorted(kinds))}")
+    Figure = need_matplotlib().figure.Figure
+    if Path(path).suffix[1:].lower() not in FORMATS:
+        raise SpatialDynError(f"--plot is {path!r}, expected a name that ends in one of .{', .'.join(FORMATS)}")
     check_file("--plot", path)
+    figure = Figure()
+    figure.subplots()
+    try:  # some formats need packages that may be missing
+        figure.savefig(io.BytesIO(), format=Path(path).suffix[1:].lower())
+    except Exception as error:
+        reason = str(error).partition("\n")[0]
+        raise SpatialDynError(f"--plot is {path!r}, which Matplotlib cannot write: {reason}") from error
+
+
+def check_report(path: str | None) -> None:
+    """Raise SpatialDynError unless a report can be written to a file of this name; None passes."""
+    if path is None:
+        return
+    need_matplotlib()
+    if Path(path).suffix.lower() not in (".html", ".htm"):
+        raise SpatialDynError(f"--report is {path!r}, expected a name that ends in .html")
+    check_file("--report", path)
 
 
 def check_file(option: str, path: str | None) -> None:
-    """Raise SpatialDynError if there is no folder for a file of this name; None asks for none."""
+    """Raise SpatialDynError if the path is a directory or its folder is missing; None passes."""
     if path is None:
         return
     if Path(path).is_dir():

@@ -1,4 +1,4 @@
-"""``spatialdyn trade ROBOT``: what each digit costs on a robot and on this machine, and the cheapest way to enough."""
+"""``spatialdyn trade ROBOT``: error and cost of every option for a task, and the cheapest within a tolerance."""
 
 from __future__ import annotations
 
@@ -6,29 +6,29 @@ import argparse
 import json
 import math
 import warnings
-from typing import Any
 
 from ..accuracy.results import Option, Tradeoff, figure
 from ..accuracy.tradeoff import BATCH, TASKS, advice, trade
 from ..errors import SpatialDynError
 from ..simulation import integrators
-from .printing import Column, fold, print_table
-from .robots import add_robot, load
-from .targets import check_plot
+from .printing import Column, fold, print_table, shown
+from .robots import add_quiet, add_robot, load
+from .targets import check_plot, check_report
 
 
-def add(commands: Any) -> None:
-    """Register the command with what argparse's ``add_subparsers`` has given."""
-    parser = commands.add_parser("trade", help="error and cost of every way to compute, and the cheapest good enough")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to its parser."""
     add_robot(parser)
     parser.add_argument("--task", choices=TASKS, default=TASKS[0], metavar="TASK", help=f"one of {', '.join(TASKS)}")
-    parser.add_argument("--tolerance", type=float, metavar="E", help="say which way is the cheapest within this error")
+    parser.add_argument("--tolerance", type=float, metavar="E", help="name the cheapest option within this error")
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
     parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
     parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {', '.join(integrators)}")
-    parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG or PDF file")
+    parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG, PDF, JPG or WebP file")
+    parser.add_argument("--report", metavar="FILE", help="write one HTML page of it all, which needs no network")
     parser.add_argument("--json", action="store_true", help="print JSON")
+    add_quiet(parser)
     parser.set_defaults(run=_run)
 
 
@@ -37,12 +37,13 @@ def _run(arguments: argparse.Namespace) -> int:
     if tolerance is not None and not tolerance > 0.0:
         raise SpatialDynError(f"--tolerance is {tolerance!r}, expected a number above 0")
     check_plot(arguments.plot)
+    check_report(arguments.report)
     methods = None if arguments.methods is None else arguments.methods.split(",")
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), shown("measuring", "options", arguments.quiet) as report:
         warnings.simplefilter("ignore")
         model = load(arguments)
-        found = trade(model, arguments.task, arguments.states, arguments.batch, arguments.duration, methods)
-    chosen = None if tolerance is None else advice(found, tolerance)
+        found = trade(model, arguments.task, arguments.states, arguments.batch, arguments.duration, methods, report)
+        chosen = None if tolerance is None else advice(found, tolerance)
     if arguments.json:
         added = {} if chosen is None else {"recommended": {"name": chosen.option.name, "why": chosen.why}}
         print(json.dumps({**found.to_dict(), **added}, indent=2, ensure_ascii=False, allow_nan=False))
@@ -56,13 +57,17 @@ def _run(arguments: argparse.Namespace) -> int:
         found.plot(arguments.plot)
         if not arguments.json:
             print(f"drawn   {arguments.plot}")
+    if arguments.report:
+        found.report(arguments.report)
+        if not arguments.json:
+            print(f"written {arguments.report}")
     return 0
 
 
 def _show(found: Tradeoff, chosen: Option | None) -> None:
-    """The table; of ways that failed, why."""
+    """The table of options, and the reasons of those that failed."""
     fold(found.head, first="")
-    columns = [Column(""), Column("way"), Column("error", True), Column("bound", True), Column(found.unit, True)]
+    columns = [Column(""), Column("option"), Column("error", True), Column("bound", True), Column(found.unit, True)]
     rows = [
         [
             ">" if chosen is not None and x.name == chosen.name else "*" if x.best else "",

@@ -1,1 +1,1 @@
-"""Motion under constraints: contacts that hold, and impacts."""
+"""Dynamics under constraints: contacts and impacts."""

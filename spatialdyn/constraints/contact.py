@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..calls.arguments import as_array, as_number, batch_shape, broadcast, check_model
 from ..calls.dynamics import calls
-from ..calls.failures import refuse_singular
+from ..calls.failures import raise_if_singular
+from ..engines import threads
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
@@ -32,7 +33,7 @@ class Constrained(NamedTuple):
 
 
 class Impact(NamedTuple):
-    """Velocities v (..., nv) behind an impact, and the constraints' impulses (..., m)."""
+    """Velocities v (..., nv) after an impact, and the constraints' impulses (..., m)."""
 
     v: Array
     impulse: Array
@@ -65,12 +66,12 @@ def constrained_dynamics(
     v        (..., nv)     joint velocities [rad/s | m/s]
     tau      (..., nv)     joint torques [N m | N]
     J        (..., m, nv)  Jacobian of the constraints, such as rows of ``frame_jacobian`` at the feet
-    drift    (..., m)      J̇ v and what is to correct positions and velocities, ``jacobian_dot_times_v`` for feet
-    damping                0 or more; above 0, constraints may depend on each other, and give way
+    drift    (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
+    damping                0 or more; above 0 the constraints are soft, and rows of J may be dependent
 
     Returns Constrained (a, force): (..., nv) and (..., m).
     Raises
-        ConstraintError naming the rank if rows of J depend on each other and there is no damping
+        ConstraintError naming the rank if rows of J are dependent and there is no damping
         InertiaError for a singular M, ModelError for mimic joints, ShapeError
 
     >>> import numpy as np, spatialdyn as sd
@@ -96,12 +97,12 @@ def impact(
     restitution: float = 0.0,
     damping: float = 0.0,
 ) -> Impact:
-    """Velocities behind an impact: M (v⁺ - v) = Jᵀ impulse and J v⁺ = -restitution J v - damping impulse.
+    """Velocities after an impact: M (v⁺ - v) = Jᵀ impulse and J v⁺ = -restitution J v - damping impulse.
 
     q            (..., nq)     joint positions [rad | m]
-    v            (..., nv)     joint velocities before it [rad/s | m/s]
-    J            (..., m, nv)  Jacobian of what comes to rest
-    restitution                from 0, the constraints hold at once, to 1, no energy is lost
+    v            (..., nv)     joint velocities before the impact [rad/s | m/s]
+    J            (..., m, nv)  Jacobian of the points that hit
+    restitution                from 0 (perfectly inelastic) to 1 (no energy is lost)
     damping                    0 or more, as in ``constrained_dynamics``
 
     Returns Impact (v, impulse): (..., nv) and (..., m).
@@ -144,21 +145,22 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     out, force, rank = np.empty((count, n)), np.empty((count, m)), np.empty(count)
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
-    run(
-        getattr(_free(model), numba_kernels.TABLE), Ms, Js, rs, gammas, np.array([softness]), *factors, out, force, rank
-    )
+    table, soft = getattr(_without_mimic(model), numba_kernels.TABLE), np.array([softness])
+    for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
+        given = (x[first:end] for x in (Ms, Js, rs, gammas))
+        run(table, *given, soft, *factors, *(x[first:end] for x in (out, force, rank)))
     if (rank != m).any():
-        _refuse(model, Ms, m, rank, batch)
+        _raise_rank(model, Ms, m, rank, batch)
     return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)
 
 
 def inverse(model: Model, solved: Solved) -> Array:
-    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1], of what solving with it has left for one sample."""
+    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] for the last sample of ``solved``, by its factors."""
     m, n = solved.Y.shape
     out = np.empty((n + m, n + m))
     run = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2)
     run(
-        getattr(_free(model), numba_kernels.TABLE),
+        getattr(_without_mimic(model), numba_kernels.TABLE),
         solved.L,
         solved.Y,
         solved.C,
@@ -171,46 +173,48 @@ def inverse(model: Model, solved: Solved) -> Array:
 
 
 def factor(model: Model, M: Array) -> Array:
-    """L (nv, nv) of M = LᵀD L, of the lower triangle of M: D on its diagonal, zeros above. Raises InertiaError."""
+    """L (nv, nv) of M = LᵀD L: D on its diagonal, zeros above. Reads the lower triangle of M. Raises InertiaError."""
     L = np.empty(M.shape)
-    if kernel(factored, 2, 2)(getattr(_free(model), numba_kernels.TABLE), np.array(M, order="C"), L) < 0:
-        _refuse(model, M[None], 0, np.array([-1.0]), ())
+    if kernel(factored, 2, 2)(getattr(_without_mimic(model), numba_kernels.TABLE), np.array(M, order="C"), L) < 0:
+        _raise_rank(model, M[None], 0, np.array([-1.0]), ())
     return np.tril(L)
 
 
-def back(model: Model, L: Array, y: Array) -> Array:
-    """M⁻¹ y (nv) by such an L."""
+def solve_factored(model: Model, L: Array, y: Array) -> Array:
+    """M⁻¹ y (nv), with L of ``factor``."""
     x = np.array(y)
-    kernel(_back, 2, 1)(getattr(_free(model), numba_kernels.TABLE), L, x)
+    kernel(_solve_factored, 2, 1)(getattr(_without_mimic(model), numba_kernels.TABLE), L, x)
     return x
 
 
-@inlined
-def _back(bodies: Any, L: Any, x: Any) -> int:
+@inline
+def _solve_factored(bodies: Any, L: Any, x: Any) -> int:
     solve_tree(bodies, L, x)
     return 0
 
 
-def _free(model: Model) -> Model:
-    """The model, if no joint mimics another: then the tree says where M has zeros."""
+def _without_mimic(model: Model) -> Model:
+    """The model, if no joint mimics another: then the zeros of M are those of the tree. Raises ModelError."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     return model
 
 
 def _samples(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
-    """A copy of an input with samples along its first axis."""
+    """An input as (samples, *core) in C order and writable; copied only if needed."""
+    if x.shape == batch + core and x.flags.c_contiguous and x.flags.writeable and x.size:
+        return x.reshape((-1, *core))
     whole = np.empty(batch + core)
     whole[...] = x
     return whole.reshape((-1, *core)) if whole.size else np.empty((math.prod(batch), *core))
 
 
-def _refuse(model: Model, M: Array, m: int, rank: Array, batch: tuple[int, ...]) -> None:
-    """Say what is wrong with the first sample whose rank is not m."""
+def _raise_rank(model: Model, M: Array, m: int, rank: Array, batch: tuple[int, ...]) -> None:
+    """Raise InertiaError or ConstraintError for the first sample whose rank is not m."""
     k = int(np.flatnonzero(rank != m)[0])
     where = "" if not batch else f"sample {tuple(int(i) for i in np.unravel_index(k, batch))}: "
     if rank[k] < 0:
-        refuse_singular(model, M[k])
+        raise_if_singular(model, M[k])
         raise InertiaError(f'{where}the mass matrix of "{model.name}" is not positive definite')
     raise ConstraintError(
         f"{where}J has rank {int(rank[k])}, expected its {m} rows to be independent, or a larger damping"

@@ -1,1 +1,1 @@
-"""The ways of running a recursion."""
+"""Engines that run a recursion: compiled, as a program on SIMD lanes, or on other numbers."""

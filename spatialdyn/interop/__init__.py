@@ -1,1 +1,1 @@
-"""Other libraries: models of Pinocchio, and states as MuJoCo and Drake write them."""
+"""Other libraries: models of Pinocchio, states of MuJoCo and Drake, names of calls."""

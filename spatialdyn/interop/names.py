@@ -1,4 +1,4 @@
-"""The calls under the names that other libraries and textbooks give them."""
+"""Names of the calls in other libraries and textbooks."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from difflib import get_close_matches
 from typing import NamedTuple
 
 
-class Names(NamedTuple):
-    """Other names of one public call; several are separated by spaces."""
+class Aliases(NamedTuple):
+    """Other names of one public call, separated by spaces."""
 
-    words: str  # what textbooks and people say
+    words: str  # in textbooks and in common use
     pinocchio: str = ""
     mujoco: str = ""
     toolbox: str = ""  # robotics-toolbox-python
@@ -18,8 +18,8 @@ class Names(NamedTuple):
     pybullet: str = ""
 
 
-NAMES: dict[str, Names] = {
-    "load_urdf": Names(
+NAMES: dict[str, Aliases] = {
+    "load_urdf": Aliases(
         "load_robot load read_urdf from_urdf",
         "buildModelFromUrdf",
         "MjModel",
@@ -27,7 +27,7 @@ NAMES: dict[str, Names] = {
         "Parser AddModels",
         "loadURDF",
     ),
-    "rnea": Names(
+    "rnea": Aliases(
         "inverse_dynamics id newton_euler",
         "rnea",
         "mj_inverse mj_rne",
@@ -35,7 +35,7 @@ NAMES: dict[str, Names] = {
         "CalcInverseDynamics",
         "calculateInverseDynamics",
     ),
-    "crba": Names(
+    "crba": Aliases(
         "mass_matrix inertia_matrix joint_space_inertia M",
         "crba",
         "mj_fullM mj_makeM",
@@ -43,25 +43,25 @@ NAMES: dict[str, Names] = {
         "CalcMassMatrix",
         "calculateMassMatrix",
     ),
-    "aba": Names("fd articulated_body", "aba", "mj_forward", "accel"),
-    "minverse": Names("inverse_mass_matrix mass_matrix_inverse", "computeMinverse", "mj_solveM"),
-    "coriolis_matrix": Names("coriolis C", "computeCoriolisMatrix", "", "coriolis"),
-    "nonlinear_effects": Names(
+    "aba": Aliases("fd articulated_body", "aba", "mj_forward", "accel"),
+    "minverse": Aliases("inverse_mass_matrix mass_matrix_inverse", "computeMinverse", "mj_solveM"),
+    "coriolis_matrix": Aliases("coriolis C", "computeCoriolisMatrix", "", "coriolis"),
+    "nonlinear_effects": Aliases(
         "bias bias_force bias_forces coriolis_and_gravity", "nonLinearEffects", "qfrc_bias", "", "CalcBiasTerm"
     ),
-    "generalized_gravity": Names(
+    "generalized_gravity": Aliases(
         "gravity gravity_vector gravity_torque g",
         "computeGeneralizedGravity",
         "",
         "gravload",
         "CalcGravityGeneralizedForces",
     ),
-    "forward_kinematics": Names("fk joint_placements", "forwardKinematics", "mj_kinematics", "fkine_all"),
-    "frame_placement": Names(
+    "forward_kinematics": Aliases("fk joint_placements", "forwardKinematics", "mj_kinematics", "fkine_all"),
+    "frame_placement": Aliases(
         "frame_pose link_pose frame_placements", "updateFramePlacement updateFramePlacements framesForwardKinematics",
         "xpos xmat", "fkine", "EvalBodyPoseInWorld CalcRelativeTransform", "getLinkState"
     ),
-    "frame_jacobian": Names(
+    "frame_jacobian": Aliases(
         "jacobian jac",
         "getFrameJacobian computeFrameJacobian",
         "mj_jac mj_jacBody mj_jacSite",
@@ -69,40 +69,42 @@ NAMES: dict[str, Names] = {
         "CalcJacobianSpatialVelocity",
         "calculateJacobian",
     ),
-    "frame_jacobian_dot": Names(
+    "frame_jacobian_dot": Aliases(
         "jacobian_dot jacobian_derivative", "getFrameJacobianTimeVariation", "mj_jacDot", "jacob0_dot"
     ),
-    "joint_jacobians": Names("", "computeJointJacobians getJointJacobian computeJointJacobian"),
-    "center_of_mass": Names("com", "centerOfMass", "subtree_com", "", "CalcCenterOfMassPositionInWorld"),
-    "com_jacobian": Names("center_of_mass_jacobian", "jacobianCenterOfMass", "mj_jacSubtreeCom"),
-    "centroidal_map": Names("centroidal_momentum_matrix", "ccrba computeCentroidalMap", "mj_angmomMat"),
-    "centroidal_momentum": Names("", "computeCentroidalMomentum", "subtree_angmom"),
-    "kinetic_energy": Names("", "computeKineticEnergy", "", "", "CalcKineticEnergy"),
-    "potential_energy": Names("", "computePotentialEnergy", "", "", "CalcPotentialEnergy"),
-    "hamiltonian": Names(
+    "joint_jacobians": Aliases("", "computeJointJacobians getJointJacobian computeJointJacobian"),
+    "center_of_mass": Aliases("com", "centerOfMass", "subtree_com", "", "CalcCenterOfMassPositionInWorld"),
+    "com_jacobian": Aliases("center_of_mass_jacobian", "jacobianCenterOfMass", "mj_jacSubtreeCom"),
+    "centroidal_map": Aliases("centroidal_momentum_matrix", "ccrba computeCentroidalMap", "mj_angmomMat"),
+    "centroidal_momentum": Aliases("", "computeCentroidalMomentum", "subtree_angmom"),
+    "kinetic_energy": Aliases("", "computeKineticEnergy", "", "", "CalcKineticEnergy"),
+    "potential_energy": Aliases("", "computePotentialEnergy", "", "", "CalcPotentialEnergy"),
+    "hamiltonian": Aliases(
         "energy mechanical_energy total_energy", "computeMechanicalEnergy", "mj_energyPos mj_energyVel"
     ),
-    "rnea_derivatives": Names("inverse_dynamics_derivatives", "computeRNEADerivatives", "mjd_inverseFD"),
-    "aba_derivatives": Names("forward_dynamics_derivatives linearize", "computeABADerivatives", "mjd_transitionFD"),
-    "joint_torque_regressor": Names("regressor", "computeJointTorqueRegressor"),
-    "integrate": Names("configuration_plus", "", "mj_integratePos"),
-    "difference": Names("configuration_minus", "", "mj_differentiatePos"),
-    "random_configuration": Names("random_q", "randomConfiguration", "", "random_q"),
-    "neutral": Names("home zero_configuration q0", "", "qpos0", "qz qr"),
-    "wrench_at": Names("external_force fext apply_force", "", "mj_applyFT xfrc_applied", "", "", "applyExternalForce"),
-    "step": Names("", "", "mj_step", "", "", "stepSimulation"),
-    "simulate": Names("ode45 odeint solve_ivp run", "", "", "fdyn nofriction"),
-    "constrained_dynamics": Names("contact_dynamics", "forwardDynamics constraintDynamics"),
-    "impact": Names("impulse", "impulseDynamics"),
-    "compare_with_pinocchio": Names("compare validate_against_pinocchio"),
+    "rnea_derivatives": Aliases("inverse_dynamics_derivatives", "computeRNEADerivatives", "mjd_inverseFD"),
+    "aba_derivatives": Aliases("forward_dynamics_derivatives linearize", "computeABADerivatives", "mjd_transitionFD"),
+    "joint_torque_regressor": Aliases("regressor", "computeJointTorqueRegressor"),
+    "integrate": Aliases("configuration_plus", "", "mj_integratePos"),
+    "difference": Aliases("configuration_minus", "", "mj_differentiatePos"),
+    "random_configuration": Aliases("random_q", "randomConfiguration", "", "random_q"),
+    "neutral": Aliases("home zero_configuration q0", "", "qpos0", "qz qr"),
+    "wrench_at": Aliases(
+        "external_force fext apply_force", "", "mj_applyFT xfrc_applied", "", "", "applyExternalForce"
+    ),
+    "step": Aliases("", "", "mj_step", "", "", "stepSimulation"),
+    "simulate": Aliases("ode45 odeint solve_ivp run", "", "", "fdyn nofriction"),
+    "constrained_dynamics": Aliases("contact_dynamics", "forwardDynamics constraintDynamics"),
+    "impact": Aliases("impulse", "impulseDynamics"),
+    "compare_with_pinocchio": Aliases("compare validate_against_pinocchio"),
 }  # fmt: skip
 
 
 def suggestion(name: str, public: Iterable[str]) -> str:
-    """``did you mean`` of a name that the library does not have; empty when nothing is near.
+    """``did you mean ...`` for an unknown name; empty if no name is similar.
 
-    name    what was asked for
-    public  the names that there are
+    name    the unknown name
+    public  the library's names
     """
     plain = name.lower()
     for ours, others in NAMES.items():

@@ -1,4 +1,4 @@
-"""Models of Pinocchio as models of ours: the same joints, coordinates, frames and limits, entry by entry."""
+"""``from_pinocchio``: a Model with the joints, coordinates, frames and limits of Pinocchio's, entry by entry."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from ..bodies.kinds import kind_of
 from ..errors import ModelError
 from ..model.assembly import IDENTITY
 from ..model.model import Model, assemble
-from ..model.robot import Joint as RobotJoint
-from ..model.robot import Link, check_inertias, check_tree, make_joint, make_link
+from ..model.robot import Link, RobotJoint, check_inertias, check_tree, clear_rounding, make_joint, make_link
 
 PINOCCHIO_KINDS = {
     **{f"JointModelR{a}": "revolute" for a in "XYZ"},
@@ -22,6 +22,8 @@ PINOCCHIO_KINDS = {
     "JointModelRevoluteUnboundedUnaligned": "continuous",
     **{f"JointModelP{a}": "prismatic" for a in "XYZ"},
     "JointModelPrismaticUnaligned": "prismatic",
+    **{f"JointModelH{a}": "helical" for a in "XYZ"},
+    "JointModelHelicalUnaligned": "helical",
     "JointModelSpherical": "spherical",
     "JointModelFreeFlyer": "floating",
     "JointModelPlanar": "planar",
@@ -37,16 +39,16 @@ def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
     """The Model of a ``pinocchio.Model``: same joints, q, v, frames, limits and gravity, entry by entry.
 
     pin_model  a Model of Pinocchio 3 or later; nothing of Pinocchio is imported
-    inertia    what to do with an inertia no body can have, as in ``load_urdf``
+    inertia    policy on inertias that are not physical, as in ``load_urdf``
 
     Its universe becomes the root link, and a free flyer an ordinary floating joint. A joint's body is the link of
     its first body frame at the identity, else one named like the joint. Every other frame is a link without mass on
     a fixed joint; a fixed-joint frame is that joint. Unbounded and planar joints keep their (cos, sin). Limits of
     joints with several freedoms, and all else that a Model cannot hold, are listed in ``model.robot.notes``.
-    Pinocchio's rotorInertia and rotorGearRatio, which enter no result there, are left out; armature is kept.
+    rotorInertia and rotorGearRatio, which change no result of Pinocchio, are left out; armature is kept.
 
-    Raises ModelError naming the joint for a type that is not revolute, prismatic, spherical, planar or free flyer
-    and for joints not in depth-first order; InertiaError.
+    Raises ModelError naming the joint for a type that is not revolute, prismatic, helical, spherical, planar or
+    free flyer and for joints not in depth-first order; InertiaError.
     """
     if not all(hasattr(pin_model, x) for x in ("joints", "inertias", "jointPlacements", "frames", "parents")):
         raise ModelError(f"pin_model is a {type(pin_model).__name__}, expected a pinocchio Model")
@@ -62,7 +64,7 @@ def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
 
 
 def check_depth_first(pin_model: Any) -> None:
-    """Raise ModelError naming the first joint that stands behind one it does not hang on, or its descendants."""
+    """Raise ModelError naming the first joint that is out of depth-first order."""
     names, parents = pin_model.names, pin_model.parents
     for i in range(1, pin_model.njoints):
         at = i - 1
@@ -76,14 +78,14 @@ def check_depth_first(pin_model: Any) -> None:
 
 
 def _pose(placement: Any) -> tuple[float, ...]:
-    """A placement row by row; rotation entries below 1e-15 are zero."""
+    """A placement in row-major order; rotation entries below 1e-15 are zero."""
     X = np.array(placement.homogeneous, dtype=float)
-    X[:3, :3][abs(X[:3, :3]) < 1e-15] = 0.0
+    clear_rounding(X[:3, :3])
     return tuple(X.ravel().tolist())
 
 
 def fresh_name(name: str, taken: set[str]) -> str:
-    """The name, or one made of it that is not taken yet; it is then."""
+    """The name with underscores appended until it is not in ``taken``, to which it is added."""
     while name in taken:
         name += "_"
     taken.add(name)
@@ -91,10 +93,10 @@ def fresh_name(name: str, taken: set[str]) -> str:
 
 
 def _links_and_frames(pin_model: Any, notes: list[str]) -> tuple[list[Link], list[RobotJoint]]:
-    """The link of each joint, the universe's first, and the fixed joints that carry the other frames."""
+    """The link of each joint, the universe's first, and fixed joints for the other frames."""
     frames = [(f, f.type.name, _pose(f.placement)) for f in pin_model.frames][1:]
     names = list(pin_model.names)
-    bodies: dict[int, int] = {}  # joint -> the frame that is its body's
+    bodies: dict[int, int] = {}  # joint -> the frame of its body
     for k, (f, kind, X) in enumerate(frames):
         if kind == "BODY" and f.parentJoint > 0 and X == IDENTITY:
             bodies.setdefault(f.parentJoint, k)
@@ -114,7 +116,7 @@ def _links_and_frames(pin_model: Any, notes: list[str]) -> tuple[list[Link], lis
     left = {k for k, (_, kind, _) in enumerate(frames) if kind != "JOINT"} - set(bodies.values())
     for k, (f, kind, X) in enumerate(frames):
         if k in left and kind == "FIXED_JOINT":
-            # the body behind a fixed joint is its child, as in the URDF both come from
+            # the body frame after a fixed joint is its child, as in the URDF
             behind = (
                 n
                 for n in sorted(left)
@@ -139,15 +141,17 @@ def _joint(pin_model: Any, i: int, links: Sequence[Link], notes: list[str]) -> R
     kind = PINOCCHIO_KINDS.get(joint.shortname())
     if kind is None:
         raise ModelError(
-            f'joint "{name}" is a {joint.shortname()}, expected a revolute, prismatic, spherical, planar or '
-            "free-flyer joint"
+            f'joint "{name}" is a {joint.shortname()}, expected a revolute, prismatic, helical, spherical, '
+            "planar or free-flyer joint"
         )
-    axis = (0.0, 0.0, 1.0)
-    if kind in ("revolute", "continuous", "prismatic"):
+    axis, pitch = (0.0, 0.0, 1.0), 0.0
+    if kind_of(kind).nv == 1:
         data = joint.createData()
         joint.calc(data, np.zeros(pin_model.nq))
         S = np.ravel(data.S).tolist()
         axis = tuple(S[:3] if kind == "prismatic" else S[3:])
+        if kind == "helical":
+            pitch = sum(v * w for v, w in zip(S[:3], axis, strict=True)) / sum(w * w for w in axis)
     lower, upper = _position_limits(pin_model, joint, name, kind, notes)
     return make_joint(
         RobotJoint(
@@ -164,6 +168,7 @@ def _joint(pin_model: Any, i: int, links: Sequence[Link], notes: list[str]) -> R
             damping=_common(pin_model, joint, name, "damping", notes),
             friction=_common(pin_model, joint, name, "friction", notes),
             armature=_armature(pin_model, joint),
+            pitch=pitch,
         )
     )
 
@@ -176,7 +181,7 @@ def _common(pin_model: Any, joint: Any, name: str, attribute: str, notes: list[s
         text = f'joint "{name}" has {attribute} {values.tolist()}, expected one for all its freedoms'
         notes.append(f"{text}; the largest is kept")
     lower = LOWER_LIMITS.get(attribute, "")
-    least = getattr(pin_model, lower, None)  # since Pinocchio 4; sizes only, for its addJoint writes +max there
+    least = getattr(pin_model, lower, None)  # since Pinocchio 4; compares sizes, as its addJoint writes +max there
     if least is not None and [_unlimited(abs(x)) for x in least[at]] != [_unlimited(x) for x in values]:
         notes.append(f'joint "{name}" has {lower} {least[at].tolist()}, which is left out')
     return _unlimited(float(values.max()))
@@ -195,12 +200,12 @@ def _position_limits(pin_model: Any, joint: Any, name: str, kind: str, notes: li
     upper = [_unlimited(float(x)) for x in pin_model.upperPositionLimit[at]]
     if joint.nq == 1:
         return lower[0], upper[0]
-    places = {"floating": 3, "planar": 2}.get(kind, 0)  # the coordinates behind are of unit norm
+    places = kind_of(kind).lengths  # the other coordinates have unit norm
     if np.isfinite(lower[:places] + upper[:places]).any():
         notes.append(f'joint "{name}" has position limits {lower[:places]} to {upper[:places]}, which are left out')
     return -math.inf, math.inf
 
 
 def _unlimited(x: float) -> float:
-    """The largest float stands for no limit in Pinocchio."""
+    """x, or infinity where Pinocchio's value is the largest float: no limit."""
     return math.copysign(math.inf, x) if abs(x) >= np.finfo(float).max else x

@@ -1,6 +1,6 @@
-"""States as MuJoCo and Drake write them: where a joint's numbers stand, and in whose axes its velocity is.
+"""States of MuJoCo and Drake: the order of a joint's numbers, and the axes of its velocity.
 
-A joint's kind says how its part of a state changes, there and back; the rest is where that part goes.
+The joint's kind gives a pair of functions that convert its part of a state, there and back.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies import table as table
+from ..algebra.rotations import NORM_TOLERANCE
+from ..bodies import kinds
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model
 from ..errors import ConfigurationError, SpatialDynError
 from ..model.model import Joint, Model
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class _Place(NamedTuple):
-    """Where a joint's numbers stand: q, v in ours, x, w in the other library's."""
+    """Slices of a joint's numbers: q, v in the model's state, x, w in the other library's."""
 
     joint: Joint
     kind: int
@@ -33,13 +34,13 @@ class _Place(NamedTuple):
     w: slice
 
 
-Change = Callable[[_Place, Array, Array], tuple[Array, Array]]
+Conversion = Callable[[_Place, Array, Array], tuple[Array, Array]]
 
 
 def _unit(place: _Place, part: Array) -> Array:
-    """A quaternion or pair of unit norm to rounding. Raises ConfigurationError if the one given is off by 1e-6."""
+    """A quaternion or pair, normalised. Raises ConfigurationError if its norm is off 1 by more than 1e-6."""
     norm = np.sqrt((part * part).sum(-1, keepdims=True))
-    off = abs(norm - 1.0)[..., 0] > 1e-6
+    off = abs(norm - 1.0)[..., 0] > NORM_TOLERANCE
     if off.any():
         at = np.argwhere(off)[0]
         place_of = at[0] if len(at) == 1 else tuple(at.tolist())
@@ -72,20 +73,20 @@ def _pair_of(place: _Place, x: Array, w: Array) -> tuple[Array, Array]:
 
 
 def _in_plane(pair: Array, v: Array, back: float) -> Array:
-    """v [vx, vy, ω] turned in the plane, or (back -1) turned back."""
+    """v [vx, vy, ω] rotated in the plane, backwards if ``back`` is -1."""
     c, s = pair[..., 0], pair[..., 1] * back
     return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], v[..., 2]], -1)
 
 
 def _planar_to(place: _Place, q: Array, v: Array) -> tuple[Array, Array]:
-    if place.kind == table.PLANAR_CS:
+    if place.kind == kinds.PLANAR_CS:
         q = np.concatenate([q[..., :2], _angle_of(place, q[..., 2:], v)[0]], -1)
     return q, _in_plane(_pair_of(place, q[..., 2:], v)[0], v, 1.0)
 
 
 def _planar_from(place: _Place, x: Array, w: Array) -> tuple[Array, Array]:
     pair = _pair_of(place, x[..., 2:], w)[0]
-    q = np.concatenate([x[..., :2], pair], -1) if place.kind == table.PLANAR_CS else x
+    q = np.concatenate([x[..., :2], pair], -1) if place.kind == kinds.PLANAR_CS else x
     return q, _in_plane(pair, w, -1.0)
 
 
@@ -123,39 +124,44 @@ def _floating_from_drake(place: _Place, x: Array, w: Array) -> tuple[Array, Arra
     return np.concatenate([x[..., 4:], quaternion], -1), v
 
 
-_COMMON: dict[int, tuple[Change, Change]] = {
-    table.REVOLUTE: (_same, _same),
-    table.PRISMATIC: (_same, _same),
-    table.REVOLUTE_CS: (_angle_of, _pair_of),
-    table.PLANAR: (_planar_to, _planar_from),
-    table.PLANAR_CS: (_planar_to, _planar_from),
+_COMMON: dict[int, tuple[Conversion, Conversion]] = {
+    kinds.REVOLUTE: (_same, _same),
+    kinds.PRISMATIC: (_same, _same),
+    kinds.REVOLUTE_CS: (_angle_of, _pair_of),
+    kinds.PLANAR: (_planar_to, _planar_from),
+    kinds.PLANAR_CS: (_planar_to, _planar_from),
 }
 _MUJOCO = {
     **_COMMON,
-    table.SPHERICAL: (_w_first, _w_last),
-    table.FLOATING: (_floating_to_mujoco, _floating_from_mujoco),
+    kinds.SPHERICAL: (_w_first, _w_last),
+    kinds.FLOATING: (_floating_to_mujoco, _floating_from_mujoco),
 }
-_DRAKE = {**_COMMON, table.FLOATING: (_floating_to_drake, _floating_from_drake)}
-_THEIR_NQ = {table.REVOLUTE_CS: 1, table.PLANAR_CS: 3}
+_DRAKE = {
+    **_COMMON,
+    kinds.FLOATING: (_floating_to_drake, _floating_from_drake),
+    kinds.HELICAL: (_same, _same),
+}
+_THEIR_NQ = {kinds.REVOLUTE_CS: 1, kinds.PLANAR_CS: 3}
 
 
 def to_mujoco(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | None = None) -> tuple[Array, Array]:
-    """The state as MuJoCo writes it: ``qpos, qvel = to_mujoco(model, q, v)``.
+    """The state in MuJoCo's conventions: ``qpos, qvel = to_mujoco(model, q, v)``.
 
     q       (..., nq)  joint positions [rad | m]
     v       (..., nv)  joint velocities [rad/s | m/s]
-    joints  all joint names in MuJoCo's order; by default it is the model's own
+    joints  all joint names in MuJoCo's order, by default the model's
 
     floating    free joint: position, quaternion w x y z; velocity of the origin in the world's axes, angular
-                velocity in the body's. It has to hang on the world at the identity
+                velocity in the body's. Its parent must be the world, its placement the identity
     spherical   ball joint: quaternion w x y z, angular velocity in the body's axes
     planar      two slide joints along the plane's axes, then a hinge: x, y, θ and their rates
     continuous  hinge: a (cos, sin) pair becomes its angle in [-π, π]
+    helical     refused: MuJoCo has no screw joint
     others      hinge or slide joint: the same number
 
     Returns qpos (..., number of theirs), qvel (..., nv).
-    Raises  SpatialDynError for a floating joint elsewhere, mimic joints, or ``joints`` that are not all of the
-            model's once; ConfigurationError for a quaternion or pair not of unit norm; ShapeError.
+    Raises  SpatialDynError for a floating joint elsewhere, helical or mimic joints, or ``joints`` that are not all of
+            the model's once; ConfigurationError for a quaternion or pair not of unit norm; ShapeError.
     """
     places = _places(model, joints, "MuJoCo", _MUJOCO)
     return _changed(model, places, _MUJOCO, (q, v), outward=True, names=("q", "v"))
@@ -167,24 +173,25 @@ def from_mujoco(
     """The state of MuJoCo as the model's: ``q, v = from_mujoco(model, qpos, qvel)``, the inverse of ``to_mujoco``.
 
     Returns q (..., nq), v (..., nv).
-    Raises  what ``to_mujoco`` does.
+    Raises  what ``to_mujoco`` raises.
     """
     places = _places(model, joints, "MuJoCo", _MUJOCO)
     return _changed(model, places, _MUJOCO, (qpos, qvel), outward=False, names=("qpos", "qvel"))
 
 
 def to_drake(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | None = None) -> tuple[Array, Array]:
-    """The state as Drake's MultibodyPlant writes it: ``q, v = to_drake(model, q, v)``.
+    """The state in the conventions of Drake's MultibodyPlant: ``q, v = to_drake(model, q, v)``.
 
     q       (..., nq)  joint positions [rad | m]
     v       (..., nv)  joint velocities [rad/s | m/s]
-    joints  all joint names in Drake's order; by default it is the model's own
+    joints  all joint names in Drake's order, by default the model's
 
     floating    quaternion floating joint: quaternion w x y z, position; angular, then linear velocity, both in the
-                axes of the frame it hangs on (the world's for a base)
-    spherical   refused: Drake's ball joint has roll, pitch and yaw
-    planar      planar joint: x, y, θ and their rates, in the axes of the frame it hangs on
+                parent frame's axes (the world's for a base)
+    spherical   SpatialDynError: Drake's ball joint has roll, pitch and yaw
+    planar      planar joint: x, y, θ and their rates, in the parent frame's axes
     continuous  revolute joint: a (cos, sin) pair becomes its angle in [-π, π]
+    helical     screw joint: the same angle
     others      the same number
 
     Returns Drake's q (..., number of theirs), v (..., nv).
@@ -199,16 +206,16 @@ def from_drake(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] |
     """The state of a Drake MultibodyPlant as the model's, the inverse of ``to_drake``.
 
     Returns q (..., nq), v (..., nv).
-    Raises  what ``to_drake`` does.
+    Raises  what ``to_drake`` raises.
     """
     places = _places(model, joints, "Drake", _DRAKE)
     return _changed(model, places, _DRAKE, (q, v), outward=False, names=("q", "v"))
 
 
 def _places(
-    model: Model, joints: Sequence[str] | None, library: str, changes: Mapping[int, tuple[Change, Change]]
+    model: Model, joints: Sequence[str] | None, library: str, changes: Mapping[int, tuple[Conversion, Conversion]]
 ) -> list[_Place]:
-    """The model's joints in the other library's order. Raises SpatialDynError for one it does not have."""
+    """The model's joints in the other library's order. Raises SpatialDynError for one that it cannot represent."""
     check_model(model)
     if model.mimic_matrix is not None:
         dependent = [j.name for j in model.joints if j.mimic is not None]
@@ -227,10 +234,10 @@ def _places(
         kind = int(model.bodies[joint.row - joint.nv + 1]["kind"])
         if kind not in changes:
             raise SpatialDynError(
-                f'joint "{joint.name}" is {joint.kind}, expected a kind of joint that {library} writes as a rotation '
+                f'joint "{joint.name}" is {joint.kind}, expected a kind of joint that {library} has and writes '
                 "without a choice of angles"
             )
-        if library == "MuJoCo" and kind == table.FLOATING and (joint.parent or (joint.placement != np.eye(4)).any()):
+        if library == "MuJoCo" and kind == kinds.FLOATING and (joint.parent or (joint.placement != np.eye(4)).any()):
             raise SpatialDynError(
                 f'floating joint "{joint.name}" hangs on "{model.joints[joint.parent].name}" at '
                 f"{joint.placement[:3].tolist()}, expected the world at the identity, as MuJoCo's free joints do"
@@ -249,12 +256,12 @@ def _places(
 def _changed(
     model: Model,
     places: Sequence[_Place],
-    changes: Mapping[int, tuple[Change, Change]],
+    changes: Mapping[int, tuple[Conversion, Conversion]],
     state: tuple[ArrayLike, ArrayLike],
     outward: bool,
     names: tuple[str, str],
 ) -> tuple[Array, Array]:
-    """A state, checked and broadcast, with each joint's numbers changed and put in their new place."""
+    """A state, checked and broadcast, with each joint's numbers converted."""
     nx = places[-1].x.stop if places else 0
     q_spec = replace(Q, name=names[0], shape=("nq" if outward else nx,))
     specs: list[Argument] = [q_spec, replace(V, name=names[1])]

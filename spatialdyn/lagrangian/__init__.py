@@ -1,1 +1,1 @@
-"""Lagrange and Hamilton: what people build on M, C and g."""
+"""Lagrangian and Hamiltonian mechanics on M, C and g: Coriolis matrices, conserved quantities, closed forms."""

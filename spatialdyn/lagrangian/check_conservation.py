@@ -1,4 +1,4 @@
-"""How well a computed motion conserved what a motion without torques conserves."""
+"""Drift, in a computed motion, of the quantities that a motion without torques conserves."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 
 
 class Conservation(NamedTuple):
-    """How well one quantity was conserved.
+    """Drift of one quantity.
 
     name, unit   of the quantity
     initial      its first value
     drift        largest |value - initial|
-    slope        of the straight line that fits the values best, per second
-    slope_error  its standard error, as if the deviations from that line were independent
+    slope        of the least-squares line through the values, per second
+    slope_error  its standard error, if deviations from the line are independent
     """
 
     name: str
@@ -51,20 +51,20 @@ class ConservationReport(tuple[Conservation, ...]):
 def check_conservation(
     trajectory: Any, quantities: list[ConservedQuantity] | None = None, model: Model | None = None
 ) -> ConservationReport:
-    """How well a motion without torques conserved what it should: a line per quantity.
+    """The drift of each conserved quantity in a motion without torques.
 
-    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv); its ``model``, if it has one, serves
-                where none is given
-    quantities  what to look at; conserved_quantities(model) if left out
-    model       whose motion it is
+    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv); its ``model``, if any, is the
+                default
+    quantities  the quantities to check; conserved_quantities(model) if left out
+    model       the Model that moved
 
-    A line through the values tells a drift from an oscillation: an integrator that loses energy has a slope many
-    times its standard error. Oscillations make neighbouring values depend on each other, and the error too small.
+    A line through the values tells drift from oscillation: an integrator that loses energy has a slope many times its
+    standard error. Oscillations correlate neighbouring values, which makes that error too small.
 
     Returns a ConservationReport: per quantity name, unit, initial, drift, slope, slope_error.
     Raises  ShapeError for arrays that do not fit, fewer than 3 times or times that do not increase; NonFiniteError
-            naming the first state that is not finite; SpatialDynError for an object without these arrays, or if the
-            model is needed and not there.
+            naming the first state that is not finite; SpatialDynError for an object without these arrays, or
+            without a model where one is needed.
 
     >>> from types import SimpleNamespace
     >>> import numpy as np, spatialdyn as sd
@@ -104,7 +104,7 @@ def _needed(model: Model | None) -> Model:
 
 
 def _judged(quantity: ConservedQuantity, t: Array, q: Array, p: Array) -> Conservation:
-    """Drift and line of one quantity."""
+    """Drift and fitted line of one quantity."""
     values = np.asarray(quantity.value(q, p))
     off, centred = values - values[0], t - t.mean()
     spread = float(centred @ centred)

@@ -1,12 +1,11 @@
-"""What a motion without torques conserves.
+"""Conserved quantities of a motion without torques.
 
-Noether: a motion of the whole robot that changes neither its kinetic nor its potential energy has a momentum that
-stays. Turning or shifting everything behind a joint on the world is such a motion if it is one that the joint allows
-and that gravity does not see: a rotation about the direction of gravity, a shift across it; any where there is none.
+Noether: if a rigid motion of the robot changes neither its kinetic nor its potential energy, its momentum is conserved.
+Rotating or translating a subtree on the world is such a motion if the joint allows it and gravity does no work: a
+rotation about the direction of gravity, a translation across it; any without gravity.
 
-Of a free-floating robot it is the total momentum, six numbers, that is conserved. M(q) v as a whole is not: its rows
-for the inner joints change with the shape, and those of the base are the total momentum in the base's frame, which
-turns.
+A free-floating robot conserves its total momentum, six numbers. It does not conserve M(q) v: the rows of inner joints
+change with the shape, and those of the base are the total momentum in the base's rotating frame.
 """
 
 from __future__ import annotations
@@ -25,21 +24,21 @@ from ..calls.states import random_configuration
 from ..model.joint_rows import Joint
 from ..model.model import Model
 from .hamiltonian import STEP, WEIGHTS, hamilton_equations
-from .lie_brackets import subspace
+from .lie_brackets import motion_subspace
 
 Array = NDArray[np.float64]
 
-SAMPLES = 8  # random states; an analytic rate that is not zero everywhere is zero in none of them
-CONSERVED = 1e-9  # of the terms of a rate: above rounding and above a URDF's π/2 of 12 digits, below any real rate
+SAMPLES = 8  # random states: an analytic rate that is not identically zero is nonzero in all of them
+CONSERVED = 1e-9  # of the terms of a rate: above rounding and the error of a URDF's π/2 of 12 digits
 
 
 @dataclass(frozen=True, repr=False)
 class ConservedQuantity:
-    """A function of (q, p) that no free motion changes.
+    """A function of (q, p) that is constant along every free motion.
 
-    name         what it is
+    name         e.g. "energy"
     unit         of its values
-    description  why it is conserved
+    description  the reason why it is conserved
     function     of q (..., nq), p (..., nv), to values (...)
     """
 
@@ -49,7 +48,7 @@ class ConservedQuantity:
     function: Callable[[Array, Array], Array]
 
     def value(self, q: ArrayLike, p: ArrayLike) -> Any:
-        """Its values at q (..., nq), p (..., nv): an array (...), or a float at one state."""
+        """Values at q (..., nq), p (..., nv): an array (...), or a float for one state."""
         found = np.asarray(self.function(as_array("q", q), as_array("p", p)))
         return found if found.shape else float(found)
 
@@ -60,17 +59,16 @@ class ConservedQuantity:
 def conserved_quantities(model: Model) -> list[ConservedQuantity]:
     """Quantities that a motion without torques and external forces conserves: energy first, then momenta.
 
-    Source: Noether's theorem; see the module for which motions of the robot are looked at.
+    Source: Noether's theorem, for the motions in the module's docstring.
 
-    Each joint on the world gives the momenta of the shifts and turns that it allows and gravity does not see: of a
-    floating base without gravity the six of the whole robot, with gravity the linear ones across it and the angular
-    ones about the vertical and, falling freely, about the centre of mass. To these come single momenta p_i whose rate
-    is zero whatever the state, as that of a symmetric top about its axis. Every one has been checked at random
-    states, where its rate is below 1e-9 of the terms it is made of; joint limits are not seen. Only such symmetries
-    are looked for: a robot may conserve more.
+    Each joint on the world gives the momenta of the translations and rotations that it allows and on which gravity does
+    no work: of a floating base without gravity all six, with gravity the linear ones across it and the angular ones
+    about the vertical and, in free fall, about the centre of mass. Added are single momenta p_i whose rate is zero in
+    every state, such as that of a symmetric top about its axis. Each quantity is checked at random states: its rate is
+    below 1e-9 of its terms. Joint limits are ignored. A robot may conserve more than these symmetries give.
 
     Returns a list of ConservedQuantity, with .name, .unit, .description and .value(q, p).
-    Raises  InertiaError if M is singular; ModelError if model is none.
+    Raises  InertiaError if M is singular; ModelError if model is not a Model.
 
     >>> import spatialdyn as sd
     >>> [x.name for x in conserved_quantities(sd.load_urdf("ur5"))]
@@ -102,9 +100,9 @@ def conserved_quantities(model: Model) -> list[ConservedQuantity]:
 
 
 def _of_coordinate(model: Model, joint: Joint, k: int) -> ConservedQuantity:
-    """One p_k by itself."""
+    """The single momentum p_k."""
     place = "" if joint.nv == 1 else f" [{k - joint.idx_v}]"
-    unit = "kg m/s" if subspace(model, joint)[k - joint.idx_v, 3:].any() else "kg m²/s"
+    unit = "kg m²/s" if motion_subspace(model, joint)[k - joint.idx_v, :3].any() else "kg m/s"
     return ConservedQuantity(
         f"momentum of {joint.name}{place}", unit, "the energy does not change along it", partial(_coordinate, k)
     )
@@ -118,9 +116,11 @@ def _coordinate(k: int, q: Array, p: Array) -> Array:
 
 
 def _of_joint(model: Model, index: int) -> Iterator[ConservedQuantity]:
-    """Momenta of the motions that a joint on the world allows and gravity does not see."""
+    """Momenta of the motions that a joint on the world allows and on which gravity does no work."""
     joint = model.joints[index]
-    S, R, origin = subspace(model, joint), joint.placement[:3, :3], joint.placement[:3, 3]
+    if joint.pitch:  # a screw is neither a translation nor a rotation: its momentum is tested by itself
+        return
+    S, R, origin = motion_subspace(model, joint), joint.placement[:3, :3], joint.placement[:3, 3]
     g = model.gravity
     up = -g / np.linalg.norm(g) if g.any() else np.zeros(3)
     why = "gravity does not see it" if g.any() else "there is no gravity"
@@ -162,7 +162,7 @@ def _across(rows: Array, up: Array) -> Array:
 
 
 def _about(rows: Array, up: Array) -> Array:
-    """The axes among the span of orthonormal rows that are along ``up``; the rows themselves if it is zero."""
+    """The axis along ``up`` if it is in the span of orthonormal rows; the rows themselves if ``up`` is zero."""
     if not up.any():
         return np.eye(3) if len(rows) == 3 else rows
     if not len(rows) or abs(rows.T @ (rows @ up) - up).max() > CONSERVED:
@@ -171,16 +171,16 @@ def _about(rows: Array, up: Array) -> Array:
 
 
 def _wrench(model: Model, index: int, q: Array, p: Array) -> tuple[Array, Array]:
-    """Momentum that a joint carries, (..., 3) angular about the world's origin and linear, in world axes."""
+    """Momentum of a joint's subtree: angular about the world's origin, and linear, (..., 3) each in world axes."""
     joint = model.joints[index]
-    body = p[..., joint.idx_v : joint.idx_v + joint.nv] @ subspace(model, joint)
+    body = p[..., joint.idx_v : joint.idx_v + joint.nv] @ motion_subspace(model, joint)
     X = calls["forward_kinematics"](model, q)[..., index, :, :]
     n, f = ((X[..., :3, :3] @ part[..., None])[..., 0] for part in (body[..., :3], body[..., 3:]))
     return n + np.cross(X[..., :3, 3], f), f
 
 
 def _mapped(model: Model, index: int, twist: Array, q: Array, p: Array) -> Array:
-    """Momentum along a twist (angular first) of the world."""
+    """Momentum of the subtree along a twist (angular first) in the world frame."""
     n, f = _wrench(model, index, q, p)
     return np.asarray(n @ twist[:3] + f @ twist[3:])
 
@@ -193,7 +193,7 @@ def _about_centre(model: Model, index: int, k: int, q: Array, p: Array) -> Array
 def _is_conserved(
     model: Model, quantity: ConservedQuantity, q: Array, p: Array, v: Array, dp: Array, terms: Array
 ) -> bool:
-    """Whether its rate along the flow is next to nothing in all samples."""
+    """Whether the rate along the flow is below CONSERVED of its terms in all samples."""
     h = STEP / max(1.0, float(abs(v).max()))
     rate = np.zeros(len(q))
     for k, weight in WEIGHTS:

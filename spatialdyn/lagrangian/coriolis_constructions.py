@@ -1,16 +1,16 @@
-"""The ways to a Coriolis matrix under one roof, and a check of what each of them is worth.
+"""Several constructions of the Coriolis matrix C, and a test of their properties.
 
-C q̇ is a vector that motion settles; C is not: any matrix that annuls q̇ may be added. Three properties are asked of
-it, each stronger than the one before, with N = Ṁ - 2C:
+The equation of motion determines C q̇ but not C: any matrix that annuls q̇ may be added. Three properties of C, with
+N = Ṁ - 2C:
 
-weak      q̇ᵀ N q̇ = 0: no power is lost; every C with the right C q̇ has it
-strong    N is skew-symmetric, Ṁ = C + Cᵀ: what proofs of passivity need, where the error is not q̇
+weak      q̇ᵀ N q̇ = 0: power is conserved; every C with the right C q̇ has it
+strong    N is skew-symmetric, Ṁ = C + Cᵀ: needed in proofs of passivity, where C multiplies an error, not q̇
 torsion   C(v) w - C(w) v = 0 for coordinates: with the strong one it makes C that of the Christoffel symbols
 
-The velocities of spherical, floating and planar joints belong to no coordinates. They are components along fields
-X_k with brackets [X_j, X_k] = Σ c^m_jk X_m, and the last property reads C(v) w - C(w) v = <X_i, [v, w]>. The c are
-those of twists in the body's frame, which is what v holds: S_j × S_k = Σ c^m_jk S_m. An armature on such a joint
-multiplies its acceleration and no more: it is left out of the metric <,> and has no part in C.
+The velocities of spherical, floating and planar joints are not rates of coordinates but components along fields X_k
+with brackets [X_j, X_k] = Σ c^m_jk X_m, and the last property reads C(v) w - C(w) v = <X_i, [v, w]>. As v holds twists
+in the body's frame, S_j × S_k = Σ c^m_jk S_m. An armature on such a joint multiplies the acceleration only: the metric
+<,> and C leave it out.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _brackets(model: Model, q: ArrayLike) -> Array:
 
 
 class ChristoffelC:
-    """C(q, v) of one model by several constructions; all give the right C v.
+    """C(q, v) of one model by several constructions; all give the same C v.
 
     ======================  ======  =========  =============  ==========================================
     method                  weak    strong     torsion-free   cost of a sample of n freedoms in depth d
@@ -65,23 +65,28 @@ class ChristoffelC:
 
     model  Model
 
-    Every method takes q (..., nq) [rad | m] and v (..., nv) [rad/s | m/s] and returns C (..., nv, nv)
-    [kg m²/s | kg m/s | kg/s]; it raises what the public calls raise, ShapeError and NonFiniteError among them.
+    ``ChristoffelC(model)(q, v)`` is its ``recursive``. Every method takes q (..., nq) [rad | m] and v (..., nv)
+    [rad/s | m/s] and returns C (..., nv, nv) [kg m²/s | kg m/s | kg/s]; it raises what the public calls raise, such as
+    ShapeError and NonFiniteError.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
     >>> construct = ChristoffelC(model)
     >>> q, v = [0.5, -0.3], [1.0, 2.0]
-    >>> bool(np.allclose(construct.recursive(q, v), construct.from_derivatives(q, v), atol=1e-14))
+    >>> bool(np.allclose(construct(q, v), construct.from_derivatives(q, v), atol=1e-14))
     True
     """
 
     def __init__(self, model: Model) -> None:
-        """Raises ModelError if that is no Model."""
+        """Raises ModelError if model is not a Model."""
         self.model = check_model(model)
 
     def __repr__(self) -> str:
         return f'ChristoffelC("{self.model.name}", nv={self.model.nv})'
+
+    def __call__(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """C of the Christoffel symbols, by ``recursive``, the cheapest construction."""
+        return self.recursive(q, v)
 
     def recursive(self, q: ArrayLike, v: ArrayLike) -> Array:
         """C by two sweeps over the tree, ``sd.coriolis_matrix``: strong and torsion-free on all joints, O(n d)."""
@@ -96,14 +101,14 @@ class ChristoffelC:
         return self._koszul(q, v, dynamics.mass_matrix_derivatives(self.model, q))
 
     def by_finite_differences(self, q: ArrayLike, v: ArrayLike, h: float = STEP) -> Array:
-        """The same from ∂M/∂q by central differences of sixth order, for debugging; good to about 1e-12 of M.
+        """The same from ∂M/∂q by central differences of sixth order, for debugging; error about 1e-12 of M.
 
         h  step along integrate(q, h e_k) [rad | m]
 
-        All three terms and v belong to it: the quotient (M(q + h e_j) - M(q - h e_j)) / 2h alone, which some texts
-        give as the entry C_ij, is a slice of ∂M/∂q and not a Coriolis matrix.
+        C needs all three terms and v: the quotient (M(q + h e_j) - M(q - h e_j)) / 2h alone, which some texts give as
+        the entry C_ij, is a slice of ∂M/∂q and not a Coriolis matrix.
 
-        Strong and torsion-free as far as the differences go; 6 n mass matrices.
+        Strong and torsion-free up to the error of the differences; 6 n mass matrices.
         Raises  SpatialDynError if h is not a positive number.
         """
         if not (isinstance(h, (int, float)) and 0.0 < h < np.inf):
@@ -121,9 +126,9 @@ class ChristoffelC:
     def by_rnea_columns(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Columns ½ (c(v + e_j) - c(v) - c(e_j)) of the quadratic form c(v) = C v: half of ∂(C v)/∂v.
 
-        The one C that is symmetric in velocities: C(v) w = C(w) v. With coordinates that is the Christoffel C, which
-        so comes out of a few runs of the RNEA. On joints of several freedoms it lacks half the bracket term
-        <X_i, [v, e_j]>, and with it the strong property; C v is right there too. 2 n + 1 runs of rnea.
+        The one C that is symmetric in velocities: C(v) w = C(w) v. For coordinates that is the Christoffel C. On joints
+        of several freedoms it lacks half the bracket term <X_i, [v, e_j]>, and so the strong property; C v is right
+        there too. 2 n + 1 runs of rnea.
         """
         q, v = self._given(q), self._given(v, "v")
         E, still = np.eye(self.model.nv), self.model.with_(gravity=(0.0, 0.0, 0.0))
@@ -135,12 +140,12 @@ class ChristoffelC:
         return np.ascontiguousarray(np.swapaxes(columns, -1, -2))
 
     def not_christoffel(self, q: ArrayLike, v: ArrayLike, skew: bool = True) -> Array:
-        """A C that is valid and not of the Christoffel symbols, for contrast.
+        """A valid C that is not that of the Christoffel symbols, for contrast.
 
         skew=True   Σ Jᵀ (I J̇ + v ×* I J) over the bodies: N is skew-symmetric, yet C(v) w - C(w) v is not zero, so
                     skewness alone proves nothing; O(n² d)
-        skew=False  Ṁ - ½ (∂_i M_jk v_k), Lagrange's equation as it stands before its indices are made symmetric
-                    (on quaternion joints with the brackets that belong there): weak only; O(n d²)
+        skew=False  Ṁ - ½ (∂_i M_jk v_k), Lagrange's equation before its indices are symmetrised (with the brackets of
+                    quaternion joints): weak only; O(n d²)
         """
         if skew:
             return self._body_factor(q, v)
@@ -152,20 +157,20 @@ class ChristoffelC:
     # -- the parts
 
     def _given(self, x: ArrayLike, name: str = "q") -> Array:
-        """q or v as an array of the right last axis."""
+        """q or v as an array with a checked last axis."""
         array = as_array(name, x)
         batch_shape(self.model, Q if name == "q" else V, array)
         return array
 
     def _koszul(self, q: ArrayLike, v: ArrayLike, dM: Array) -> Array:
-        """½ Σ_k (...) v_k with the bracket of Koszul's formula in the place of the dots."""
+        """½ Σ_k (...) v_k, the dots being the bracket of Koszul's formula."""
         v, L = self._given(v, "v"), _brackets(self.model, q)
         symbols = dM + np.swapaxes(dM, -1, -2) - np.moveaxis(dM, -1, -3)
         symbols = symbols + np.swapaxes(L, -1, -2) - np.moveaxis(L, -1, -3) - np.einsum("...kji->...ijk", L)
         return np.asarray(0.5 * np.einsum("...ijk,...k->...ij", symbols, v))
 
     def _body_factor(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """The factor v ×* I is B and ½ (v ×* I w - w ×* I v + I (v × w)), which w = v annuls."""
+        """The factor v ×* I, which is B plus ½ (v ×* I w - w ×* I v + I (v × w)), a term that w = v annuls."""
         q, v, model = self._given(q), self._given(v, "v"), self.model
         C = dynamics.coriolis_matrix(model, q, v).copy()
         for joint in model.joints[1:]:
@@ -209,11 +214,11 @@ def _of_force(f: Array) -> Array:
 
 @dataclass(frozen=True)
 class SkewSymmetry:
-    """What ``verify_skew_symmetry`` found, with N = Ṁ - 2C; roundoff is a few eps of ``scale``.
+    """Result of ``verify_skew_symmetry``, with N = Ṁ - 2C; rounding errors are a few eps of ``scale``.
 
     weak     vᵀ N v [W]
     strong   max |N + Nᵀ|
-    torsion  max |C(v) e_j - C(e_j) v - <X_i, [v, e_j]>| over all j; None for a matrix, of which it cannot be asked
+    torsion  max |C(v) e_j - C(e_j) v - <X_i, [v, e_j]>| over all j; None if C was a matrix
     scale    the largest entry of C and Ṁ
     """
 
@@ -224,7 +229,7 @@ class SkewSymmetry:
     scale: float
 
     def __repr__(self) -> str:
-        torsion = "not asked of a matrix" if self.torsion is None else f"{self.torsion:.1e}"
+        torsion = "not defined for a matrix" if self.torsion is None else f"{self.torsion:.1e}"
         return (
             f'<Ṁ - 2C of "{self.model}": weak {self.weak:.1e}, strong {self.strong:.1e}, torsion {torsion}; '
             f"largest entry {self.scale:.1e}>"
@@ -243,7 +248,7 @@ def verify_skew_symmetry(
     A matrix with both skewness and zero torsion is that of the Christoffel symbols; with skewness alone it may be
     another (``ChristoffelC.not_christoffel``).
 
-    Raises  ShapeError for sizes that do not fit, and what mass_matrix_dot raises.
+    Raises  ShapeError for shapes that do not match, and what mass_matrix_dot raises.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")

@@ -1,11 +1,11 @@
 """A robot in exact numbers: its decimals as fractions, its angles as fractions of π, its parameters as symbols.
 
-A Robot holds floats. Those that were read and not computed with are the nearest double of what the file says, and the
-shortest decimal that gives that double is the text. Rotations and turned inertias were computed with, so what they
-were made from is looked for: roll, pitch and yaw that spell a fraction of π to ten digits, an axis in whole numbers,
-entries with at most twelve digits. What is taken for something else than the float it is, is said.
+A Robot holds floats. A float read from a file is the double nearest to its text, and the shortest decimal that rounds
+to the same double is that text. Rotations and rotated inertias are computed, so the Reader looks for their origin:
+roll, pitch and yaw that are a fraction of π to ten digits, an axis in whole numbers, entries of at most twelve digits.
+Where it takes a float for another number, ``assumptions`` says so.
 
-The exact robot goes through the steps that make a Model (``assembly.walk``, ``rows.put_joint``), on Numbers.
+The exact robot goes through the steps that make a Model (``assembly.walk``, ``joint_rows.put_joint``), on Numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.euclidean import Rot, Sym, Vec, matmul
+from ..algebra.euclidean import Mat3, Sym, Vec, matmul
 from ..algebra.records import put_inertia, put_vec
 from ..algebra.rotations import turn
 from ..algebra.spatial import Inertia, Pose
@@ -32,34 +32,34 @@ from ..model.model import Model
 from ..model.robot import WITH_AXIS, rpy_of
 
 Expr = Any  # sympy.Expr
-STEPS = 360  # of π: an angle that is a multiple of half a degree to ten digits is that multiple
-ANGLE = 1e-10  # rad: what ten digits leave open
-COMPUTED = 1e-14  # relative: what a product of rotations leaves of a number, and more
-DIGITS = 12  # a decimal that short within COMPUTED of a number is what it was made from
+STEPS = 360  # per π: an angle within ANGLE of a multiple of half a degree is taken for it
+ANGLE = 1e-10  # rad: rounding to ten digits
+COMPUTED = 1e-14  # relative: above the rounding of a product of rotations
+DIGITS = 12  # a decimal this short within COMPUTED of a number is taken for its origin
 WHOLE = 1000  # largest whole number in an axis such as (1, 2, 2)
 
 
 @dataclass
-class Exact:
+class ExactRobot:
     """A robot in Numbers of one Ring.
 
-    ring         of constants: rationals, radicals, sines and cosines of what is no fraction of π
-    moving       (kind, axis, pose in the parent's body) of each joint, the world left out
+    ring         of constants: rationals, radicals, sines and cosines of angles that are no fraction of π
+    moving       (kind, axis, pitch, pose in the parent's body) of each joint, the world left out
     values       by name: mass ``m_1``, com ``c_1x``, inertia about it ``I_1xx``, origin of the joint in the body that
-                 carries it ``l_1x``, armature ``J_1`` of joint 1's body, all that is fixed to it counted; ``g_x`` ...
+                 carries it ``l_1x``, armature ``J_1`` of joint 1's body with all that is fixed to it; ``g_x`` ...
     frames       "kind:name" -> pose in the body of its joint
-    assumptions  what was taken for something else than the float it is
+    assumptions  floats taken for other numbers, in words
     """
 
     ring: Ring
-    moving: list[tuple[str, tuple[Any, ...], Pose]]
+    moving: list[tuple[str, tuple[Any, ...], Any, Pose]]
     values: dict[str, Number]
     frames: dict[str, Pose]
     assumptions: list[str]
 
 
 class Reader:
-    """Reads floats as exact expressions and notes what it took them for."""
+    """Reads floats as exact expressions; ``notes`` lists those taken for other numbers."""
 
     def __init__(self) -> None:
         """Nothing read yet."""
@@ -71,7 +71,7 @@ class Reader:
         return self.sympy.Rational(repr(float(x)))
 
     def angle(self, x: float, where: str) -> Expr:
-        """A fraction of π if the angle spells one to ten digits, else a decimal."""
+        """A fraction of π if the angle is one to ten digits, else a decimal."""
         steps = round(x * STEPS / math.pi)
         if abs(x - steps * math.pi / STEPS) <= ANGLE * max(1.0, abs(x)):
             found = self.sympy.Rational(steps, STEPS) * self.sympy.pi
@@ -81,7 +81,7 @@ class Reader:
         return self.decimal(_short(x, COMPUTED * max(1.0, abs(x))))
 
     def axis(self, u: Sequence[float], where: str) -> list[Expr]:
-        """Whole numbers over the root of their squares' sum, if the axis is that, else decimals."""
+        """Whole numbers over their norm if the axis is that, else decimals."""
         largest = max(map(abs, u))
         whole = [Fraction(x / largest).limit_denominator(WHOLE) for x in u]
         if all(abs(float(w) - x / largest) <= COMPUTED for w, x in zip(whole, u, strict=True)):
@@ -95,7 +95,7 @@ class Reader:
         return [self.decimal(x) for x in u]
 
     def entries(self, values: Sequence[float], where: str) -> list[Expr]:
-        """Decimals that may have been computed with: those of at most twelve digits are found again."""
+        """Decimals of at most twelve digits from which the values may have been computed, else their own."""
         scale = COMPUTED * max(map(abs, values), default=0.0)
         short = [_short(x, scale) for x in values]
         changed = [f"{x!r} for {s!r}" for x, s in zip(values, short, strict=True) if x != s]
@@ -115,8 +115,8 @@ def _short(x: float, tolerance: float) -> float:
     return x
 
 
-def exact(model: Model) -> Exact:
-    """The exact form of a Model's robot; its gravity and base count too."""
+def exact_robot(model: Model) -> ExactRobot:
+    """The exact form of a Model's robot, its gravity and base included."""
     read, robot = Reader(), model.robot
     sympy = read.sympy
     turns = {"": [read.angle(x, "base") for x in rpy_of(np.reshape(model.options.base, (4, 4))[:3, :3])]}
@@ -155,6 +155,7 @@ def exact(model: Model) -> Exact:
             joint,
             placement=placed(f"joint {joint.name}", joint.placement),
             axis=tuple(ring.of(x) for x in axes.get(joint.name, ())),
+            pitch=ring.of(read.decimal(joint.pitch)),
         )
         for joint in robot.joints
     )
@@ -167,9 +168,9 @@ def exact(model: Model) -> Exact:
         if isinstance(rotor, tuple):
             raise ModelError(f'joint "{m.joint.name}" has armatures {rotor}, expected one for all its freedoms')
         values |= _values(ring, k, inertias[k], m.X, read.decimal(rotor))
-    return Exact(
+    return ExactRobot(
         ring,
-        [(m.joint.kind, m.joint.axis, m.X) for m in moving],
+        [(m.joint.kind, m.joint.axis, m.joint.pitch, m.X) for m in moving],
         values,
         {f"{kind}:{name}": X for name, kind, _, X in frames},
         read.notes,
@@ -196,19 +197,19 @@ def _values(ring: Ring, k: int, I: Inertia, X: Pose, armature: Expr) -> dict[str
     return values
 
 
-def exact_table(model: Model, known: Exact, ring: Ring, chosen: Mapping[str, Expr]) -> Any:
-    """The table of bodies in Numbers of a ring that extends ``known.ring``; values by name may be other than known."""
+def exact_table(model: Model, known: ExactRobot, ring: Ring, chosen: Mapping[str, Expr]) -> Any:
+    """The table of bodies in Numbers of a ring that extends ``known.ring``; ``chosen`` replaces values by name."""
     rows: Any = table(model.bodies)
     values = {name: ring.of(chosen[name]) if name in chosen else ring.taken(x) for name, x in known.values.items()}
     put_vec(rows[0].gravity, Vec(*(values[f"g_{x}"] for x in "xyz")))
-    for k, (kind, axis, X) in enumerate(known.moving, start=1):
+    for k, (kind, axis, pitch, X) in enumerate(known.moving, start=1):
         last, joint = model.joints[k].row, model.joints[k]
         first = rows[last - joint.nv + 1]
         parent = first.parent
-        R = Rot(*(ring.taken(x) for x in X.R))
-        S = subspace(kind, [ring.taken(x) for x in axis])
+        R = Mat3(*(ring.taken(x) for x in X.R))
+        S = subspace(kind, [ring.taken(x) for x in axis], ring.taken(pitch))
         placed = Pose(R, Vec(*(values[f"l_{k}{x}"] for x in "xyz")))
-        put_joint(rows, last - joint.nv + 1, first.kind, placed, S, first.at)
+        put_joint(rows, last - joint.nv + 1, first.kind, placed, S, first.q_index)
         first.parent = parent
         for row in rows[last - joint.nv + 1 : last + 1]:
             row.armature = values[f"J_{k}"]
@@ -221,7 +222,7 @@ def exact_table(model: Model, known: Exact, ring: Ring, chosen: Mapping[str, Exp
 
 
 def _lighten(row: Row) -> None:
-    """Write zeros and ones as floats, which a product absorbs at once."""
+    """Write zeros and ones as floats, which products absorb."""
     for name, x in row.__dict__.items():
         if isinstance(x, Row):
             _lighten(x)

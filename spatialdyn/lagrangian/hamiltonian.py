@@ -7,12 +7,12 @@ is p_i θ^i and
 
     Ω = Σ θ^i ∧ dp_i + ½ Σ p_m c^m_jk θ^j ∧ θ^k,    {q-function f, p_j} = X_j f,    {p_j, p_k} = -c^m_jk p_m,
 
-the same Ω and the same bracket as in any chart, written in another frame. A map of (q, p) is symplectic if it keeps
-this Ω; keeping Σ θ^i ∧ dp_i alone is another thing.
+the same Ω and bracket as in any chart, written in another frame. A map of (q, p) is symplectic if it preserves this Ω,
+not if it preserves Σ θ^i ∧ dp_i alone.
 
-Rotor inertia (armature) on a floating or planar joint is outside this. It is added to M and nothing else, so the
-equation of motion M q̈ + C v + g = τ lacks the turning of the frame that ½ armature v² would bring: p = M v and ṗ are
-that equation's own, the energy is kept, but ṗ is not what H generates. On every other joint it is.
+Rotor inertia (armature) on a floating or planar joint is an exception. It is added to M and nothing else, so the
+equation of motion M q̈ + C v + g = τ lacks the term by which the frame's rotation changes the rotor's momentum: p = M v
+and ṗ are those of that equation and the energy is conserved, but H does not generate ṗ. On every other joint it does.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ def hamilton_equations(
 ) -> tuple[Array, Array]:
     """Hamilton's equations v = ∂H/∂p, ṗ = -∂H/∂q + tau: ``v, dp = hamilton_equations(model, q, p)``, in O(n).
 
-    Source: v = M⁻¹ p after Featherstone, RBDA (2008), table 7.1; ṗ = Cᵀ v + tau - g is a derivation of our own.
+    Source: v = M⁻¹ p after Featherstone, RBDA (2008), table 7.1; ṗ = Cᵀ v + tau - g is derived here.
 
-    In quasi-velocities ṗ_j = -X_j H - p_m c^m_jk v_k + tau_j, which the same sweep computes; q moves with v, that is
-    towards integrate(q, v dt).
+    In quasi-velocities ṗ_j = -X_j H - p_m c^m_jk v_k + tau_j, by the same sweep; q moves with v, towards
+    integrate(q, v dt).
 
     q      (..., nq)          joint positions [rad | m]
     p      (..., nv)          joint momenta M(q) v [kg m²/s | kg m/s]
@@ -75,7 +75,7 @@ def poisson_bracket(
         {F, G} = Σ_i (X_i F ∂G/∂p_i - ∂F/∂p_i X_i G) - Σ_ijm p_m c^m_ij ∂F/∂p_i ∂G/∂p_j
 
     with X_i F the derivative along integrate(q, e_i). Where v are rates of coordinates X_i = ∂/∂q_i and c = 0, and
-    this is the textbook's. The last sum makes it the same bracket in the quasi-velocities of spherical, floating and
+    this is the textbook bracket. The last sum makes it the same in the quasi-velocities of spherical, floating and
     planar joints, where {p_i, p_j} = -c^m_ij p_m; without it neither Ḟ = {F, H} nor Jacobi's identity would hold.
 
     F, G   functions of (q (nq), p (nv)) that return a number; each is called 12 nv times
@@ -83,7 +83,7 @@ def poisson_bracket(
     p      (nv,)  joint momenta [kg m²/s | kg m/s]
     step   of the differences, in q [rad | m], and in p times max(1, |p_i|)
 
-    Returns {F, G}, to about 1e-12 of F G for functions that vary over a radian or a metre.
+    Returns {F, G}, error about 1e-12 of F G for functions that vary over a radian or a metre.
     Raises  ShapeError for more than one state; SpatialDynError if a function returns no number or the step is not
             positive; NonFiniteError if one is not finite.
 

@@ -1,7 +1,7 @@
-"""The frame in which joint velocities are written, and how its vector fields fail to commute.
+"""The frame of vector fields X_i along which joint velocities v_i move the robot, and its Lie brackets.
 
-v_i moves the robot along X_i: q ∘ exp(s e_i), a twist in the body's frame. These fields are the partial derivatives
-∂/∂q_i where a joint has one freedom; those of a spherical, floating or planar joint do not commute.
+X_i moves q along q ∘ exp(s e_i), a twist in the body's frame. Where a joint has one freedom X_i = ∂/∂q_i; the fields of
+a spherical, floating or planar joint do not commute.
 """
 
 from __future__ import annotations
@@ -16,8 +16,11 @@ from ..model.model import Model
 Array = NDArray[np.float64]
 
 
-def subspace(model: Model, joint: Joint) -> Array:
-    """The motions S of a joint, a row per freedom, (nv, 6) in its body's frame, angular first; orthonormal."""
+def motion_subspace(model: Model, joint: Joint) -> Array:
+    """The motions S of a joint, a row per freedom, (nv, 6) in its body's frame, angular first.
+
+    Orthonormal but for a helical joint's, whose linear part is its pitch long.
+    """
     rows = model.bodies[joint.row - joint.nv + 1 : joint.row + 1]["S"]
     return np.array([[float(s[part][axis]) for part in "wv" for axis in "xyz"] for s in rows]).reshape(-1, 6)
 
@@ -27,10 +30,10 @@ def structure_constants(model: Model) -> Array:
 
     Source: RBDA eq. 2.31 for the bracket of two twists, S_j × S_k, written in the S of the same joint.
 
-    They do not depend on q, and are zero but for joints of three and six freedoms.
+    They do not depend on q, and are zero except for joints of several freedoms.
 
     Returns c (nv, nv, nv) [1 | 1/m | m], antisymmetric in j and k.
-    Raises  ModelError if model is none.
+    Raises  ModelError if model is not a Model.
 
     >>> import numpy as np, spatialdyn as sd
     >>> body = (1.0, (0, 0, 0), np.eye(3))
@@ -43,7 +46,7 @@ def structure_constants(model: Model) -> Array:
     for joint in model.joints[1:]:
         if joint.nv < 2:
             continue
-        S = subspace(model, joint)
+        S = motion_subspace(model, joint)
         w, v = S[:, :3], S[:, 3:]
         turned = np.cross(w[:, None], w[None])
         moved = np.cross(w[:, None], v[None]) + np.cross(v[:, None], w[None])

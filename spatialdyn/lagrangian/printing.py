@@ -1,6 +1,6 @@
 """Closed forms as LaTeX, as a NumPy function, as Python text and as C.
 
-Common subexpressions are computed once. Names in the text are ours: q, v, a, p, tau, parameters and x0, x1, ...
+Common subexpressions are computed once. Names in the text are q, v, a, p, tau, parameters and x0, x1, ...
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Arguments = Mapping[str, tuple[Expr, ...]]
 
 
 def text(name: str, value: Any) -> str:
-    """An expression as ``name = ...``; of a matrix or array the entries that are not 0, counted from 1."""
+    """An expression as ``name = ...``; of a matrix or array the nonzero entries, indices from 1."""
     flat, shape = _flat(value)
     if not shape:
         return f"{name} = {value}\n"

@@ -1,7 +1,7 @@
 """M, C, g, energies and Hamilton's equations of a robot in closed form.
 
 ``SymbolicManipulator`` runs the recursions of the numerical calls, ``recursions.SPECS``, on exact numbers and symbols
-(``engines.symbolic``), so what it prints is what they compute. Derivatives by q are taken of the results.
+(``engines.numbers.symbolic``): it prints the formulas that they compute. It differentiates results by q.
 """
 
 from __future__ import annotations
@@ -14,16 +14,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies import table as kinds
-from ..calls.arguments import check_model, reference_of
+from ..bodies import kinds
+from ..calls.arguments import check_model, reference_code
 from ..engines.numbers import symbolic as engine
-from ..engines.programs.batch_kernels import unit_parts
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Frame, Model
 from ..recursions import SPECS
+from ..urdf.load import load_urdf
 from . import printing
-from .exact_model import exact, exact_table
-from .symbolic_matrices import Numbers, along, first_kind, gradient, inverse
+from .exact_model import exact_robot, exact_table
+from .symbolic_matrices import (
+    NumberArray,
+    adjugate_and_determinant,
+    christoffel_from_gradient,
+    coriolis_from_christoffel,
+    gradient,
+)
 from .symbolic_parameters import chosen, meanings
 
 Expr = Any  # sympy.Expr
@@ -31,8 +37,8 @@ Matrix = Any  # sympy.ImmutableMatrix
 
 ROUTES = ("recursion", "derivatives")
 LARGEST = 4  # freedoms up to which M is inverted in closed form
-LONGEST = 300_000  # products of terms of one quantity: up to half a minute of arithmetic
-# quantity -> method, the arrays it is a function of
+LONGEST = 300_000  # products of terms per quantity: up to 30 s of arithmetic
+# quantity -> method, arguments
 QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
     "M": ("M", ("q",)),
     "C": ("C", ("q", "v")),
@@ -51,21 +57,21 @@ QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
 class SymbolicManipulator:
     """A robot's dynamics in closed form, exact and in canonical form: equal functions are equal expressions.
 
-    model       Model without mimic joints
+    model       Model without mimic joints, or what ``load_urdf`` makes one of: the name of a robot, a path, URDF text
     parameters  "numbers": the robot's own, as fractions. "symbols": masses, centres of mass, inertias, joint origins,
                 armatures and gravity that are not 0 become symbols. A list of some of "mass", "com", "inertia",
-                "origin", "armature", "gravity" and of single names: those. A mapping from names to symbols (or their
-                names), expressions or numbers: those, also where the robot has 0.
+                "origin", "armature", "gravity" and of single names: only those. A mapping from names to symbols (or
+                their names), expressions or numbers: those, even where the robot has 0.
 
     Names: ``m_1`` mass, ``c_1x`` centre of mass, ``I_1xx`` .. ``I_1zz`` inertia about it, ``l_1x`` origin of the joint
-    in the body that carries it, ``J_1`` armature; 1 is the first joint (``model.joints[1]``), whose body counts with
-    all that is fixed to it, in the joint's frame. ``g`` is the strength of a gravity along one axis, ``g_x``, ``g_y``,
+    in the body that carries it, ``J_1`` armature; 1 is the first joint (``model.joints[1]``), whose body includes
+    all that is fixed to it, in the joint's frame. ``g`` is the magnitude of a gravity along one axis, ``g_x``, ``g_y``,
     ``g_z`` the components of another.
 
     q, v, a, p, tau   tuples of symbols: positions, velocities, accelerations, momenta, torques
     parameters        symbol -> the robot's number, None for a symbol of an expression that was given
-    meaning           symbol -> what it is, in words
-    assumptions       what was taken for something else than the float in the model: angles that spell a fraction of π
+    meaning           symbol -> meaning in words
+    assumptions       floats taken for other numbers, such as angles for a fraction of π
 
     Results are SymPy expressions, matrices and arrays, sums of sines and cosines of sums of the angles.
 
@@ -74,30 +80,32 @@ class SymbolicManipulator:
     >>> s.M()[0, 1]
     l_1*l_2*cos(q_2) + l_2**2
 
-    limit       products of terms that one quantity may take, beyond which it is refused; None for no limit
+    limit       largest number of products of terms for one quantity; None for no limit
 
-    Closed forms grow exponentially with the joints that turn about different axes. Measured, one core, robots' own
-    numbers: all quantities of an arm of three but ṗ in 0.1 s, that in 5 s; of ur5 (six joints, three of them parallel)
+    Closed forms grow exponentially with the number of joints about different axes. Measured on one core in the robots'
+    numbers: all quantities of an arm of three but ṗ in 0.1 s, ṗ in 5 s; of ur5 (six joints, three of them parallel)
     M in 0.1 s, 1400 operations, and C in 2 s, 7200; of panda (seven) g in 0.5 s, 40 000. Its M takes 25 s without limit
-    and has 660 000; that and its C are refused. Code of any robot and call, unsimplified, is there at once:
-    ``specialize(model, sd.crba).c_code()``.
+    and has 660 000 operations; M and C are beyond the limit. ``specialize(model, sd.crba).c_code()`` gives
+    unsimplified code of any robot and call at once.
 
-    Raises  ModelError for mimic joints; SpatialDynError naming a parameter that is not known, or that sympy is missing;
-            of its methods, SpatialDynError for a quantity beyond the limit
+    Raises  ModelError for mimic joints; UrdfError for a robot that cannot be read; SpatialDynError naming an unknown
+            parameter, or if sympy is not installed; its methods raise SpatialDynError for a quantity beyond the limit
     """
 
     def __init__(
         self,
-        model: Model,
+        model: Any,
         parameters: str | Iterable[str] | Mapping[str, Any] = "numbers",
         limit: int | None = LONGEST,
     ) -> None:
         """Read the robot and choose its symbols."""
         if limit is not None and not (isinstance(limit, (int, float)) and limit > 0):
             raise SpatialDynError(f"limit is {limit!r}, expected a positive number of products, or None")
+        if isinstance(model, str) or hasattr(model, "__fspath__"):
+            model = load_urdf(model)
         if check_model(model).mimic_matrix is not None:
             raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for symbols')
-        self.model = model
+        self.model: Model = model
         sympy = self._sympy = engine.need_sympy()
 
         def named(letter: str, count: int) -> tuple[Expr, ...]:
@@ -105,14 +113,13 @@ class SymbolicManipulator:
 
         self.q, self.v, self.a = named("q", model.nq), named("v", model.nv), named("a", model.nv)
         self.p, self.tau = named("p", model.nv), named("tau", model.nv)
-        known = exact(model)
+        known = exact_robot(model)
         self.assumptions = tuple(known.assumptions)
         values = chosen(known, parameters)
         self.parameters, self.meaning = meanings(known, values, model.names)
-        places = {kinds.REVOLUTE: 0, kinds.PLANAR: 2}
-        rows = [(int(row["kind"]), int(row["at"])) for row in model.bodies[1:]]
-        turning = [self.q[at + places[kind]] for kind, at in rows if kind in places]
-        units = [tuple(self.q[k] for k in part) for part in unit_parts(model.bodies)]
+        angles = [(kinds.KINDS[row["kind"]].angle, int(row["q_index"])) for row in model.bodies[1:]]
+        turning = [self.q[at + angle] for angle, at in angles if angle is not None]
+        units = [tuple(self.q[k] for k in part) for part in kinds.unit_parts(model.bodies)]
         plain = (*self.q, *self.v, *self.a, *self.p, *self.tau, *self.parameters)
         if len(set(plain)) < len(plain):
             twice = next(x for x in self.parameters if x in plain[: -len(self.parameters)])
@@ -125,19 +132,19 @@ class SymbolicManipulator:
 
     # --- running ------------------------------------------------------------------------------------------
 
-    def _numbers(self, name: str, **static: Any) -> Numbers:
+    def _numbers(self, name: str, **static: Any) -> NumberArray:
         """The output of a public call on the symbols, in Numbers."""
         key = (name, *sorted((k, v) for k, v in static.items() if k != "placement"))
         if key not in self._results:
             spec = SPECS[name]
             own = {"q": self.q, "v": self.v, "a": self.a, "tau": self.tau}
             inputs: dict[str, Any] = dict(static)
-            for x in spec.given:
+            for x in spec.present:
                 if x.name in own:
                     inputs[x.name] = _array([self._ring.of(s) for s in own[x.name]])
             sizes = {"nq": self.model.nq, "nv": self.model.nv, "njoints": self.model.njoints}
             self._results[key] = engine.run(spec, self._ring, self._rows, sizes, inputs)
-        made: Numbers = self._results[key]
+        made: NumberArray = self._results[key]
         return made
 
     def evaluate(
@@ -145,14 +152,14 @@ class SymbolicManipulator:
     ) -> Any:
         """The result of a public call, by its name, on the symbols: ``s.evaluate("frame_placement", frame="tip")``.
 
-        Its inputs are q, v, a, tau; external forces are left out. A vector comes as a matrix of one column.
+        Its inputs are q, v, a, tau; external forces are left out. A vector is returned as a matrix of one column.
 
-        Raises SpatialDynError for a call that is not known or has other inputs, or whose result has no closed form
+        Raises SpatialDynError for an unknown call or one with other inputs, or a result without closed form
         """
         if name not in SPECS:
             raise SpatialDynError(f'call is "{name}", expected one of {", ".join(SPECS)}')
         static: dict[str, Any] = {}
-        for x in SPECS[name].given:
+        for x in SPECS[name].present:
             if x.name not in ("q", "v", "a", "tau", "row", "placement", "reference", "classical") and not x.optional:
                 raise SpatialDynError(f'call "{name}" has the input {x.name}, expected one of q, v, a, tau, frame')
             if x.name == "placement":
@@ -165,15 +172,15 @@ class SymbolicManipulator:
                 static["row"] = self.model.joints[found.joint].row
                 static["frame"] = f"{found.kind}:{found.name}"
             elif x.name == "reference":
-                static["reference"] = reference_of(reference)
+                static["reference"] = reference_code(reference)
             elif x.name == "classical":
                 static["classical"] = int(classical)
         return self._shown(self._numbers(name, **static))
 
-    def _shown(self, x: Numbers) -> Any:
+    def _shown(self, x: NumberArray) -> Any:
         """Numbers as expressions: a scalar, a column, a matrix or an array."""
         flat = [self._ring.expression(e) for e in x.ravel()]
-        self._budget.spent = 0  # a quantity is done
+        self._budget.spent = 0  # for the next quantity
         if x.ndim == 0:
             return flat[0]
         if x.ndim <= 2:
@@ -183,7 +190,7 @@ class SymbolicManipulator:
     def simplify(self, expression: Any) -> Any:
         """An expression in the robot's symbols, rational in sines and cosines of sums of its angles, in canonical form.
 
-        Symbols that are not the robot's are taken as parameters. Matrices are simplified entry by entry.
+        Other symbols are taken as parameters. Matrices are simplified entry by entry.
         Raises SpatialDynError naming a part that has no such form.
         """
         sympy, self._budget.spent = self._sympy, 0
@@ -214,15 +221,15 @@ class SymbolicManipulator:
         """
         return self._shown(self._gamma(route))
 
-    def _gamma(self, route: str) -> Numbers:
+    def _gamma(self, route: str) -> NumberArray:
         if route not in ROUTES:
             raise SpatialDynError(f"route is {route!r}, expected one of {', '.join(ROUTES)}")
         if route == "recursion":
             return self._numbers("christoffel_symbols")
         self._coordinates("Christoffel symbols from derivatives")
-        return first_kind(self._gradient(), self._sympy.Rational(1, 2))
+        return christoffel_from_gradient(self._gradient(), self._sympy.Rational(1, 2))
 
-    def _gradient(self) -> Numbers:
+    def _gradient(self) -> NumberArray:
         """∂M_ij/∂q_k (nv, nv, nv) of the entries of M."""
         return gradient(self._ring, self._numbers("crba"), self.q)
 
@@ -233,7 +240,7 @@ class SymbolicManipulator:
         """
         if route == "recursion":
             return self._shown(self._numbers("coriolis_matrix"))
-        return self._shown(along(self._ring, self._gamma(route), self.v))
+        return self._shown(coriolis_from_christoffel(self._ring, self._gamma(route), self.v))
 
     def inverse_dynamics(self) -> Matrix:
         """τ = M a + C v + g (nv, 1), by the recursive Newton-Euler algorithm."""
@@ -244,29 +251,29 @@ class SymbolicManipulator:
         return [self._sympy.Eq(x, t) for x, t in zip(self.inverse_dynamics(), self.tau, strict=True)]
 
     def T(self) -> Expr:
-        """T(q, v) = ½ vᵀ M v."""
+        """Kinetic energy T(q, v) = ½ vᵀ M v."""
         return self._shown(self._numbers("kinetic_energy"))
 
     def V(self) -> Expr:
-        """V(q) of gravity."""
+        """Potential energy V(q) of gravity."""
         return self._shown(self._numbers("potential_energy"))
 
     def L(self) -> Expr:
-        """L(q, v) = T - V."""
+        """Lagrangian L(q, v) = T - V."""
         T, V = self._numbers("kinetic_energy"), self._numbers("potential_energy")
         return self._shown((T.reshape(1) - V.reshape(1)).reshape(()))
 
     # --- Hamilton -----------------------------------------------------------------------------------------
 
     @cached_property
-    def _inverse(self) -> tuple[Numbers, Any]:
+    def _inverse(self) -> tuple[NumberArray, Any]:
         """Adjugate and determinant of M."""
         n = self.model.nv
         if n > LARGEST:
             raise SpatialDynError(
                 f'model "{self.model.name}" has {n} freedoms, expected at most {LARGEST} for M⁻¹ in closed form'
             )
-        return inverse(self._ring, self._numbers("crba"))
+        return adjugate_and_determinant(self._ring, self._numbers("crba"))
 
     def _momenta(self) -> list[Any]:
         """adj(M) p."""
@@ -274,7 +281,7 @@ class SymbolicManipulator:
         return [sum((a * x for a, x in zip(row, p, strict=True)), self._ring.of(0)) for row in self._inverse[0]]
 
     def H(self) -> Expr:
-        """H(q, p) = ½ pᵀ M⁻¹ p + V, up to four freedoms."""
+        """Hamiltonian H(q, p) = ½ pᵀ M⁻¹ p + V, up to four freedoms."""
         p, zero = [self._ring.of(x) for x in self.p], self._ring.of(0)
         twice = sum((x * y for x, y in zip(p, self._momenta(), strict=True)), zero)
         T = twice / (self._inverse[1] * 2) if self.p else zero
@@ -326,7 +333,7 @@ class SymbolicManipulator:
     def _coordinates(self, what: str) -> None:
         for joint in self.model.joints[1:]:
             kind = int(self.model.bodies[joint.row - joint.nv + 1]["kind"])
-            if kind not in (kinds.REVOLUTE, kinds.PRISMATIC):
+            if kind not in kinds.R1:
                 raise SpatialDynError(
                     f'joint "{joint.name}" is {joint.kind}, whose velocities are not the derivatives of its '
                     f"coordinates, expected revolute and prismatic joints for {what}"
@@ -371,8 +378,8 @@ class SymbolicManipulator:
     def lambdify(self, what: Any) -> Callable[..., NDArray[np.float64]]:
         """A NumPy function of a quantity or expression: ``f(q)``, ``f(q, v)``, ... on arrays of any batch shape.
 
-        With symbolic parameters its last argument ``parameters`` (..., number of them) holds them in the order of
-        ``self.parameters``; the robot's own by default.
+        With symbolic parameters its last argument is ``parameters`` (..., number of them), in the order of
+        ``self.parameters``; by default the robot's values.
         """
         name, value, arguments = self.quantity(what)
         own = list(self.parameters.values())
@@ -392,9 +399,14 @@ class SymbolicManipulator:
     def __repr__(self) -> str:
         return f"<SymbolicManipulator {self.model.name}: nv {self.model.nv}, {len(self.parameters)} parameters>"
 
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import symbols_html
 
-def _array(x: Sequence[Any]) -> Numbers:
-    """An object array of Numbers, which NumPy is not to look into."""
+        return symbols_html(self)
+
+
+def _array(x: Sequence[Any]) -> NumberArray:
+    """An object array of Numbers, which NumPy leaves as they are."""
     made = np.empty(len(x), dtype=object)
     made[:] = x
     return made

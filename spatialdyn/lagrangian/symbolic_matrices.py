@@ -1,4 +1,4 @@
-"""What the textbook derives from M(q), on matrices of an engine's exact numbers: ∂M/∂q, Γ, C and M⁻¹."""
+"""Textbook formulas on M(q) in exact numbers: ∂M/∂q, Γ, C and M⁻¹."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..engines.numbers.symbolic import Ring
 
 Expr = Any  # sympy.Expr
-Numbers = NDArray[Any]
+NumberArray = NDArray[Any]
 
 
-def gradient(ring: Ring, M: Numbers, q: Sequence[Expr]) -> Numbers:
+def gradient(ring: Ring, M: NumberArray, q: Sequence[Expr]) -> NumberArray:
     """∂M_ij/∂q_k (n, n, n) of a symmetric M."""
     n = len(q)
     dM = np.empty((n, n, n), dtype=object)
@@ -23,7 +23,7 @@ def gradient(ring: Ring, M: Numbers, q: Sequence[Expr]) -> Numbers:
     return dM
 
 
-def first_kind(dM: Numbers, half: Any) -> Numbers:
+def christoffel_from_gradient(dM: NumberArray, half: Any) -> NumberArray:
     """Γ_ijk = ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk) of ∂M/∂q, for velocities that are q̇."""
     made = np.empty_like(dM)
     for i, j, k in np.ndindex(*dM.shape):
@@ -31,7 +31,7 @@ def first_kind(dM: Numbers, half: Any) -> Numbers:
     return made
 
 
-def along(ring: Ring, G: Numbers, v: Sequence[Expr]) -> Numbers:
+def coriolis_from_christoffel(ring: Ring, G: NumberArray, v: Sequence[Expr]) -> NumberArray:
     """C_ij = Σ_k Γ_ijk v_k."""
     numbers = [ring.of(x) for x in v]
     made = np.empty(G.shape[:2], dtype=object)
@@ -40,7 +40,7 @@ def along(ring: Ring, G: Numbers, v: Sequence[Expr]) -> Numbers:
     return made
 
 
-def inverse(ring: Ring, M: Numbers) -> tuple[Numbers, Any]:
+def adjugate_and_determinant(ring: Ring, M: NumberArray) -> tuple[NumberArray, Any]:
     """Adjugate and determinant of M, each minor computed once."""
     minors: dict[tuple[tuple[int, ...], tuple[int, ...]], Any] = {((), ()): ring.of(1)}
 

@@ -1,6 +1,6 @@
-"""Which of a robot's masses, lengths and inertias are symbols, and what each symbol stands for.
+"""Masses, lengths and inertias of a robot as symbols, and the meaning of each symbol.
 
-Names are those of ``exact.Exact.values``: m_1, c_1x, I_1xx, l_1x, J_1 of the first joint's body, and g.
+Names are those of ``exact_model.ExactRobot.values``: m_1, c_1x, I_1xx, l_1x, J_1 of the first joint's body, and g.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from typing import Any
 
 from ..engines.numbers.symbolic import need_sympy
 from ..errors import SpatialDynError
-from .exact_model import Exact
+from .exact_model import ExactRobot
 
 Expr = Any  # sympy.Expr
 
-KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
+PARAMETER_KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
 MEANING = {
     "m": "mass [kg] of what moves with joint",
     "c": "centre of mass [m], in its own frame, of what moves with joint",
@@ -24,11 +24,11 @@ MEANING = {
 }
 
 
-def chosen(known: Exact, parameters: Any) -> dict[str, Expr]:
-    """What stands in place of the robot's own values, by name; the components of gravity as g_x, g_y, g_z.
+def chosen(known: ExactRobot, parameters: Any) -> dict[str, Expr]:
+    """{name: expression} that replaces a value of the robot; the components of gravity as g_x, g_y, g_z.
 
     parameters  as SymbolicManipulator takes them
-    Raises SpatialDynError for what is none of these, or a name that is not known
+    Raises SpatialDynError for other arguments or an unknown name
     """
     gravity = {x: known.values[x] for x in ("g_x", "g_y", "g_z")}
     along = [x for x, g in gravity.items() if g.num]
@@ -39,8 +39,8 @@ def chosen(known: Exact, parameters: Any) -> dict[str, Expr]:
     for name, value in _given(parameters, nonzero).items():
         if name not in names:
             raise SpatialDynError(
-                f'parameters has "{name}", expected "numbers", "symbols", one of {", ".join(KINDS)}, or names such '
-                f"as {', '.join(nonzero[:4]) or 'g'}"
+                f'parameters has "{name}", expected "numbers", "symbols", one of {", ".join(PARAMETER_KINDS)}, or '
+                f"names such as {', '.join(nonzero[:4]) or 'g'}"
             )
         found[name] = _expression(name, value)
     if "g" in found:
@@ -54,7 +54,7 @@ def chosen(known: Exact, parameters: Any) -> dict[str, Expr]:
 
 
 def _given(parameters: Any, nonzero: Sequence[str]) -> dict[str, Any]:
-    """Names, and what was given for them: a symbol's name, an expression or a number."""
+    """{name: symbol's name, expression or number} of the argument ``parameters``."""
     if isinstance(parameters, str) and parameters in ("numbers", "symbols"):
         return {name: name for name in nonzero if parameters == "symbols"}
     if isinstance(parameters, Mapping):
@@ -63,8 +63,8 @@ def _given(parameters: Any, nonzero: Sequence[str]) -> dict[str, Any]:
         raise SpatialDynError(f'parameters is {parameters!r}, expected "numbers", "symbols", names or a mapping')
     given: dict[str, Any] = {}
     for item in [parameters] if isinstance(parameters, str) else parameters:
-        found = [x for x in nonzero if item in KINDS and x.startswith(KINDS[item])]
-        given |= dict.fromkeys([item], item) if item not in KINDS else {x: x for x in found}
+        found = [x for x in nonzero if item in PARAMETER_KINDS and x.startswith(PARAMETER_KINDS[item])]
+        given |= dict.fromkeys([item], item) if item not in PARAMETER_KINDS else {x: x for x in found}
     return given
 
 
@@ -79,12 +79,12 @@ def _expression(name: str, value: Any) -> Expr:
 
 
 def meanings(
-    known: Exact, values: Mapping[str, Expr], joints: Sequence[str]
+    known: ExactRobot, values: Mapping[str, Expr], joints: Sequence[str]
 ) -> tuple[dict[Expr, Expr | None], dict[Expr, str]]:
-    """The symbols among what is chosen: the robot's value of each (None of an expression's), and what it is in words.
+    """{symbol: the robot's value, None in an expression} and {symbol: meaning in words} of the chosen values.
 
     joints  names of the model's joints
-    Raises SpatialDynError for one symbol in two places where the robot has two values
+    Raises SpatialDynError for one symbol in place of two different values
     """
     own: dict[Expr, Expr | None] = {}
     meaning: dict[Expr, str] = {}
@@ -92,11 +92,12 @@ def meanings(
         sign = -1 if (-value).is_Symbol else 1
         for symbol in sorted(value.free_symbols, key=str):
             number = known.ring.expression(known.values[name]) * sign if symbol == sign * value else None
-            if own.get(symbol, number) != number:
+            earlier = own.get(symbol)
+            if earlier is not None and number is not None and earlier != number:
                 raise SpatialDynError(
-                    f"parameter {symbol} stands for {own[symbol]} and for {number} ({name}), expected one value"
+                    f"parameter {symbol} stands for {earlier} and for {number} ({name}), expected one value"
                 )
-            own[symbol] = number
+            own[symbol] = number if earlier is None else earlier  # an expression takes the value that it has elsewhere
             before = f"{meaning[symbol]}; " if symbol in meaning else ""
             meaning[symbol] = before + _words(name, joints)
     return own, meaning

@@ -1,11 +1,11 @@
-"""From a checked robot to a table of bodies, in the steps that ``tables`` takes.
+"""From a checked robot to a table of bodies, in the steps of ``tables``.
 
-1. ``mimics.resolve_mimics``  which joint each mimic joint follows in the end; followers of fixed ones become fixed
-2. ``walk``                   depth first through the tree: the joints that move, their merged inertias, the frames
-3. ``tabulate``               a row of the table for each freedom, and the joints with their places in q and v
-4. ``mimics.mimic_map``       how the coordinates of the whole tree follow from the model's own
+1. ``mimic.resolve_mimics``  the leader of each mimic joint; mimics of fixed joints become fixed
+2. ``walk``                  depth first through the tree: the joints that move, their merged inertias, the frames
+3. ``tabulate``              a row of the table per freedom, and the joints with their indices in q and v
+4. ``mimic.mimic_map``       the map from the model's coordinates to the full tree's
 
-``model.Model`` gives the result a name and methods; nothing here knows of it.
+``model.Model`` holds the result; this module does not depend on it.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from ..algebra.euclidean import Sym, Vec
 from ..algebra.records import put_vec
 from ..algebra.spatial import Inertia, Pose, add_inertia, compose, identity_pose, inertia_to_parent
-from ..bodies import table as table
+from ..bodies import table
+from ..bodies.kinds import kind_of
 from ..errors import InertiaError, ModelError
-from .joint_rows import Joint, blank, frozen, matrix, pose, put_joint, row_kind, subspace
+from .joint_rows import Joint, blank, frozen, matrix_from_pose, pose_from_matrix, put_joint, subspace
 from .mimic import Mimics, mimic_map, resolve_mimics
-from .robot import Joint as RobotJoint
-from .robot import Link, Mimic, Robot
+from .physical_inertia import parallel_axis
+from .robot import Link, Mimic, Robot, RobotJoint
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -49,9 +50,9 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """How a robot is made a Model: root, gravity [m/s²], continuous, mimic, and where a fixed root link stands.
+    """Options of a Model: root, gravity [m/s²], continuous, mimic, and the pose ``base`` of a fixed root link.
 
-    ``any_norm`` takes quaternions and (cos, sin) pairs as they are, where they are refused off their unit norm.
+    ``any_norm`` accepts quaternions and (cos, sin) pairs of any norm; by default only unit norm is accepted.
 
     Raises ModelError naming the option and its value.
     """
@@ -71,7 +72,7 @@ class Options:
 
 
 class Tables(NamedTuple):
-    """What a Model holds, under the names it has there; arrays are read-only."""
+    """The tables of a Model, under its attributes' names; arrays are read-only."""
 
     robot: Robot
     key: str
@@ -99,14 +100,14 @@ def tables(robot: Robot, options: Options) -> Tables:
     """The tables of a robot.
 
     Raises ModelError for reserved joint names and mimics without a leader; ModelError, InertiaError naming the joint
-    whose placement or inertia is beyond the largest float.
+    whose placement or inertia overflows.
     """
     _refuse_reserved_names(robot, options)
     leaders: dict[str, Mimic] = {}
     if options.mimic:
         robot, leaders = resolve_mimics(robot)
-    moving, inertias, places = walk(robot, pose(options.base), options.root)
-    frames = [Frame(name, kind, body, matrix(X)) for name, kind, body, X in places]
+    moving, inertias, places = walk(robot, pose_from_matrix(options.base), options.root)
+    frames = [Frame(name, kind, body, matrix_from_pose(X)) for name, kind, body, X in places]
     bodies, joints = tabulate(moving, inertias, options)
     refuse_overflow(robot.name, bodies, joints, frames)
     free = [k for k, joint in enumerate(joints) if joint.name not in leaders]
@@ -146,7 +147,7 @@ def tables(robot: Robot, options: Options) -> Tables:
 
 
 def _refuse_reserved_names(robot: Robot, options: Options) -> None:
-    """The world and the joint of a floating root have names that no other joint may have."""
+    """Raise ModelError if a joint has the name of the world or of a floating root's joint."""
     reserved = ("universe", ROOT_JOINT) if options.root == "floating" else ("universe",)
     for joint in robot.joints:
         if joint.name in reserved:
@@ -154,9 +155,9 @@ def _refuse_reserved_names(robot: Robot, options: Options) -> None:
 
 
 def refuse_overflow(robot: str, bodies: NDArray[Any], joints: Sequence[Joint], frames: Sequence[Frame] = ()) -> None:
-    """Refuse sums and products of finite numbers that are not finite.
+    """Raise if sums and products of finite numbers overflow: ModelError, InertiaError naming frame, joint or robot.
 
-    Raises ModelError, InertiaError naming the frame, the joint or the robot.
+    joints, frames  with the poses to check
     """
     placed = [("joint", joint.name, joint.placement) for joint in joints]
     placed += [(frame.kind, frame.name, frame.placement) for frame in frames]
@@ -164,7 +165,7 @@ def refuse_overflow(robot: str, bodies: NDArray[Any], joints: Sequence[Joint], f
         if not np.isfinite(X).all():
             at = X[:3, 3].tolist()
             raise ModelError(f'{kind} "{name}" stands at {at} in the body that carries it, expected finite numbers')
-    for column in ("inertia", "bound"):
+    for column in ("inertia", "inertia_bound"):
         lost = np.flatnonzero(~_finite(bodies[column]))
         if len(lost):
             joint = next(joint for joint in joints if lost[-1] <= joint.row)
@@ -181,7 +182,7 @@ def _finite(record: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
-    """Digest of all that a result depends on."""
+    """Digest of everything that results depend on."""
     made = hashlib.sha256(bodies.tobytes())
     if mimics is not None and mimics.matrix is not None:
         for part in (mimics.matrix, mimics.source, mimics.ratio, mimics.offset):
@@ -189,11 +190,14 @@ def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
     return made.hexdigest()
 
 
+UPPER = np.triu_indices(3)  # the entries of a symmetric matrix that are kept, in the order of Sym
+
+
 # --- the walk through the tree ---------------------------------------------------------------------------
 
 
 class Moving(NamedTuple):
-    """A joint that moves, the index of the joint whose body carries it, and its pose in that body."""
+    """A moving joint, the index of the joint whose body carries it, and its pose in that body."""
 
     joint: RobotJoint
     parent: int
@@ -201,20 +205,20 @@ class Moving(NamedTuple):
 
 
 def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inertia], list[tuple[str, str, int, Pose]]]:
-    """The joints that move, depth first, the inertia of each one's body (index 0: the world), and the frames.
+    """The moving joints, depth first, the inertia of each one's body (index 0: the world), and the frames.
 
-    base    where the root link stands at q = 0
+    base    pose of the root link at q = 0
     root    "fixed" or "floating"
 
-    A joint's index is its place in the first list plus one. A fixed joint merges what it carries into the body it
-    hangs on. A frame is its name, its kind, its joint's index and its pose there. The robot's numbers may be of any
-    kind that has + - *.
+    A joint's index is its position in the first list plus one. A fixed joint merges its child into the parent's body. A
+    frame is (name, kind, index of the joint whose body carries it, pose in that body). The robot's numbers may be of
+    any type with + - *.
     """
     moving: list[Moving] = []
     inertias: list[Inertia] = [NOTHING]
     frames: list[tuple[str, str, int, Pose]] = []
     links, children = {link.name: link for link in robot.links}, robot.children
-    # what is still to be walked: a link, the joint it hangs on, the body that carries that joint, a pose in that body
+    # still to visit: a link, its joint, the index of the body that carries that joint, a pose in that body
     stack: list[tuple[str, RobotJoint | None, int, Pose]] = [(robot.root, None, 0, base)]
     if root == "floating":
         joint = RobotJoint(ROOT_JOINT, "floating", "", robot.root, IDENTITY)
@@ -222,7 +226,7 @@ def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inerti
     while stack:
         link, hung, body, X = stack.pop()
         if hung is not None:
-            X = compose(X, pose(hung.placement))
+            X = compose(X, pose_from_matrix(hung.placement))
             if hung.kind != "fixed":
                 moving.append(Moving(hung, body, X))
                 inertias.append(NOTHING)
@@ -235,18 +239,18 @@ def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inerti
 
 
 def about_origin(link: Link) -> Inertia:
-    """Mass, first moment and inertia about the link's origin. Raises InertiaError if they overflow."""
+    """Mass, first moment and rotational inertia about the link's origin. Raises InertiaError if they overflow."""
     c, I = np.array(link.com), np.reshape(link.inertia, (3, 3))
     with np.errstate(over="ignore", invalid="ignore"):
-        about, first = I + link.mass * (c @ c * np.eye(3) - np.outer(c, c)), link.mass * c
+        about, first = parallel_axis(I, link.mass, c), link.mass * c
     if about.dtype.kind == "f" and not (np.isfinite(about).all() and np.isfinite(first).all()):
         if link.mass:
             raise InertiaError(
                 f'link "{link.name}" has mass {link.mass:.6g} and com {link.com}, whose inertia about the link\'s '
                 "origin is beyond the largest float"
             )
-        about = I  # 0 times a square that overflows
-    return Inertia(link.mass, Vec(*first.tolist()), Sym(*about[np.triu_indices(3)].tolist()))
+        about = I  # mass 0 times an overflowed square
+    return Inertia(link.mass, Vec(*first.tolist()), Sym(*about[UPPER].tolist()))
 
 
 # --- the table -------------------------------------------------------------------------------------------
@@ -255,21 +259,23 @@ def about_origin(link: Link) -> Inertia:
 def tabulate(
     moving: Sequence[Moving], inertias: Sequence[Inertia], options: Options
 ) -> tuple[NDArray[Any], list[Joint]]:
-    """The table of bodies, read-only, and the joints with their places in the whole tree's q and v."""
-    kinds = [row_kind(m.joint.kind, options.continuous) for m in moving]
-    bodies = blank(sum(table.NV[kind] for kind in kinds))
-    joints = [Joint("universe", "world", 0, 0, 0, 0, 0, 0, matrix(identity_pose()), frozen(np.zeros(3)))]
+    """The table of bodies, read-only, and the joints with their indices in the full tree's q and v."""
+    kinds = [kind_of(m.joint.kind, options.continuous) for m in moving]
+    bodies = blank(sum(kind.nv for kind in kinds))
+    joints = [Joint("universe", "world", 0, 0, 0, 0, 0, 0, matrix_from_pose(identity_pose()), frozen(np.zeros(3)))]
     at, row = 0, 1
     for index, ((joint, parent, X), kind) in enumerate(zip(moving, kinds, strict=True), start=1):
-        nq, nv = table.NQ[kind], table.NV[kind]
-        put_joint(bodies, row, kind, X, subspace(joint.kind, joint.axis), at)
+        nq, nv = kind.nq, kind.nv
+        put_joint(bodies, row, kind.code, X, subspace(joint.kind, joint.axis, joint.pitch), at)
         bodies["parent"][row] = joints[parent].row
         bodies["armature"][row : row + nv] = joint.armature
         last = row + nv - 1
         bodies["joint"][last], bodies["inertia"][last] = index, inertias[index]
-        joints.append(Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, matrix(X), frozen(joint.axis)))
+        placed, axis = matrix_from_pose(X), frozen(joint.axis)
+        made = Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, placed, axis, pitch=joint.pitch)
+        joints.append(made)
         at, row = at + nq, row + nv
-    bodies[0].at, bodies[0].dofs = at, len(joints)
+    bodies[0].q_index, bodies[0].dofs = at, len(joints)
     bodies[0].kind = table.ANY_NORM if options.any_norm else 0
     put_vec(bodies[0].gravity, Vec(*options.gravity))
     _put_last(bodies)
@@ -277,40 +283,45 @@ def tabulate(
 
 
 def completed(bodies: NDArray[Any]) -> NDArray[Any]:
-    """A table with all that follows from its other columns, read-only: over bytes, which nobody can make writable."""
+    """A table with its derived columns filled, read-only: a view of bytes, which cannot be made writable."""
     _put_bounds(bodies)
     _drop_signs_of_zeros(bodies)
     return np.frombuffer(bodies.tobytes(), bodies.dtype)
 
 
 def _put_last(bodies: NDArray[Any]) -> None:
-    """Fill the column last."""
+    """Fill the column last_row."""
     last, parents = list(range(len(bodies))), bodies["parent"].tolist()
     for i in range(len(bodies) - 1, 0, -1):
         last[parents[i]] = max(last[parents[i]], last[i])
-    bodies["last"] = last
+    bodies["last_row"] = last
 
 
 def _put_bounds(bodies: NDArray[Any]) -> None:
-    """Fill the column bound: how much inertia a row can see at most, with every joint below it stretched."""
+    """Fill the column inertia_bound: a bound of a row's composite inertia in any configuration of its subtree."""
     mass, first, second = ([0.0] * len(bodies) for _ in range(3))
     columns = (bodies[name].tolist() for name in ("parent", "X", "S", "inertia"))
-    for i, (parent, (_, at), (w, _), (m, h, I)) in reversed([*enumerate(zip(*columns, strict=True))][1:]):
+    for i, (parent, (_, at), (w, v), (m, h, I)) in reversed([*enumerate(zip(*columns, strict=True))][1:]):
         xx, xy, xz, yy, yz, zz = I
         mass[i] += m
         first[i] += math.hypot(*h)
         second[i] += math.hypot(xx, xy, xz, xy, yy, yz, xz, yz, zz)  # no square over- or underflows
-        bodies["bound"][i] = (second[i], first[i], mass[i]) if any(w) else (mass[i], 0.0, 0.0)
+        if any(w):
+            pitch = math.hypot(*v)
+            felt = second[i] + pitch * pitch * mass[i] if pitch and mass[i] else second[i]
+            bodies["inertia_bound"][i] = (felt, first[i], mass[i])
+        else:
+            bodies["inertia_bound"][i] = (mass[i], 0.0, 0.0)
         p = math.hypot(*at)
         mass[parent] += mass[i]
         first[parent] += first[i] + p * mass[i]
         second[parent] += second[i]
-        if mass[i]:  # else p may be a length whose square overflows
+        if mass[i]:  # without mass p may be a length whose square overflows
             second[parent] += 2.0 * p * first[i] + p * p * mass[i]
 
 
 def _drop_signs_of_zeros(record: NDArray[Any]) -> None:
-    """Turn -0.0 into 0.0, for tables that are equal must have one digest."""
+    """Turn -0.0 into 0.0, so that equal tables have equal digests."""
     for name in record.dtype.names or ():
         column = record[name]
         if column.dtype.names:

@@ -1,4 +1,4 @@
-"""A robot made by calls rather than read from a file."""
+"""``ModelBuilder``: a robot built by calls."""
 
 from __future__ import annotations
 
@@ -10,11 +10,22 @@ from numpy.typing import ArrayLike
 
 from ..errors import ModelError
 from .model import Model, assemble
-from .robot import Joint, Link, Mimic, Robot, check_inertias, check_tree, make_joint, make_link, numbers, pose_matrix
+from .robot import (
+    Link,
+    Mimic,
+    Robot,
+    RobotJoint,
+    check_inertias,
+    check_tree,
+    floats,
+    make_joint,
+    make_link,
+    pose_matrix,
+)
 
 
 class ModelBuilder:
-    """Makes a robot by calls, the same Model as a URDF would give.
+    """Builds a robot by calls; the Model is the one that its URDF gives.
 
     >>> b = ModelBuilder("pendulum")
     >>> _ = b.add_body("rod", joint="revolute", axis=(0, 1, 0), inertia=(1.0, (0, 0, -0.5), np.diag([1/12, 1/12, 0])))
@@ -23,10 +34,10 @@ class ModelBuilder:
     """
 
     def __init__(self, name: str = "robot", root: str = "base") -> None:
-        """An empty robot whose root link, without inertia until ``set_inertia``, is called ``root``."""
+        """A robot of one link, the root, without inertia until ``set_inertia``."""
         self.name = name
         self._links: dict[str, Link] = {root: Link(root)}
-        self._joints: list[Joint] = []
+        self._joints: list[RobotJoint] = []
         self._root = root
 
     def set_inertia(self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> ModelBuilder:
@@ -52,17 +63,19 @@ class ModelBuilder:
         friction: float = 0.0,
         armature: float = 0.0,
         mimic: Mimic | Mapping[str, Any] | None = None,
+        pitch: float = 0.0,
     ) -> ModelBuilder:
-        """Add a link and the joint it hangs on; returns the builder.
+        """Add a link and the joint that connects it to its parent; returns the builder.
 
-        parent      link it hangs on, by default the root
-        joint       one of fixed, revolute, continuous, prismatic, spherical, floating, planar
+        parent      parent link, by default the root
+        joint       one of fixed, revolute, continuous, prismatic, spherical, floating, planar, helical
         axis        (3,) in the joint's frame, any length but 0
         placement   of the joint in the parent: xyz (3,) [m], a pair (xyz, rpy [rad]) or a pose (4, 4)
         inertia     (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²]), in the link's frame
         joint_name  by default ``name + "_joint"``
-        armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``Joint``
+        armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``RobotJoint``
         mimic       Mimic, or a mapping with its fields
+        pitch       of a helical joint: travel along its axis per radian [m/rad], of either sign
 
         Raises ModelError, InertiaError naming the link or joint and the value.
         """
@@ -76,7 +89,7 @@ class ModelBuilder:
         if name in self._links:
             raise ModelError(f'robot "{self.name}" has two links named "{name}", expected distinct names')
         what = f'joint "{joint_name}"'
-        lower, upper = numbers(limits, 2, f"{what} has limits")
+        lower, upper = floats(limits, 2, f"{what} has limits")
         placed = pose_matrix(placement, f"placement of {what}").ravel().tolist()
         scalars = {
             "velocity": velocity,
@@ -84,11 +97,12 @@ class ModelBuilder:
             "damping": damping,
             "friction": friction,
             "armature": armature,
+            "pitch": pitch,
         }
-        values = {label: numbers(value, 1, f"{what} has {label}")[0] for label, value in scalars.items()}
-        along = numbers(axis, 3, f"{what} has axis")
+        values = {label: floats(value, 1, f"{what} has {label}")[0] for label, value in scalars.items()}
+        along = floats(axis, 3, f"{what} has axis")
         made = make_joint(
-            Joint(
+            RobotJoint(
                 joint_name, joint, parent, name, tuple(placed), along, lower, upper, mimic=_mimic(mimic, what), **values
             )
         )
@@ -97,7 +111,7 @@ class ModelBuilder:
         return self
 
     def robot(self, inertia: str = "warn") -> Robot:
-        """The checked robot; ``inertia`` says what to do about one that no body can have: warn, strict or repair."""
+        """The checked robot; ``inertia`` is the policy on inertias that are not physical: warn, strict or repair."""
         return check_inertias(
             check_tree(self.name, tuple(self._links.values()), tuple(self._joints)),
             inertia,

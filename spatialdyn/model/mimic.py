@@ -1,4 +1,4 @@
-"""Mimic joints: whom each one follows in the end, and what that makes of the coordinates of the whole tree."""
+"""Mimic joints: the leader of each one, and the coordinates of the full tree as functions of the model's own."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.kinds import CODES, kind_of
 from ..errors import ModelError
 from .joint_rows import Joint, frozen, joint_transform
-from .robot import Joint as RobotJoint
-from .robot import Mimic, Robot
+from .robot import Mimic, Robot, RobotJoint
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
-ONE_COORDINATE = ("revolute", "continuous", "prismatic")
+ONE_COORDINATE = tuple(word for word in CODES if kind_of(word).nq == 1)
 BOTH = 'expected both to have one coordinate (continuous="angle")'
 
 
 def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
-    """The robot with followers of fixed joints fixed, and for each other mimic joint the joint it follows in the end.
+    """The robot with mimics of fixed joints made fixed, and {name: Mimic} of the others with chains resolved.
 
-    Raises ModelError naming the joint whose leader is missing, or has not one coordinate, or the joints of a circle.
+    Raises ModelError naming the joint whose leader is missing or has several coordinates, or the joints of a cycle.
     """
     by_name = {joint.name: joint for joint in robot.joints}
     joints, leaders = [], {}
@@ -36,8 +36,9 @@ def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
             if joint.kind not in ONE_COORDINATE:
                 raise ModelError(f'{joint.kind} joint "{joint.name}" mimics "{last.name}", {BOTH}')
             if last.kind == "fixed":
-                with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
-                    X = np.reshape(joint.placement, (4, 4)) @ joint_transform(joint.kind, joint.axis, [mimic.offset])
+                with np.errstate(over="ignore", invalid="ignore"):  # ``assembly`` refuses what is not finite
+                    X_J = joint_transform(joint.kind, joint.axis, [mimic.offset], pitch=joint.pitch)
+                    X = np.reshape(joint.placement, (4, 4)) @ X_J
                 joint = replace(joint, kind="fixed", placement=tuple(X.ravel().tolist()))
             else:
                 leaders[joint.name] = mimic
@@ -46,7 +47,7 @@ def resolve_mimics(robot: Robot) -> tuple[Robot, dict[str, Mimic]]:
 
 
 def _follow(joint: RobotJoint, by_name: Mapping[str, RobotJoint], whole: dict[str, Mimic], robot: str) -> Mimic:
-    """The one mimic that stands for a joint's chain of them; ``whole`` keeps it, and those of the joints it passes."""
+    """The Mimic equivalent to a joint's chain of mimics; written to ``whole``, as are those of the chain's joints."""
     at, passed = joint, {joint.name: joint}
     while at.name not in whole and at.mimic is not None and at.kind != "fixed":
         leader = at.mimic.leader
@@ -69,12 +70,12 @@ def _follow(joint: RobotJoint, by_name: Mapping[str, RobotJoint], whole: dict[st
 
 
 def _shown_chain(names: list[str], most: int = 8) -> str:
-    """Names with arrows between them, of a long chain its first and its last ones."""
+    """Names with arrows between them; of a long chain the first and the last two."""
     return " -> ".join(names if len(names) <= most else [*names[: most - 2], "...", *names[-2:]])
 
 
 class Mimics(NamedTuple):
-    """q = q_model[source] * ratio + offset (nq of the whole tree) and v = matrix @ v_model; the joints, re-placed."""
+    """q = q_model[source] * ratio + offset (nq of the full tree) and v = matrix @ v_model; joints with new indices."""
 
     joints: list[Joint]
     matrix: Array | None
@@ -84,7 +85,7 @@ class Mimics(NamedTuple):
 
 
 def mimic_map(joints: list[Joint], leaders: Mapping[str, Mimic]) -> Mimics:
-    """How the whole tree's coordinates follow from the model's own; no matrix where all are its own."""
+    """The map from the model's coordinates to the full tree's; without mimics ``matrix`` is None."""
     nq, nv = sum(j.nq for j in joints), sum(j.nv for j in joints)
     source, ratio, offset = np.arange(nq), np.ones(nq), np.zeros(nq)
     if not leaders:

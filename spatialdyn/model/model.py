@@ -1,4 +1,4 @@
-"""The Model: a robot as a table of bodies, with the names, limits and frames that belong to it."""
+"""The Model: a robot as a table of bodies, with its names, limits and frames."""
 
 from __future__ import annotations
 
@@ -11,37 +11,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..algebra.rotations import NORM_TOLERANCE
+from ..bodies.kinds import kind_of
 from ..errors import InertiaError, ModelError
 from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tables
 from .joint_rows import Joint, frozen, joint_transform
-from .physical_inertia import inertia_defect
-from .robot import Joint as RobotJoint
-from .robot import Link, Robot, check_tree, make_link, masked, numbers
+from .physical_inertia import inertia_defect, parallel_axis
+from .robot import Link, Robot, RobotJoint, check_tree, floats, make_link, masked
 
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
 
-DEEP = 40  # levels by which a printed tree is indented; then it writes the level: n links would take n² columns
+DEEP = 40  # levels that a printed tree indents; deeper ones are numbered, or a chain of n links would take n² columns
 
 
 class Model:
-    """A robot ready to be computed with: immutable, hashable by content, safe to share between threads.
+    """A robot ready for computation: immutable, hashable by content, thread-safe.
 
-    key           digest of all that a result depends on: two models with one key compute the same
-    bodies        (1 + rows,) the table every recursion walks (see ``spatialdyn.bodies.table``), read-only
+    key           digest of everything that results depend on: models with one key give the same results
+    bodies        (1 + rows,) the table that every recursion walks (see ``spatialdyn.bodies.table``), read-only
     nq, nv        number of coordinates and of velocities
-    njoints       number of joints, the world counted
+    njoints       number of joints, the world included
     joints        tuple of Joint; joints[0] is the world
-    frames        tuple of Frame: every link, every joint, in the order of the tree
+    frames        tuple of Frame: every link and joint, in the order of the tree
     names         joint names
-    mimic_matrix  None, or G (rows, nv) with v of the whole tree = G v; mimic_index, mimic_ratio, mimic_offset give q
-                  of the whole tree, and free_q, free_v the places of the model's own coordinates in it
+    mimic_matrix  None, or G (rows, nv) with v of the full tree = G v; mimic_index, mimic_ratio, mimic_offset give q of
+                  the full tree, and free_q, free_v the indices of the model's own coordinates in it
     lower, upper  (nq,) position limits, infinite where there are none
     velocity_limit, effort_limit, damping, friction, armature   (nv,)
     gravity       (3,) [m/s²]
     address       of ``bodies`` in memory, for compiled kernels
-    total_mass    of all that moves [kg]; what hangs on a fixed root does not count
-    robot         the checked robot it was made from; ``robot.notes`` say what was odd about the source
+    total_mass    of all moving bodies [kg]; links fixed to a fixed root are left out
+    robot         the checked robot it was made from; ``robot.notes`` list oddities of the source
     """
 
     __slots__ = (
@@ -56,6 +57,7 @@ class Model:
             "total_mass",
             "_frame_index",
             "_joint_index",
+            "_plans",
             "__weakref__",
         ),
     )
@@ -89,6 +91,7 @@ class Model:
     free_v: NDArray[np.intp]
     _frame_index: dict[str, int]
     _joint_index: dict[str, int]
+    _plans: dict[str, Any]  # what ``calls`` keeps of its programs: no part of the model's content
 
     def __init__(self, robot: Robot, options: Options) -> None:
         """The Model of a checked robot; ``assemble`` takes the options one by one."""
@@ -109,6 +112,7 @@ class Model:
             "total_mass": float(made.bodies["inertia"]["m"][1:].sum()),
             "_frame_index": {f"{f.kind}:{f.name}": k for k, f in enumerate(made.frames)},
             "_joint_index": {j.name: k for k, j in enumerate(made.joints)},
+            "_plans": {},
         }
         for slot, value in slots.items():
             object.__setattr__(self, slot, value)
@@ -130,7 +134,7 @@ class Model:
         return hash(self.key)
 
     def joint(self, name: str) -> Joint:
-        """The joint of that name. Raises ModelError, with the names there are, if there is none."""
+        """The joint of that name. Raises ModelError, with similar names, if there is none."""
         try:
             return self.joints[self._joint_index[name]]
         except (KeyError, TypeError):
@@ -139,9 +143,9 @@ class Model:
     def frame(self, name: str | Frame) -> Frame:
         """The frame of that name: a link's, else a joint's; ``link:NAME`` and ``joint:NAME`` say which.
 
-        Raises ModelError, with names like it, if there is none.
+        Raises ModelError, with similar names, if there is none.
         """
-        if isinstance(name, Frame):  # perhaps another model's: what counts is its name
+        if isinstance(name, Frame):  # perhaps of another model: its name alone counts
             name = f"{name.kind}:{name.name}"
         if not isinstance(name, str):
             raise ModelError(f'frame is {name!r}, expected the name of one of robot "{self.name}"')
@@ -150,16 +154,17 @@ class Model:
                 return self.frames[self._frame_index[key]]
         raise ModelError(missing("frame", str(name), self.name, [f.name for f in self.frames]))
 
-    def reduced(self, lock: Mapping[str, ArrayLike]) -> Model:
-        """The Model with some joints frozen: their bodies merge into what carries them, their frames stay.
+    def reduced(self, lock: Mapping[str, ArrayLike] | Iterable[str]) -> Model:
+        """The Model with some joints locked: their bodies merge into their parents', their frames stay.
 
-        lock  joint name -> coordinates at which it is frozen: a number, or (nq,) of the joint
+        lock  joint name -> coordinates at which it is locked: a number, or (nq,) of the joint. Or names of joints:
+              locked at neutral, or at the nearest limit if neutral is outside the limits
 
-        Raises ModelError if lock is no mapping, or naming a joint that is not there or a value of the wrong size or
-        norm.
+        Raises ModelError if lock is neither, or naming an unknown joint or a value of the wrong size or norm.
         """
         options, joints = self.options, {j.name: j for j in self.robot.joints}
-        for name, value in _pairs("lock", lock):
+        lock = lock_values(self, lock)
+        for name, value in lock.items():
             joint = self.joint(name)
             X = _locked(joint, options.continuous, value)
             if name == ROOT_JOINT and options.root == "floating":
@@ -173,7 +178,7 @@ class Model:
         return Model(replace(self.robot, joints=tuple(joints.values())), options)
 
     def subtree(self, link: str) -> Model:
-        """The Model of a link and all it carries, the link fixed in the world.
+        """The Model of a link and its subtree, the link fixed in the world.
 
         Raises ModelError if there is no such link.
         """
@@ -187,7 +192,8 @@ class Model:
                 queue.append(joint.child)
         links = tuple(x for x in self.robot.links if x.name in keep)
         joints = tuple(j for j in self.robot.joints if j.parent in keep and j.child in keep)
-        robot = replace(check_tree(self.robot.name, links, joints, self.robot.notes), ordered=self.robot.ordered)
+        robot = check_tree(self.robot.name, links, joints, self.robot.notes)
+        robot = replace(robot, ordered=self.robot.ordered, source=self.robot.source)
         return Model(robot, replace(self.options, root="fixed", base=IDENTITY))
 
     def with_(
@@ -213,7 +219,7 @@ class Model:
                 raise ModelError(missing("joint", name, self.name, joints))
             if joints[name].kind == "fixed":
                 raise ModelError(f'joint "{name}" is fixed, expected one that moves for an armature of {value}')
-            (rotor,) = numbers(value, 1, f'joint "{name}" has armature')
+            (rotor,) = floats(value, 1, f'joint "{name}" has armature')
             if not (math.isfinite(rotor) and rotor >= 0.0):
                 raise ModelError(f'joint "{name}" has armature {rotor}, expected a finite number >= 0')
             joints[name] = replace(joints[name], armature=rotor)
@@ -237,8 +243,13 @@ class Model:
     def __str__(self) -> str:
         return "\n".join(self._tree())
 
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import model_html
+
+        return model_html(self)
+
     def _tree(self) -> Iterator[str]:
-        """A readable tree: a line per link, with the joint it hangs on."""
+        """A readable tree: a line per link, with its joint."""
         options = self.options
         yield f"{self.name}: {self.nv} freedoms, {self.total_mass:.6g} kg moving, {options.root} root"
         mass = {x.name: x.mass for x in self.robot.links}
@@ -266,7 +277,7 @@ def assemble(
     continuous  "angle": one coordinate; "cos_sin": two, as Pinocchio has it (planar joints too)
     mimic       True makes the coordinates of mimic joints dependent
 
-    Raises ModelError naming the option, or the mimic joint without a leader; or if robot is none.
+    Raises ModelError naming the option, or the mimic joint without a leader; or if robot is not a Robot.
     """
     if not isinstance(robot, Robot):
         raise ModelError(
@@ -276,7 +287,7 @@ def assemble(
 
 
 def options_of(root: str, gravity: ArrayLike, continuous: str, mimic: bool) -> Options:
-    """The options of ``assemble``. Raises ModelError naming one that is none, and its value."""
+    """The options of ``assemble``. Raises ModelError naming an invalid one and its value."""
     if not isinstance(mimic, (bool, np.bool_, int)) or mimic not in (0, 1):
         raise ModelError(f"mimic is {mimic!r}, expected True or False")
     return Options(root, _gravity(gravity), continuous, bool(mimic))
@@ -290,7 +301,7 @@ def _gravity(gravity: ArrayLike) -> tuple[float, ...]:
 
 
 def _numbers(value: ArrayLike) -> Array:
-    """Anything as an array of floats, NaN where it holds something else."""
+    """A value as an array of floats; NaN if it is not numeric."""
     try:
         x = np.array(np.nan) if masked(value) else np.asarray(value)
     except (TypeError, ValueError):
@@ -300,7 +311,7 @@ def _numbers(value: ArrayLike) -> Array:
 
 
 def _pairs(argument: str, value: Any) -> Iterable[tuple[str, Any]]:
-    """Names and values of an argument that maps one to the other; nothing for None."""
+    """Items of an argument that maps names to values; none for None."""
     if value is None:
         return ()
     if not isinstance(value, Mapping):
@@ -308,15 +319,43 @@ def _pairs(argument: str, value: Any) -> Iterable[tuple[str, Any]]:
     return value.items()
 
 
+def lock_values(model: Model, lock: Any) -> dict[str, Any]:
+    """{joint: coordinates} of the joints to lock, given as such a mapping or as names. Raises ModelError."""
+    if lock is None or isinstance(lock, Mapping):
+        return dict(lock or {})
+    try:
+        names = [lock] if isinstance(lock, str) else list(lock)
+    except TypeError:
+        expected = "expected names of joints, or a mapping of them to coordinates"
+        raise ModelError(f"lock is {lock!r}, {expected}") from None
+    return {joint.name: resting(model, joint) for joint in map(model.joint, names)}
+
+
+def resting(model: Model, joint: Joint) -> Any:
+    """A joint's neutral coordinates, clipped to its limits; a float if there is one. A mimic's are those it follows to.
+
+    Raises ModelError for the world.
+    """
+    if joint.kind == "world":
+        raise ModelError("the world cannot be locked")
+    if joint.mimic is not None:
+        leader, multiplier, offset = joint.mimic
+        return multiplier * resting(model, model.joints[leader]) + offset
+    q = kind_of(joint.kind, model.options.continuous).undisplaced
+    if joint.nq == 1:
+        return float(np.clip(q[0], model.lower[joint.idx_q], model.upper[joint.idx_q]))
+    return list(q)
+
+
 def missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:
-    """What to say of a name that is not there: like which names it is."""
+    """The message for an unknown name, with similar names."""
     near = difflib.get_close_matches(str(name), dict.fromkeys(names), 3, 0.5)
     hint = f", did you mean {' or '.join(near)}" if near else ""
     return f'{what} "{name}" is not in robot "{robot}"{hint}'
 
 
 def _locked(joint: Joint, continuous: str, value: ArrayLike) -> Array:
-    """X_J (4, 4) of a joint at given coordinates. Raises ModelError unless there are nq, finite, of unit norm."""
+    """X_J (4, 4) of a joint at given coordinates. Raises ModelError unless they are nq finite numbers of unit norm."""
     if joint.kind == "world":
         raise ModelError("the world cannot be locked")
     q = np.atleast_1d(_numbers(value))
@@ -326,22 +365,21 @@ def _locked(joint: Joint, continuous: str, value: ArrayLike) -> Array:
         raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {joint.nq} finite numbers')
     if not np.isfinite(q).all():
         raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {len(q)} finite numbers')
-    units = {"spherical": q, "floating": q[3:], "continuous": q, "planar": q[2:]}
-    unit = units.get(joint.kind, q[:0])
-    if len(unit) > 1 and abs(math.hypot(*unit) - 1.0) > 1e-6:
+    unit = kind_of(joint.kind, continuous).unit
+    if unit is not None and abs(math.hypot(*q[unit]) - 1.0) > NORM_TOLERANCE:
         raise ModelError(f'joint "{joint.name}" is locked at {q.tolist()}, expected a part of unit norm')
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
-        return joint_transform(joint.kind, joint.axis, q, continuous)
+    with np.errstate(over="ignore", invalid="ignore"):  # ``assembly`` refuses what is not finite
+        return joint_transform(joint.kind, joint.axis, q, continuous, joint.pitch)
 
 
 def _moved(placement: tuple[float, ...], X: Array) -> tuple[float, ...]:
-    """A placement of 16 numbers followed by a motion X (4, 4)."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, ``assembly`` refuses
+    """A placement of 16 numbers, followed by the pose X (4, 4)."""
+    with np.errstate(over="ignore", invalid="ignore"):  # ``assembly`` refuses what is not finite
         return tuple((np.reshape(placement, (4, 4)) @ X).ravel().tolist())
 
 
 def _loaded(link: Link, load: Link) -> Link:
-    """Two bodies in one frame as one link."""
+    """A link and a load in its frame as one link."""
     mass = link.mass + load.mass
     c = np.array(link.com)
     inertia = np.zeros((3, 3))
@@ -349,8 +387,7 @@ def _loaded(link: Link, load: Link) -> Link:
         if mass > 0.0:
             c = (link.mass * c + load.mass * np.array(load.com)) / mass
         for part in (link, load):
-            d = np.array(part.com) - c
-            inertia += np.reshape(part.inertia, (3, 3)) + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
+            inertia += parallel_axis(np.reshape(part.inertia, (3, 3)), part.mass, np.array(part.com) - c)
     if not (math.isfinite(mass) and np.isfinite(c).all() and np.isfinite(inertia).all()):
         raise InertiaError(
             f'link "{link.name}" of {link.mass:.6g} kg with a payload of {load.mass:.6g} kg has an inertia that is '

@@ -1,4 +1,4 @@
-"""Which inertias a body can have, and the nearest one it can.
+"""Physical consistency of inertias, and the nearest consistent one.
 
 With Σ = ½ tr(I) 1 - I the second moments of mass about the com, a mass distribution exists exactly if mass >= 0
 and Σ is positive semidefinite, which is I positive semidefinite and the triangle inequality on its principal
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LARGE = 2.0**1000  # sums of a few such numbers overflow nowhere
-ROUNDING = 1e-6  # of the largest moment: files print few digits, and a flat plate meets the inequality with equality
+LARGE = 2.0**1000  # sums of a few such numbers do not overflow
+ROUNDING = 1e-6  # of the largest moment: files print few digits, and for a flat plate the inequality is an equality
 
 
 def shown_moments(I: Array) -> str:
@@ -25,10 +25,10 @@ def shown_moments(I: Array) -> str:
 
 
 def inertia_defect(I: Array) -> str:
-    """What makes I (3, 3) about the com [kg m²] no body's inertia, in words; empty if nothing does.
+    """Why I (3, 3) about the com [kg m²] is not physical, in words; empty if it is.
 
-    The moments a <= b <= c fail if c - (a + b) exceeds ROUNDING times the largest. A negative moment fails so too,
-    for c >= b; there is no absolute tolerance, so an inertia of 1e-20 kg m² is judged like any other.
+    The moments a <= b <= c fail if c - (a + b) exceeds ROUNDING times the largest. A negative moment fails that too, as
+    c >= b. There is no absolute tolerance: an inertia of 1e-20 kg m² is judged like any other.
     """
     a, b, c = np.linalg.eigvalsh(I).tolist()
     largest = max(abs(a), abs(c))
@@ -41,18 +41,23 @@ def inertia_defect(I: Array) -> str:
     return f"has {shown_moments(I)}: {what}"
 
 
+def parallel_axis(I: Array, mass: float, d: Array) -> Array:
+    """Ī + m (d·d 1 - d dᵀ): an inertia (3, 3) about the com moved to a point at the distance vector d."""
+    return np.asarray(I + mass * (d @ d * np.eye(3) - np.outer(d, d)))
+
+
 def symmetric(I: Array) -> Array:
-    """½ (I + Iᵀ), of an inertia (3, 3) next to the largest float too; a symmetric I keeps its bits."""
+    """½ (I + Iᵀ) of an inertia (3, 3), without overflow; a symmetric I keeps its bits."""
     return np.asarray(np.where(I == I.T, I, 0.5 * I + 0.5 * I.T))
 
 
 def nearest_physical(I: Array) -> Array:
-    """The rotational inertia (3, 3) about the com [kg m²] of the nearest body; infinite if that is beyond all floats.
+    """The nearest physical rotational inertia (3, 3) about the com [kg m²]; infinite if it overflows.
 
     Σ is projected on the positive semidefinite cone: nearest in the Frobenius norm of the pseudo-inertia about the
-    com, whose mass and com stay as they are.
+    com; mass and com stay.
     """
-    scale = LARGE if abs(I).max() > LARGE else 1.0  # a power of two: changes no bit
+    scale = LARGE if abs(I).max() > LARGE else 1.0  # a power of two: exact
     I = I / scale
     second = 0.5 * np.trace(I) * np.eye(3) - I
     values, axes = np.linalg.eigh(second)

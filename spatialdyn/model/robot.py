@@ -1,6 +1,6 @@
-"""The checked robot: links and joints by name, before anything is merged, ordered or turned into a table.
+"""The checked robot: links and joints by name, before merging, ordering and tabulation.
 
-``urdf.load_urdf`` makes one from a file, ``ModelBuilder`` from calls; ``model.assemble`` turns it into a Model.
+``urdf.load_urdf`` makes one from a file, ``ModelBuilder`` from calls; ``model.assemble`` makes it a Model.
 """
 
 from __future__ import annotations
@@ -15,22 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..algebra.rotations import ROTATION_ZERO, UNIT_AXIS
+from ..bodies.kinds import CODES, kind_of
 from ..errors import InertiaError, ModelError
 from .physical_inertia import inertia_defect, nearest_physical, shown_moments, symmetric
 
 Array = NDArray[np.float64]
 
-JOINT_KINDS = (
-    "fixed",
-    "revolute",
-    "continuous",
-    "prismatic",
-    "spherical",
-    "floating",
-    "planar",
-)
-WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
-GIMBAL = 1e-9  # cosine of a pitch below which roll and yaw are one rotation
+JOINT_KINDS = ("fixed", *CODES)
+WITH_AXIS = tuple(word for word in CODES if kind_of(word).axis)
+GIMBAL = 1e-9  # cosine of the pitch: below it roll and yaw are one rotation
 
 
 @dataclass(frozen=True)
@@ -53,18 +47,18 @@ class Mimic:
 
 
 @dataclass(frozen=True)
-class Joint:
+class RobotJoint:
     """A joint from link ``parent`` to link ``child``.
 
-    placement  (16,)  pose of the joint, and of the child's frame at q = 0, in the parent link, row by row
+    placement  (16,)  pose of the joint, and of the child's frame at q = 0, in the parent link, row-major
     axis       (3,)   unit vector in the joint's frame: axis of rotation or translation, normal of a plane
     lower, upper      position limits [rad | m], infinite where there are none (joints of one freedom)
     velocity, effort  limits [rad/s | m/s], [N m | N]
     damping, friction read and kept, without effect on any result
     armature          reflected rotor inertia [kg m² | kg] of every freedom of the joint, or one for each. It is added
-                      to the diagonal of M and nothing else, as in Pinocchio: no part of C, so on a floating or planar
-                      joint, whose frame turns, M v changes as the equation of motion says and not as a true rotor's
-                      momentum would
+                      to the diagonal of M and nothing else, as in Pinocchio. C has no part of it, so on a floating or
+                      planar joint, whose frame rotates, M v does not change as a true rotor's momentum does
+    pitch             travel of a helical joint along its axis per radian [m/rad]; 0 for all others
     """
 
     name: str
@@ -81,41 +75,49 @@ class Joint:
     friction: float = 0.0
     armature: float | tuple[float, ...] = 0.0
     mimic: Mimic | None = None
+    pitch: float = 0.0
 
 
 @dataclass(frozen=True)
 class Robot:
-    """Links and joints that form a tree with one root; ``notes`` say what is odd about the source."""
+    """Links and joints that form a tree with one root.
+
+    notes    oddities of the source
+    source   absolute path of the URDF that it was read from, empty if from none: where its meshes are looked for. Like
+             the notes it is no part of what the robot is: robots that differ in it alone are equal
+    ordered  children are in the order of ``joints``, not in byte order of their names
+    """
 
     name: str
     root: str
     links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[RobotJoint, ...]
     notes: tuple[str, ...] = field(default=(), compare=False)
-    ordered: bool = False  # children in the order of ``joints`` rather than in byte order of their names
+    ordered: bool = False
+    source: str = field(default="", compare=False, repr=False)
 
     @property
-    def children(self) -> dict[str, list[Joint]]:
-        """The joints that leave each link, in the order they are walked: byte order of their names."""
-        table: dict[str, list[Joint]] = {link.name: [] for link in self.links}
+    def children(self) -> dict[str, list[RobotJoint]]:
+        """{link: joints to its children}, in the order of the walk: byte order of the joints' names."""
+        table: dict[str, list[RobotJoint]] = {link.name: [] for link in self.links}
         for joint in self.joints if self.ordered else sorted(self.joints, key=lambda j: j.name.encode()):
             table[joint.parent].append(joint)
         return table
 
 
 def nowhere(kind: str, name: str) -> str:
-    """Where a link or joint stands in its source: a prefix of messages, empty for robots made by calls."""
+    """The place of a link or joint in its source, a prefix of messages: empty for robots made by calls."""
     return ""
 
 
 def check_tree(
     name: str,
     links: Sequence[Link],
-    joints: Sequence[Joint],
+    joints: Sequence[RobotJoint],
     notes: Iterable[str] = (),
     where: Callable[[str, str], str] = nowhere,
 ) -> Robot:
-    """Links and joints as a Robot, if they are a tree; ``where("link" | "joint", name)`` is a prefix of messages.
+    """Links and joints as a Robot, checked to be a tree; ``where("link" | "joint", name)`` is a prefix of messages.
 
     Raises ModelError for duplicate names, unknown links, a link with two parents, a cycle, no root or two roots.
     """
@@ -129,7 +131,7 @@ def check_tree(
                 raise ModelError(f'{where(what, n)}robot "{name}" has two {what}s named "{n}", expected distinct names')
             seen.add(n)
     known = {link.name for link in links}
-    parent_of: dict[str, Joint] = {}
+    parent_of: dict[str, RobotJoint] = {}
     for joint in joints:
         for role, end in (("parent", joint.parent), ("child", joint.child)):
             if end not in known:
@@ -157,7 +159,7 @@ def check_tree(
         )
     robot = Robot(name, roots[0], tuple(links), tuple(joints), tuple(notes))
     children, reached = robot.children, [roots[0]]
-    for at in reached:  # grows as it is walked; a link has one parent, so it is reached once
+    for at in reached:  # grows during the loop; each link has one parent, so it is reached once
         reached += [joint.child for joint in children[at]]
     if len(reached) < len(links):
         held = set(reached)
@@ -178,9 +180,9 @@ def check_inertias(
     where: Callable[[str, str], str] = nowhere,
     stacklevel: int = 3,
 ) -> Robot:
-    """Apply the policy on inertias no body can have: "warn" keeps them, "strict" raises, "repair" projects.
+    """Apply the policy on inertias that are not physical: "warn" keeps them, "strict" raises, "repair" projects.
 
-    One warning lists all of them. What was found, and under "repair" what it became, is added to the notes.
+    One warning lists all of them. ``notes`` list each defect, and under "repair" the new moments.
 
     Raises InertiaError under "strict", naming the link, its principal moments and the violation.
     """
@@ -212,13 +214,13 @@ def check_inertias(
 
 
 def masked(value: Any, depth: int = 32) -> bool:
-    """Whether an array, or one in a list, has a mask, which NumPy drops where it makes an array of numbers of it."""
+    """Whether a value is or contains a masked array, whose mask NumPy drops when it makes a plain array of it."""
     ma = sys.modules.get("numpy.ma")
-    if ma is None:  # then there is no such array
+    if ma is None:  # not imported: no masked array exists
         return False
     if not isinstance(value, (list, tuple)):
         return isinstance(value, ma.MaskedArray)
-    kinds = set(map(type, value))  # a look at each entry would take longer than NumPy does
+    kinds = set(map(type, value))  # testing each entry would take longer than NumPy's conversion
     if any(issubclass(kind, ma.MaskedArray) for kind in kinds):
         return True
     return (
@@ -228,8 +230,8 @@ def masked(value: Any, depth: int = 32) -> bool:
     )
 
 
-def numbers(value: Any, count: int, what: str) -> tuple[float, ...]:
-    """So many real numbers as a tuple of floats. Raises ModelError: ``what``, the value, what was expected."""
+def floats(value: Any, count: int, what: str) -> tuple[float, ...]:
+    """``count`` real numbers as a tuple of floats. Raises ModelError, its message beginning with ``what``."""
     if masked(value):
         raise ModelError(f"{what} a masked array, expected {count} number{'s' * (count > 1)} without a mask")
     try:
@@ -245,17 +247,17 @@ def numbers(value: Any, count: int, what: str) -> tuple[float, ...]:
 def pose_matrix(placement: Any, what: str) -> Array:
     """A placement given as None, xyz, (xyz, rpy) or a (4, 4) matrix, as a (4, 4) matrix.
 
-    Raises ModelError if it is none of these, not finite, or its rotation is not orthonormal within 1e-6.
+    Raises ModelError for another value, one that is not finite, or a rotation not orthonormal within 1e-6.
     """
     X = np.eye(4)
     if placement is None:
         return X
     if isinstance(placement, tuple) and len(placement) == 2 and np.shape(placement[0]) == (3,):
-        rpy = numbers(placement[1], 3, f"{what} has rpy")
+        rpy = floats(placement[1], 3, f"{what} has rpy")
         if not all(map(math.isfinite, rpy)):
             raise ModelError(f"{what} has rpy {placement[1]!r}, expected finite numbers")
         X[:3, :3] = rpy_matrix(*rpy)
-        X[:3, 3] = numbers(placement[0], 3, f"{what} has xyz")
+        X[:3, 3] = floats(placement[0], 3, f"{what} has xyz")
     else:
         try:
             given = np.array(np.nan) if masked(placement) else np.asarray(placement)
@@ -274,7 +276,7 @@ def pose_matrix(placement: Any, what: str) -> Array:
     R = X[:3, :3]
     if not np.isfinite(X).all():
         raise ModelError(f"{what} has an entry that is not finite, expected finite numbers")
-    turns = abs(R).max() < 2.0 and abs(R @ R.T - np.eye(3)).max() <= 1e-6  # the first: squares of 1e308 overflow
+    turns = abs(R).max() < 2.0 and abs(R @ R.T - np.eye(3)).max() <= 1e-6  # the first avoids overflow of squares
     if not turns or np.linalg.det(R) < 0 or (X[3] != (0, 0, 0, 1)).any():
         raise ModelError(f"{what} is no pose: its rotation is not orthonormal within 1e-6, or its last row not 0 0 0 1")
     return X
@@ -286,17 +288,22 @@ def rpy_matrix(roll: float, pitch: float, yaw: float) -> Array:
     cy, sy = math.cos(yaw), math.sin(yaw)
     R = np.array(
         [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [cy * cp, sp * (sr * cy) - cr * sy, sp * (cr * cy) + sr * sy],
+            [sy * cp, sp * (sr * sy) + cr * cy, sp * (cr * sy) - sr * cy],
             [-sp, cp * sr, cp * cr],
         ]
     )
-    R[abs(R) < 1e-15] = 0.0
+    clear_rounding(R)
     return R
 
 
+def clear_rounding(R: Array) -> None:
+    """Zero the entries of rotations R (..., 3, 3) that are below 1e-15, in place."""
+    R[abs(R) < ROTATION_ZERO] = 0.0
+
+
 def rpy_of(R: Array) -> list[float]:
-    """Roll, pitch, yaw of a rotation; at a right angle of pitch, where only one of the others counts, the roll is 0."""
+    """Roll, pitch, yaw of a rotation; at a pitch of ±π/2, where roll and yaw are one rotation, the roll is 0."""
     cos_pitch = math.hypot(R[0, 0], R[1, 0])
     pitch = math.atan2(-R[2, 0], cos_pitch)
     if cos_pitch < GIMBAL:
@@ -337,8 +344,8 @@ def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
     return Link(name, mass, tuple(com.tolist()), tuple(symmetric(I).ravel().tolist()))
 
 
-def make_joint(joint: Joint) -> Joint:
-    """A Joint with its fields checked and its axis of unit length.
+def make_joint(joint: RobotJoint) -> RobotJoint:
+    """A RobotJoint with its fields checked and its axis of unit length.
 
     Raises ModelError naming the joint: unknown kind, zero or NaN axis, lower > upper, negative armature, mimic of
     itself.
@@ -355,7 +362,7 @@ def make_joint(joint: Joint) -> Joint:
             raise ModelError(f"{what} has axis of norm 0, expected a nonzero vector")
         scaled = axis / size
         norm = math.sqrt(scaled @ scaled)
-        if abs(norm * size - 1.0) > 4e-16:
+        if abs(norm * size - 1.0) > UNIT_AXIS:
             axis = scaled / norm
     for label in (
         "lower",
@@ -369,12 +376,16 @@ def make_joint(joint: Joint) -> Joint:
             raise ModelError(f"{what} has {label} nan, expected a number")
     if joint.lower > joint.upper:
         raise ModelError(f"{what} has lower limit {joint.lower} above upper limit {joint.upper}")
-    freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(joint.kind, 1)
+    freedoms = 1 if joint.kind == "fixed" else kind_of(joint.kind).nv
     rotors = joint.armature if isinstance(joint.armature, tuple) else (joint.armature,)
     if len(rotors) not in (1, freedoms):
         raise ModelError(f"{what} has armature {joint.armature}, expected one number or {freedoms}")
     if not all(rotor >= 0.0 and math.isfinite(rotor) for rotor in rotors):
         raise ModelError(f"{what} has armature {joint.armature}, expected a finite number >= 0")
+    if not math.isfinite(joint.pitch):
+        raise ModelError(f"{what} has pitch {joint.pitch}, expected a finite number")
+    if joint.pitch and joint.kind != "helical":
+        raise ModelError(f"{what} is {joint.kind} and has pitch {joint.pitch}, expected a helical joint for a pitch")
     m = joint.mimic
     if m is not None:
         if m.leader == joint.name:

@@ -1,4 +1,4 @@
-"""A Model with other numbers in the same tree: what is not concerned is taken over, not made again."""
+"""A Model with other numbers in the same tree, made from the parts that did not change."""
 
 from __future__ import annotations
 
@@ -14,28 +14,27 @@ from ..algebra.spatial import add_inertia, compose, identity_pose, inertia_to_pa
 from ..bodies.table import ANY_NORM
 from ..errors import ModelError
 from .assembly import NOTHING, Tables, about_origin, completed, digest, refuse_overflow
-from .joint_rows import matrix, pose, put_joint, subspace
+from .joint_rows import matrix_from_pose, pose_from_matrix, put_joint, subspace
 from .model import Model
-from .robot import Joint, Link
+from .robot import Link, RobotJoint
 
 
 def edited(
     model: Model,
     links: Mapping[int, Link],
-    joints: Mapping[int, Joint],
+    joints: Mapping[int, RobotJoint],
     gravity: tuple[float, float, float] | None = None,
     any_norm: bool | None = None,
 ) -> Model:
-    """The Model that is made of its robot with some links and joints in place of others, to the bit.
+    """The Model with some links and joints replaced, bit for bit as if assembled anew.
 
-    model    without mimic and without fixed joints, so that each joint carries one link
-    links    place in ``robot.links`` -> a Link of the same name
-    joints   place in ``robot.joints`` -> a Joint that differs in placement and armature alone
-    gravity  (3,) [m/s²], as it is if left out
-    any_norm whether q may be off its unit norm, as it is if left out
+    model    without mimic and fixed joints, so that each joint carries one link
+    links    index in ``robot.links`` -> a Link of the same name
+    joints   index in ``robot.joints`` -> a RobotJoint that differs in placement and armature alone
+    gravity  (3,) [m/s²]; unchanged if None
+    any_norm whether q may be off its unit norm; unchanged if None
 
-    Raises ModelError for a model of another kind; ModelError, InertiaError naming the joint whose placement or inertia
-    is beyond the largest float.
+    Raises ModelError for other models; ModelError, InertiaError naming the joint whose placement or inertia overflows.
     """
     if model.mimic_matrix is not None or len(model.robot.joints) + 1 != model.njoints:
         raise ModelError(f'model "{model.name}" has other than one link for each moving joint, expected no fixed ones')
@@ -54,11 +53,13 @@ def edited(
         first = row.row - row.nv + 1
         bodies["armature"][first : row.row + 1] = given.armature
         if given.placement != robot.joints[at].placement:
-            X = compose(identity_pose() if row.parent else pose(options.base), pose(given.placement))
+            X = compose(
+                identity_pose() if row.parent else pose_from_matrix(options.base), pose_from_matrix(given.placement)
+            )
             kind = int(bodies["kind"][first])
-            put_joint(bodies, first, kind, X, subspace(given.kind, given.axis), row.idx_q)
+            put_joint(bodies, first, kind, X, subspace(given.kind, given.axis, given.pitch), row.idx_q)
             bodies["parent"][first] = rows[row.parent].row
-            rows[k] = row._replace(placement=matrix(X))
+            rows[k] = row._replace(placement=matrix_from_pose(X))
     if gravity is not None:
         options = replace(options, gravity=gravity)
         put_vec(bodies[0].gravity, Vec(*gravity))

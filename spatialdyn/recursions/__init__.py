@@ -1,9 +1,48 @@
 """The algorithms, one file each, written once as their source prints them.
 
-A recursion takes the table of bodies, a table of scratch and the arrays of one sample, writes its outputs and
-returns nothing. It allocates nothing, branches on no value and knows no names, so one source runs in plain
-Python, under Numba and on numbers that record, are exact or are symbols. ``SPECS`` gathers what each file
-offers; a new file with a ``SPECS`` of its own is a new public call.
+A recursion takes the table of bodies, a table of scratch and the arrays of one sample, writes its outputs in place and
+returns nothing. It allocates nothing, branches on no value and knows no names, so one source runs in plain Python,
+under Numba and on numbers that record, are exact or are symbols. ``SPECS`` gathers the Specs of all files.
+
+A new public call is a recursion and its Spec in the ``SPECS`` of a file here, new or old: ``sd.NAME``, its help,
+kernels and programs follow. Then ``python tests/calls/test_typing.py`` writes the stub anew, and the call needs an
+entry in the table ORACLE of ``tests/recursions/test_dynamics.py``, or a test elsewhere that is named there. An array
+may have any name; the names of ``static`` inputs are few (row, placement, reference, classical), and a further one
+needs its words in ``calls.dynamics`` and ``calls.specs``. Kernels compile at the first call: a mistake in a recursion
+shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
+
+Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it
+does not trace, the other has none. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off its unit
+norm and the table accepts such q, as tables of the Pinocchio face do and those of programs do not.
+
+Words that any file of the package may use:
+
+================  ======================================================================================================
+table, row        table of bodies (``bodies.table``): a structured array, one row per degree of freedom; row 0 is the
+                  world, a parent's row comes before its children's, and row i belongs to velocity v[i - 1]
+subspace S        motion of a row at unit rate, constant in its body; the joint's velocity is Σ S q̇ over its rows
+joint             one or more rows, the body on the last; numbered depth first, joint 0 is the world
+coordinate        an entry of q, nq in all; a quaternion has four, a (cos, sin) pair two
+freedom           an entry of v, nv in all: a rate of q, or a twist of the body in its own frame
+configuration     q, a point of a Lie group: ``integrate`` takes the place of a sum, ``difference`` of a difference
+outward, inward   a loop over the rows from the world to the tips, or back
+scratch, work     table of intermediate results, a row for each of bodies; a file's WORK lists its fields
+Spec              a public call as data: recursion, WORK, inputs and output with shapes and units, source (``spec``)
+sample, batch     the inputs of one evaluation; many of them, stacked on leading axes
+engine            a way of running every recursion: Numba, programs, exact numbers, symbols
+kernel            compiled function that an engine makes of a recursion, for one sample or a batch
+table kernel      kernel that reads any model's table at run time: no compiling per model
+trace, program    to run a recursion once on numbers that record; the list of one model's operations that results
+lane              one of the samples that a program computes side by side in a SIMD register
+regroup           to move inertia from a body to its parent where no result of the Spec changes: shorter programs
+pivot             D = S·IA S + armature of a row, IA its articulated inertia: divided by, so it must not be near 0
+singular          of a joint whose pivot is at most n eps times its composite inertia: no acceleration follows from tau
+status            what a kernel reports of a sample: OK, SHAPE, UNIT, PIVOT or NONFINITE (``engines.compiled``)
+mimic, G          joint that follows another, its leader; G maps the model's velocities to the full tree's
+through M         what calls do in place of a recursion with pivots on models with mimic joints: M = Gᵀ M_full G, solved
+stamp             hash of all sources that are compiled, in every cache key: an edit never meets an old kernel
+face              ``compat.pinocchio``: the same library under Pinocchio's names and conventions
+================  ======================================================================================================
 """
 
 from __future__ import annotations

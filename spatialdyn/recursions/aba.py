@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.articulated import (
     Articulated,
     add_articulated,
     articulated,
     articulated_force,
     articulated_to_parent,
-    without,
+    subtract_outer,
 )
-from ..algebra.euclidean import Vec, negative, zero
+from ..algebra.euclidean import Vec, neg, zero
+from ..algebra.public_arrays import read_force
 from ..algebra.records import (
     articulated_of,
-    force_from,
     force_of,
     inertia_of,
     motion_of,
@@ -26,7 +24,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -46,21 +44,40 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
-from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
+from .signatures import Array, Bodies, Config, Matrix, Vector, Work
+from .spec import FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
+from .steps import moved_by_joint
 
-WORK = table_dtype(X=Pose, v=Motion, c=Motion, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float)
-WORK_INVERSE = table_dtype(X=Pose, IA=Articulated, U=Force, d=float, F=Force, P=Motion)
+WORK = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    v=Motion,  # spatial velocity; outward
+    c=Motion,  # velocity-product acceleration v × S q̇; outward
+    a=Motion,  # spatial acceleration; third sweep
+    IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
+    pA=Force,  # bias force; of the body alone, outward; of its subtree, inward
+    U=Force,  # IA S; inward
+    d=float,  # 1 / D = 1 / (S·U + armature); inward
+    u=float,  # τ - S·pA; inward
+)
+WORK_INVERSE = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    IA=Articulated,  # as in WORK
+    U=Force,  # as in WORK
+    d=float,  # as in WORK
+    F=Force,  # force that a unit torque of this row leaves on the row reached; inward, column by column
+    P=Motion,  # acceleration that the unit torque causes; outward, column by column
+)
 
 
-@inlined
-def aba(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any) -> None:
+@inline
+def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, a: Vector, pivots: Vector) -> None:
     """RBDA table 7.1 in body coordinates; fext may be None, for zero."""
-    articulated_inward(bodies, work, q, v, tau, fext, pivots)
-    articulated_outward(bodies, work, v, vec_of(bodies[0].gravity), a)
+    aba_inward(bodies, work, q, v, tau, fext, pivots)
+    aba_outward(bodies, work, v, vec_of(bodies[0].gravity), a)
 
 
-@inlined
-def articulated_inward(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, pivots: Any) -> None:
+@inline
+def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, pivots: Vector) -> None:
     """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
     n = len(bodies) - 1
     if v is not None:
@@ -75,12 +92,12 @@ def articulated_inward(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: A
         pA = zero_force()
         if v is not None:
             vJ = joint_motion(bodies, i, v)
-            vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+            vi = moved_by_joint(here, parent, vJ)
             pA = cross_force(vi, momentum(I, vi))
             put_motion(here.v, vi)
             put_motion(here.c, cross_motion(vi, vJ))
         if fext is not None and b.joint > 0:
-            pA = sub_force(pA, force_from(fext[b.joint]))
+            pA = sub_force(pA, read_force(fext[b.joint]))
         put_articulated(here.IA, articulated(I))
         put_force(here.pA, pA)
 
@@ -92,7 +109,7 @@ def articulated_inward(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: A
         D = power(S, U) + b.armature
         d = 1.0 / D
         u = tau[i - 1] - power(S, pA)
-        Ia = without(IA, U, scale_force(d, U))
+        Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
         pa = add_force(pa, scale_force(d * u, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
@@ -103,9 +120,9 @@ def articulated_inward(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: A
         pivots[i - 1] = D
 
 
-@inlined
-def articulated_again(bodies: Any, work: Any, tau: Any) -> None:
-    """The second pass for other torques on a robot at rest: u of each row, by the X, U, D of articulated_inward."""
+@inline
+def aba_resolve(bodies: Bodies, work: Work, tau: Vector) -> None:
+    """The second pass for other torques on a robot at rest: u of each row, from the X, U, D of ``aba_inward``."""
     for i in range(len(bodies)):
         put_force(work[i].pA, zero_force())
     for i in range(len(bodies) - 1, 0, -1):
@@ -116,10 +133,10 @@ def articulated_again(bodies: Any, work: Any, tau: Any) -> None:
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(pose_of(here.X), pa)))
 
 
-@inlined
-def articulated_outward(bodies: Any, work: Any, v: Any, gravity: Vec, a: Any) -> None:
-    """The third pass, under a gravity. Without v, and with none, it solves M(q) a = τ + Σ Jᵀ fext."""
-    put_motion(work[0].a, Motion(zero(), negative(gravity)))
+@inline
+def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) -> None:
+    """The third pass, under a given gravity. With v None and gravity 0 it solves M(q) a = τ + Σ Jᵀ fext."""
+    put_motion(work[0].a, Motion(zero(), neg(gravity)))
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         ai = motion_to_child(pose_of(here.X), motion_of(parent.a))
@@ -130,8 +147,8 @@ def articulated_outward(bodies: Any, work: Any, v: Any, gravity: Vec, a: Any) ->
         a[i - 1] = qdd
 
 
-@inlined
-def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
+@inline
+def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector) -> None:
     """M⁻¹ column by column through one articulated sweep."""
     n = len(bodies) - 1
     put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
@@ -145,7 +162,7 @@ def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
         d = 1.0 / D
-        Ia = without(IA, U, scale_force(d, U))
+        Ia = subtract_outer(IA, U, scale_force(d, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(here.U, U)
         here.d = d
@@ -153,9 +170,9 @@ def minverse(bodies: Any, work: Any, q: Any, Minv: Any, pivots: Any) -> None:
     inverse_columns(bodies, work, Minv)
 
 
-@inlined
-def inverse_columns(bodies: Any, work: Any, Minv: Any) -> None:
-    """M⁻¹ by the X, U and d = 1/D that an articulated sweep has left.
+@inline
+def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
+    """M⁻¹ from the X, U and d = 1/D of an articulated sweep.
 
     Inward, F_j is the force that a unit torque at row j leaves on the row it has reached; outward, P the
     acceleration it causes. Only rows i <= j are computed, the rest is symmetry.
@@ -169,7 +186,7 @@ def inverse_columns(bodies: Any, work: Any, Minv: Any) -> None:
             Minv[i - 1, j - 1] = 0.0
         Minv[i - 1, i - 1] = d
         put_force(here.F, force_to_parent(X, scale_force(d, U)))
-        for j in range(i + 1, b.last + 1):
+        for j in range(i + 1, b.last_row + 1):
             F = force_of(work[j].F)
             Mij = -d * power(S, F)
             Minv[i - 1, j - 1] = Mij
@@ -179,7 +196,7 @@ def inverse_columns(bodies: Any, work: Any, Minv: Any) -> None:
         root = j
         while bodies[root].parent > 0:
             root = bodies[root].parent
-        for i in range(root, j + 1):  # of another branch from the world it is zero
+        for i in range(root, j + 1):  # zero for rows of another branch from the world
             here, parent = work[i], work[bodies[i].parent]
             P = motion_to_child(pose_of(here.X), motion_of(parent.P))
             Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
@@ -188,16 +205,27 @@ def inverse_columns(bodies: Any, work: Any, Minv: Any) -> None:
             Minv[j - 1, i - 1] = Mij
 
 
+def acceleration_through_M(M: MassMatrix, q: Array, v: Array, tau: Array, fext: Array) -> Array:
+    """a = M⁻¹ (tau - rnea(q, v, 0))."""
+    return M.solve(tau - M.call("rnea", q, v, 0.0 * v, fext))
+
+
+def minverse_through_M(M: MassMatrix, q: Array) -> Array:
+    """M⁻¹ itself."""
+    return M.inverse
+
+
 SPECS = (
     Spec(
         "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
-        "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True,
+        "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
     ),
     Spec(
         "minverse", minverse, WORK_INVERSE, (Q,),
         Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
         "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
         "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,
+        through_M=minverse_through_M,
     ),
 )  # fmt: skip

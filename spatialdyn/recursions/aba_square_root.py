@@ -1,29 +1,18 @@
 """Forward dynamics by the articulated body algorithm on square roots of inertias.
 
-By Gauss's principle the accelerations of a subtree make ½ |R a + z|² - l·a smallest, with a row of R and an entry of z
-for each direction in which it has inertia: RᵀR is its articulated inertia, which is never formed, so nothing of a
-light link is lost beside a heavy one. A joint is eliminated by a reflection of the rows; what does not feel it goes on
-to the parent. ``square_root_inertia`` makes the rows of one body, ``square_root_rows`` holds and reflects
-those of a subtree.
+By Gauss's principle the accelerations of a subtree minimize ½ |R a + z|² - l·a, with a row of R and an entry of z for
+each direction in which it has inertia: RᵀR is its articulated inertia, which is never formed, so that a light link
+loses no digits beside a heavy one. A Householder reflection of the rows eliminates a joint: one row keeps the joint's
+acceleration, the others pass to the parent. ``square_root_inertia`` makes the rows of one body, ``square_root_rows``
+stores and reflects those of a subtree.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.euclidean import Rot, Vec, negative, unrotate, zero
-from ..algebra.records import (
-    force_from,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_force,
-    put_motion,
-    table_dtype,
-    vec_of,
-)
-from ..algebra.scalars import inlined, sqrt
+from ..algebra.euclidean import Mat3, Vec, neg, unrotate, zero
+from ..algebra.public_arrays import read_force
+from ..algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, put_motion, table_dtype, vec_of
+from ..algebra.scalars import inline, sqrt
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -42,40 +31,66 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
+from .aba import acceleration_through_M
 from .rnea import rnea
+from .signatures import Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 from .square_root_inertia import body_rows
 from .square_root_rows import Row, put_row, reflect, row_of, triangular
+from .steps import moved_by_joint
 
-FOLDED = 12  # rows that children leave before they are made six
-ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are made 6, and 1 of the armature
-BLUR = 16.0  # n eps that rounding makes of a root that is 0: up to 3 on random floating robots of massless root
+FOLDED = 12  # most rows from children in a stack; more are reduced to six first
+ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are reduced to 6, and 1 of the armature
+BLUR = 16.0  # times n eps bounds the rounded value of a root that is 0: 3 on random floating robots of massless root
 
 WORK = table_dtype(
-    X=Pose, v=Motion, c=Motion, a=Motion, l=Force, r=Force, s=float, z=float, t=float,
-    w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec, rows=int, relative=int, stack=(float, (ROWS, 8)),
-    reach=(float, (6,)), felt=(float, (6,)),
-)  # fmt: skip
+    X=Pose,  # pose of the row in its parent; outward
+    v=Motion,  # spatial velocity; outward
+    c=Motion,  # velocity-product acceleration v × S q̇; outward
+    a=Motion,  # spatial acceleration; last sweep
+    l=Force,  # force given to the body and by its children; inward, for each right side
+    r=Force,  # Force of the row that the joint keeps; inward
+    s=float,  # number of that row, a root of D; inward
+    z=float,  # velocity term of that row; inward
+    t=float,  # torque across the joint over s; inward, for each right side
+    w=Vec,  # of rnea, as are the fields to f
+    dw=Vec,
+    dv=Vec,
+    f=Force,
+    rows=int,  # rows of the stack in use; inward
+    relative=int,  # 1 if the unknown is the joint acceleration, 0 if the body's along the axis; inward
+    stack=(float, (ROWS, 8)),  # rows [s | r | z] of the subtree; inward
+    reach=(float, (6,)),  # 1 for entries of the acceleration that joints above can change; outward
+    felt=(float, (6,)),  # 1 for those that its own joint can change as well; outward
+)
 
 
-@inlined
+@inline
 def aba_square_root(
-    bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any, residual: Any
+    bodies: Bodies,
+    work: Work,
+    q: Config,
+    v: Vector,
+    tau: Vector,
+    fext: Matrix,
+    a: Vector,
+    pivots: Vector,
+    residual: Vector,
 ) -> None:
     """RBDA table 7.1 with rows [R z] and l in place of IA and pA; fext may be None, for zero.
 
-    Then once a += M⁻¹ (τ - RNEA(q, v, a)) with the rows that are there: a joint whose axis a heavy link feels no more
-    than a light one mixes their rows, and the light one's may lose digits.
+    Then one refinement a += M⁻¹ (τ - RNEA(q, v, a)) by the same rows: about an axis on which a heavy link has no more
+    inertia than a light one, a joint mixes their rows, and those of the light link may lose digits.
 
-    pivots    (nv), written: the root of D times that of a bound on the composite inertia, over BLUR, for a joint is
-              singular here when the first is next to nothing of the second
-    residual  (nv), written: what the last step has changed
+    pivots    (nv), written: √D times the root of a bound on the composite inertia, over BLUR, because a joint is
+              singular here if the first root is within rounding of 0 relative to the second
+    residual  (nv), written: the last change of a
     """
     _roots(bodies, work, q, v, pivots)
     for i in range(1, len(bodies)):
         put_force(work[i].l, zero_force())
         if fext is not None and bodies[i].joint > 0:
-            put_force(work[i].l, force_from(fext[bodies[i].joint]))
+            put_force(work[i].l, read_force(fext[bodies[i].joint]))
     _inward(bodies, work, tau)
     _outward(bodies, work, vec_of(bodies[0].gravity), True, a)
 
@@ -89,8 +104,8 @@ def aba_square_root(
         a[i] = a[i] + residual[i]
 
 
-@inlined
-def _roots(bodies: Any, work: Any, q: Any, v: Any, pivots: Any) -> None:
+@inline
+def _roots(bodies: Bodies, work: Work, q: Config, v: Vector, pivots: Vector) -> None:
     """Place the bodies, and eliminate each joint from the rows of its subtree."""
     n = len(bodies) - 1
     put_motion(work[0].v, zero_motion())
@@ -100,7 +115,7 @@ def _roots(bodies: Any, work: Any, q: Any, v: Any, pivots: Any) -> None:
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         place_joint(bodies, i, q, here.X)
         vJ = joint_motion(bodies, i, v)
-        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+        vi = moved_by_joint(here, parent, vJ)
         put_motion(here.v, vi)
         put_motion(here.c, cross_motion(vi, vJ))
         here.rows = 0
@@ -115,14 +130,14 @@ def _roots(bodies: Any, work: Any, q: Any, v: Any, pivots: Any) -> None:
         first = row_of(here.stack, 0)
         here.s, here.z = first.s, first.z
         put_force(here.r, first.r)
-        pivots[i - 1] = abs(first.s) * sqrt(b.armature + b.bound.x) / BLUR
+        pivots[i - 1] = abs(first.s) * sqrt(b.armature + b.inertia_bound.x) / BLUR
         if b.parent > 0:
             _hand_over(here, work[b.parent], rows)
 
 
-@inlined
-def _inward(bodies: Any, work: Any, tau: Any) -> None:
-    """t of each joint, from the torques and the forces l that are there."""
+@inline
+def _inward(bodies: Bodies, work: Work, tau: Vector) -> None:
+    """t of each joint, from the torques and the forces l in the scratch."""
     put_force(work[0].l, zero_force())
     for i in range(len(bodies) - 1, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
@@ -136,10 +151,10 @@ def _inward(bodies: Any, work: Any, tau: Any) -> None:
             put_force(parent.l, add_force(force_of(parent.l), up))
 
 
-@inlined
-def _outward(bodies: Any, work: Any, gravity: Vec, moving: bool, a: Any) -> None:
-    """The accelerations, of joints and bodies; not moving leaves out what velocities add."""
-    put_motion(work[0].a, Motion(zero(), negative(gravity)))
+@inline
+def _outward(bodies: Bodies, work: Work, gravity: Vec, moving: bool, a: Vector) -> None:
+    """Accelerations of joints and bodies; the velocity terms are left out unless ``moving``."""
+    put_motion(work[0].a, Motion(zero(), neg(gravity)))
     for i in range(1, len(bodies)):
         here, S = work[i], motion_of(bodies[i].S)
         ai, t = motion_to_child(pose_of(here.X), motion_of(work[bodies[i].parent].a)), here.t
@@ -154,12 +169,12 @@ def _outward(bodies: Any, work: Any, gravity: Vec, moving: bool, a: Any) -> None
         put_motion(here.a, add_motion(ai, scale_motion(x, S)))
 
 
-@inlined
-def _reach(here: Any, parent: Any, S: Motion) -> None:
+@inline
+def _reach(here: Record, parent: Record, S: Motion) -> None:
     """Mark the entries of a body's acceleration that joints above it (reach), or they and its own (felt) can change.
 
-    The others are known beforehand, so rows need not be kept for them; and where the axes of a planar arm are those
-    of its frames, nothing of the forces across the plane gets into the plane by rounding.
+    The other entries are known beforehand and need no rows; and where the axes of a planar arm are those of its
+    frames, rounding brings no force from across the plane into it.
     """
     X = pose_of(here.X)
     R, p = X.R, X.p
@@ -170,7 +185,7 @@ def _reach(here: Any, parent: Any, S: Motion) -> None:
         felt[4] + abs(p.x) * w.z + abs(p.z) * w.x,
         felt[5] + abs(p.y) * w.x + abs(p.x) * w.y,
     )
-    turned = Rot(abs(R.xx), abs(R.xy), abs(R.xz), abs(R.yx), abs(R.yy), abs(R.yz), abs(R.zx), abs(R.zy), abs(R.zz))
+    turned = Mat3(abs(R.xx), abs(R.xy), abs(R.xz), abs(R.yx), abs(R.yy), abs(R.yz), abs(R.zx), abs(R.zy), abs(R.zz))
     w, v = unrotate(turned, w), unrotate(turned, v)
     reached = (w.x, w.y, w.z, v.x, v.y, v.z)
     along = (S.w.x, S.w.y, S.w.z, S.v.x, S.v.y, S.v.z)
@@ -182,19 +197,19 @@ def _reach(here: Any, parent: Any, S: Motion) -> None:
 # --- the stack of a body --------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def as_force(S: Motion) -> Force:
-    """The row that takes of a motion its part along the unit S."""
+    """The row that projects a motion on the unit S."""
     return Force(S.w, S.v)
 
 
-@inlined
-def _gather(b: Any, here: Any) -> int:
-    """Make the stack whole and split it along the joint's axis; returns how many rows it has.
+@inline
+def _gather(b: Record, here: Record) -> int:
+    """Add the body's rows to the stack and split it along the joint's axis; returns the number of rows.
 
-    The unknown of a joint is the acceleration of its body along the axis, so that what goes on to the parent feels
-    exactly nothing along it. An armature feels the difference to the parent's. Where it is the greater part, the
-    difference is the unknown: a small one would be lost in the sum.
+    The unknown of a joint is the acceleration of its body along the axis, so that the rows for the parent are exactly
+    0 along it. An armature acts on the difference to the parent's acceleration. Where the armature is the greater
+    part, the difference is the unknown: a small one would be lost in the sum.
     """
     stack, S = here.stack, motion_of(b.S)
     rows: int = here.rows
@@ -219,9 +234,9 @@ def _gather(b: Any, here: Any) -> int:
     return rows
 
 
-@inlined
-def _hand_over(here: Any, parent: Any, rows: int) -> None:
-    """Append the rows of a body that its joint does not feel, row 0 left out, to its parent's stack."""
+@inline
+def _hand_over(here: Record, parent: Record, rows: int) -> None:
+    """Append the rows of a body but row 0, which its joint keeps, to its parent's stack."""
     X, c, stack, last = pose_of(here.X), motion_of(here.c), here.stack, rows
     if rows > 7:
         last = triangular(stack, 1, rows, here.reach)
@@ -241,6 +256,7 @@ SPECS = (
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm on square "
         "roots of inertias.",
         "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "
-        "constraint.", pivots=True, traces=False, spare=(("nv",),),
+        "constraint.", pivots=True, traceable=False, scratch=(("nv",),),
+        through_M=acceleration_through_M,
     ),
 )  # fmt: skip

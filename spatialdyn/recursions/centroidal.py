@@ -9,20 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..algebra.euclidean import cross, minus, plus, times
-from ..algebra.records import (
-    inertia_of,
-    motion_of,
-    pose_of,
-    public_force,
-    public_vec,
-    put_inertia,
-    put_motion,
-    put_pose,
-    table_dtype,
-    vec_of,
-)
-from ..algebra.scalars import inlined
+from ..algebra.euclidean import add, cross, scale, sub
+from ..algebra.public_arrays import write_force, write_vec
+from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, put_motion, put_pose, table_dtype, vec_of
+from ..algebra.scalars import inline
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -34,25 +24,32 @@ from ..algebra.spatial import (
     compose,
     cross_force,
     cross_motion,
+    force_at_child,
     identity_pose,
     inertia_rate,
     inertia_to_parent,
     momentum,
     motion_to_parent,
     scale_motion,
-    shift_force,
     zero_force,
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
 from .energy import WORK_MOMENT, mass_moment
+from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import A, Argument, Q, Spec, V
 
-WORK = table_dtype(X=Pose, v=Motion, a=Motion, I=Inertia, dI=Inertia)
+WORK = table_dtype(
+    X=Pose,  # pose of the row in the world; outward
+    v=Motion,  # spatial velocity in the world; outward, if v is given
+    a=Motion,  # spatial acceleration in the world; outward, if a is given
+    I=Inertia,  # inertia in the world, outward; of the subtree, inward
+    dI=Inertia,  # its rate, outward; of the subtree, inward
+)
 
 
-@inlined
-def outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
+@inline
+def momentum_outward(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector) -> None:
     """Pose, velocity, acceleration and inertia of every body, in the world; gravity left out. v, a may be None."""
     put_pose(work[0].X, identity_pose())
     put_motion(work[0].v, zero_motion())
@@ -76,8 +73,8 @@ def outward(bodies: Any, work: Any, q: Any, v: Any, a: Any) -> None:
                 put_motion(here.a, add_motion(add_motion(motion_of(parent.a), cross_motion(vi, vJ)), aJ))
 
 
-@inlined
-def _inward(bodies: Any, work: Any, v: Any) -> None:
+@inline
+def _inward(bodies: Bodies, work: Work, v: Vector) -> None:
     """Inertia (and its rate, if v is not None) of every subtree, in the world; row 0: of the robot."""
     for i in range(len(bodies) - 1, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
@@ -86,8 +83,8 @@ def _inward(bodies: Any, work: Any, v: Any) -> None:
             put_inertia(parent.dI, add_inertia(inertia_of(parent.dI), inertia_of(here.dI)))
 
 
-@inlined
-def _momentum(bodies: Any, work: Any) -> Force:
+@inline
+def _momentum(bodies: Bodies, work: Work) -> Force:
     """Spatial momentum of the robot about the world's origin."""
     h = zero_force()
     for i in range(1, len(bodies)):
@@ -95,8 +92,8 @@ def _momentum(bodies: Any, work: Any) -> Force:
     return h
 
 
-@inlined
-def _force(bodies: Any, work: Any) -> Force:
+@inline
+def _force(bodies: Bodies, work: Work) -> Force:
     """Rate of change of the robot's spatial momentum about the world's origin, Σ (I a + v ×* I v)."""
     f = zero_force()
     for i in range(1, len(bodies)):
@@ -105,8 +102,8 @@ def _force(bodies: Any, work: Any) -> Force:
     return f
 
 
-@inlined
-def _mass(bodies: Any) -> Any:
+@inline
+def _mass(bodies: Bodies) -> Any:
     """Total mass of the moving bodies."""
     m = bodies[0].inertia.m
     for i in range(1, len(bodies)):
@@ -114,101 +111,100 @@ def _mass(bodies: Any) -> Any:
     return m
 
 
-@inlined
-def center_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
+@inline
+def center_of_mass(bodies: Bodies, work: Work, q: Config, c: Vector) -> None:
     """c = Σ m c / Σ m, from the first moments summed inward."""
     mass_moment(bodies, work, q)
-    public_vec(c, times(1.0 / work[0].m, vec_of(work[0].h)))
+    write_vec(c, scale(1.0 / work[0].m, vec_of(work[0].h)))
 
 
-@inlined
-def center_of_mass_velocity(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
+@inline
+def center_of_mass_velocity(bodies: Bodies, work: Work, q: Config, v: Vector, out: Vector) -> None:
     """Linear momentum over mass."""
-    outward(bodies, work, q, v, None)
-    public_vec(out, times(1.0 / _mass(bodies), _momentum(bodies, work).f))
+    momentum_outward(bodies, work, q, v, None)
+    write_vec(out, scale(1.0 / _mass(bodies), _momentum(bodies, work).f))
 
 
-@inlined
-def center_of_mass_velocity_derivatives(bodies: Any, work: Any, q: Any, v: Any, D: Any) -> None:
-    """By q: subtree i turns about S, and its momentum with it, while what carries it seems to move by v_λ × S.
-
-    By v it is the Jacobian.
+@inline
+def center_of_mass_velocity_derivatives(bodies: Bodies, work: Work, q: Config, v: Vector, D: Array) -> None:
+    """By q: subtree i and its momentum rotate about S, and seen from it the velocity of the body it stands on changes
+    by v_λ × S. By v: the Jacobian.
     """
-    outward(bodies, work, q, v, None)
+    momentum_outward(bodies, work, q, v, None)
     _inward(bodies, work, v)
     m = 1.0 / work[0].I.m
     for i in range(1, len(bodies)):
         vp = motion_of(work[bodies[i].parent].v)
         for k in range(i, i + bodies[i].dofs):
             S, I = motion_to_parent(pose_of(work[k].X), motion_of(bodies[k].S)), inertia_of(work[k].I)
-            seen = plus(momentum(I, cross_motion(vp, S)).f, cross(S.w, vec_of(work[k].dI.h)))
-            public_vec(D[0, :, k - 1], times(m, seen))
-            public_vec(D[1, :, k - 1], times(m, momentum(I, S).f))
+            seen = add(momentum(I, cross_motion(vp, S)).f, cross(S.w, vec_of(work[k].dI.h)))
+            write_vec(D[0, :, k - 1], scale(m, seen))
+            write_vec(D[1, :, k - 1], scale(m, momentum(I, S).f))
 
 
-@inlined
-def center_of_mass_acceleration(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
+@inline
+def center_of_mass_acceleration(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, out: Vector) -> None:
     """Net force over mass."""
-    outward(bodies, work, q, v, a)
-    public_vec(out, times(1.0 / _mass(bodies), _force(bodies, work).f))
+    momentum_outward(bodies, work, q, v, a)
+    write_vec(out, scale(1.0 / _mass(bodies), _force(bodies, work).f))
 
 
-@inlined
-def center_of_mass_jacobian(bodies: Any, work: Any, q: Any, J: Any) -> None:
+@inline
+def center_of_mass_jacobian(bodies: Bodies, work: Work, q: Config, J: Matrix) -> None:
     """Column i: linear momentum of the subtree under a unit velocity of row i, over the mass of the robot."""
-    outward(bodies, work, q, None, None)
+    momentum_outward(bodies, work, q, None, None)
     _inward(bodies, work, None)
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
-        public_vec(J[:, i - 1], times(1.0 / work[0].I.m, momentum(inertia_of(work[i].I), Ji).f))
+        write_vec(J[:, i - 1], scale(1.0 / work[0].I.m, momentum(inertia_of(work[i].I), Ji).f))
 
 
-@inlined
-def centroidal_momentum(bodies: Any, work: Any, q: Any, v: Any, h: Any) -> None:
+@inline
+def centroidal_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, h: Vector) -> None:
     """The robot's momentum, its moment taken about the centre of mass."""
-    outward(bodies, work, q, v, None)
+    momentum_outward(bodies, work, q, v, None)
     p = _momentum(bodies, work)
     _inward(bodies, work, None)
-    c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
-    public_force(h, shift_force(c, p))
+    c = scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    write_force(h, force_at_child(c, p))
 
 
-@inlined
-def centroidal_momentum_rate(bodies: Any, work: Any, q: Any, v: Any, a: Any, dh: Any) -> None:
-    """The net force on the robot, its moment taken about the centre of mass: that of its own motion drops out."""
-    outward(bodies, work, q, v, a)
+@inline
+def centroidal_momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, dh: Vector) -> None:
+    """The net force on the robot, its moment taken about the centre of mass, whose own motion adds nothing."""
+    momentum_outward(bodies, work, q, v, a)
     f = _force(bodies, work)
     _inward(bodies, work, None)
-    c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
-    public_force(dh, shift_force(c, f))
+    c = scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    write_force(dh, force_at_child(c, f))
 
 
-@inlined
-def centroidal_map(bodies: Any, work: Any, q: Any, Ag: Any) -> None:
+@inline
+def centroidal_map(bodies: Bodies, work: Work, q: Config, Ag: Matrix) -> None:
     """Column i: Ic S, its moment taken about the centre of mass."""
-    outward(bodies, work, q, None, None)
+    momentum_outward(bodies, work, q, None, None)
     _inward(bodies, work, None)
-    c = times(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    c = scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
         F = momentum(inertia_of(work[i].I), Ji)
-        public_force(Ag[:, i - 1], shift_force(c, F))
+        write_force(Ag[:, i - 1], force_at_child(c, F))
 
 
-@inlined
-def centroidal_map_dot(bodies: Any, work: Any, q: Any, v: Any, dAg: Any) -> None:
-    """Column i: d/dt (Ic S) = İc S + Ic (v × S), and the centre of mass that its moment is taken about moves."""
-    outward(bodies, work, q, v, None)
+@inline
+def centroidal_map_dot(bodies: Bodies, work: Work, q: Config, v: Vector, dAg: Matrix) -> None:
+    """Column i: d/dt (Ic S) = İc S + Ic (v × S), about the centre of mass, which moves."""
+    momentum_outward(bodies, work, q, v, None)
     _inward(bodies, work, v)
     total, rate = inertia_of(work[0].I), inertia_of(work[0].dI)
-    c, dc = times(1.0 / total.m, total.h), times(1.0 / total.m, rate.h)
+    c, dc = scale(1.0 / total.m, total.h), scale(1.0 / total.m, rate.h)
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
         I, dI = inertia_of(work[i].I), inertia_of(work[i].dI)
         F = momentum(I, Ji)
         dF = add_force(momentum(dI, Ji), momentum(I, cross_motion(motion_of(work[i].v), Ji)))
-        about = shift_force(c, dF)
-        public_force(dAg[:, i - 1], Force(minus(about.n, cross(dc, F.f)), about.f))
+        about = force_at_child(c, dF)
+        write_force(dAg[:, i - 1], Force(sub(about.n, cross(dc, F.f)), about.f))
 
 
 _SOURCE = "after Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot (2013)."

@@ -1,21 +1,25 @@
 """The Christoffel symbols Γ_ijk of M(q), C_ij = Σ_k Γ_ijk v_k, and the tensor ∂M_ij/∂q_k.
 
 Coordinates have 2 Γ_ijk = ∂_k M_ij + ∂_j M_ik - ∂_i M_jk. The velocities of spherical, floating and planar joints
-are those of no coordinates: they belong to fields X_k with brackets [X_j, X_k] = Σ c^m_jk X_m, for which
+are no rates of coordinates: they belong to vector fields X_k with brackets [X_j, X_k] = Σ c^m_jk X_m, for which
 Koszul's formula adds c^m_kj M_mi - c^m_ki M_mj - c^m_ji M_mk, and Γ_ijk - Γ_ikj = c^m_kj M_mi is not zero.
 
-With I the inertia of all that hangs on the deepest of the three rows, and e the deeper of the rows j and k, o the
-other, Γ_ijk = S_i·B(I, S_e) S_o; between rows of one joint e is j. B is antisymmetric in what moves and what is
-asked (a·B(I, v) b = -v·B(I, a) b), so for t below c below a two numbers, S_a·B_t S_c and S_c·B_t S_a with
-B_t = B(I, S_t), serve all six orders. Source: after Echeandia and Wensing, Numerical methods to compute the Coriolis
-matrix and Christoffel symbols for rigid-body systems (2021), section on Christoffel symbols; the form is our own.
+With I the inertia of the subtree of the deepest of the three rows, e the deeper of the rows j and k and o the other,
+Γ_ijk = S_i·B(I, S_e) S_o; between rows of one joint e is j. a·B(I, v) b is antisymmetric in a and v,
+so for t below c below a two numbers, S_a·B_t S_c and S_c·B_t S_a with B_t = B(I, S_t), serve all six orders. Source:
+after Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for rigid-body
+systems (2021), section on Christoffel symbols; the form is our own.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.coriolis_factor import Coupling, coupled, coupled_back, coupling, unshift_coupling
+from ..algebra.coriolis_factor import (
+    CoriolisFactor,
+    coriolis_factor,
+    coriolis_factor_at_parent,
+    coriolis_times,
+    coriolis_transpose_times,
+)
 from ..algebra.euclidean import dot
 from ..algebra.records import (
     inertia_of,
@@ -24,56 +28,66 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined
-from ..algebra.spatial import Inertia, Motion, Pose, add_inertia, power, unshift_force, unshift_inertia
-from ..bodies.table import FOLLOW
-from .coriolis import in_branch_axes
+from ..algebra.scalars import inline
+from ..algebra.spatial import (
+    Inertia,
+    Motion,
+    Pose,
+    add_inertia,
+    force_at_parent,
+    inertia_at_parent,
+    power,
+)
+from ..bodies.kinds import CONTINUED
+from .coriolis import to_root_aligned_axes
+from .signatures import Array, Bodies, Config, Matrix, Work
 from .spec import Argument, Q, Spec
 
-WORK = table_dtype(X=Pose, S=Motion, I=Inertia)
+WORK = table_dtype(
+    X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
+    S=Motion,  # motion subspace in root-aligned axes; outward
+    I=Inertia,  # inertia in root-aligned axes, outward; of the subtree, inward
+)
 
 
-@inlined
-def _first(bodies: Any, i: int) -> int:
+@inline
+def _first(bodies: Bodies, i: int) -> int:
     """First row of the joint that row i belongs to."""
-    while bodies[i].kind == FOLLOW:
+    while bodies[i].kind == CONTINUED:
         i = i - 1
     return i
 
 
-@inlined
-def christoffel_symbols(bodies: Any, work: Any, q: Any, G: Any) -> None:
-    """Every row t with each row c of its own joint and above it, climbing from B at t's origin."""
+@inline
+def christoffel_symbols(bodies: Bodies, work: Work, q: Config, G: Array) -> None:
+    """For every row t and each row c of its joint and above: B at t's origin, moved from joint to joint to the root."""
     n = len(bodies) - 1
-    for i in range(n):
-        for j in range(n):
-            for k in range(n):
-                G[i, j, k] = 0.0
-    in_branch_axes(bodies, work, q)
+    G[:] = 0.0
+    to_root_aligned_axes(bodies, work, q)
     for i in range(n, 0, -1):
         if bodies[i].parent > 0:
             here, parent = work[i], work[bodies[i].parent]
-            moved = unshift_inertia(vec_of(here.X.p), inertia_of(here.I))
+            moved = inertia_at_parent(vec_of(here.X.p), inertia_of(here.I))
             put_inertia(parent.I, add_inertia(inertia_of(parent.I), moved))
 
     for t in range(1, n + 1):
         first = _first(bodies, t)
-        B = coupling(inertia_of(work[t].I), motion_of(work[t].S))
+        B = coriolis_factor(inertia_of(work[t].I), motion_of(work[t].S))
         c = first + bodies[first].dofs - 1
         while c > 0:
             _with_rows_above(bodies, work, t, first, c, B, G)
-            B = unshift_coupling(vec_of(work[c].X.p), B)
+            B = coriolis_factor_at_parent(vec_of(work[c].X.p), B)
             c = bodies[c].parent
 
 
-@inlined
-def _with_rows_above(bodies: Any, work: Any, t: int, first: int, c: int, B: Coupling, G: Any) -> None:
+@inline
+def _with_rows_above(bodies: Bodies, work: Work, t: int, first: int, c: int, B: CoriolisFactor, G: Array) -> None:
     """The symbols of the rows t, c and each a from c to the root; ``first`` is the first row of the joint of t.
 
     up = S_a·B S_c and down = S_c·B S_a. Where a or c is t, one of them is t·B t = 0 by the antisymmetry of B.
     """
     S = motion_of(work[c].S)
-    force, couple = coupled(B, S), coupled_back(B, S)
+    force, couple = coriolis_times(B, S), coriolis_transpose_times(B, S)
     joint = _first(bodies, c)
     a = c
     while a > 0:
@@ -93,12 +107,12 @@ def _with_rows_above(bodies: Any, work: Any, t: int, first: int, c: int, B: Coup
             G[a - 1, c - 1, t - 1] = up
             G[t - 1, c - 1, a - 1] = -down
             G[t - 1, a - 1, c - 1] = -up if a >= joint else -down
-        force = unshift_force(vec_of(work[a].X.p), force)
+        force = force_at_parent(vec_of(work[a].X.p), force)
         a = bodies[a].parent
 
 
-@inlined
-def mass_matrix_derivatives(bodies: Any, work: Any, q: Any, dM: Any) -> None:
+@inline
+def mass_matrix_derivatives(bodies: Bodies, work: Work, q: Config, dM: Matrix) -> None:
     """∂M_ij/∂q_k = Γ_ijk + Γ_jik: the connection is compatible with the metric."""
     christoffel_symbols(bodies, work, q, dM)
     n = len(bodies) - 1

@@ -5,34 +5,32 @@ Of the many matrices with the right C q̇ this is the one of the Christoffel sym
 quasi-velocities (Koszul's formula; see ``christoffel``). All of it follows from M(q) alone: armatures, being
 constant, have no part in it.
 
-The matrices are seen in the axes of the first body of each branch that stands on the world, each row about its own
-origin. M, C and Γ do not depend on where that body stands, so its pose never enters; rotations are made once a row,
-and what climbs towards the root is only shifted. Roundoff is that of body coordinates, for no arm is longer than
-a link. Source: Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for
-rigid-body systems (2021), with the factor B in twelve numbers (``coriolis_factor.coupling``).
+All is in root-aligned axes: those of the first body of each branch from the world, each row about its own origin. M, C
+and Γ do not depend on that body's pose, which never enters; each row is rotated once, and sums towards the root only
+move to another origin. Roundoff is that of body coordinates, because no lever arm is longer than a link. Source:
+Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for rigid-body systems
+(2021), with the factor B in twelve numbers (``algebra.coriolis_factor``).
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.coriolis_factor import (
-    Coupling,
-    add_coupling,
-    coupled,
-    coupled_back,
-    coupled_force,
-    coupling,
-    unshift_coupling,
+    CoriolisFactor,
+    add_coriolis_factor,
+    coriolis_factor,
+    coriolis_factor_at_parent,
+    coriolis_force,
+    coriolis_times,
+    coriolis_transpose_times,
 )
-from ..algebra.euclidean import dot, matmul, negative, rotate, zero
+from ..algebra.euclidean import dot, matmul, neg, rotate, zero
 from ..algebra.records import (
-    coupling_of,
+    coriolis_factor_of,
     force_of,
     inertia_of,
     motion_of,
     pose_of,
-    put_coupling,
+    put_coriolis_factor,
     put_force,
     put_inertia,
     put_motion,
@@ -40,7 +38,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -50,36 +48,58 @@ from ..algebra.spatial import (
     add_inertia,
     add_motion,
     cross_motion,
+    force_at_parent,
     force_to_parent,
     identity_pose,
+    inertia_at_parent,
     inertia_rate,
     momentum,
+    motion_at_child,
     motion_to_child,
     power,
     rotate_inertia,
     rotate_motion,
     scale_motion,
-    shift_motion,
-    unshift_force,
-    unshift_inertia,
     zero_force,
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
 from .hamilton import WORK_RATE as WORK_MOMENTUM
 from .hamilton import rate
+from .signatures import Bodies, Config, Matrix, Vector, Work
 from .spec import TAU, A, Argument, Q, Spec, V
+from .steps import body_velocity
 
-WORK = table_dtype(X=Pose, S=Motion, v=Motion, dS=Motion, I=Inertia, B=Coupling)
-WORK_RATE = table_dtype(X=Pose, S=Motion, v=Motion, dS=Motion, I=Inertia, dI=Inertia)
-WORK_MODIFIED = table_dtype(X=Pose, v=Motion, w=Motion, a=Motion, f=Force)
+WORK = table_dtype(
+    X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
+    S=Motion,  # motion subspace in root-aligned axes; outward
+    v=Motion,  # velocity in root-aligned axes; outward
+    dS=Motion,  # Ṡ = v × S; outward
+    I=Inertia,  # inertia in root-aligned axes, outward; of the subtree, inward
+    B=CoriolisFactor,  # coriolis factor, outward; of the subtree, inward
+)
+WORK_RATE = table_dtype(
+    X=Pose,  # as in WORK, as are the fields to I
+    S=Motion,
+    v=Motion,
+    dS=Motion,
+    I=Inertia,
+    dI=Inertia,  # rate of I, outward; of the subtree, inward
+)
+WORK_MODIFIED = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    v=Motion,  # spatial velocity of the body; outward
+    w=Motion,  # the same of the joint velocities v_r; outward
+    a=Motion,  # rate of w less gravity; outward
+    f=Force,  # force that moves the body, outward; that its joint transmits, inward
+)
 
 
-@inlined
-def in_branch_axes(bodies: Any, work: Any, q: Any) -> None:
-    """S and I of every row in the axes of its branch's first body, about its own origin.
+@inline
+def to_root_aligned_axes(bodies: Bodies, work: Work, q: Config) -> None:
+    """S and I of every row in root-aligned axes, about its own origin.
 
-    X.R are the row's axes there, X.p leads from the parent's origin to its own; of the first body the pose is 1.
+    X.R are the row's axes there, X.p leads from the parent's origin to its own; of a branch's first body X is 1.
     """
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -94,65 +114,60 @@ def in_branch_axes(bodies: Any, work: Any, q: Any) -> None:
         put_inertia(here.I, rotate_inertia(R, inertia_of(b.inertia)))
 
 
-@inlined
-def _velocities(bodies: Any, work: Any, v: Any) -> None:
-    """v of every row and Ṡ = v × S, in branch axes; every row of a joint has the velocity of its body."""
+@inline
+def _velocities(bodies: Bodies, work: Work, v: Vector) -> None:
+    """v of every row and Ṡ = v × S, in root-aligned axes; every row of a joint has the velocity of its body."""
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         vi = rotate_motion(pose_of(here.X).R, joint_motion(bodies, i, v))
         if b.parent > 0:
-            vi = add_motion(shift_motion(vec_of(here.X.p), motion_of(parent.v)), vi)
+            vi = add_motion(motion_at_child(vec_of(here.X.p), motion_of(parent.v)), vi)
         put_motion(here.v, vi)
         put_motion(here.dS, cross_motion(vi, motion_of(here.S)))
 
 
-@inlined
-def _clear(A: Any, n: int) -> None:
-    for i in range(n):
-        for j in range(n):
-            A[i, j] = 0.0
-
-
-@inlined
-def coriolis_matrix(bodies: Any, work: Any, q: Any, v: Any, C: Any) -> None:
+@inline
+def coriolis_matrix(bodies: Bodies, work: Work, q: Config, v: Vector, C: Matrix) -> None:
     """Column and row of each subtree: C_ij = S_i·(I Ṡ_j + B S_j), C_ji = Ṡ_i·I S_j + S_i·Bᵀ S_j, for i above j.
 
-    I and B are those of the subtree of j; Bᵀ S is a couple, which needs no shifting.
+    I and B are those of the subtree of j; Bᵀ S is a couple, the same about every origin.
     """
     n = len(bodies) - 1
-    _clear(C, n)
-    in_branch_axes(bodies, work, q)
+    C[:] = 0.0
+    to_root_aligned_axes(bodies, work, q)
     _velocities(bodies, work, v)
     for i in range(1, n + 1):
-        put_coupling(work[i].B, coupling(inertia_of(work[i].I), motion_of(work[i].v)))
+        put_coriolis_factor(work[i].B, coriolis_factor(inertia_of(work[i].I), motion_of(work[i].v)))
 
     for j in range(n, 0, -1):
         here, parent = work[j], work[bodies[j].parent]
-        S, I, B = motion_of(here.S), inertia_of(here.I), coupling_of(here.B)
-        rate = add_force(momentum(I, motion_of(here.dS)), coupled(B, S))
-        plain = momentum(I, S)
-        couple = coupled_back(B, S)
-        C[j - 1, j - 1] = power(S, rate)
+        S, I, B = motion_of(here.S), inertia_of(here.I), coriolis_factor_of(here.B)
+        F_dS = add_force(momentum(I, motion_of(here.dS)), coriolis_times(B, S))
+        F_S = momentum(I, S)
+        couple = coriolis_transpose_times(B, S)
+        C[j - 1, j - 1] = power(S, F_dS)
         i = j
         while bodies[i].parent > 0:
             p = vec_of(work[i].X.p)
-            rate, plain = unshift_force(p, rate), unshift_force(p, plain)
+            F_dS, F_S = force_at_parent(p, F_dS), force_at_parent(p, F_S)
             i = bodies[i].parent
             Si = motion_of(work[i].S)
-            C[i - 1, j - 1] = power(Si, rate)
-            C[j - 1, i - 1] = power(motion_of(work[i].dS), plain) + dot(Si.w, couple)
+            C[i - 1, j - 1] = power(Si, F_dS)
+            C[j - 1, i - 1] = power(motion_of(work[i].dS), F_S) + dot(Si.w, couple)
         if bodies[j].parent > 0:
             p = vec_of(here.X.p)
-            put_inertia(parent.I, add_inertia(inertia_of(parent.I), unshift_inertia(p, I)))
-            put_coupling(parent.B, add_coupling(coupling_of(parent.B), unshift_coupling(p, B)))
+            put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_at_parent(p, I)))
+            put_coriolis_factor(
+                parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), coriolis_factor_at_parent(p, B))
+            )
 
 
-@inlined
-def mass_matrix_dot(bodies: Any, work: Any, q: Any, v: Any, dM: Any) -> None:
+@inline
+def mass_matrix_dot(bodies: Bodies, work: Work, q: Config, v: Vector, dM: Matrix) -> None:
     """Ṁ_ij = S_i·(İ S_j + I Ṡ_j) + Ṡ_i·I S_j with I of the subtree of j, for i above j; symmetric to the bit."""
     n = len(bodies) - 1
-    _clear(dM, n)
-    in_branch_axes(bodies, work, q)
+    dM[:] = 0.0
+    to_root_aligned_axes(bodies, work, q)
     _velocities(bodies, work, v)
     for i in range(1, n + 1):
         put_inertia(work[i].dI, inertia_rate(inertia_of(work[i].I), motion_of(work[i].v)))
@@ -160,34 +175,34 @@ def mass_matrix_dot(bodies: Any, work: Any, q: Any, v: Any, dM: Any) -> None:
     for j in range(n, 0, -1):
         here, parent = work[j], work[bodies[j].parent]
         S, I, dI = motion_of(here.S), inertia_of(here.I), inertia_of(here.dI)
-        rate = add_force(momentum(I, motion_of(here.dS)), momentum(dI, S))
-        plain = momentum(I, S)
-        dM[j - 1, j - 1] = power(S, rate) + power(motion_of(here.dS), plain)
+        F_dS = add_force(momentum(I, motion_of(here.dS)), momentum(dI, S))
+        F_S = momentum(I, S)
+        dM[j - 1, j - 1] = power(S, F_dS) + power(motion_of(here.dS), F_S)
         i = j
         while bodies[i].parent > 0:
             p = vec_of(work[i].X.p)
-            rate, plain = unshift_force(p, rate), unshift_force(p, plain)
+            F_dS, F_S = force_at_parent(p, F_dS), force_at_parent(p, F_S)
             i = bodies[i].parent
-            dMij = power(motion_of(work[i].S), rate) + power(motion_of(work[i].dS), plain)
+            dMij = power(motion_of(work[i].S), F_dS) + power(motion_of(work[i].dS), F_S)
             dM[i - 1, j - 1] = dMij
             dM[j - 1, i - 1] = dMij
         if bodies[j].parent > 0:
             p = vec_of(here.X.p)
-            put_inertia(parent.I, add_inertia(inertia_of(parent.I), unshift_inertia(p, I)))
-            put_inertia(parent.dI, add_inertia(inertia_of(parent.dI), unshift_inertia(p, dI)))
+            put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_at_parent(p, I)))
+            put_inertia(parent.dI, add_inertia(inertia_of(parent.dI), inertia_at_parent(p, dI)))
 
 
-@inlined
-def coriolis_transpose_times_velocity(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
+@inline
+def coriolis_transpose_times_velocity(bodies: Bodies, work: Work, q: Config, v: Vector, out: Vector) -> None:
     """Cᵀ v = ṗ without torque and gravity: (v_i × S_i)·h_i with h the momentum of the subtree of i."""
     for i in range(1, len(bodies)):
         place_joint(bodies, i, q, work[i].X)
     rate(bodies, work, v, None, None, None, out)
 
 
-@inlined
-def modified_rnea(bodies: Any, work: Any, q: Any, v: Any, v_r: Any, a_r: Any, tau: Any) -> None:
-    """The Newton-Euler recursion of two velocities, v and w: v moves the bodies, w is what a_r belongs to.
+@inline
+def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector, a_r: Vector, tau: Vector) -> None:
+    """The Newton-Euler recursion with two velocities: v of the bodies, and w, that of v_r, whose rate belongs to a_r.
 
     Per body ẇ = S a_r + v × S v_r along the tree, and f = I ẇ + B(I, v) w. It is no case of ``rnea``: there v = w,
     and products of ω with itself save a fifth of the work.
@@ -195,7 +210,7 @@ def modified_rnea(bodies: Any, work: Any, q: Any, v: Any, v_r: Any, a_r: Any, ta
     n = len(bodies) - 1
     put_motion(work[0].v, zero_motion())
     put_motion(work[0].w, zero_motion())
-    put_motion(work[0].a, Motion(zero(), negative(vec_of(bodies[0].gravity))))
+    put_motion(work[0].a, Motion(zero(), neg(vec_of(bodies[0].gravity))))
     put_force(work[0].f, zero_force())
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -203,14 +218,14 @@ def modified_rnea(bodies: Any, work: Any, q: Any, v: Any, v_r: Any, a_r: Any, ta
         place_joint(bodies, i, q, here.X)
         X = pose_of(here.X)
         wJ = joint_motion(bodies, i, v_r)
-        vi = add_motion(motion_to_child(X, motion_of(parent.v)), joint_motion(bodies, i, v))
+        vi = body_velocity(bodies, work, i, v)
         wi = add_motion(motion_to_child(X, motion_of(parent.w)), wJ)
         ai = add_motion(motion_to_child(X, motion_of(parent.a)), cross_motion(vi, wJ))
         ai = add_motion(ai, scale_motion(a_r[i - 1], S))
         put_motion(here.v, vi)
         put_motion(here.w, wi)
         put_motion(here.a, ai)
-        put_force(here.f, add_force(momentum(I, ai), coupled_force(I, vi, wi)))
+        put_force(here.f, add_force(momentum(I, ai), coriolis_force(I, vi, wi)))
     for i in range(n, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         f = force_of(here.f)

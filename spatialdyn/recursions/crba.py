@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.records import (
     inertia_of,
     motion_of,
@@ -11,16 +9,20 @@ from ..algebra.records import (
     put_inertia,
     table_dtype,
 )
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
 from ..bodies.joints import place_joint
+from .signatures import Bodies, Config, Matrix, Work
 from .spec import Argument, Q, Spec
 
-WORK = table_dtype(X=Pose, Ic=Inertia)
+WORK = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    Ic=Inertia,  # inertia of the body, outward; of the subtree, inward
+)
 
 
-@inlined
-def crba(bodies: Any, work: Any, q: Any, M: Any) -> None:
+@inline
+def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
     """RBDA table 6.2 in body coordinates; both triangles of M are written."""
     n = len(bodies) - 1
     put_inertia(work[0].Ic, inertia_of(bodies[0].inertia))

@@ -1,35 +1,40 @@
-"""Derivatives of inverse and forward dynamics by the configuration, the velocity and what is given besides.
+"""Derivatives of inverse and forward dynamics by configuration, velocity, and acceleration or torque.
 
 By the configuration means along ``integrate(q, e_k)``: a joint's own motion after it has moved to q.
 
-Where row i moves by δ, what hangs on it turns as one rigid whole, and forces in it turn along. Seen from there the
-world before i has moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with
-S̈° = a_λ × S + v_λ × Ṡ°; v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f of the subtree of
-the deeper row j (``coriolis_factor``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
+If row i moves by δ, its subtree moves as one rigid body, with the forces in it. Seen from the subtree, all before i has
+moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with S̈° = a_λ × S + v_λ × Ṡ°;
+v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f of the subtree of the deeper row j
+(``coriolis_factor``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
 
     ∂τ_i/∂q_j = S_i·(I S̈°_j + 2B Ṡ°_j + S_j ×* f)    ∂τ_j/∂q_i = S_j·(I S̈°_i + 2B Ṡ°_i)
     ∂τ_i/∂v_j = S_i·(I D_j + 2B S_j)                 ∂τ_j/∂v_i = S_j·(I D_i + 2B S_i),    D = Ṡ° + v × S
 
-of which all but f's term hold between the rows of one joint as well. The matrices are seen in the axes of the first
-body of each branch, each row about its own origin, as those of ``coriolis`` are. Source: Singh, Russell, Wensing,
-Efficient analytical derivatives of rigid-body dynamics using spatial vector algebra (2022).
+of which all but the term of f hold between the rows of one joint too. All is in the root-aligned axes of ``coriolis``,
+each row about its own origin. Source: Singh, Russell, Wensing, Efficient analytical derivatives of rigid-body dynamics
+using spatial vector algebra (2022).
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.articulated import Articulated
-from ..algebra.coriolis_factor import Coupling, add_coupling, coupled, coupled_back, coupling, unshift_coupling
-from ..algebra.euclidean import Vec, cross, dot, negative, unrotate, zero
+from ..algebra.coriolis_factor import (
+    CoriolisFactor,
+    add_coriolis_factor,
+    coriolis_factor,
+    coriolis_factor_at_parent,
+    coriolis_times,
+    coriolis_transpose_times,
+)
+from ..algebra.euclidean import Vec, cross, dot, neg, unrotate, zero
+from ..algebra.public_arrays import read_force
 from ..algebra.records import (
-    coupling_of,
-    force_from,
+    coriolis_factor_of,
     force_of,
     inertia_of,
     motion_of,
     pose_of,
-    put_coupling,
+    put_coriolis_factor,
     put_force,
     put_inertia,
     put_motion,
@@ -38,7 +43,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -49,55 +54,87 @@ from ..algebra.spatial import (
     add_motion,
     cross_force,
     cross_motion,
+    force_at_parent,
     identity_pose,
+    inertia_at_parent,
     momentum,
+    motion_at_child,
     power,
     rotate_force,
     rotate_motion,
     scale_motion,
-    shift_motion,
     sub_force,
-    unshift_force,
-    unshift_inertia,
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
-from ..bodies.table import FOLLOW
-from .aba import aba, inverse_columns
-from .coriolis import in_branch_axes
-from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
+from ..bodies.kinds import CONTINUED
+from .aba import aba, acceleration_through_M, inverse_columns
+from .coriolis import to_root_aligned_axes
+from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
+from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
 
 WORK = table_dtype(
-    X=Pose, S=Motion, I=Inertia, v=Motion, a=Motion, dS=Motion, ddS=Motion, D=Motion, B=Coupling, f=Force
+    X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
+    S=Motion,  # motion subspace in root-aligned axes; outward
+    I=Inertia,  # inertia in root-aligned axes, outward; of the subtree, inward
+    v=Motion,  # velocity; outward
+    a=Motion,  # acceleration less gravity; outward
+    dS=Motion,  # Ṡ° = v_λ × S; outward
+    ddS=Motion,  # S̈°; outward
+    D=Motion,  # Ṡ° + v × S; outward
+    B=CoriolisFactor,  # 2B, outward; of the subtree, inward
+    f=Force,  # force that moves the body, outward; of the subtree, inward
 )
 WORK_FORWARD = table_dtype(
-    X=Pose, S=Motion, I=Inertia, v=Motion, a=Motion, dS=Motion, ddS=Motion, D=Motion, B=Coupling, f=Force,
-    c=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float, F=Force, P=Motion,
-)  # fmt: skip
-WORK_STATIC = table_dtype(X=Pose, S=Motion, I=Inertia, g=Vec, f=Force)
+    X=Pose,  # as in WORK, as are the fields to f; before, aba has its own X, v and a in them
+    S=Motion,
+    I=Inertia,
+    v=Motion,
+    a=Motion,
+    dS=Motion,
+    ddS=Motion,
+    D=Motion,
+    B=CoriolisFactor,
+    f=Force,
+    c=Motion,  # of aba, as are the fields to u
+    IA=Articulated,
+    pA=Force,
+    U=Force,
+    d=float,
+    u=float,
+    F=Force,  # of minverse
+    P=Motion,  # of minverse
+)
+WORK_STATIC = table_dtype(
+    X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
+    S=Motion,  # motion subspace in root-aligned axes; outward
+    I=Inertia,  # inertia in root-aligned axes, outward; of the subtree, inward
+    g=Vec,  # gravity in root-aligned axes; outward
+    f=Force,  # force that holds the body against gravity and fext, outward; of the subtree, inward
+)
 
 
-@inlined
-def _gravity(bodies: Any, i: int, q: Any, X: Any) -> Vec:
-    """Gravity in the axes of the first body of a branch, whose joint starts at row i; X is left at 1."""
+@inline
+def _gravity(bodies: Bodies, i: int, q: Config, X: Record) -> Vec:
+    """Gravity in root-aligned axes, of the branch whose first joint starts at row i; X is reset to 1."""
     place_joint(bodies, i, q, X)
     g = unrotate(pose_of(X).R, vec_of(bodies[0].gravity))
     put_pose(X, identity_pose())
     return g
 
 
-@inlined
-def outward(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any) -> None:
+@inline
+def motion_outward(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matrix) -> None:
     """v, a, 2B and f of every body, and Ṡ°, S̈°, D of every row."""
-    in_branch_axes(bodies, work, q)
+    to_root_aligned_axes(bodies, work, q)
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         if b.parent == 0:
             vp = zero_motion()
-            ap = Motion(zero(), negative(_gravity(bodies, i, q, here.X)))
+            ap = Motion(zero(), neg(_gravity(bodies, i, q, here.X)))
         else:
             p = vec_of(here.X.p)
-            vp, ap = shift_motion(p, motion_of(parent.v)), shift_motion(p, motion_of(parent.a))
+            vp, ap = motion_at_child(p, motion_of(parent.v)), motion_at_child(p, motion_of(parent.a))
         R, I = pose_of(here.X).R, inertia_of(here.I)
         vJ = rotate_motion(R, joint_motion(bodies, i, v))
         vi = add_motion(vp, vJ)
@@ -108,120 +145,126 @@ def outward(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any) -> None:
             put_motion(work[k].dS, dS)
             put_motion(work[k].ddS, add_motion(cross_motion(ap, S), cross_motion(vp, dS)))
             put_motion(work[k].D, add_motion(dS, cross_motion(vi, S)))
-        B = coupling(I, vi)
-        f = add_force(momentum(I, ai), coupled(B, vi))
+        B = coriolis_factor(I, vi)
+        f = add_force(momentum(I, ai), coriolis_times(B, vi))
         if fext is not None and b.joint > 0:
-            f = sub_force(f, rotate_force(R, force_from(fext[b.joint])))
+            f = sub_force(f, rotate_force(R, read_force(fext[b.joint])))
         put_motion(here.v, vi)
         put_motion(here.a, ai)
         put_force(here.f, f)
-        put_coupling(here.B, add_coupling(B, B))
+        put_coriolis_factor(here.B, add_coriolis_factor(B, B))
 
 
-@inlined
-def _pair(work: Any, i: int, j: int, turned: Force, moved: Force, plain: Force, couple: Vec, D: Any) -> None:
-    """The entries of rows i, above or the same, and j, with the forces of j about the origin of i."""
+@inline
+def _pair(work: Work, i: int, j: int, F_dq: Force, F_dv: Force, F_S: Force, couple: Vec, D: Array) -> None:
+    """Entries (i, j) and (j, i) of the derivatives, row i above j or j itself; the forces of j are about i's origin."""
     S, dS, ddS, Di = motion_of(work[i].S), motion_of(work[i].dS), motion_of(work[i].ddS), motion_of(work[i].D)
-    M = power(S, plain)
-    D[0, j - 1, i - 1] = power(ddS, plain) + dot(dS.w, couple)
-    D[1, j - 1, i - 1] = power(Di, plain) + dot(S.w, couple)
+    M = power(S, F_S)
+    D[0, j - 1, i - 1] = power(ddS, F_S) + dot(dS.w, couple)
+    D[1, j - 1, i - 1] = power(Di, F_S) + dot(S.w, couple)
     D[2, j - 1, i - 1] = M
-    D[0, i - 1, j - 1] = power(S, turned)
-    D[1, i - 1, j - 1] = power(S, moved)
+    D[0, i - 1, j - 1] = power(S, F_dq)
+    D[1, i - 1, j - 1] = power(S, F_dv)
     D[2, i - 1, j - 1] = M
 
 
-@inlined
-def rnea_derivatives(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, D: Any) -> None:
-    """Column and row of each subtree, as the module has it; fext may be None, for zero."""
+@inline
+def rnea_derivatives(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matrix, D: Array) -> None:
+    """Column and row of each subtree, by the module's formulas; fext may be None, for zero."""
     n = len(bodies) - 1
-    for k in range(3):
-        for i in range(n):
-            for j in range(n):
-                D[k, i, j] = 0.0
-    outward(bodies, work, q, v, a, fext)
+    D[:] = 0.0
+    motion_outward(bodies, work, q, v, a, fext)
 
     for j in range(n, 0, -1):
         here, parent = work[j], work[bodies[j].parent]
-        S, I, B, f = motion_of(here.S), inertia_of(here.I), coupling_of(here.B), force_of(here.f)
-        plain = momentum(I, S)
-        turned = add_force(momentum(I, motion_of(here.ddS)), coupled(B, motion_of(here.dS)))
-        moved = add_force(momentum(I, motion_of(here.D)), coupled(B, S))
-        couple = coupled_back(B, S)
-        _pair(work, j, j, turned, moved, plain, couple, D)
+        S, I, B, f = motion_of(here.S), inertia_of(here.I), coriolis_factor_of(here.B), force_of(here.f)
+        F_S = momentum(I, S)
+        F_dq = add_force(momentum(I, motion_of(here.ddS)), coriolis_times(B, motion_of(here.dS)))
+        F_dv = add_force(momentum(I, motion_of(here.D)), coriolis_times(B, S))
+        couple = coriolis_transpose_times(B, S)
+        _pair(work, j, j, F_dq, F_dv, F_S, couple, D)
         D[2, j - 1, j - 1] = D[2, j - 1, j - 1] + bodies[j].armature
         i = j
-        while bodies[i].kind == FOLLOW:
+        while bodies[i].kind == CONTINUED:
             i = bodies[i].parent
-            _pair(work, i, j, turned, moved, plain, couple, D)
-        turned = add_force(turned, cross_force(S, f))
+            _pair(work, i, j, F_dq, F_dv, F_S, couple, D)
+        F_dq = add_force(F_dq, cross_force(S, f))
         while bodies[i].parent > 0:
             p = vec_of(work[i].X.p)
-            turned, moved, plain = unshift_force(p, turned), unshift_force(p, moved), unshift_force(p, plain)
+            F_dq, F_dv, F_S = force_at_parent(p, F_dq), force_at_parent(p, F_dv), force_at_parent(p, F_S)
             i = bodies[i].parent
-            _pair(work, i, j, turned, moved, plain, couple, D)
+            _pair(work, i, j, F_dq, F_dv, F_S, couple, D)
         if bodies[j].parent > 0:
             p = vec_of(here.X.p)
-            put_inertia(parent.I, add_inertia(inertia_of(parent.I), unshift_inertia(p, I)))
-            put_coupling(parent.B, add_coupling(coupling_of(parent.B), unshift_coupling(p, B)))
-            put_force(parent.f, add_force(force_of(parent.f), unshift_force(p, f)))
+            put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_at_parent(p, I)))
+            put_coriolis_factor(
+                parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), coriolis_factor_at_parent(p, B))
+            )
+            put_force(parent.f, add_force(force_of(parent.f), force_at_parent(p, f)))
 
 
-@inlined
-def static_torque_derivatives(bodies: Any, work: Any, q: Any, fext: Any, D: Any) -> None:
-    """The same at rest, where Ṡ° = 0 and S̈° = -g × S, which is linear alone; fext may be None, for zero."""
+@inline
+def static_torque_derivatives(bodies: Bodies, work: Work, q: Config, fext: Matrix, D: Array) -> None:
+    """The same at rest, where Ṡ° = 0 and S̈° = -g × S has a linear part alone; fext may be None, for zero."""
     n = len(bodies) - 1
-    for i in range(n):
-        for j in range(n):
-            D[i, j] = 0.0
-    in_branch_axes(bodies, work, q)
+    D[:] = 0.0
+    to_root_aligned_axes(bodies, work, q)
     for i in range(1, n + 1):
         b, here = bodies[i], work[i]
         g = _gravity(bodies, i, q, here.X) if b.parent == 0 else vec_of(work[b.parent].g)
         I = inertia_of(here.I)
-        f = momentum(I, Motion(zero(), negative(g)))
+        f = momentum(I, Motion(zero(), neg(g)))
         if fext is not None and b.joint > 0:
-            f = sub_force(f, rotate_force(pose_of(here.X).R, force_from(fext[b.joint])))
+            f = sub_force(f, rotate_force(pose_of(here.X).R, read_force(fext[b.joint])))
         put_vec(here.g, g)
         put_force(here.f, f)
 
     for j in range(n, 0, -1):
         here, parent = work[j], work[bodies[j].parent]
         S, I, f, g = motion_of(here.S), inertia_of(here.I), force_of(here.f), vec_of(here.g)
-        plain = momentum(I, S).f  # needs no shifting, and S̈° asks for no more
-        turned = momentum(I, Motion(zero(), cross(S.w, g)))
-        D[j - 1, j - 1] = power(S, turned)
+        f_S = momentum(I, S).f  # the linear part, the same about every origin, is all that S̈° pairs with
+        F_dq = momentum(I, Motion(zero(), cross(S.w, g)))
+        D[j - 1, j - 1] = power(S, F_dq)
         i = j
-        while bodies[i].kind == FOLLOW:
+        while bodies[i].kind == CONTINUED:
             i = bodies[i].parent
-            D[j - 1, i - 1] = dot(cross(motion_of(work[i].S).w, g), plain)
-            D[i - 1, j - 1] = power(motion_of(work[i].S), turned)
-        turned = add_force(turned, cross_force(S, f))
+            D[j - 1, i - 1] = dot(cross(motion_of(work[i].S).w, g), f_S)
+            D[i - 1, j - 1] = power(motion_of(work[i].S), F_dq)
+        F_dq = add_force(F_dq, cross_force(S, f))
         while bodies[i].parent > 0:
-            turned = unshift_force(vec_of(work[i].X.p), turned)
+            F_dq = force_at_parent(vec_of(work[i].X.p), F_dq)
             i = bodies[i].parent
-            D[j - 1, i - 1] = dot(cross(motion_of(work[i].S).w, g), plain)
-            D[i - 1, j - 1] = power(motion_of(work[i].S), turned)
+            D[j - 1, i - 1] = dot(cross(motion_of(work[i].S).w, g), f_S)
+            D[i - 1, j - 1] = power(motion_of(work[i].S), F_dq)
         if bodies[j].parent > 0:
             p = vec_of(here.X.p)
-            put_inertia(parent.I, add_inertia(inertia_of(parent.I), unshift_inertia(p, I)))
-            put_force(parent.f, add_force(force_of(parent.f), unshift_force(p, f)))
+            put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_at_parent(p, I)))
+            put_force(parent.f, add_force(force_of(parent.f), force_at_parent(p, f)))
 
 
-@inlined
+@inline
 def aba_derivatives(
-    bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, D: Any, pivots: Any, a: Any, inverse: Any
+    bodies: Bodies,
+    work: Work,
+    q: Config,
+    v: Vector,
+    tau: Vector,
+    fext: Matrix,
+    D: Array,
+    pivots: Vector,
+    a: Vector,
+    inverse: Matrix,
 ) -> None:
-    """-M⁻¹ ∂τ/∂q, -M⁻¹ ∂τ/∂v and M⁻¹ at the acceleration that tau causes; fext may be None, for zero.
+    """-M⁻¹ ∂τ/∂q, -M⁻¹ ∂τ/∂v and M⁻¹ at the acceleration of ABA; fext may be None, for zero.
 
-    a (nv), inverse (nv, nv), written: that acceleration and M⁻¹
+    a (nv), inverse (nv, nv), written: the acceleration and M⁻¹
     """
     n = len(bodies) - 1
     aba(bodies, work, q, v, tau, fext, a, pivots)
     inverse_columns(bodies, work, inverse)
     rnea_derivatives(bodies, work, q, v, a, fext, D)
     for k in range(2):
-        by = D[2]  # M is not needed
+        by = D[2]  # as scratch: M is not needed
         for i in range(n):
             for j in range(n):
                 by[i, j] = D[k, i, j]
@@ -230,14 +273,22 @@ def aba_derivatives(
             root = m
             while bodies[root].parent > 0:
                 root = bodies[root].parent
-            row = by[m - 1, root - 1 : bodies[m].last]  # of rows that carry m, and that it carries; a view from 0 on
-            for i in range(root, bodies[root].last + 1):  # becomes SIMD code
-                x, out = inverse[i - 1, m - 1], D[k, i - 1, root - 1 : bodies[m].last]
+            # the rows that carry m and that m carries; a loop over views from 0 on becomes SIMD code
+            row = by[m - 1, root - 1 : bodies[m].last_row]
+            for i in range(root, bodies[root].last_row + 1):
+                x, out = inverse[i - 1, m - 1], D[k, i - 1, root - 1 : bodies[m].last_row]
                 for j in range(len(row)):
                     out[j] = out[j] - x * row[j]
     for i in range(n):
         for j in range(n):
             D[2, i, j] = inverse[i, j]
+
+
+def aba_derivatives_through_M(M: MassMatrix, q: Array, v: Array, tau: Array, fext: Array) -> tuple[Array, Array, Array]:
+    """-M⁻¹ ∂rnea/∂q, -M⁻¹ ∂rnea/∂v and M⁻¹, at the accelerations of ABA."""
+    a = acceleration_through_M(M, q, v, tau, fext)
+    by = M.call("rnea_derivatives", q, v, a, fext)
+    return -M.inverse @ by[:, 0], -M.inverse @ by[:, 1], M.inverse
 
 
 _SOURCE = "Singh, Russell, Wensing, Efficient analytical derivatives of rigid-body dynamics (2022)."
@@ -262,7 +313,8 @@ SPECS = (
         "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
         "    A program of them grows with the cube of nv: of more than 25, batches run sample by sample unless\n"
         "    ``specialize`` is asked for one, which is several times faster and takes half a minute to compile.",
-        _SOURCE, pivots=True, regroup=True, terms=("nv",) * 3, spare=(("nv",), ("nv", "nv")),
+        _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3, scratch=(("nv",), ("nv", "nv")),
+        through_M=aba_derivatives_through_M,
     ),
     Spec(
         "generalized_gravity_derivatives", static_torque_derivatives, WORK_STATIC, (Q, None),

@@ -2,43 +2,49 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.euclidean import Vec, dot, plus, rotate, times
+from ..algebra.euclidean import Vec, add, dot, rotate, scale
 from ..algebra.records import (
     inertia_of,
-    motion_of,
     pose_of,
     put_motion,
     put_vec,
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined
-from ..algebra.spatial import Motion, Pose, add_motion, momentum, motion_to_child, power, zero_motion
-from ..bodies.joints import joint_motion, place_joint
+from ..algebra.scalars import inline
+from ..algebra.spatial import Motion, Pose, momentum, power, zero_motion
+from ..bodies.joints import place_joint
+from .signatures import Bodies, Config, Vector, Work
 from .spec import Argument, Q, Spec, V
+from .steps import body_velocity
 
-WORK_KINETIC = table_dtype(X=Pose, v=Motion)
-WORK_MOMENT = table_dtype(X=Pose, m=float, h=Vec)
+WORK_KINETIC = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    v=Motion,  # spatial velocity; outward
+)
+WORK_MOMENT = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    m=float,  # mass, outward; of the subtree, inward
+    h=Vec,  # first moment of mass, outward; of the subtree, inward
+)
 
 
-@inlined
-def kinetic_energy(bodies: Any, work: Any, q: Any, v: Any, T: Any) -> None:
+@inline
+def kinetic_energy(bodies: Bodies, work: Work, q: Config, v: Vector, T: Vector) -> None:
     """T = ½ Σ v·I v + ½ Σ armature q̇² (RBDA eq. 2.67)."""
     put_motion(work[0].v, zero_motion())
     twice = 0.0
     for i in range(1, len(bodies)):
-        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        b, here = bodies[i], work[i]
         place_joint(bodies, i, q, here.X)
-        vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), joint_motion(bodies, i, v))
+        vi = body_velocity(bodies, work, i, v)
         put_motion(here.v, vi)
         twice = twice + power(vi, momentum(inertia_of(b.inertia), vi)) + b.armature * v[i - 1] * v[i - 1]
     T[0] = 0.5 * twice
 
 
-@inlined
-def mass_moment(bodies: Any, work: Any, q: Any) -> None:
+@inline
+def mass_moment(bodies: Bodies, work: Work, q: Config) -> None:
     """Mass m and first moment h of every subtree, in its body's frame; row 0: of the robot, in the world."""
     n = len(bodies) - 1
     for i in range(n + 1):
@@ -51,12 +57,12 @@ def mass_moment(bodies: Any, work: Any, q: Any) -> None:
         here, parent = work[i], work[bodies[i].parent]
         X = pose_of(here.X)
         parent.m = parent.m + here.m
-        put_vec(parent.h, plus(vec_of(parent.h), plus(rotate(X.R, vec_of(here.h)), times(here.m, X.p))))
+        put_vec(parent.h, add(vec_of(parent.h), add(rotate(X.R, vec_of(here.h)), scale(here.m, X.p))))
 
 
-@inlined
-def potential_energy(bodies: Any, work: Any, q: Any, V: Any) -> None:
-    """V = -Σ m g·c, with g the acceleration of gravity: the body that stands higher has more."""
+@inline
+def potential_energy(bodies: Bodies, work: Work, q: Config, V: Vector) -> None:
+    """V = -Σ m g·c, with g the acceleration of gravity: a higher body has more."""
     mass_moment(bodies, work, q)
     V[0] = -dot(vec_of(bodies[0].gravity), vec_of(work[0].h))
 

@@ -1,18 +1,16 @@
 """Hamilton's form: the momenta p = M(q) v, the energy H(q, p), and the rates of q and p, each in O(n).
 
-p_i is the momentum conjugate to the joint velocity v_i, the momentum of all that row i carries along S_i. Where v
+p_i is the momentum conjugate to the joint velocity v_i, the momentum of the subtree of row i along S_i. Where v
 are the rates of coordinates it is the canonical momentum and ṗ = -∂H/∂q + τ; the v of a quaternion joint are twists
-in its body's frame, and there the same sweep gives ṗ with the gyroscopic term that such a frame brings.
+in its body's frame, and there the same sweep gives ṗ with the gyroscopic term of a rotating frame.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.articulated import Articulated
-from ..algebra.euclidean import Vec, cross, times, unrotate, zero
+from ..algebra.euclidean import Vec, cross, scale, unrotate, zero
+from ..algebra.public_arrays import read_force
 from ..algebra.records import (
-    force_from,
     force_of,
     inertia_of,
     motion_of,
@@ -23,37 +21,74 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..algebra.spatial import (
     Force,
     Motion,
     Pose,
     add_force,
-    add_motion,
     cross_motion,
     force_to_parent,
     momentum,
-    motion_to_child,
     power,
     zero_force,
     zero_motion,
 )
-from ..bodies.joints import joint_motion, place_joint
-from .aba import articulated_inward, articulated_outward
+from ..bodies.joints import place_joint
+from .aba import aba_inward, aba_outward
 from .energy import potential_energy
-from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
+from .signatures import Array, Bodies, Config, Matrix, Vector, Work
+from .spec import FEXT_OPTIONAL, TAU, Argument, MassMatrix, Q, Spec, V
+from .steps import body_velocity
 
-WORK_MOMENTUM = table_dtype(X=Pose, v=Motion, p=Force)
-WORK_RATE = table_dtype(X=Pose, v=Motion, p=Force, g=Vec, f=Force)
-WORK_VELOCITY = table_dtype(X=Pose, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float)
-WORK_ENERGY = table_dtype(X=Pose, IA=Articulated, pA=Force, U=Force, d=float, u=float, m=float, h=Vec)
+WORK_MOMENTUM = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    v=Motion,  # spatial velocity; outward
+    p=Force,  # momentum, outward; of the subtree, inward
+)
+WORK_RATE = table_dtype(
+    X=Pose,  # as in WORK_MOMENTUM
+    v=Motion,  # as in WORK_MOMENTUM
+    p=Force,  # as in WORK_MOMENTUM
+    g=Vec,  # gravity in the axes of the row; outward
+    f=Force,  # weight and fext, outward; of the subtree, inward
+)
+WORK_VELOCITY = table_dtype(
+    X=Pose,  # of aba without velocities, as are all fields
+    a=Motion,
+    IA=Articulated,
+    pA=Force,
+    U=Force,
+    d=float,
+    u=float,
+)
+WORK_ENERGY = table_dtype(
+    X=Pose,  # of aba without velocities, as are the fields to u
+    IA=Articulated,
+    pA=Force,
+    U=Force,
+    d=float,
+    u=float,
+    m=float,  # of mass_moment
+    h=Vec,  # of mass_moment
+)
 WORK = table_dtype(
-    X=Pose, v=Motion, p=Force, g=Vec, f=Force, a=Motion, IA=Articulated, pA=Force, U=Force, d=float, u=float
+    X=Pose,  # of aba, read by rate
+    v=Motion,  # as in WORK_RATE, as are the fields to f
+    p=Force,
+    g=Vec,
+    f=Force,
+    a=Motion,  # of aba, as are those that follow
+    IA=Articulated,
+    pA=Force,
+    U=Force,
+    d=float,
+    u=float,
 )
 
 
-@inlined
-def generalized_momentum(bodies: Any, work: Any, q: Any, v: Any, p: Any) -> None:
+@inline
+def generalized_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, p: Vector) -> None:
     """p = M v: Newton-Euler with momenta in place of forces."""
     put_motion(work[0].v, zero_motion())
     put_force(work[0].p, zero_force())
@@ -68,23 +103,25 @@ def generalized_momentum(bodies: Any, work: Any, q: Any, v: Any, p: Any) -> None
         put_force(parent.p, add_force(force_of(parent.p), force_to_parent(pose_of(here.X), h)))
 
 
-@inlined
-def velocity_from_momentum(bodies: Any, work: Any, q: Any, p: Any, v: Any, pivots: Any) -> None:
+@inline
+def velocity_from_momentum(bodies: Bodies, work: Work, q: Config, p: Vector, v: Vector, pivots: Vector) -> None:
     """v = M⁻¹ p: forward dynamics of a robot at rest, without gravity, whose torques are the momenta."""
-    articulated_inward(bodies, work, q, None, p, None, pivots)
-    articulated_outward(bodies, work, None, zero(), v)
+    aba_inward(bodies, work, q, None, p, None, pivots)
+    aba_outward(bodies, work, None, zero(), v)
 
 
-@inlined
-def momentum_rate(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, dp: Any) -> None:
-    """ṗ = Cᵀ v + τ - g + Σ Jᵀ fext; tau, fext may be None, for zero. Poses are computed here."""
+@inline
+def momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dp: Vector) -> None:
+    """ṗ = Cᵀ v + τ - g + Σ Jᵀ fext; tau, fext may be None, for zero. The poses are computed first."""
     for i in range(1, len(bodies)):
         place_joint(bodies, i, q, work[i].X)
     rate(bodies, work, v, tau, vec_of(bodies[0].gravity), fext, dp)
 
 
-@inlined
-def hamilton_field(bodies: Any, work: Any, q: Any, p: Any, tau: Any, fext: Any, v: Any, dp: Any, pivots: Any) -> None:
+@inline
+def hamilton_field(
+    bodies: Bodies, work: Work, q: Config, p: Vector, tau: Vector, fext: Matrix, v: Vector, dp: Vector, pivots: Vector
+) -> None:
     """Hamilton's equations: v = M⁻¹ p, which moves q, and ṗ. tau, fext may be None, for zero.
 
     q       (nq)
@@ -98,37 +135,39 @@ def hamilton_field(bodies: Any, work: Any, q: Any, p: Any, tau: Any, fext: Any, 
     rate(bodies, work, v, tau, vec_of(bodies[0].gravity), fext, dp)
 
 
-@inlined
-def hamilton_rows(bodies: Any, work: Any, q: Any, p: Any, tau: Any, fext: Any, rates: Any, pivots: Any) -> None:
+@inline
+def hamilton_rows(
+    bodies: Bodies, work: Work, q: Config, p: Vector, tau: Vector, fext: Matrix, rates: Matrix, pivots: Vector
+) -> None:
     """hamilton_field with its two outputs as the rows of one."""
     hamilton_field(bodies, work, q, p, tau, fext, rates[0], rates[1], pivots)
 
 
-@inlined
-def hamiltonian(bodies: Any, work: Any, q: Any, p: Any, H: Any, pivots: Any) -> None:
+@inline
+def hamiltonian(bodies: Bodies, work: Work, q: Config, p: Vector, H: Vector, pivots: Vector) -> None:
     """H = ½ pᵀ M⁻¹ p + V; the inward pass of ABA factors M⁻¹, so T = ½ Σ u²/D is a sum of squares."""
     potential_energy(bodies, work, q, H)
-    articulated_inward(bodies, work, q, None, p, None, pivots)
+    aba_inward(bodies, work, q, None, p, None, pivots)
     twice = 0.0
     for i in range(1, len(bodies)):
         twice = twice + work[i].d * work[i].u * work[i].u
     H[0] = H[0] + 0.5 * twice
 
 
-@inlined
-def _move(bodies: Any, work: Any, i: int, v: Any) -> None:
-    """Velocity of body i and its own momentum, its parent's velocity and its pose being there."""
-    here, parent = work[i], work[bodies[i].parent]
-    vi = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), joint_motion(bodies, i, v))
+@inline
+def _move(bodies: Bodies, work: Work, i: int, v: Vector) -> None:
+    """Velocity and momentum of body i, from its pose and its parent's velocity in the scratch."""
+    here = work[i]
+    vi = body_velocity(bodies, work, i, v)
     put_motion(here.v, vi)
     put_force(here.p, momentum(inertia_of(bodies[i].inertia), vi))
 
 
-@inlined
-def rate(bodies: Any, work: Any, v: Any, tau: Any, gravity: Any, fext: Any, dp: Any) -> None:
-    """ṗ_i = (v × S)·p + S·f, with p the momentum of what row i carries, f its weight and the forces on it.
+@inline
+def rate(bodies: Bodies, work: Work, v: Vector, tau: Vector, gravity: Vec | None, fext: Matrix, dp: Vector) -> None:
+    """ṗ_i = (v × S)·p + S·f, with p the momentum of the subtree of row i, f its weight and the forces on it.
 
-    Poses are there; tau, gravity (a Vec) and fext may be None, for zero: then ṗ is Cᵀ v alone.
+    The scratch has the poses; tau, gravity (a Vec) and fext may be None, for zero: then ṗ is Cᵀ v alone.
     """
     put_motion(work[0].v, zero_motion())
     put_force(work[0].p, zero_force())
@@ -141,10 +180,10 @@ def rate(bodies: Any, work: Any, v: Any, tau: Any, gravity: Any, fext: Any, dp: 
         f = zero_force()
         if gravity is not None:
             I, g = inertia_of(b.inertia), unrotate(pose_of(here.X).R, vec_of(parent.g))
-            f = Force(cross(I.h, g), times(I.m, g))
+            f = Force(cross(I.h, g), scale(I.m, g))
             put_vec(here.g, g)
         if fext is not None and b.joint > 0:
-            f = add_force(f, force_from(fext[b.joint]))
+            f = add_force(f, read_force(fext[b.joint]))
         put_force(here.f, f)
 
     for i in range(len(bodies) - 1, 0, -1):
@@ -160,7 +199,23 @@ def rate(bodies: Any, work: Any, v: Any, tau: Any, gravity: Any, fext: Any, dp: 
             dp[i - 1] = dp[i - 1] + tau[i - 1]
 
 
-P = Argument("p", ("nv",), "kg m²/s | kg m/s", "joint momenta M(q) v", dual=True)
+def velocity_through_M(M: MassMatrix, q: Array, p: Array) -> Array:
+    """v = M⁻¹ p."""
+    return M.solve(p)
+
+
+def hamiltonian_through_M(M: MassMatrix, q: Array, p: Array) -> Array:
+    """H = ½ pᵀ M⁻¹ p + V."""
+    return 0.5 * (p * M.solve(p)).sum(-1) + M.call("potential_energy", q)
+
+
+def hamilton_through_M(M: MassMatrix, q: Array, p: Array, tau: Array, fext: Array) -> tuple[Array, Array]:
+    """v = M⁻¹ p and ṗ."""
+    v = M.solve(p)
+    return v, M.call("momentum_rate", q, v, tau, fext)
+
+
+P = Argument("p", ("nv",), "kg m²/s | kg m/s", "joint momenta M(q) v", is_force=True)
 _RATE = Argument("dp", ("nv",), "N m | N", "rate of the joint momenta")
 _ABA = "after Featherstone, RBDA (2008), table 7.1, with momenta in place of torques."
 _SWEEP = "a derivation of our own from Hamilton's principle; momenta are summed inward as RBDA table 5.1 sums forces."
@@ -173,11 +228,12 @@ SPECS = (
     Spec(
         "velocity_from_momentum", velocity_from_momentum, WORK_VELOCITY, (Q, P), V,
         "Joint velocities v = M(q)⁻¹ p of given joint momenta, without forming M.", _ABA, pivots=True, regroup=True,
+        through_M=velocity_through_M,
     ),
     Spec(
         "hamiltonian", hamiltonian, WORK_ENERGY, (Q, P), Argument("H", (), "J", "energy"),
         "Hamiltonian H(q, p) = ½ pᵀ M(q)⁻¹ p + V(q): the energy as a function of positions and momenta.", _ABA,
-        pivots=True,
+        pivots=True, through_M=hamiltonian_through_M,
     ),
     Spec(
         "momentum_rate", momentum_rate, WORK_RATE, (Q, V, TAU, FEXT_OPTIONAL), _RATE,
@@ -188,5 +244,6 @@ SPECS = (
         Argument("rates", (2, "nv"), "rad/s | m/s; N m | N", "joint velocities, and rates of the joint momenta"),
         "Hamilton's equations in one array: v = M(q)⁻¹ p and ṗ = C(q, v)ᵀ v + tau - g(q) + Σ Jᵀ fext, one above "
         "the other; ``hamilton_equations`` gives the pair.", _SWEEP, pivots=True, regroup=True,
+        through_M=hamilton_through_M,
     ),
 )  # fmt: skip

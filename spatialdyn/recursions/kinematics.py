@@ -1,25 +1,15 @@
-"""Where the joints and frames are and how they move.
+"""Poses, Jacobians, velocities and accelerations of joints and frames.
 
-A frame is walked from its body up to the world: the pose of the frame in row i grows by one joint a step, so
-only the joints that carry the frame are visited and everything is computed in the frame's own coordinates.
+A frame is walked from its body to the world: each step takes the frame's pose from a row to its parent, so only the
+joints that carry the frame are visited, and everything is computed in the frame's own coordinates.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.euclidean import cross, plus, rotate, zero
-from ..algebra.records import (
-    motion_of,
-    pose_from,
-    pose_of,
-    public_motion,
-    public_pose,
-    put_motion,
-    put_pose,
-    table_dtype,
-)
-from ..algebra.scalars import inlined
+from ..algebra.euclidean import add, cross, rotate, zero
+from ..algebra.public_arrays import read_pose, write_motion, write_pose
+from ..algebra.records import motion_of, pose_of, put_motion, put_pose, table_dtype
+from ..algebra.scalars import inline
 from ..algebra.spatial import (
     Motion,
     Pose,
@@ -34,28 +24,37 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
+from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
+from .steps import seen_from_parent
 
-WORK = table_dtype(X=Pose, v=Motion)
-WORK_RATE = table_dtype(X=Pose, v=Motion, dS=Motion)
+WORK = table_dtype(
+    X=Pose,  # pose of the row in the world, outward; of frames, in its parent, on the walk
+    v=Motion,  # velocity in the world, outward; a column of a frame's Jacobian, on the walk
+)
+WORK_RATE = table_dtype(
+    X=Pose,  # as in WORK
+    v=Motion,  # as in WORK
+    dS=Motion,  # rate of the Jacobian's column in the frame, on the walk
+)
 
 
-@inlined
-def forward_kinematics(bodies: Any, work: Any, q: Any, X: Any) -> None:
+@inline
+def forward_kinematics(bodies: Bodies, work: Work, q: Config, X: Array) -> None:
     """Pose of every joint's body in the world, composed outward."""
     put_pose(work[0].X, identity_pose())
-    public_pose(X[0], identity_pose())
+    write_pose(X[0], identity_pose())
     for i in range(1, len(bodies)):
         b = bodies[i]
         place_joint(bodies, i, q, work[i].X)
         here = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
         put_pose(work[i].X, here)
         if b.joint > 0:
-            public_pose(X[b.joint], here)
+            write_pose(X[b.joint], here)
 
 
-@inlined
-def joint_jacobians(bodies: Any, work: Any, q: Any, J: Any) -> None:
+@inline
+def joint_jacobians(bodies: Bodies, work: Work, q: Config, J: Matrix) -> None:
     """Column i: S of row i in world coordinates."""
     put_pose(work[0].X, identity_pose())
     for i in range(1, len(bodies)):
@@ -63,11 +62,11 @@ def joint_jacobians(bodies: Any, work: Any, q: Any, J: Any) -> None:
         place_joint(bodies, i, q, work[i].X)
         X = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
         put_pose(work[i].X, X)
-        public_motion(J[:, i - 1], motion_to_parent(X, motion_of(b.S)))
+        write_motion(J[:, i - 1], motion_to_parent(X, motion_of(b.S)))
 
 
-@inlined
-def joint_jacobians_dot(bodies: Any, work: Any, q: Any, v: Any, dJ: Any) -> None:
+@inline
+def joint_jacobians_dot(bodies: Bodies, work: Work, q: Config, v: Vector, dJ: Matrix) -> None:
     """Column i: d/dt of S in world coordinates, v × S (RBDA eq. 2.45)."""
     put_pose(work[0].X, identity_pose())
     put_motion(work[0].v, zero_motion())
@@ -78,12 +77,12 @@ def joint_jacobians_dot(bodies: Any, work: Any, q: Any, v: Any, dJ: Any) -> None
         vi = add_motion(motion_of(work[b.parent].v), motion_to_parent(X, joint_motion(bodies, i, v)))
         put_pose(work[i].X, X)
         put_motion(work[i].v, vi)
-        public_motion(dJ[:, i - 1], cross_motion(vi, motion_to_parent(X, motion_of(b.S))))
+        write_motion(dJ[:, i - 1], cross_motion(vi, motion_to_parent(X, motion_of(b.S))))
 
 
-@inlined
-def referred(X: Pose, m: Motion, reference: int) -> Motion:
-    """A motion in the coordinates of a frame that stands at X in the world, in those of the reference."""
+@inline
+def express_in(X: Pose, m: Motion, reference: int) -> Motion:
+    """A motion from the coordinates of a frame of pose X in the world to those of the reference."""
     if reference == LOCAL:
         return m
     if reference == WORLD:
@@ -91,64 +90,50 @@ def referred(X: Pose, m: Motion, reference: int) -> Motion:
     return Motion(rotate(X.R, m.w), rotate(X.R, m.v))
 
 
-@inlined
-def of_point(a: Motion, v: Motion) -> Motion:
-    """The acceleration of the point where the frame is, of its spatial one and its velocity: ω × v is added."""
-    return Motion(a.w, plus(a.v, cross(v.w, v.v)))
+@inline
+def classical_acceleration(a: Motion, v: Motion) -> Motion:
+    """The classical acceleration of the frame's origin from its spatial one and its velocity: ω × v is added."""
+    return Motion(a.w, add(a.v, cross(v.w, v.v)))
 
 
-@inlined
-def frame_placement(bodies: Any, work: Any, q: Any, row: int, placement: Any, out: Any) -> None:
+@inline
+def frame_placement(bodies: Bodies, work: Work, q: Config, row: int, placement: Matrix, out: Array) -> None:
     """Pose of the frame in the world."""
-    X = pose_from(placement)
+    X = read_pose(placement)
     i = row
     while i > 0:
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[i].X), X)
+        X = seen_from_parent(bodies, work, i, q, X)
         i = bodies[i].parent
-    public_pose(out, X)
+    write_pose(out, X)
 
 
-@inlined
-def frame_jacobian(bodies: Any, work: Any, q: Any, row: int, placement: Any, reference: int, J: Any) -> None:
+@inline
+def frame_jacobian(
+    bodies: Bodies, work: Work, q: Config, row: int, placement: Matrix, reference: int, J: Matrix
+) -> None:
     """Column i: S of row i in the frame's coordinates, then in those of the reference."""
-    for k in range(6):
-        for i in range(1, len(bodies)):
-            J[k, i - 1] = 0.0
-    X = pose_from(placement)
+    J[:] = 0.0
+    X = read_pose(placement)
     i = row
     while i > 0:
         put_motion(work[i].v, motion_to_child(X, motion_of(bodies[i].S)))
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[i].X), X)
+        X = seen_from_parent(bodies, work, i, q, X)
         i = bodies[i].parent
     i = row
     while i > 0:
-        public_motion(J[:, i - 1], referred(X, motion_of(work[i].v), reference))
+        write_motion(J[:, i - 1], express_in(X, motion_of(work[i].v), reference))
         i = bodies[i].parent
 
 
-@inlined
-def frame_velocity(bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any) -> None:
-    """Σ S v over the rows that carry the frame."""
-    X = pose_from(placement)
-    total = zero_motion()
-    i = row
-    while i > 0:
-        total = add_motion(total, motion_to_child(X, joint_motion(bodies, i, v)))
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[i].X), X)
-        i = bodies[i].parent
-    public_motion(out, referred(X, total, reference))
-
-
-@inlined
-def carried(bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any) -> tuple[Pose, Motion, Motion]:
+@inline
+def frame_motion(
+    bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, row: int, placement: Matrix
+) -> tuple[Pose, Motion, Motion]:
     """Pose of the frame in the world, and its velocity and spatial acceleration in its own coordinates.
 
     The acceleration is Σ S a - u × S v, u the frame's velocity seen from the row. a may be None, for zero.
     """
-    X = pose_from(placement)
+    X = read_pose(placement)
     seen = zero_motion()
     total = zero_motion()
     i = row
@@ -158,30 +143,47 @@ def carried(bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement:
         if a is not None:
             total = add_motion(total, motion_to_child(X, scale_motion(a[i - 1], motion_of(bodies[i].S))))
         seen = add_motion(seen, vJ)
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[i].X), X)
+        X = seen_from_parent(bodies, work, i, q, X)
         i = bodies[i].parent
     return X, seen, total
 
 
-@inlined
+@inline
+def frame_velocity(
+    bodies: Bodies, work: Work, q: Config, v: Vector, row: int, placement: Matrix, reference: int, out: Array
+) -> None:
+    """Σ S v over the rows that carry the frame."""
+    X, seen, _ = frame_motion(bodies, work, q, v, None, row, placement)
+    write_motion(out, express_in(X, seen, reference))
+
+
+@inline
 def frame_acceleration(
-    bodies: Any, work: Any, q: Any, v: Any, a: Any, row: int, placement: Any, reference: int, classical: int, out: Any
+    bodies: Bodies,
+    work: Work,
+    q: Config,
+    v: Vector,
+    a: Vector,
+    row: int,
+    placement: Matrix,
+    reference: int,
+    classical: int,
+    out: Array,
 ) -> None:
     """d/dt of the frame's velocity in its own coordinates.
 
     A spatial acceleration, unless ``classical``: then ω × v is added to its linear part. a may be None, for zero.
     """
-    X, seen, total = carried(bodies, work, q, v, a, row, placement)
-    total = referred(X, total, reference)
+    X, seen, total = frame_motion(bodies, work, q, v, a, row, placement)
+    total = express_in(X, total, reference)
     if classical == 1:
-        total = of_point(total, referred(X, seen, reference))
-    public_motion(out, total)
+        total = classical_acceleration(total, express_in(X, seen, reference))
+    write_motion(out, total)
 
 
-@inlined
+@inline
 def jacobian_dot_times_v(
-    bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, out: Any
+    bodies: Bodies, work: Work, q: Config, v: Vector, row: int, placement: Matrix, reference: int, out: Array
 ) -> None:
     """d/dt of the frame's velocity at zero joint acceleration, in the reference."""
     aligned = 0
@@ -190,19 +192,17 @@ def jacobian_dot_times_v(
     frame_acceleration(bodies, work, q, v, None, row, placement, reference, aligned, out)
 
 
-@inlined
+@inline
 def frame_jacobian_dot(
-    bodies: Any, work: Any, q: Any, v: Any, row: int, placement: Any, reference: int, dJ: Any
+    bodies: Bodies, work: Work, q: Config, v: Vector, row: int, placement: Matrix, reference: int, dJ: Matrix
 ) -> None:
     """Column i: d/dt of S of row i in the frame's coordinates, -u × S with u the frame's velocity seen from the row.
 
-    In coordinates that do not turn and travel with the frame the frame's own motion is added: V × S in the world's,
-    ω × S in those that only travel with it.
+    In references that do not turn with the frame its own motion is added: V × S in the world, ω × S in
+    local_world_aligned, which only translates with it.
     """
-    for k in range(6):
-        for i in range(1, len(bodies)):
-            dJ[k, i - 1] = 0.0
-    X = pose_from(placement)
+    dJ[:] = 0.0
+    X = read_pose(placement)
     seen = zero_motion()
     i = row
     while i > 0:
@@ -210,8 +210,7 @@ def frame_jacobian_dot(
         put_motion(work[i].v, S)
         put_motion(work[i].dS, cross_motion(S, seen))
         seen = add_motion(seen, motion_to_child(X, joint_motion(bodies, i, v)))
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[i].X), X)
+        X = seen_from_parent(bodies, work, i, q, X)
         i = bodies[i].parent
     own = zero_motion()
     if reference == WORLD:
@@ -221,7 +220,7 @@ def frame_jacobian_dot(
     i = row
     while i > 0:
         dS = add_motion(motion_of(work[i].dS), cross_motion(own, motion_of(work[i].v)))
-        public_motion(dJ[:, i - 1], referred(X, dS, reference))
+        write_motion(dJ[:, i - 1], express_in(X, dS, reference))
         i = bodies[i].parent
 
 

@@ -1,24 +1,32 @@
-"""Motion under constraints, M x = r + Jᵀ λ and J x + γ = -μ λ, with the zeros of the tree in M = LᵀD L.
+"""Motion under constraints, M x = r + Jᵀ λ and J x + γ = -μ λ, with M = LᵀD L as sparse as the tree.
 
 Y = J L⁻¹, one sweep towards the root for each row of J, and S = Y D⁻¹ Yᵀ + μ 1 = C Cᵀ, a row and a column for each
-constraint. A pivot of C is the part of its row that is no combination of those before it: against the row's own
-size, so that units do not matter, it says whether the constraint is independent.
+constraint. A pivot of C is the part of its row that is no combination of the rows before: its size relative to the
+row's own, which no unit changes, tells whether the constraint is independent.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.scalars import inlined, sqrt
+from ..algebra.scalars import EPS, Scalar, inline, sqrt
 from .ltdl import factor_tree, solve_inward, solve_outward
+from .signatures import Array, Bodies, Matrix, Vector
 
-EPS = 2.220446049250313e-16
-DEPENDENT = 16.0  # eps times so many and the terms in a pivot: what rounding leaves of a dependent row
+DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
 
 
-@inlined
+@inline
 def constrained(
-    bodies: Any, M: Any, J: Any, r: Any, gamma: Any, mu: Any, L: Any, Y: Any, C: Any, x: Any, force: Any
+    bodies: Bodies,
+    M: Matrix,
+    J: Matrix,
+    r: Vector,
+    gamma: Vector,
+    mu: Scalar,
+    L: Matrix,
+    Y: Matrix,
+    C: Matrix,
+    x: Vector,
+    force: Vector,
 ) -> int:
     """Solve for x (nv) and λ = force (m); returns how many constraints are independent, -1 if M is singular.
 
@@ -36,9 +44,9 @@ def constrained(
     return independent
 
 
-@inlined
-def solve_factored(bodies: Any, gamma: Any, L: Any, Y: Any, C: Any, x: Any, force: Any) -> None:
-    """x (nv), which is r before, and λ = force (m) by L, Y and C."""
+@inline
+def solve_factored(bodies: Bodies, gamma: Vector, L: Matrix, Y: Matrix, C: Matrix, x: Vector, force: Vector) -> None:
+    """x (nv), in place of r, and λ = force (m), from L, Y and C."""
     n, m = len(L), len(C)
     solve_inward(bodies, L, x)
     for i in range(n):
@@ -60,11 +68,13 @@ def solve_factored(bodies: Any, gamma: Any, L: Any, Y: Any, C: Any, x: Any, forc
     solve_outward(bodies, L, x)
 
 
-@inlined
-def bordered_inverse(bodies: Any, L: Any, Y: Any, C: Any, gamma: Any, x: Any, force: Any, out: Any) -> int:
-    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] by L, Y and C, column by column; gamma, x and force are scratch.
+@inline
+def bordered_inverse(
+    bodies: Bodies, L: Matrix, Y: Matrix, C: Matrix, gamma: Vector, x: Vector, force: Vector, out: Array
+) -> int:
+    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] from L, Y and C, column by column; gamma, x and force are scratch.
 
-    With x and -λ for unknowns, the right side is r and -γ; what is above the diagonal is what is below.
+    With x and -λ for unknowns, the right side is r and -γ, and the matrix is symmetric.
     """
     n, m = len(L), len(C)
     for j in range(n + m):
@@ -83,9 +93,9 @@ def bordered_inverse(bodies: Any, L: Any, Y: Any, C: Any, gamma: Any, x: Any, fo
     return 0
 
 
-@inlined
-def factored(bodies: Any, M: Any, L: Any) -> int:
-    """M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is next to nothing of its entry of M, else 0."""
+@inline
+def factored(bodies: Bodies, M: Matrix, L: Matrix) -> int:
+    """M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is within rounding of 0, relative to M, else 0."""
     n = len(bodies) - 1
     for i in range(n):
         for j in range(n):
@@ -97,9 +107,9 @@ def factored(bodies: Any, M: Any, L: Any) -> int:
     return 0
 
 
-@inlined
-def _factor_constraints(bodies: Any, J: Any, mu: Any, L: Any, Y: Any, C: Any) -> int:
-    """Y and C; returns how many rows are independent, the others leave a column of zeros in C."""
+@inline
+def _factor_constraints(bodies: Bodies, J: Matrix, mu: Scalar, L: Matrix, Y: Matrix, C: Matrix) -> int:
+    """Write Y and C; returns the number of independent rows, the others leave a column of zeros in C."""
     n, m = len(bodies) - 1, len(J)
     independent = 0
     for k in range(m):
@@ -123,9 +133,20 @@ def _factor_constraints(bodies: Any, J: Any, mu: Any, L: Any, Y: Any, C: Any) ->
     return independent
 
 
-@inlined
+@inline
 def constrained_samples(
-    bodies: Any, M: Any, J: Any, r: Any, gamma: Any, mu: Any, L: Any, Y: Any, C: Any, x: Any, force: Any, rank: Any
+    bodies: Bodies,
+    M: Array,
+    J: Array,
+    r: Array,
+    gamma: Array,
+    mu: Array,
+    L: Array,
+    Y: Array,
+    C: Array,
+    x: Array,
+    force: Array,
+    rank: Array,
 ) -> int:
     """``constrained`` for samples along the first axis of M, J, r, gamma, x and force; rank (samples) is written."""
     for s in range(len(M)):

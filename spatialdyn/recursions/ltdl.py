@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.euclidean import Vec
 from ..algebra.records import table_dtype
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..algebra.spatial import Force, Inertia, Pose
+from .aba import acceleration_through_M
 from .crba import crba
 from .rnea import rnea
+from .signatures import Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
-WORK = table_dtype(X=Pose, Ic=Inertia, w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec)
+WORK = table_dtype(
+    X=Pose,  # of crba, then of rnea
+    Ic=Inertia,  # of crba
+    w=Vec,  # of rnea, as are the fields that follow
+    dw=Vec,
+    dv=Vec,
+    f=Force,
+)
 
 
-@inlined
-def crba_solve(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: Any, pivots: Any, M: Any) -> None:
+@inline
+def crba_solve(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, a: Vector, pivots: Vector, M: Matrix
+) -> None:
     """a = M⁻¹ (τ - bias); fext may be None, for zero.
 
     M  (nv, nv), written: D on its diagonal and L below
@@ -30,9 +39,9 @@ def crba_solve(bodies: Any, work: Any, q: Any, v: Any, tau: Any, fext: Any, a: A
     solve_tree(bodies, M, a)
 
 
-@inlined
-def factor_tree(bodies: Any, M: Any) -> None:
-    """M = LᵀD L in place of its lower triangle, L of unit diagonal (not stored): M_ij is 0, and L_ij stays 0, unless
+@inline
+def factor_tree(bodies: Bodies, M: Matrix) -> None:
+    """M = LᵀD L, written in place in the lower triangle, L of unit diagonal (not stored). M_ij and L_ij are 0 unless
     row j carries row i, so only the rows on the way to the root are walked.
     """
     for k in range(len(bodies) - 1, 0, -1):
@@ -48,8 +57,8 @@ def factor_tree(bodies: Any, M: Any) -> None:
             i = bodies[i].parent
 
 
-@inlined
-def solve_tree(bodies: Any, L: Any, x: Any) -> None:
+@inline
+def solve_tree(bodies: Bodies, L: Matrix, x: Vector) -> None:
     """x = (LᵀD L)⁻¹ x in place."""
     solve_inward(bodies, L, x)
     for i in range(len(bodies) - 1):
@@ -57,8 +66,8 @@ def solve_tree(bodies: Any, L: Any, x: Any) -> None:
     solve_outward(bodies, L, x)
 
 
-@inlined
-def solve_inward(bodies: Any, L: Any, x: Any) -> None:
+@inline
+def solve_inward(bodies: Bodies, L: Matrix, x: Vector) -> None:
     """x = L⁻ᵀ x in place."""
     for i in range(len(bodies) - 1, 0, -1):
         j = bodies[i].parent
@@ -67,8 +76,8 @@ def solve_inward(bodies: Any, L: Any, x: Any) -> None:
             j = bodies[j].parent
 
 
-@inlined
-def solve_outward(bodies: Any, L: Any, x: Any) -> None:
+@inline
+def solve_outward(bodies: Bodies, L: Matrix, x: Vector) -> None:
     """x = L⁻¹ x in place."""
     for i in range(1, len(bodies)):
         j = bodies[i].parent
@@ -83,6 +92,6 @@ SPECS = (
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) through the mass matrix, factored as sparse "
         "as the tree.",
         "Featherstone, RBDA (2008), chapter 6: CRBA, and the factorization LᵀD L.", pivots=True, regroup=True,
-        spare=(("nv", "nv"),),
+        scratch=(("nv", "nv"),), through_M=acceleration_through_M,
     ),
 )  # fmt: skip

@@ -2,119 +2,118 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.euclidean import (
-    Rot,
     Vec,
+    acceleration_matrix,
+    add,
     cross,
-    minus,
-    negative,
-    plus,
-    rate_of_spin,
+    neg,
+    newton_euler_moment,
     rotate,
-    spin_matrix,
-    times,
+    scale,
     unrotate,
     zero,
 )
-from ..algebra.records import (
-    force_from,
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_force,
-    put_vec,
-    table_dtype,
-    vec_of,
-)
-from ..algebra.scalars import inlined
-from ..algebra.spatial import Force, Pose, add_force, force_to_parent, power, sub_force, zero_force
-from ..bodies.joints import joint_motion, off_norm, place_joint
+from ..algebra.public_arrays import read_force
+from ..algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, put_vec, table_dtype, vec_of
+from ..algebra.scalars import inline
+from ..algebra.spatial import Force, Inertia, Pose, add_force, force_to_parent, power, sub_force, zero_force
+from ..bodies.joints import joint_motion, place_joint
+from .rnea_off_norm import add_off_norm_forces
+from .signatures import Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
-WORK = table_dtype(X=Pose, w=Vec, dw=Vec, dv=Vec, f=Force, lv=Vec)  # lv: linear velocity, where q is off its norm
+WORK = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    w=Vec,  # ω; outward
+    dw=Vec,  # ω̇; outward
+    dv=Vec,  # v̇ of the origin, the classical acceleration, less gravity; outward
+    f=Force,  # force that moves the body, outward; that its joint transmits, inward
+)
 
 
-@inlined
-def rnea(bodies: Any, work: Any, q: Any, v: Any, a: Any, fext: Any, tau: Any) -> None:
+@inline
+def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matrix, tau: Vector) -> None:
     """RBDA table 5.1 in body coordinates and classical accelerations; v, a, fext may be None, for zero.
 
-    Per body ω, ω̇ and the acceleration a of its origin, gravity's taken away. With U = ω̇~ + ω̃² a point at p
-    accelerates by a + U p, so the linear velocity is never needed and a fifth of the work of the spatial form is
-    saved. A joint's own velocity (w, l) adds ω × w to ω̇ and (2 ω - w) × l to a.
-
-    Where q is taken as it is and off its unit norm, X.R turns no cross product: ``_unturned`` is what the spatial form
-    has more there.
+    Per body ω, ω̇ and the acceleration a of its origin, as Luh, Walker and Paul have it: without linear velocities a
+    fifth of the work is saved. Each block has its line of table 5.1 above it.
     """
-    off = v is not None and off_norm(bodies, q)
-    if off:
-        put_vec(work[0].lv, zero())
     put_vec(work[0].w, zero())
     put_vec(work[0].dw, zero())
-    put_vec(work[0].dv, negative(vec_of(bodies[0].gravity)))
+    put_vec(work[0].dv, neg(vec_of(bodies[0].gravity)))
     put_force(work[0].f, zero_force())
 
     for i in range(1, len(bodies)):
-        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        S, I = motion_of(b.S), inertia_of(b.inertia)
+        b, here = bodies[i], work[i]
         place_joint(bodies, i, q, here.X)
-        X = pose_of(here.X)
-        if v is None:
-            if a is None:
-                ai = unrotate(X.R, vec_of(parent.dv))
-                f = Force(cross(I.h, ai), times(I.m, ai))
-            else:
-                dw = vec_of(parent.dw)
-                ai = unrotate(X.R, plus(vec_of(parent.dv), cross(dw, X.p)))
-                dw = plus(unrotate(X.R, dw), times(a[i - 1], S.w))
-                ai = plus(ai, times(a[i - 1], S.v))
-                f = _force(I, zero(), dw, ai)
-                put_vec(here.dw, dw)
-        else:
-            w, dw = vec_of(parent.w), vec_of(parent.dw)
-            ai = unrotate(X.R, plus(vec_of(parent.dv), rotate(spin_matrix(w, dw), X.p)))
-            vJ = joint_motion(bodies, i, v)
-            if off:
-                l = plus(vec_of(parent.lv), cross(w, X.p))
-                ai = plus(ai, _unturned(X.R, w, l))
-                put_vec(here.lv, plus(unrotate(X.R, l), vJ.v))
-            w = plus(unrotate(X.R, w), vJ.w)
-            dw = plus(unrotate(X.R, dw), cross(w, vJ.w))
-            ai = plus(ai, cross(plus(w, plus(w, negative(vJ.w))), vJ.v))
-            if a is not None:
-                dw = plus(dw, times(a[i - 1], S.w))
-                ai = plus(ai, times(a[i - 1], S.v))
-            f = _force(I, w, dw, ai)
-            put_vec(here.w, w)
-            put_vec(here.dw, dw)
+        # v_i = X v_λ + S q̇,   a_i = X a_λ + S q̈ + v_i × S q̇
+        classical_motion(bodies, work, i, v, a)
+        # f_i = I a_i + v_i ×* I v_i - f_ext
+        f = newton_euler(inertia_of(b.inertia), here, v, a)
         if fext is not None and b.joint > 0:
-            f = sub_force(f, force_from(fext[b.joint]))
-        put_vec(here.dv, ai)
+            f = sub_force(f, read_force(fext[b.joint]))
         put_force(here.f, f)
+    if v is not None:
+        add_off_norm_forces(bodies, work, q, v)
 
     for i in range(len(bodies) - 1, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         f = force_of(here.f)
+        # τ_i = S·f_i
         t = power(motion_of(b.S), f)
         if a is not None:
             t = t + b.armature * a[i - 1]
         tau[i - 1] = t
+        # f_λ += X* f_i
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
 
 
-@inlined
-def _unturned(R: Rot, w: Vec, l: Vec) -> Vec:
-    """(Rᵀω) × (Rᵀl) - Rᵀ(ω × l), null for a rotation."""
-    return minus(cross(unrotate(R, w), unrotate(R, l)), unrotate(R, cross(w, l)))
+@inline
+def classical_motion(bodies: Bodies, work: Work, i: int, v: Vector, a: Vector) -> None:
+    """Write the motion of row i, whose joint moves by S q̇ = (w, l) and lies at p in its parent,
+
+        ω = Rᵀ ω_λ + w
+        ω̇ = Rᵀ ω̇_λ + S_w q̈ + ω × w
+        a = Rᵀ (a_λ + U_λ p) + S_l q̈ + (2 ω - w) × l,    U = ω̇~ + ω̃².
+
+    Terms that are 0 because v or a is None are neither computed nor written.
+    """
+    here, parent = work[i], work[bodies[i].parent]
+    X, S = pose_of(here.X), motion_of(bodies[i].S)
+    if v is None:
+        if a is None:
+            ai = unrotate(X.R, vec_of(parent.dv))
+        else:
+            dw = vec_of(parent.dw)
+            ai = unrotate(X.R, add(vec_of(parent.dv), cross(dw, X.p)))
+            dw = add(unrotate(X.R, dw), scale(a[i - 1], S.w))
+            ai = add(ai, scale(a[i - 1], S.v))
+            put_vec(here.dw, dw)
+    else:
+        w, dw = vec_of(parent.w), vec_of(parent.dw)
+        ai = unrotate(X.R, add(vec_of(parent.dv), rotate(acceleration_matrix(w, dw), X.p)))
+        vJ = joint_motion(bodies, i, v)
+        w = add(unrotate(X.R, w), vJ.w)
+        dw = add(unrotate(X.R, dw), cross(w, vJ.w))
+        ai = add(ai, cross(add(w, add(w, neg(vJ.w))), vJ.v))
+        if a is not None:
+            dw = add(dw, scale(a[i - 1], S.w))
+            ai = add(ai, scale(a[i - 1], S.v))
+        put_vec(here.w, w)
+        put_vec(here.dw, dw)
+    put_vec(here.dv, ai)
 
 
-@inlined
-def _force(I: Any, w: Vec, dw: Vec, a: Vec) -> Force:
-    """What moves a body so: linear m a + U h, moment about its origin Ī ω̇ + ω × Ī ω + h × a."""
-    U = spin_matrix(w, dw)
-    return Force(plus(rate_of_spin(I.I, w, dw, U), cross(I.h, a)), plus(times(I.m, a), rotate(U, I.h)))
+@inline
+def newton_euler(I: Inertia, here: Record, v: Vector, a: Vector) -> Force:
+    """Force that moves a body: linear m a + U h, moment about its origin Ī ω̇ + ω × Ī ω + h × a."""
+    ai = vec_of(here.dv)
+    if v is None and a is None:
+        return Force(cross(I.h, ai), scale(I.m, ai))
+    w, dw = zero() if v is None else vec_of(here.w), vec_of(here.dw)
+    U = acceleration_matrix(w, dw)
+    return Force(add(newton_euler_moment(I.I, w, dw, U), cross(I.h, ai)), add(scale(I.m, ai), rotate(U, I.h)))
 
 
 _SOURCE = "Featherstone, RBDA (2008), table 5.1, in classical accelerations (Luh, Walker, Paul 1980)."

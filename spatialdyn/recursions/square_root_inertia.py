@@ -6,18 +6,15 @@ a link without mass, or without extent, has fewer or none.
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.euclidean import Sym, Vec, apply_sym, cross, dot, minus, plus, second_moment, times, zero
-from ..algebra.scalars import Scalar, inlined, sqrt
+from ..algebra.euclidean import Sym, Vec, add, apply_sym, cross, dot, scale, second_moment, sub, zero
+from ..algebra.scalars import EPS, Scalar, inline, sqrt
 from ..algebra.spatial import Force, Inertia, Motion
+from .signatures import Matrix, Vector
 from .square_root_rows import Row, put_row, triangular
 
-EPS = 2.220446049250313e-16
 
-
-@inlined
-def body_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
+@inline
+def body_rows(stack: Matrix, rows: int, I: Inertia, v: Motion, felt: Vector) -> int:
     """Append the rows of a body: with Σ x xᵀ its second moments of mass, rows [-x̃, 0] and z = ω × (ω × x) for each x.
 
     Mass and first moment are one more such point, s = √m and x = h/s, which moves: [-x̃, s 1] and
@@ -26,13 +23,13 @@ def body_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
     s, x = sqrt(I.m), zero()
     if s != 0.0:
         x = Vec(I.h.x / s, I.h.y / s, I.h.z / s)
-        z = cross(v.w, plus(times(s, v.v), cross(v.w, x)))
+        z = cross(v.w, add(scale(s, v.v), cross(v.w, x)))
         put_row(stack, rows, Row(0.0, Force(Vec(0.0, x.z, -x.y), Vec(s, 0.0, 0.0)), z.x))
         put_row(stack, rows + 1, Row(0.0, Force(Vec(-x.z, 0.0, x.x), Vec(0.0, s, 0.0)), z.y))
         put_row(stack, rows + 2, Row(0.0, Force(Vec(x.y, -x.x, 0.0), Vec(0.0, 0.0, s)), z.z))
         rows += 3
     M = second_moment(I.I)
-    least = 16.0 * EPS * (abs(M.xx) + abs(M.yy) + abs(M.zz))  # what rounding may leave
+    least = 16.0 * EPS * (abs(M.xx) + abs(M.yy) + abs(M.zz))  # bound on rounding errors
     rest = Sym(
         M.xx - x.x * x.x, M.xy - x.x * x.y, M.xz - x.x * x.z, M.yy - x.y * x.y, M.yz - x.y * x.z, M.zz - x.z * x.z
     )
@@ -53,10 +50,10 @@ def body_rows(stack: Any, rows: int, I: Inertia, v: Motion, felt: Any) -> int:
     return rows
 
 
-@inlined
-def _turning_rows(stack: Any, rows: int, I: Inertia, w: Vec) -> int:
+@inline
+def _turning_rows(stack: Matrix, rows: int, I: Inertia, w: Vec) -> int:
     """Append rows of the rotational inertia about the com, for one that no distribution of mass has; NaN if it is
-    not positive semidefinite, when it has none. Returns the new number of rows.
+    not positive semidefinite and has no root. Returns the new number of rows.
     """
     least = 16.0 * EPS * (abs(I.I.xx) + abs(I.I.yy) + abs(I.I.zz))
     rest = I.I
@@ -74,32 +71,32 @@ def _turning_rows(stack: Any, rows: int, I: Inertia, w: Vec) -> int:
             x, rest = _without_axis(rest, axis, d)
             along = moment.x if axis == 0 else (moment.y if axis == 1 else moment.z)
             z = along / sqrt(d)
-            moment = minus(moment, times(z, x))
+            moment = sub(moment, scale(z, x))
             put_row(stack, rows, Row(0.0, Force(x, zero()), z))
             rows += 1
     if not _size(rest) <= least:
-        lost = Vec(sqrt(-1.0), 0.0, 0.0)
-        put_row(stack, rows, Row(0.0, Force(lost, lost), lost.x))
+        nan = Vec(sqrt(-1.0), 0.0, 0.0)
+        put_row(stack, rows, Row(0.0, Force(nan, nan), nan.x))
         rows += 1
     return rows
 
 
-@inlined
+@inline
 def _largest(M: Sym) -> tuple[Scalar, int]:
-    """The largest entry on the diagonal, and where it is."""
+    """The largest entry on the diagonal, and its index."""
     if M.yy > M.xx:
         return (M.zz, 2) if M.zz > M.yy else (M.yy, 1)
     return (M.zz, 2) if M.zz > M.xx else (M.xx, 0)
 
 
-@inlined
+@inline
 def _size(M: Sym) -> Scalar:
     """The largest magnitude of an entry."""
     diagonal = max(abs(M.xx), max(abs(M.yy), abs(M.zz)))
     return max(diagonal, max(abs(M.xy), max(abs(M.xz), abs(M.yz))))
 
 
-@inlined
+@inline
 def _without_axis(M: Sym, axis: int, d: Scalar) -> tuple[Vec, Sym]:
     """x and M - x xᵀ, a step of Cholesky's: x is M's column of the axis over √d, d the entry on the diagonal."""
     s = sqrt(d)

@@ -1,16 +1,17 @@
 """Stacks of rows: the inertia of a subtree as a sum of squares, in an array, and reflections that keep the sum.
 
 A row [s | r | z] stands for ½ (s x + r·a + z)²: x is the acceleration of a joint, a that of its body; s is a number,
-r a Force (angular part first), z what velocities add. Sums of rows [s r z] are rows, so a reflection may mix them.
+r a Force (angular part first), z the velocity term. Sums of rows [s r z] are rows, so a reflection may mix them.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..algebra.euclidean import Vec
-from ..algebra.scalars import Scalar, called, inlined, sqrt
+from ..algebra.scalars import Scalar, inline, no_inline, sqrt
 from ..algebra.spatial import Force, add_force, scale_force, zero_force
+from .signatures import Matrix, Vector
 
 
 class Row(NamedTuple):
@@ -21,30 +22,30 @@ class Row(NamedTuple):
     z: Scalar
 
 
-@inlined
-def row_of(stack: Any, k: int) -> Row:
+@inline
+def row_of(stack: Matrix, k: int) -> Row:
     """Read a row."""
     n, f = Vec(stack[k, 1], stack[k, 2], stack[k, 3]), Vec(stack[k, 4], stack[k, 5], stack[k, 6])
     return Row(stack[k, 0], Force(n, f), stack[k, 7])
 
 
-@inlined
-def put_row(stack: Any, k: int, row: Row) -> None:
+@inline
+def put_row(stack: Matrix, k: int, row: Row) -> None:
     """Write a row."""
     n, f = row.r.n, row.r.f
     stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = row.s, n.x, n.y, n.z
     stack[k, 4], stack[k, 5], stack[k, 6], stack[k, 7] = f.x, f.y, f.z, row.z
 
 
-@inlined
+@inline
 def _plus(a: Row, w: Scalar, b: Row) -> Row:
     """a + w b."""
     return Row(a.s + w * b.s, add_force(a.r, scale_force(w, b.r)), a.z + w * b.z)
 
 
-@inlined
+@inline
 def _larger(a: Row, b: Row) -> Row:
-    """The larger of each entry of a and each magnitude of b, but those of s and z."""
+    """The larger of each entry of a and the magnitude of b's, for r alone; s and z are those of a."""
     n, f, m, g = a.r.n, a.r.f, b.r.n, b.r.f
     return Row(
         a.s,
@@ -59,11 +60,11 @@ def _larger(a: Row, b: Row) -> Row:
 # --- reflections ----------------------------------------------------------------------------------------
 
 
-@called
-def triangular(stack: Any, first: int, end: int, felt: Any) -> int:
-    """Make rows first .. end as few as their rank, at most six, with the same RᵀR and Rᵀz; returns their new end.
+@no_inline
+def triangular(stack: Matrix, first: int, end: int, felt: Vector) -> int:
+    """Reduce rows first .. end to their rank, at most six, with the same RᵀR and Rᵀz; returns their new end.
 
-    felt  (6,) of 0 and 1: columns that count; what is left of rows when these are done is given up
+    felt  (6,) of 0 and 1: columns that count; what the rows then have in the others is dropped
 
     Rows of very different size keep their own accuracy if pivots are chosen by columns and rows (Cox and Higham
     1998). Angular and linear columns have different units, so each is judged by the largest entry among its three.
@@ -88,10 +89,10 @@ def triangular(stack: Any, first: int, end: int, felt: Any) -> int:
     return min(end, first + 6)
 
 
-@called
-def reflect(stack: Any, top: int, end: int, column: int) -> None:
-    """Householder's reflection of rows top .. end that leaves of a column its first entry, the row of its largest
-    entry put on top; nothing is done to a column of 0.
+@no_inline
+def reflect(stack: Matrix, top: int, end: int, column: int) -> None:
+    """Householder reflection of rows top .. end that zeroes a column below its first entry, the row of its largest
+    entry swapped to the top; a column of zeros is left as it is.
     """
     pivot = top
     for k in range(top + 1, end):

@@ -1,75 +1,73 @@
-"""All that a joint carries, as one: its centre of mass, and how that moves.
+"""Centre of mass of each subtree, its velocity and its acceleration.
 
 The subtree of the world is the robot. A subtree without mass has its centre of mass where its joint is, at rest.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.euclidean import Vec, times, unrotate
-from ..algebra.records import (
-    force_of,
-    inertia_of,
-    motion_of,
-    pose_of,
-    public_vec,
-    put_force,
-    table_dtype,
-    vec_of,
-)
-from ..algebra.scalars import Scalar, inlined, select
+from ..algebra.euclidean import Vec, scale, unrotate
+from ..algebra.public_arrays import write_vec
+from ..algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, table_dtype, vec_of
+from ..algebra.scalars import Scalar, inline, select
 from ..algebra.spatial import Force, Inertia, Motion, Pose, add_force, cross_force, momentum, zero_force
-from .centroidal import outward
+from .centroidal import momentum_outward
 from .energy import WORK_MOMENT, mass_moment
+from .signatures import Bodies, Config, Matrix, Vector, Work
 from .spec import A, Argument, Q, Spec, V
 
-WORK = table_dtype(X=Pose, v=Motion, a=Motion, I=Inertia, dI=Inertia, h=Force)
+WORK = table_dtype(
+    X=Pose,  # of centroidal.momentum_outward, as are the fields to dI
+    v=Motion,
+    a=Motion,
+    I=Inertia,  # its mass: of the subtree, inward
+    dI=Inertia,
+    h=Force,  # momentum or force in the world, outward; of the subtree, inward
+)
 
 
-@inlined
+@inline
 def _per(m: Scalar, a: Vec) -> Vec:
-    """a / m, the null vector where m is 0 and a therefore as well."""
-    return times(1.0 / select(m, m, 1.0), a)
+    """a / m; zero where m is 0, because a is then 0 as well."""
+    return scale(1.0 / select(m, m, 1.0), a)
 
 
-@inlined
-def subtree_centers_of_mass(bodies: Any, work: Any, q: Any, c: Any) -> None:
+@inline
+def subtree_centers_of_mass(bodies: Bodies, work: Work, q: Config, c: Matrix) -> None:
     """c = Σ m c / Σ m of each subtree, from the first moments summed inward."""
     mass_moment(bodies, work, q)
-    public_vec(c[0], _per(work[0].m, vec_of(work[0].h)))
+    write_vec(c[0], _per(work[0].m, vec_of(work[0].h)))
     for i in range(1, len(bodies)):
         if bodies[i].joint > 0:
-            public_vec(c[bodies[i].joint], _per(work[i].m, vec_of(work[i].h)))
+            write_vec(c[bodies[i].joint], _per(work[i].m, vec_of(work[i].h)))
 
 
-@inlined
-def _summed(bodies: Any, work: Any, out: Any) -> None:
-    """The h of every row summed inward, and the linear part over the mass of each subtree, in its joint's axes."""
+@inline
+def _summed(bodies: Bodies, work: Work, out: Matrix) -> None:
+    """Sum h and the mass inward, and write h.f over the mass of each subtree, in its joint's axes."""
     for i in range(len(bodies) - 1, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
         h = force_of(here.h)
         parent.I.m = parent.I.m + here.I.m
         put_force(parent.h, add_force(force_of(parent.h), h))
         if bodies[i].joint > 0:
-            public_vec(out[bodies[i].joint], unrotate(pose_of(here.X).R, _per(here.I.m, h.f)))
-    public_vec(out[0], _per(work[0].I.m, vec_of(work[0].h.f)))
+            write_vec(out[bodies[i].joint], unrotate(pose_of(here.X).R, _per(here.I.m, h.f)))
+    write_vec(out[0], _per(work[0].I.m, vec_of(work[0].h.f)))
 
 
-@inlined
-def subtree_com_velocities(bodies: Any, work: Any, q: Any, v: Any, out: Any) -> None:
+@inline
+def subtree_com_velocities(bodies: Bodies, work: Work, q: Config, v: Vector, out: Matrix) -> None:
     """Linear momentum over mass."""
-    outward(bodies, work, q, v, None)
+    momentum_outward(bodies, work, q, v, None)
     put_force(work[0].h, zero_force())
     for i in range(1, len(bodies)):
         put_force(work[i].h, momentum(inertia_of(work[i].I), motion_of(work[i].v)))
     _summed(bodies, work, out)
 
 
-@inlined
-def subtree_com_accelerations(bodies: Any, work: Any, q: Any, v: Any, a: Any, out: Any) -> None:
+@inline
+def subtree_com_accelerations(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, out: Matrix) -> None:
     """Net force over mass: Σ (I a + v ×* I v)."""
-    outward(bodies, work, q, v, a)
+    momentum_outward(bodies, work, q, v, a)
     put_force(work[0].h, zero_force())
     for i in range(1, len(bodies)):
         I, vi = inertia_of(work[i].I), motion_of(work[i].v)

@@ -1,4 +1,4 @@
-"""Integrators of the equation of motion, those that keep its structure among them."""
+"""Integrators of the equation of motion, structure-preserving ones among them."""
 
 from .methods import Method, integrators
 from .rollouts import PD, Rollout, rollout

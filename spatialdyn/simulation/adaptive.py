@@ -1,7 +1,7 @@
-"""SciPy's DOP853 and Radau, which choose their steps: the state is (q, v), with quaternions as four coordinates.
+"""SciPy's DOP853 and Radau, of adaptive step: the state is (q, v), with quaternions as four coordinates.
 
-Quaternions and (cos, sin) pairs are scaled to unit norm where the right-hand side is evaluated and in what comes out;
-between, the tolerances keep them there. Torques that are held over steps jump between them, so SciPy starts anew there.
+Quaternions and (cos, sin) pairs are normalised in the right-hand side and in the recorded samples; in between the
+tolerances keep their norm. Held torques jump between steps, so SciPy restarts at each step of the torque.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..algebra.euclidean import rotate
 from ..algebra.lie import Quat, matrix, product
-from ..algebra.scalars import cos, inlined, sin
-from ..bodies.table import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
+from ..algebra.scalars import cos, inline, sin
+from ..bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
@@ -31,7 +31,7 @@ def run_adaptive(
     recorder: Recorder, q: Array, v: Array, torque: Torque, fext: Array | None,
     report: Callable[[int, int], None], tolerances: tuple[float, float],
 ) -> None:  # fmt: skip
-    """Integrate and record. Raises SimulationError if SciPy gives up, or is not there (SpatialDynError)."""
+    """Integrate and record. Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
     try:
         from scipy import integrate
     except ImportError as error:
@@ -48,7 +48,7 @@ def run_adaptive(
                 q, v = calls["normalize"](model, y[:nq]), y[nq:].copy()
                 a = calls["aba"](model, q, v, torque.at(step, t, q, v), fext)
             except NonFiniteError as error:
-                raise SimulationError(f"the state is not finite any more at t = {t:.9g} s: {error}") from error
+                raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
             rate(getattr(model, numba_kernels.TABLE), q, v, dq)
             return np.concatenate([dq, a])
 
@@ -67,14 +67,14 @@ def run_adaptive(
                 recorder.end(at, q, v, torque.unasked(min(int(at / steps.dt), end)))
                 raise
             if run.status == "failed":
-                raise SimulationError(f"{recorder.method.name} gives up at t = {run.t:.9g} s: {problem}")
+                raise SimulationError(f"{recorder.method.name} fails at t = {run.t:.9g} s: {problem}")
             _record(recorder, run, torque, end)
             report(int(recorder.at[0]), steps.total)
         y, first = run.y, end
 
 
 def _record(recorder: Recorder, run: Any, torque: Torque, end: int) -> None:
-    """Write the samples that SciPy's last step has passed."""
+    """Record the samples within SciPy's last step, from its dense output."""
     steps, model = recorder.steps, recorder.model
     recorder.at[0] = end if run.status == "finished" else min(int(run.t / steps.dt), end)
     last = steps.time(end) if run.status == "finished" else run.t
@@ -86,27 +86,26 @@ def _record(recorder: Recorder, run: Any, torque: Torque, end: int) -> None:
         recorder.put(q, v, torque.at(int(recorder.kept[recorder.at[1]]), t, q, v))
 
 
-@inlined
+@inline
 def coordinate_rate(bodies: Any, q: Any, v: Any, dq: Any) -> int:
-    """dq/dt (nq) where the joints move with v."""
+    """dq (nq) = dq/dt of joints that move with v."""
     for i in range(1, len(bodies)):
         b = bodies[i]
-        k = b.at
-        if b.kind == FOLLOW:
+        k = b.q_index
+        if b.kind == CONTINUED:
             continue
         m = twist(b, i - 1, v)
-        if b.kind == REVOLUTE_CS:
+        if b.kind in SO2:
             dq[k], dq[k + 1] = -q[k + 1] * m.w.z, q[k] * m.w.z
-        elif b.kind == SPHERICAL or b.kind == FLOATING:
-            if b.kind == FLOATING:
-                k += 3
+        elif b.kind in SO3 or b.kind in SE3:
+            k += LENGTHS[b.kind]
             a = Quat(q[k], q[k + 1], q[k + 2], q[k + 3])
             e = product(a, Quat(0.5 * m.w.x, 0.5 * m.w.y, 0.5 * m.w.z, 0.0))
             dq[k], dq[k + 1], dq[k + 2], dq[k + 3] = e.x, e.y, e.z, e.w
-            if b.kind == FLOATING:
+            if b.kind in SE3:
                 u = rotate(matrix(a), m.v)
                 dq[k - 3], dq[k - 2], dq[k - 1] = u.x, u.y, u.z
-        elif b.kind == PLANAR or b.kind == PLANAR_CS:
+        elif b.kind in SE2:
             if b.kind == PLANAR:
                 c, s = cos(q[k + 2]), sin(q[k + 2])
                 dq[k + 2] = m.w.z

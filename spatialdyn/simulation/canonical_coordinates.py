@@ -1,30 +1,30 @@
-"""Canonical coordinates (x, π) of a robot whose velocities are no rates of coordinates.
+"""Canonical coordinates (x, π) of a robot whose velocities v are not q̇.
 
 The momenta p = M v belong to the velocities v, and where these are twists in a body's frame (spherical, floating and
 planar joints) the symplectic form Ω in (q, p) is not the standard one: with θ the forms dual to the v it is
 Ω = Σ θ_i ∧ dp_i - p_i dθ_i, which pairs X_i with X_j to p_m c^m_ij, and {p_i, p_j} = -c^m_ij p_m with c the structure
 constants of the joint's group, [X_i, X_j] = c^m_ij X_m. A method that is symplectic in linear coordinates is so for a
-robot only in coordinates in which Ω is Σ dx_i ∧ dπ_i. Per joint
+robot only in coordinates with Ω = Σ dx_i ∧ dπ_i. Per joint
 
 one freedom  x = q, or the angle of a (cos, sin) pair         π = p
 rotation     R = centre exp(x),  ω = B(x) ẋ                    π = Bᵀ p,  π̇ = Bᵀ ṗ + Ḃᵀ p
 floating     the position in the world and the rotation;       π = R p_lin and as above,  π̇ = R (ṗ_lin + ω × p_lin)
-planar       the position in the plane, not turned, and the angle, likewise
+planar       the position in the plane's fixed axes and the angle; likewise
 
-with B the right Jacobian of the exponential. ṗ = Cᵀ v + τ - g is the true rate of p, so the chain rule is all it takes.
+with B the right Jacobian of the exponential. ṗ = Cᵀ v + τ - g is the true rate of p; the rest is the chain rule.
 
 The map from (q, p) to (x, π) must not depend on the state continuously: a new chart at every step, centred where the
-step begins, breaks symplecticity. A centre is one of the 24 Hurwitz quaternions, which leave no rotation farther than
-90° from the nearest, and it is kept until the rotation has come to more than FAR from it.
+step begins, breaks symplecticity. A centre is one of the 24 Hurwitz quaternions, the nearest of which is within 90° of
+any rotation; a chart keeps its centre until the rotation is more than FAR from it.
 
-A row of ``z`` holds x (nv) and π (nv), one after the other. Derived here from the definitions.
+A row of ``z`` holds x (nv), then π (nv). Derived here from the definitions.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from ..algebra.euclidean import Rot, Vec, cross, dot, plus, rotate, times, unrotate, zero
+from ..algebra.euclidean import Mat3, Vec, add, cross, dot, rotate, scale, unrotate, zero
 from ..algebra.lie import (
     Quat,
     conjugate,
@@ -37,60 +37,61 @@ from ..algebra.lie import (
     product,
     unit,
 )
-from ..algebra.scalars import atan2, cos, inlined, sin
+from ..algebra.public_arrays import read_quat, read_vec, write_quat, write_vec
+from ..algebra.scalars import atan2, cos, inline, sin
 from ..algebra.spatial import Motion
-from ..bodies.table import FLOATING, FOLLOW, PLANAR, PLANAR_CS, REVOLUTE_CS, SPHERICAL
+from ..bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
 
-FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a fresh chart, well before the 2π where the exponential folds
+FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a new chart, well before 2π, where exp is singular
 OK, MOVED = 0, 1
 
 
-@inlined
-def enter(bodies: Any, centres: Any, q: Any, p: Any, z: Any) -> int:
-    """z of the state (q, p), in the charts whose centres are nearest, which are written."""
+@inline
+def to_canonical(bodies: Any, centres: Any, q: Any, p: Any, z: Any) -> int:
+    """z of the state (q, p) in the charts of the nearest centres, which are written too."""
     n = len(bodies) - 1
     for i in range(1, len(bodies)):
         b = bodies[i]
-        r, k = i - 1, b.at
-        if b.kind == FOLLOW:
+        r, k = i - 1, b.q_index
+        if b.kind == CONTINUED:
             continue
-        if b.kind == SPHERICAL:
-            _enter_rotation(centres, i, _quat(q, k), p, r, z, r, n)
-        elif b.kind == FLOATING:
-            a = _quat(q, k + 3)
-            _put(z, r, _vec(q, k))
-            _put(z, n + r, rotate(matrix(a), _vec(p, r)))
-            _enter_rotation(centres, i, a, p, r + 3, z, r + 3, n)
-        elif b.kind == PLANAR or b.kind == PLANAR_CS:
+        if b.kind in SO3:
+            _rotation_to_canonical(centres, i, read_quat(q, k), p, r, z, r, n)
+        elif b.kind in SE3:
+            a = read_quat(q, k + 3)
+            write_vec(z, read_vec(q, k), r)
+            write_vec(z, rotate(matrix(a), read_vec(p, r)), n + r)
+            _rotation_to_canonical(centres, i, a, p, r + 3, z, r + 3, n)
+        elif b.kind in SE2:
             angle = q[k + 2] if b.kind == PLANAR else atan2(q[k + 3], q[k + 2])
             f = rotate(_about_normal(angle), Vec(p[r], p[r + 1], 0.0))
             z[r], z[r + 1], z[r + 2] = q[k], q[k + 1], angle
             z[n + r], z[n + r + 1], z[n + r + 2] = f.x, f.y, p[r + 2]
         else:
-            z[r] = atan2(q[k + 1], q[k]) if b.kind == REVOLUTE_CS else q[k]
+            z[r] = atan2(q[k + 1], q[k]) if b.kind in SO2 else q[k]
             z[n + r] = p[r]
     return OK
 
 
-@inlined
-def leave(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
+@inline
+def from_canonical(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
     """The state (q, p) of z."""
     n = len(bodies) - 1
     for i in range(1, len(bodies)):
         b = bodies[i]
-        r, k = i - 1, b.at
-        if b.kind == FOLLOW:
+        r, k = i - 1, b.q_index
+        if b.kind == CONTINUED:
             continue
-        if b.kind == SPHERICAL:
-            _put_quat(q, k, unit(product(_quat(centres[i], 0), exp_rotation(_vec(z, r)))))
-            _put(p, r, unrotate(_inverse(_vec(z, r)), _vec(z, n + r)))
-        elif b.kind == FLOATING:
-            a = unit(product(_quat(centres[i], 0), exp_rotation(_vec(z, r + 3))))
-            _put(q, k, _vec(z, r))
-            _put_quat(q, k + 3, a)
-            _put(p, r, unrotate(matrix(a), _vec(z, n + r)))
-            _put(p, r + 3, unrotate(_inverse(_vec(z, r + 3)), _vec(z, n + r + 3)))
-        elif b.kind == PLANAR or b.kind == PLANAR_CS:
+        if b.kind in SO3:
+            write_quat(q, unit(product(read_quat(centres[i]), exp_rotation(read_vec(z, r)))), k)
+            write_vec(p, unrotate(_inverse(read_vec(z, r)), read_vec(z, n + r)), r)
+        elif b.kind in SE3:
+            a = unit(product(read_quat(centres[i]), exp_rotation(read_vec(z, r + 3))))
+            write_vec(q, read_vec(z, r), k)
+            write_quat(q, a, k + 3)
+            write_vec(p, unrotate(matrix(a), read_vec(z, n + r)), r)
+            write_vec(p, unrotate(_inverse(read_vec(z, r + 3)), read_vec(z, n + r + 3)), r + 3)
+        elif b.kind in SE2:
             angle = z[r + 2]
             f = unrotate(_about_normal(angle), Vec(z[n + r], z[n + r + 1], 0.0))
             q[k], q[k + 1] = z[r], z[r + 1]
@@ -100,7 +101,7 @@ def leave(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
             else:
                 q[k + 2], q[k + 3] = cos(angle), sin(angle)
         else:
-            if b.kind == REVOLUTE_CS:
+            if b.kind in SO2:
                 q[k], q[k + 1] = cos(z[r]), sin(z[r])
             else:
                 q[k] = z[r]
@@ -108,23 +109,23 @@ def leave(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
     return OK
 
 
-@inlined
+@inline
 def chart_rate(bodies: Any, centres: Any, z: Any, p: Any, v: Any, dp: Any, dz: Any) -> int:
-    """ż where the joints move with v and their momenta p change by dp."""
+    """ż of joint velocities v and momentum rates dp."""
     n = len(bodies) - 1
     for i in range(1, len(bodies)):
         b = bodies[i]
         r = i - 1
-        if b.kind == FOLLOW:
+        if b.kind == CONTINUED:
             continue
-        if b.kind == SPHERICAL:
+        if b.kind in SO3:
             _rotation_rate(z, p, v, dp, r, dz, n)
-        elif b.kind == FLOATING:
-            R = matrix(product(_quat(centres[i], 0), exp_rotation(_vec(z, r + 3))))
-            _put(dz, r, rotate(R, _vec(v, r)))
-            _put(dz, n + r, rotate(R, plus(_vec(dp, r), cross(_vec(v, r + 3), _vec(p, r)))))
+        elif b.kind in SE3:
+            R = matrix(product(read_quat(centres[i]), exp_rotation(read_vec(z, r + 3))))
+            write_vec(dz, rotate(R, read_vec(v, r)), r)
+            write_vec(dz, rotate(R, add(read_vec(dp, r), cross(read_vec(v, r + 3), read_vec(p, r)))), n + r)
             _rotation_rate(z, p, v, dp, r + 3, dz, n)
-        elif b.kind == PLANAR or b.kind == PLANAR_CS:
+        elif b.kind in SE2:
             R = _about_normal(z[r + 2])
             w = v[r + 2]
             u = rotate(R, Vec(v[r], v[r + 1], 0.0))
@@ -137,20 +138,20 @@ def chart_rate(bodies: Any, centres: Any, z: Any, p: Any, v: Any, dp: Any, dz: A
     return OK
 
 
-@inlined
-def recentre(bodies: Any, centres: Any, z: Any, p: Any) -> int:
-    """Give rotations that have come far from their centre a nearer one; MOVED if any has. p is scratch."""
+@inline
+def recenter(bodies: Any, centres: Any, z: Any, p: Any) -> int:
+    """Change to the nearest centre each rotation that is FAR from its own; returns MOVED if any was. p is scratch."""
     n = len(bodies) - 1
     status = OK
     for i in range(1, len(bodies)):
         kind = bodies[i].kind
-        if kind in (SPHERICAL, FLOATING):
-            r = i - 1 if kind == SPHERICAL else i + 2
-            x = _vec(z, r)
+        if kind in SO3 or kind in SE3:
+            r = i - 1 + LENGTHS[kind]
+            x = read_vec(z, r)
             if dot(x, x) > FAR:
-                a = unit(product(_quat(centres[i], 0), exp_rotation(x)))
-                _put(p, r, unrotate(_inverse(x), _vec(z, n + r)))
-                _enter_rotation(centres, i, a, p, r, z, r, n)
+                a = unit(product(read_quat(centres[i]), exp_rotation(x)))
+                write_vec(p, unrotate(_inverse(x), read_vec(z, n + r)), r)
+                _rotation_to_canonical(centres, i, a, p, r, z, r, n)
                 status = MOVED
     return status
 
@@ -158,29 +159,29 @@ def recentre(bodies: Any, centres: Any, z: Any, p: Any) -> int:
 # --- one rotation ---------------------------------------------------------------------------------------
 
 
-@inlined
-def _enter_rotation(centres: Any, i: int, a: Quat, p: Any, at: int, z: Any, r: int, n: int) -> None:
+@inline
+def _rotation_to_canonical(centres: Any, i: int, a: Quat, p: Any, at: int, z: Any, r: int, n: int) -> None:
     """Chart of rotation a with momentum p[at:at+3] in the body's frame."""
     c = nearest(a)
-    _put_quat(centres[i], 0, c)
+    write_quat(centres[i], c)
     x = log_rotation(product(conjugate(c), a))
-    _put(z, r, x)
-    _put(z, n + r, unrotate(exp_jacobian(Motion(x, zero())).J, _vec(p, at)))
+    write_vec(z, x, r)
+    write_vec(z, unrotate(exp_jacobian(Motion(x, zero())).J, read_vec(p, at)), n + r)
 
 
-@inlined
+@inline
 def _rotation_rate(z: Any, p: Any, v: Any, dp: Any, r: int, dz: Any, n: int) -> None:
     """ẋ = B⁻¹ ω and π̇ = Bᵀ ṗ + Ḃᵀ p."""
-    x = _vec(z, r)
-    rate = rotate(_inverse(x), _vec(v, r))
+    x = read_vec(z, r)
+    rate = rotate(_inverse(x), read_vec(v, r))
     B = exp_jacobian(Motion(x, rate))
-    _put(dz, r, rate)
-    _put(dz, n + r, plus(unrotate(B.J, _vec(dp, r)), unrotate(B.K, _vec(p, r))))
+    write_vec(dz, rate, r)
+    write_vec(dz, add(unrotate(B.J, read_vec(dp, r)), unrotate(B.K, read_vec(p, r))), n + r)
 
 
-@inlined
+@inline
 def nearest(a: Quat) -> Quat:
-    """The Hurwitz unit nearest to a unit quaternion: ±1, ±i, ±j, ±k or (±1 ±i ±j ±k)/2; of equals any."""
+    """The Hurwitz unit nearest to a unit quaternion: ±1, ±i, ±j, ±k or (±1 ±i ±j ±k)/2; any of several equally near."""
     x, y, z, w = abs(a.x), abs(a.y), abs(a.z), abs(a.w)
     half = 0.5 * (x + y + z + w)
     if half > max(max(x, y), max(z, w)):
@@ -194,40 +195,20 @@ def nearest(a: Quat) -> Quat:
     return Quat(0.0, 0.0, 0.0, _signed(1.0, a.w))
 
 
-@inlined
+@inline
 def _signed(size: float, like: float) -> float:
     return size if like >= 0.0 else -size
 
 
-@inlined
-def _inverse(x: Vec) -> Rot:
+@inline
+def _inverse(x: Vec) -> Mat3:
     """B⁻¹ at x, |x| < 2π."""
     u, beta = log_factors(dot(x, x))
-    return mixed(u, times(0.5, x), x, times(0.5 * beta, x))
+    return mixed(u, scale(0.5, x), x, scale(0.5 * beta, x))
 
 
-@inlined
-def _about_normal(angle: float) -> Rot:
+@inline
+def _about_normal(angle: float) -> Mat3:
     """The rotation of a planar joint."""
     c, s = cos(angle), sin(angle)
-    return Rot(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
-
-
-@inlined
-def _vec(x: Any, k: int) -> Vec:
-    return Vec(x[k], x[k + 1], x[k + 2])
-
-
-@inlined
-def _put(x: Any, k: int, a: Vec) -> None:
-    x[k], x[k + 1], x[k + 2] = a.x, a.y, a.z
-
-
-@inlined
-def _quat(x: Any, k: int) -> Quat:
-    return Quat(x[k], x[k + 1], x[k + 2], x[k + 3])
-
-
-@inlined
-def _put_quat(x: Any, k: int, a: Quat) -> None:
-    x[k], x[k + 1], x[k + 2], x[k + 3] = a.x, a.y, a.z, a.w
+    return Mat3(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)

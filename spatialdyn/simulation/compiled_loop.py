@@ -1,4 +1,4 @@
-"""The loop over fixed steps: one source, compiled for torques that need no Python, run by Python for those that do."""
+"""The loop over fixed steps: one source, compiled unless the torque is a Python function."""
 
 from __future__ import annotations
 
@@ -6,36 +6,35 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from numba.extending import is_jitted
-
-from ..algebra.scalars import woven
+from ..algebra.scalars import inline_unoptimized
 from ..engines.compiled import numba_kernels
+from ..engines.compiled.numba_settings import is_jitted
 from .methods import Method
-from .system import State, System, held_torque, hold, user_torque
+from .system import State, System, held_torque, hold_torque, user_torque
 
 
-@woven
+@inline_unoptimized
 def drive(
     advance: Callable[..., None], observe: Callable[..., None], system: System, state: State, first: int, count: int,
     total: int, every: int, dt: float, h: float, at: Any, out_q: Any, out_w: Any, out_tau: Any,
 ) -> None:  # fmt: skip
-    """Steps ``first`` to ``first + count - 1`` of ``total``, step k from k dt by h, until there is trouble.
+    """Steps ``first`` to ``first + count - 1`` of ``total``, step k from k dt by h, until the status is not OK.
 
-    Every so many steps and after the last of all the state is written to row at[1] of the outputs, and that is moved
-    on; at[0] counts the steps that are done.
+    After every ``every``-th step and after the last the state is written to row at[1] of the outputs, and at[1] is
+    incremented; at[0] counts the steps done.
     """
     for k in range(first, first + count):
-        hold(system, k)
+        hold_torque(system, k)
         advance(system, k * dt, h, state)
-        if system.trouble[0] != 0:
+        if system.status[0] != 0:
             break
         at[0] += 1
         if (k + 1) % every == 0 or k + 1 == total:
             t = k * dt + h
-            hold(system, k + 1)
+            hold_torque(system, k + 1)
             observe(system, t, state)
             system.torque(system, t, state.q, state.v)
-            if system.trouble[0] != 0:
+            if system.status[0] != 0:
                 break
             row = at[1]
             for i in range(len(state.q)):
@@ -46,27 +45,29 @@ def drive(
             at[1] = row + 1
 
 
-_SYSTEM = ("table", "held", "fext", "unit", "zero", "tau", "trouble")
+_SYSTEM = ("table", "held", "fext", "unit", "zero", "tau", "status")
 _LOOP = ("first", "count", "total", "every", "dt", "h", "at", "out_q", "out_w", "out_tau")
 
 
 def _called(kernel: Any) -> Any:
-    """A compiled kernel as a function that is compiled into its caller; as a value it would keep that off the disk."""
+    """A compiled kernel as a function compiled into its caller; passed as a value it would prevent disk caching."""
     if not is_jitted(kernel):
         return kernel
 
     def call(*arguments: Any) -> Any:
         return kernel(*arguments)
 
-    return woven(call)
+    return inline_unoptimized(call)
 
 
 @lru_cache(maxsize=64)
-def compiled(method: Method, loaded: bool, user: Any = None) -> Callable[..., None]:
-    """``(*system's data, *state, *drive's arguments from first on)`` in one compiled function, without the GIL.
+def compile_loop(method: Method, loaded: bool, user: Any = None) -> Callable[..., None]:
+    """``drive`` as one compiled function of (*data of the system, *state, *drive's arguments from ``first`` on).
 
-    It is kept on disk unless there is a user's function in it.
+    It releases the GIL, and is cached on disk unless it calls a user's function.
     """
+    from ..engines.compiled import jit
+
     family = method.family
     assert family is not None
     kernels = family.kernels(loaded)
@@ -84,5 +85,5 @@ def compiled(method: Method, loaded: bool, user: Any = None) -> Callable[..., No
         "observe": family.observe, "held_torque": held_torque, "user_torque": user_torque, "user": user,
     }  # fmt: skip
     label = f"simulate_{method.name}_{'loaded' if loaded else 'free'}"
-    function = numba_kernels.define(label, [*_SYSTEM, *State._fields, *_LOOP], body, scope)
-    return numba_kernels.jitted(function, keep=user is None)
+    function = numba_kernels.kernel_from_text(label, [*_SYSTEM, *State._fields, *_LOOP], body, scope)
+    return jit.numba_jit(function, keep=user is None)

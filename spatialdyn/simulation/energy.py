@@ -1,4 +1,4 @@
-"""How far the energy of a motion may go, which tells a simulation that has diverged from one that has not."""
+"""Tell by its energy whether a simulation has diverged."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-9  # of the largest |V|: what is below is no scale
-EXPLODED = 100.0  # times its scale: explicit Euler's steady gain of a pendulum, 1000 steps of 0.1 s, is 32
-FAST = np.pi  # rad, or lengths of the robot, by which a joint moves in a step where nothing can be trusted any more
+ROUNDING = 1e-9  # of the largest |V|: the least scale, above rounding
+EXPLODED = 100.0  # times the scale; explicit Euler gains 32 on a pendulum in 1000 steps of 0.1 s
+FAST = np.pi  # rad, or lengths of the robot, per step: a joint that moves farther has diverged
 
 
 def scale_of(T: Array, V: Array) -> Array:
-    """(N,) the most that the kinetic energy of a motion that nothing drives can have been up to each of its samples:
-    T where it began, and as much as V has gone since [J].
+    """(N,) scale of the energy of an undriven motion up to each sample: the initial T plus the largest change of V [J].
 
     T, V  (N,)  kinetic and potential energy [J]
     """
@@ -24,16 +23,16 @@ def scale_of(T: Array, V: Array) -> Array:
 
 
 def exploded(t: Array, v: Array, T: Array, V: Array, drive: Array, steps: NDArray[np.int64]) -> int | None:
-    """The first sample whose energy has risen by EXPLODED times its scale, the work of torques counted in; None if
-    there is none.
+    """The first sample whose energy has risen by EXPLODED times the sum of its scale and the torques' work; None if
+    none has.
 
     t, v      times and velocities of the samples
     drive     (nv,)  largest |torque| of each joint
-    steps     (N,)   steps before each sample: the first says nothing, for explicit Euler moves v in it and not q
+    steps     (N,)   steps before each sample; the first step is not judged, as explicit Euler moves v in it and not q
     """
     with np.errstate(all="ignore"):
         work = (np.maximum.accumulate(abs(v), axis=0) @ drive) * (t - t[0])
         risen = (T - T[0]) + (V - V[0])
-        within = risen <= EXPLODED * (scale_of(T, V) + work)  # false for what is no number
+        within = risen <= EXPLODED * (scale_of(T, V) + work)  # false for NaN
     beyond = np.flatnonzero(~within & (steps >= 2))
     return int(beyond[0]) if len(beyond) else None

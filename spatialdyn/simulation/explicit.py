@@ -1,30 +1,30 @@
 """Explicit methods in (q, v): Euler's, semi-implicit Euler, velocity Verlet, and the Runge-Kutta method of order 4.
 
-q moves on the group of the joints, q ∘ exp(h v) in the body's frame, so quaternions stay of unit norm and no chart is
-left. None of them is symplectic as soon as M depends on q: ``symplectic`` and ``variational`` have those that are.
+q moves on the joints' group, q ∘ exp(h v) in the body's frame, so quaternions keep their unit norm and no chart is
+needed. None of the methods is symplectic once M depends on q; those of ``symplectic`` and ``variational`` are.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..algebra.euclidean import dot, plus, rotate
+from ..algebra.euclidean import add, dot, rotate
 from ..algebra.lie import log_jacobian
-from ..algebra.scalars import inlined, woven
+from ..algebra.scalars import inline, inline_unoptimized
 from ..algebra.spatial import Motion
-from ..bodies.table import FOLLOW, PRISMATIC, REVOLUTE, REVOLUTE_CS
+from ..bodies.kinds import CONTINUED, NV
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import all_finite
 from ..engines.compiled.table_kernels import kernel
 from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
-from .system import NONFINITE, OK, TURNED, State, System, along, copy, note
+from .system import NONFINITE, OK, TURNED, State, System, add_scaled, copy, set_status
 
 HALF_TURN = 9.8696  # π² [rad²]
 
 
-class Kernels(NamedTuple):
-    """What the methods call: accelerate(system, q, v, a), and compiled kernels that return a status."""
+class ExplicitKernels(NamedTuple):
+    """accelerate(system, q, v, a), and compiled kernels that return a status."""
 
     accelerate: Any
     aba: Any
@@ -32,67 +32,65 @@ class Kernels(NamedTuple):
     displacement_rate: Any
 
 
-def kernels(loaded: bool) -> Kernels:
-    """The kernels of these methods, compiled when first asked for; ``loaded`` says that there are external forces."""
-    aba = numba_kernels.single(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
-    integrate = numba_kernels.single(SPECS["integrate"])
-    return Kernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
+def kernels(loaded: bool) -> ExplicitKernels:
+    """The kernels of these methods, compiled at first use; ``loaded``: with external forces."""
+    aba = numba_kernels.sample_kernel(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
+    integrate = numba_kernels.sample_kernel(SPECS["integrate"])
+    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
 
 
-@woven
+@inline_unoptimized
 def _free(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, a)  # type: ignore[no-any-return]
 
 
-@woven
+@inline_unoptimized
 def _loaded(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, system.fext, a)  # type: ignore[no-any-return]
 
 
-@inlined
+@inline
 def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
-    """``rate_of_displacement``; returns TURNED where a joint has turned by π or more, too near the 2π at which the
-    exponential folds.
-    """
+    """``rate_of_displacement``; returns TURNED if a joint turns by π or more, too near 2π, where exp is singular."""
     rate_of_displacement(bodies, u, v, out)
     status = OK
     for i in range(1, len(bodies)):
         b = bodies[i]
-        if not (b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS or b.kind == FOLLOW):
+        if NV[b.kind] > 1:
             w = twist(b, i - 1, u).w
             if not dot(w, w) < HALF_TURN:
                 status = TURNED
     return status
 
 
-@inlined
+@inline
 def rate_of_displacement(bodies: Any, u: Any, v: Any, out: Any) -> None:
-    """u̇ of q(t) = q0 ∘ exp(u(t)) where the joints move with v: the inverse right Jacobian of exp at u, times v."""
+    """u̇ of q(t) = q0 ∘ exp(u(t)) for joint velocities v: the inverse right Jacobian of exp at u, times v."""
     for i in range(1, len(bodies)):
         b = bodies[i]
-        if b.kind == REVOLUTE or b.kind == PRISMATIC or b.kind == REVOLUTE_CS:
+        if NV[b.kind] == 1:
             out[i - 1] = v[i - 1]
-        elif b.kind != FOLLOW:
+        elif b.kind != CONTINUED:
             m, rate = twist(b, i - 1, u), twist(b, i - 1, v)
             T = log_jacobian(m, 1.0)
-            put_twist(b, i - 1, Motion(rotate(T.J, rate.w), plus(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
+            put_twist(b, i - 1, Motion(rotate(T.J, rate.w), add(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
 
 
-@woven
+@inline_unoptimized
 def acceleration(system: System, t: float, q: Any, v: Any, a: Any) -> None:
     """a of the state (q, v) at time t."""
     system.torque(system, t, q, v)
-    note(system, system.kernels.accelerate(system, q, v, a), t)
+    set_status(system, system.kernels.accelerate(system, q, v, a), t)
 
 
-@woven
+@inline_unoptimized
 def move(system: System, t: float, u: Any, state: State) -> None:
     """q ← q ∘ exp(u)."""
     copy(state.stage, state.q)
-    note(system, system.kernels.integrate(system.table, state.stage, u, state.q), t)
+    set_status(system, system.kernels.integrate(system.table, state.stage, u, state.q), t)
 
 
-@woven
+@inline_unoptimized
 def explicit_euler(system: System, t: float, h: float, state: State) -> None:
     """q⁺ = q ∘ exp(h v), v⁺ = v + h a(q, v)."""
     a, u = state.work[0], state.work[1]
@@ -100,50 +98,50 @@ def explicit_euler(system: System, t: float, h: float, state: State) -> None:
     for i in range(len(u)):
         u[i] = h * state.w[i]
     move(system, t, u, state)
-    along(state.w, state.w, h, a)
+    add_scaled(state.w, state.w, h, a)
 
 
-@woven
+@inline_unoptimized
 def semi_implicit_euler(system: System, t: float, h: float, state: State) -> None:
     """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺)."""
     a, u = state.work[0], state.work[1]
     acceleration(system, t, state.q, state.w, a)
-    along(state.w, state.w, h, a)
+    add_scaled(state.w, state.w, h, a)
     for i in range(len(u)):
         u[i] = h * state.w[i]
     move(system, t, u, state)
 
 
-@woven
+@inline_unoptimized
 def velocity_verlet(system: System, t: float, h: float, state: State) -> None:
     """q⁺ = q ∘ exp(h v + ½ h² a), v⁺ = v + ½ h (a + a⁺) with a⁺ = a(q⁺, v + h a).
 
-    The velocity in a⁺ has to be predicted, for the Coriolis forces depend on it; Störmer's method has no such forces.
+    The velocity in a⁺ is a prediction, as Coriolis forces depend on it; Störmer's method has no such forces.
     """
     a, b, u, w = state.work[0], state.work[1], state.work[2], state.work[3]
     acceleration(system, t, state.q, state.w, a)
-    along(w, state.w, h, a)
+    add_scaled(w, state.w, h, a)
     for i in range(len(u)):
         u[i] = h * (state.w[i] + 0.5 * h * a[i])
     move(system, t, u, state)
     acceleration(system, t + h, state.q, w, b)
-    along(state.w, state.w, 0.5 * h, a)
-    along(state.w, state.w, 0.5 * h, b)
+    add_scaled(state.w, state.w, 0.5 * h, a)
+    add_scaled(state.w, state.w, 0.5 * h, b)
 
 
-@woven
+@inline_unoptimized
 def _stage(system: System, t: float, c: float, u1: Any, a1: Any, u2: Any, a2: Any, state: State) -> None:
-    """Slopes u2, a2 at time t of the state that the slopes u1, a1 lead to in a time c."""
+    """Slopes u2, a2 at time t of the state that slopes u1, a1 reach after a time c."""
     u, w = state.work[8], state.work[9]
     for i in range(len(u)):
         u[i] = c * u1[i]
-    along(w, state.w, c, a1)
-    note(system, system.kernels.displacement_rate(system.table, u, w, u2), t)
-    note(system, system.kernels.integrate(system.table, state.q, u, state.stage), t)
+    add_scaled(w, state.w, c, a1)
+    set_status(system, system.kernels.displacement_rate(system.table, u, w, u2), t)
+    set_status(system, system.kernels.integrate(system.table, state.q, u, state.stage), t)
     acceleration(system, t, state.stage, w, a2)
 
 
-@woven
+@inline_unoptimized
 def rk4(system: System, t: float, h: float, state: State) -> None:
     """The classical Runge-Kutta method on (u, v) with q(t) = q ∘ exp(u(t)) (after Munthe-Kaas, u̇ in closed form)."""
     k = state.work
@@ -159,14 +157,14 @@ def rk4(system: System, t: float, h: float, state: State) -> None:
     move(system, t, u, state)
 
 
-@woven
+@inline_unoptimized
 def observe(system: System, t: float, state: State) -> None:
-    """The velocity of a state is its own."""
+    """v is the state's own."""
     copy(state.v, state.w)
     if not (all_finite(state.q) and all_finite(state.w)):
-        note(system, NONFINITE, t)
+        set_status(system, NONFINITE, t)
 
 
-@woven
+@inline_unoptimized
 def start(system: System, state: State) -> None:
-    """Nothing is kept in other coordinates."""
+    """Nothing to do: the methods work on (q, v) itself."""

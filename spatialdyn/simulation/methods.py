@@ -1,4 +1,4 @@
-"""The methods of integration: what each is, what it costs and what it keeps."""
+"""The integration methods: what each is, costs and preserves."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MOMENTA = "Ω, time reversal, momenta of symmetries"
 
 @dataclass(frozen=True)
 class Family:
-    """Methods that share a state: how it is entered and observed, what kernels they call, their rows of scratch.
+    """Methods that share a state: how to start and observe it, their kernels, their rows of scratch.
 
-    moves  "v" or "p"
-    wide   rows of scratch hold 2 nv numbers rather than nv
+    moves  "v" or "p", what they integrate beside q
+    wide   whether rows of scratch hold 2 nv numbers rather than nv
     """
 
     moves: str
@@ -32,15 +32,15 @@ class Family:
 
 @dataclass(frozen=True)
 class Method:
-    """A method of integration.
+    """An integration method.
 
     name         as ``simulate`` takes it
-    order        the global error is O(dt^order); for SciPy's methods rtol and atol govern the error instead
-    evaluations  of forward dynamics in a step; for implicit methods per sweep, of which a step takes 5 to 20
-    preserves    exactly, but for rounding: Ω, the symplectic form; "time reversal", going back by -dt; "momenta of
-                 symmetries", such as those of a free-floating robot. None of the methods keeps the energy itself; one
-                 that keeps Ω has an energy error that stays bounded over very long times
-    note         what else there is to say
+    order        the global error is O(dt^order); that of SciPy's methods is governed by rtol and atol instead
+    evaluations  of forward dynamics per step; of implicit methods per sweep, 5 to 20 of which make a step
+    preserves    up to rounding: Ω, the symplectic form; "time reversal", a step of -dt undoes one of dt; "momenta of
+                 symmetries", such as those of a free-floating robot. No method preserves the energy itself; the energy
+                 error of one that preserves Ω stays bounded over very long times
+    note         advice in a few words
     """
 
     name: str
@@ -53,7 +53,7 @@ class Method:
 
     @property
     def symplectic(self) -> bool:
-        """Whether the method keeps the symplectic form."""
+        """Whether the method preserves the symplectic form."""
         return self.preserves.startswith(SYMPLECTIC)
 
 
@@ -109,7 +109,7 @@ _ALL = (
 
 
 class Integrators(Mapping[str, Method]):
-    """The methods of integration by name: ``integrators["gauss4"].order``; printed, a table of what they cost and keep.
+    """The integration methods by name: ``integrators["gauss4"].order``; prints as a table of costs and invariants.
 
     >>> import spatialdyn as sd
     >>> sd.integrators["gauss4"].order, sd.integrators["rk4"].symplectic

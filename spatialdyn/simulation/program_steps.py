@@ -1,8 +1,8 @@
-"""A simulation by an explicit method as one program on one lane: three to six times the speed of the compiled table.
+"""Explicit methods as one program on one lane: three to six times the speed of the table kernel.
 
-Which of the two steps a robot depends on the model, the method and the kind of torque, never on the number of steps: it
-is the program wherever there is one, from the first step on. Where a step has no answer by the program (an angle beyond
-its range, a state that is not finite), that step and all after it are the table's.
+The choice between the two depends on the model, the method and the kind of torque, never on the number of steps: the
+program runs from the first step on if there is one. From the first step to which it has no answer (an angle beyond its
+range, a state that is not finite) the table kernel runs.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, time_loop
-from ..engines.programs.time_loop import Driven
+from ..engines.programs import batch_kernels, recording, time_loop
+from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
 from .methods import Method
 from .recorder import Recorder
-from .rollouts import METHODS, step_specs
+from .rollouts import EXPLICIT_METHODS, step_specs
 from .system import State
 from .torques import Torque
 
-# Rows of the table times forward dynamics a step: 85 to 350 lines of the program each, and 0.1 ms to compile a line of
-# them. At the limit that is 3 s once for a model, and the code (600 kB) leaves the caches: twice the table's speed.
+# Rows of the table times forward dynamics per step: 85 to 350 operations of the program each, 0.1 ms to compile one.
+# At the limit that is 3 s once per model, and the code (600 kB) exceeds the caches: twice the table kernel's speed.
 MOST = 128
 
 Slice = Callable[[int, int, float], bool]
@@ -34,11 +34,11 @@ Slice = Callable[[int, int, float], bool]
 def program(
     recorder: Recorder, method: Method, torque: Torque, fext: NDArray[np.float64] | None, state: State
 ) -> Slice | None:
-    """``(first, count, h) -> done``: those steps of h, recorded, the state moved on; False, with nothing done, where
-    the program has no answer for one of them. None where there is no program.
+    """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
+    nothing changed, if the program has no answer to one of them. None if not applicable.
     """
     model, steps = recorder.model, recorder.steps
-    if method.name not in METHODS or torque.user is not None or fext is not None:
+    if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
     kernel = _kernel(model, method)
     if kernel is None:
@@ -49,8 +49,8 @@ def program(
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
         held = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
         records = [np.empty((1, count // every, len(x))) for x in (state.q, state.w)]
-        driving = [Driven(np.full((1, 1, 1), h)), Driven(np.ascontiguousarray(held[None]))]
-        if len(time_loop.run(kernel, [state.q[None], state.w[None]], driving, records, count, every)):
+        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(held[None]))]
+        if len(time_loop.run(kernel, [state.q[None], state.w[None]], forcing, records, count, every)):
             return False
         (q,), (w,) = records
         state.q[:], state.w[:] = q[-1], w[-1]
@@ -68,16 +68,16 @@ def program(
 
 
 def slice_of(first: int, count: int, every: int) -> int:
-    """How many of ``count`` steps to take at once, so that samples fall on the end of one or on all their marks."""
+    """How many of ``count`` steps to take at once: up to the next sample, or a whole number of samples."""
     if first % every == 0 and count >= every:
         return count - count % every
     return min(count, every - first % every)
 
 
-@lru_cache(maxsize=batch_kernels.KEPT)
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _kernel(model: Model, method: Method) -> Any:
-    specs = step_specs(method.name, law=False, driven=True)
+    specs = step_specs(method.name, law=False, forced=True)
     rows = method.evaluations * (len(model.bodies) - 1)
-    if numba_kernels.PLAIN or rows > MOST or not batch_kernels.fits(specs, model.bodies):
+    if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies):
         return None
     return batch_kernels.kernel(specs, model.bodies, model.key, one=True)

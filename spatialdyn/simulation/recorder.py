@@ -1,4 +1,4 @@
-"""The steps of a simulation, and the samples that are kept of them."""
+"""The steps of a simulation, and the samples recorded of them."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .methods import Method
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
-FIT = 1e-9  # a duration is a whole number of steps if it is one to this relative accuracy
+FIT = 1e-9  # relative: a ratio duration / dt this near a whole number is that number
 
 
 @dataclass(frozen=True)
 class Steps:
-    """``whole`` steps of dt, and one of ``rest`` if that is not 0."""
+    """``whole`` steps of dt, then one of ``rest`` [s] unless that is 0."""
 
     dt: float
     whole: int
@@ -52,17 +52,17 @@ class Steps:
         return self.whole + (self.rest > 0.0)
 
     def time(self, step: int) -> float:
-        """When a step begins."""
+        """The time at which a step begins [s]."""
         return step * self.dt if step <= self.whole else self.whole * self.dt + self.rest
 
 
 class Recorder:
-    """The arrays that samples are written to, and the Trajectory that comes of them.
+    """The arrays of samples, and the Trajectory made of them.
 
-    at    (2,)  steps done, samples written
-    t     times of all samples that are to come
-    rows  arrays of q, of v or p, and of tau
-    split  kinetic and potential energy of the samples of the last ``trajectory``
+    at     (2,)  steps done, samples written
+    t      times of all samples, those to come included [s]
+    rows   arrays of q, of v or p, and of tau
+    split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
     """
 
     def __init__(self, model: Model, method: Method, steps: Steps, every: int) -> None:
@@ -96,7 +96,7 @@ class Recorder:
             self.put(q, w, tau)
 
     def trajectory(self, interrupted: bool = False) -> Trajectory:
-        """What there is so far; of v and p the one that is not recorded is computed here, for all samples at once."""
+        """The samples so far; computes v from the recorded p, or p from v, for all samples at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
         v = _of_samples(model, ("velocity_from_momentum",), q, w)[0] if self.moves_p else w
@@ -107,14 +107,14 @@ class Recorder:
         return Trajectory(t, q, v, p, tau, T + V, self.method.name, self.steps.dt, model.name, interrupted, model)
 
 
-@lru_cache(maxsize=batch_kernels.KEPT)
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
-    """Calls as one program, which answers for any number of samples: their bits do not depend on how many there are."""
+    """Calls as one program for any number of samples, so that the bits of one do not depend on their number."""
     return specialize(model, [calls[name] for name in names])
 
 
 def _of_samples(model: Model, names: tuple[str, ...], *arrays: Array) -> list[Array]:
-    """Calls on all samples; NaN where a state is so large that its answer is no number."""
+    """Calls on all samples; NaN where the result of a finite state is not finite."""
     n = len(arrays[0])
     try:
         return list(_specialized(model, names)(*arrays))

@@ -1,8 +1,8 @@
-"""The truth about a motion: Gauss's collocation of order 32 in double-double, its own error shown by halving the step.
+"""The reference of a motion: Gauss collocation of order 32 in double-double, its error estimated by halving the step.
 
-The state is (q, v) with quaternions and (cos, sin) pairs as coordinates, which the exact flow keeps on their spheres.
-All stages of all motions are evaluated side by side by the recursions of ``aba`` and of ``simulate``, recorded; the
-stages are iterated until they change no longer.
+The state is (q, v) with quaternions and (cos, sin) pairs as coordinates, which the exact flow keeps at unit norm. All
+stages of all motions are evaluated side by side by a program recorded of ``aba`` and ``coordinate_rate``, and iterated
+until they change no longer.
 
 Source: Hairer, Nørsett, Wanner, Solving ordinary differential equations I (1993), II.7, for the methods of Gauss; their
 coefficients come from integrals of Legendre polynomials, here in fractions.
@@ -19,9 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..engines.compiled import numba_kernels
-from ..engines.numbers.double_double import LANES, Twofold, add, multiply, recorded, runner, unfused
+from ..engines.numbers.double_double import (
+    LANES,
+    DoubleDouble,
+    add,
+    compile_unfused,
+    compiled_interpreter,
+    multiply,
+    record_double_double,
+)
 from ..engines.programs.tracer import evaluate
 from ..errors import SimulationError
 from ..model.model import Model
@@ -32,24 +40,24 @@ from .adaptive import coordinate_rate
 Array = NDArray[np.float64]
 
 STAGES = 16
-SWEEPS = 60  # at most; more would cost less in shorter steps
-SETTLED = 1e-26  # of the largest rate: changes this small end the iteration, which then leaves less
-GOAL = 1e-13  # relative: the finer of two runs that agree to this is far nearer still, by 32 orders of the step
-ROUNDED = 1e-14  # and changes this small that no longer shrink are rounding, which a lopsided robot enlarges
+MAX_SWEEPS = 60  # at most; beyond, shorter steps cost less
+CONVERGED = 1e-26  # of the largest rate: a change this small ends the iteration; the error left is smaller
+GOAL = 1e-13  # relative: of two runs that agree to this the finer is far more accurate, the order being 32
+ROUNDED = 1e-14  # a change this small that no longer shrinks is rounding, amplified by unequal masses
 HALVINGS = 10
-FINE = 2**200  # denominator of the fractions that stand for irrational nodes
+FINE = 2**200  # denominator of the fractions that approximate irrational nodes
 
 
 @dataclass(frozen=True)
-class Motion:
+class ReferenceMotion:
     """Motions of one robot from several states, at the same times.
 
     t      (N,)         [s], from 0
     q      (N, K, nq)   coordinates, rounded to float64
     v      (N, K, nv)   velocities
-    error  (N,)         largest difference to the motion with twice the step, of the largest |v| and of the largest
-                        change of a coordinate until then
-    steps  of the finer of the two
+    error  (N,)         largest difference to the motion with twice the step, relative to the largest |v| and to the
+                        largest change of a coordinate until then
+    steps  number of steps of the finer motion
     """
 
     t: Array
@@ -59,17 +67,16 @@ class Motion:
     steps: int
 
 
-def exact_motion(model: Model, q0: Array, v0: Array, t: Array, goal: float = GOAL, steps: int = 1) -> Motion:
-    """Free motions from (q0, v0) at the times t, to ``goal`` if that is within reach.
+def exact_motion(model: Model, q0: Array, v0: Array, t: Array, goal: float = GOAL, steps: int = 1) -> ReferenceMotion:
+    """Free motions from (q0, v0) at the times t, to a relative error ``goal`` if that is within reach.
 
-    q0     (K, nq)  [rad | m]; quaternions and (cos, sin) pairs are taken at unit norm
+    q0     (K, nq)  [rad | m]; quaternions and (cos, sin) pairs are normalised
     v0     (K, nv)  [rad/s | m/s]
     t      (N,)     increasing, the first 0 [s]
-    steps  from a time to the next, to begin with; doubled until two runs agree to ``goal``, or HALVINGS times
+    steps  first number of steps between two times; doubled until two runs agree to ``goal``, or HALVINGS times
 
-    Returns a Motion; ``error`` says how far it can be trusted: a chaotic motion is lost after some time in any
-    arithmetic.
-    Raises  SimulationError where the motion leaves the range of numbers.
+    Returns a ReferenceMotion; ``error`` says how accurate it is: any arithmetic loses a chaotic motion after some time.
+    Raises  SimulationError if the stages do not converge in the shortest steps.
     """
     before: tuple[Array, Array] | None = None
     finest = steps << HALVINGS
@@ -79,14 +86,14 @@ def exact_motion(model: Model, q0: Array, v0: Array, t: Array, goal: float = GOA
             error = _difference(model, before, found)
             if error.max(initial=0.0) <= goal or steps >= finest:
                 q, v = np.split(found[0], [model.nq], axis=2)
-                return Motion(t, q, v, error, steps * (len(t) - 1))
+                return ReferenceMotion(t, q, v, error, steps * (len(t) - 1))
         if found is None and steps >= finest:
             raise SimulationError(f"the motion does not settle in steps of {(t[1] - t[0]) / steps:.3g} s")
         before, steps = found, 2 * steps
 
 
 def _difference(model: Model, one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Of two runs at each time, coordinates and velocities each of their sizes until then."""
+    """Relative difference of two runs at each time, of coordinates and of velocities, each over its size until then."""
     off = abs((one[0] - other[0]) + (one[1] - other[1]))
     moved = np.maximum.accumulate(abs(other[0] - other[0][0]).max(axis=1), axis=0)
     fast = np.maximum.accumulate(abs(other[0]).max(axis=1), axis=0)
@@ -150,7 +157,7 @@ def _pair(x: Any) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=16)
-def field(model: Model) -> Twofold:
+def field(model: Model) -> DoubleDouble:
     """(q̇, a) of (q, v) without torques."""
     aba, zero = numba_kernels.variant(SPECS["aba"], frozenset()), np.zeros(model.nv)
 
@@ -161,21 +168,21 @@ def field(model: Model) -> Twofold:
         a = evaluate(aba, rows, (model.nv,), {"q": q, "v": v, "tau": zero}, np.empty(model.nv, object))
         return [*dq, *a]
 
-    return recorded(model.bodies, model.nq + model.nv, made)
+    return record_double_double(model.bodies, model.nq + model.nv, made)
 
 
 def _normal(model: Model, q: Array) -> tuple[Array, Array]:
-    """(nq, K) of unit norm to the last digit of a pair."""
+    """(nq, K) high and low parts of q normalised in double-double."""
     spec: Spec = SPECS["normalize"]
 
     def made(rows: Any, x: Any) -> list[Any]:
         return list(evaluate(spec, rows, (model.nq,), {"q": x}, None))
 
-    return recorded(model.bodies, model.nq, made)(np.ascontiguousarray(q.T))
+    return record_double_double(model.bodies, model.nq, made)(np.ascontiguousarray(q.T))
 
 
 def _run(model: Model, q0: Array, v0: Array, t: Array, steps: int) -> tuple[Array, Array] | None:
-    """High and low parts (N, K, nq + nv) of the states; None where the stages of a step do not settle."""
+    """High and low parts (N, K, nq + nv) of the states; None if the stages of a step do not converge."""
     f, A = field(model), tableau()
     n, motions = model.nq + model.nv, len(q0)
     whole = np.zeros((2, n, motions))
@@ -195,22 +202,22 @@ def _run(model: Model, q0: Array, v0: Array, t: Array, steps: int) -> tuple[Arra
     return made[0], made[1]
 
 
-@inlined
+@inline
 def advance(
     run: Any, code: Any, value: Any, outputs: Any, A: Any, hh: float, hl: float, y: Any, slopes: Any, sums: Any,
     scratch: Any,
 ) -> bool:  # fmt: skip
-    """y ← y after a step h; whether its stages have settled.
+    """y ← y after a step h; returns whether its stages converged.
 
     run      runs a program
     y        (2, n · motions)          states, high and low parts
-    slopes   (2, stages, n · motions)  written; those of the step before are where the iteration starts
+    slopes   (2, stages, n · motions)  written; the iteration starts from those of the previous step
     sums     (2, n · motions)          scratch
     scratch  (blocks, rows, 2 LANES)   registers of all stages and motions, LANES in a block
     """
     n, motions = len(outputs), y.shape[1] // len(outputs)
     before = np.inf
-    for sweep in range(SWEEPS):
+    for sweep in range(MAX_SWEEPS):
         for i in range(STAGES):
             weigh(A, i, hh, hl, y, slopes, sums)
             for m in range(motions):
@@ -234,17 +241,17 @@ def advance(
                     slopes[0, i, e], slopes[1, i, e] = fh, fl
         if not finite or (sweep > 3 and change > 1e3 * largest):
             return False
-        if change <= SETTLED * largest or (change <= ROUNDED * largest and not change < 0.5 * before):
+        if change <= CONVERGED * largest or (change <= ROUNDED * largest and not change < 0.5 * before):
             weigh(A, STAGES, hh, hl, y, slopes, sums)
             y[:] = sums
             return True
-        if sweep > 20 and change > before:  # not rounding yet, and no nearer
+        if sweep > 20 and change > before:  # diverges before it is rounding
             return False
         before = change
     return False
 
 
-@inlined
+@inline
 def weigh(A: Any, i: int, hh: float, hl: float, y: Any, slopes: Any, sums: Any) -> None:
     """sums = y + h Σ_j a_ij slope_j."""
     for e in range(y.shape[1]):
@@ -263,4 +270,5 @@ def _stepper() -> Callable[..., bool]:
     """``advance``, compiled."""
     names = ["code", "value", "outputs", "A", "hh", "hl", "y", "slopes", "sums", "scratch"]
     body = ["stamp", f"return advance(run, {', '.join(names)})"]
-    return unfused(numba_kernels.define("reference_step", names, body, {"advance": advance, "run": runner()}))
+    scope = {"advance": advance, "run": compiled_interpreter()}
+    return compile_unfused(numba_kernels.kernel_from_text("reference_step", names, body, scope))

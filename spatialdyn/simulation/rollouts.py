@@ -1,26 +1,28 @@
-"""Many simulations at once: the methods of ``explicit`` traced into one program, which lanes run step after step.
+"""Many simulations at once: a step of a method of ``explicit`` is traced into a program, which runs on SIMD lanes.
 
-A step of a method is recorded as any recursion is, on numbers that write down what is done to them; the loop over the
-steps runs inside compiled code, a register full of samples at a time, their states in the first cache.
+A step is recorded as any recursion is. The loop over the steps is compiled too: it takes one register of samples after
+another through all steps, their states in the first-level cache.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..bodies.table import PRISMATIC, REVOLUTE
+from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, float32_range, time_loop
-from ..engines.programs.time_loop import Driven
-from ..engines.programs.tracer import Program, scratch
+from ..engines.programs import batch_kernels, float32_range, recording, time_loop
+from ..engines.programs.program import Program
+from ..engines.programs.time_loop import StepInput
+from ..engines.programs.tracer import scratch
 from ..errors import ModelError, ShapeError, SimulationError
 from ..model.model import Model
 from ..model.robot import masked
@@ -31,7 +33,7 @@ from . import explicit
 from .system import OK, State, System, held_torque
 
 Array = NDArray[Any]
-METHODS: dict[str, Callable[..., None]] = {
+EXPLICIT_METHODS: dict[str, Callable[..., None]] = {
     "explicit_euler": explicit.explicit_euler,
     "semi_implicit_euler": explicit.semi_implicit_euler,
     "velocity_verlet": explicit.velocity_verlet,
@@ -47,14 +49,14 @@ LAW = (
 
 
 class PD(NamedTuple):
-    """A joint-space law: tau = kp (q_ref - q) + kd (v_ref - v) + what ``rollout`` is given as tau.
+    """A joint-space control law: tau = kp (q_ref - q) + kd (v_ref - v) + the argument tau of ``rollout``.
 
-    kp, kd  (nv,) or (B, 1, nv), of samples of their own  gains [N m/rad | N/m], [N m s/rad | N s/m]
-    q_ref   (nq,), (T, nq) or (B, T, nq)  positions to reach [rad | m]
-    v_ref   (nv,), (T, nv) or (B, T, nv)  velocities to reach [rad/s | m/s]; zero if left out
+    kp, kd  (nv,), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m]
+    q_ref   (nq,), (T, nq) or (B, T, nq)  reference positions [rad | m]
+    v_ref   (nv,), (T, nv) or (B, T, nv)  reference velocities [rad/s | m/s]; zero if left out
 
-    It is evaluated at the beginning of a step and held over it, as a digital controller does. Joints whose position
-    is no single number (quaternions, planar, cos and sin) have no q_ref - q: their kp has to be 0.
+    It is evaluated at the beginning of a step and held over it, as by a digital controller. For joints whose position
+    is not one number (quaternion, planar, (cos, sin)) q_ref - q is undefined: their kp must be 0.
     """
 
     kp: ArrayLike
@@ -63,11 +65,57 @@ class PD(NamedTuple):
     v_ref: ArrayLike | None = None
 
 
-class Rollout(NamedTuple):
-    """States of a rollout: q (B, T, nq) and v (B, T, nv) after each recorded step; no axis T if only the last is."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Rollout:
+    """States of a rollout after each recorded step; ``q, v = rollout`` unpacks them.
+
+    q      (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
+    v      (B, T, nv)  joint velocities [rad/s | m/s], likewise
+    t      (T,)        times of the records [s]; () for "last"
+    model  the Model
+    """
 
     q: Array
     v: Array
+    t: Array
+    model: Model
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.q, self.v))
+
+    def __len__(self) -> int:
+        return 2
+
+    def __getitem__(self, k: Any) -> Any:
+        return (self.q, self.v)[k]
+
+    def __repr__(self) -> str:
+        return f"<Rollout: q {self.q.shape}, v {self.v.shape}, {self.q.dtype}>"
+
+    def plot(
+        self, what: str = "q", *, joints: str | Sequence[str] | None = None, sample: int | None = None,
+        ax: Any = None, path: Any = None,
+    ) -> Any:  # fmt: skip
+        """A Matplotlib Figure with the median and the 5 to 95 % band of each coordinate over time.
+
+        what    "q" or "v"
+        joints  names of joints, by default all
+        sample  number of a sample to draw beside them
+        ax      Matplotlib axes to draw into, one for each coordinate
+        path    a file to write
+
+        Samples that are not finite are left out, and counted in the title.
+        Raises  SpatialDynError for another name or sample, a rollout that recorded "last" alone, more than 24
+                coordinates, and where matplotlib is not installed; ModelError for an unknown joint.
+        """
+        from ..pictures.plots import plot_rollout
+
+        return plot_rollout(self, what, joints, sample, ax, path)
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import rollout_html
+
+        return rollout_html(self)
 
 
 def rollout(
@@ -84,32 +132,32 @@ def rollout(
     dtype: DTypeLike = np.float64,
     check: bool = True,
 ) -> Rollout:
-    """Simulate a batch of states over as many steps, all of it in compiled code.
+    """Simulate a batch of states over many steps, all of it in compiled code.
 
     q0      (B, nq) or (nq,)  positions at the beginning [rad | m]
     v0      (B, nv) or (nv,)  velocities [rad/s | m/s]
     tau     (nv,), (T, nv) or (B, T, nv)  torques, held over each step [N m | N]; zero if left out
     dt      step [s]
-    steps   T, if neither tau nor pd has an axis that says it
+    steps   T; needed if neither tau nor pd has an axis T
     method  "semi_implicit_euler", "explicit_euler", "velocity_verlet" or "rk4", as in ``simulate``
-    pd      a law of the joints that is added to tau
+    pd      a control law, added to tau
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
-    dtype   float64, or float32: faster, and exact to some 1e-6 a step; numbers below its range, 1e-38, count as 0, and
-            robots whose inertias are beyond 1e-18 to 1e18 (kg, kg m²) are computed in float64
-    check   whether a state that leaves the numbers is an error; if not, it is NaN from there on
+    dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
+            0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
+    check   whether a state that is not finite is an error; if not, it stays NaN
 
-    The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds), which is kept.
-    Damping, friction and limits of the joints act nowhere; there are no contacts.
+    The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
+    Joint damping, friction and limits are ignored; there are no contacts.
 
-    Returns a Rollout (q, v).
+    Returns a Rollout, which unpacks as (q, v).
     Raises
-        ShapeError for sizes that do not fit
-        SimulationError for dt, steps, record, dtype or a method that is none, and for a state that is not finite any
-            more, naming the sample and the time
-        InertiaError naming a joint that moves no inertia
+        ShapeError for shapes that do not match
+        SimulationError for an invalid dt, steps, record, dtype or method, and for a state that is not finite, naming
+            the sample and the time
+        InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ModelError for a model with mimic joints, or gains where no position is a number
-        KeyboardInterrupt at Ctrl-C, which is heard between slices of samples and steps; no bit depends on them
+        ModelError for a model with mimic joints, or a kp of a joint whose position is not one number
+        KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -120,36 +168,37 @@ def rollout(
     """
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
-    _choice("method", method, METHODS)
+    _choice("method", method, EXPLICIT_METHODS)
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    driving = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
+    forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
-        driving |= _law(model, pd)
-    states, axes = _states(model, q0, v0), [x.shape[:-1] for x, _ in driving.values()]
-    several = {name: x.shape[:1] for name, (x, _) in driving.items() if x.ndim == 3}
+        forcing |= _law(model, pd)
+    states, axes = _states(model, q0, v0), [x.shape[:-1] for x, _ in forcing.values()]
+    several = {name: x.shape[:1] for name, (x, _) in forcing.items() if x.ndim == 3}
     (B,) = broadcast(["q0", "v0", *several], [states[0].shape[:1], states[1].shape[:1], *several.values()])
     T = _steps(steps, [lead[-1] for lead in axes if lead])
     states = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in states]
-    inputs = {name: _driven(name, x, (B, T, columns)) for name, (x, columns) in driving.items()}
-    inputs = {"dt": Driven(np.full((1, 1, 1), dt)), **inputs}
+    inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
+    inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T and model.nv:
         rest = np.zeros(model.nv)
-        calls["aba"](model, states[0][0], rest, rest)  # which names a joint that moves no inertia
+        calls["aba"](model, states[0][0], rest, rest)  # raises InertiaError naming the joint
         if model.nq != model.nv:
-            calls["potential_energy"](model, states[0])  # which names a quaternion that is none
+            calls["potential_energy"](model, states[0])  # raises ConfigurationError naming the joint
         _run(model, method, states, inputs, records, T, every, check, float(dt))
     q, v = records
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
     if isinstance(record, str):
         q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states)
-    return Rollout(q[0], v[0]) if single else Rollout(q, v)
+    t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
+    return Rollout(q[0], v[0], t, model) if single else Rollout(q, v, t, model)
 
 
-# --- reading what is asked for ---------------------------------------------------------------------------
+# --- arguments -------------------------------------------------------------------------------------------
 
 
 def _choice(name: str, value: Any, known: dict[str, Any]) -> Any:
@@ -167,7 +216,7 @@ def _dtype(value: DTypeLike) -> np.dtype[Any]:
 
 
 def _is_number(x: Any) -> bool:
-    """Whether it is one finite real number; arrays without axes pass."""
+    """Whether x is one finite real number; arrays without axes pass."""
     single = isinstance(x, np.ndarray) and x.ndim == 0 and not masked(x)
     return math.isfinite(as_number(x[()] if single else x))
 
@@ -189,9 +238,8 @@ def _law(model: Model, pd: PD) -> dict[str, tuple[Array, int]]:
     if kp.shape[-1:] == (model.nv,):
         for joint in model.joints[1:]:
             if joint.nq != joint.nv and kp[..., joint.idx_v : joint.idx_v + joint.nv].any():
-                raise ModelError(
-                    f'pd.kp is not 0 for joint "{joint.name}" ({joint.kind}), expected 0: its position is no number'
-                )
+                what = f'joint "{joint.name}" ({joint.kind})'
+                raise ModelError(f"pd.kp is not 0 for {what}, expected 0: its position is not one number")
             if joint.nq == joint.nv > 1 and kp[..., joint.idx_v : joint.idx_v + joint.nv].any():
                 raise ModelError(f'pd.kp is not 0 for joint "{joint.name}" ({joint.kind}), expected 0: it is planar')
     v_ref = np.zeros(model.nv) if pd.v_ref is None else as_array("pd.v_ref", pd.v_ref)
@@ -204,18 +252,18 @@ def _law(model: Model, pd: PD) -> dict[str, tuple[Array, int]]:
 
 
 def _steps(steps: int | None, found: list[int]) -> int:
-    """How many there are, from what is said and from the axes of inputs."""
+    """T from the argument and from the axes of inputs. Raises ShapeError if they differ."""
     if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
         raise SimulationError(f"steps is {steps!r}, expected a whole number of 0 or more")
     several = {k for k in found if k != 1} | ({int(steps)} if steps is not None else set())
     if len(several) > 1:
-        raise ShapeError(f"inputs and steps say {sorted(several)} steps, expected one number of them")
+        raise ShapeError(f"inputs and steps give {sorted(several)} steps, expected one number")
     if not several and not found:
-        raise SimulationError("steps is None, expected a whole number: no input has an axis that says it")
+        raise SimulationError("steps is None, expected a whole number: no input has an axis of steps")
     return several.pop() if several else 1
 
 
-def _driven(name: str, x: Array, shape: tuple[int, int, int]) -> Driven:
+def _step_input(name: str, x: Array, shape: tuple[int, int, int]) -> StepInput:
     """An input as (samples or 1, steps or 1, columns)."""
     whole = x.reshape((1,) * (3 - x.ndim) + x.shape) if x.ndim <= 3 else x
     if (
@@ -226,7 +274,7 @@ def _driven(name: str, x: Array, shape: tuple[int, int, int]) -> Driven:
         B, T, columns = shape
         wanted = f"({columns},), ({T}, {columns}) or ({B}, {T}, {columns})"
         raise ShapeError(f"{name} has shape {x.shape}, expected {wanted}")
-    return Driven(np.ascontiguousarray(whole))
+    return StepInput(np.ascontiguousarray(whole))
 
 
 def _every(record: int | str, steps: int) -> int:
@@ -241,7 +289,7 @@ def _every(record: int | str, steps: int) -> int:
 
 
 class _Kernels(NamedTuple):
-    """What the methods call, on rows of a table: the recursions themselves."""
+    """The functions that the methods call: the recursions themselves, on rows of a table."""
 
     accelerate: Callable[..., int]
     integrate: Callable[..., int]
@@ -265,17 +313,17 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
 
 
 @cache
-def step_specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
-    """The positions and the velocities after a step, as calls of the states, dt and what drives them."""
+def step_specs(method: str, law: bool, forced: bool) -> tuple[Spec, Spec]:
+    """Specs of the positions and of the velocities after a step, as functions of the state, dt, tau and the law."""
 
     def after(rows: Any, inputs: dict[str, Any]) -> State:
         q, v = inputs["q"].copy(), inputs["v"].copy()
-        tau = inputs["tau"].copy() if driven else np.zeros(len(v), object)
+        tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
         if law:
             error = np.zeros(len(v), object)
             for i, row in enumerate(rows[1:]):
-                if row.dofs == 1 and row.kind in (REVOLUTE, PRISMATIC):
-                    error[i] = inputs["q_ref"][row.at] - q[row.at]
+                if row.kind in R1:
+                    error[i] = inputs["q_ref"][row.q_index] - q[row.q_index]
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
         system = System(
             _Kernels(_accelerate, _integrate, _displacement_rate),
@@ -290,11 +338,11 @@ def step_specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
             None,
         )
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
-        METHODS[method](system, 0.0, inputs["dt"], state)
+        EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
         return state
 
-    names = ["q", "v", "dt", *(["tau"] if driven else []), *(x.name for x in (LAW if law else ()))]
-    given = (Q, V, DT, *((TAU,) if driven else ()), *(LAW if law else ()))
+    names = ["q", "v", "dt", *(["tau"] if forced else []), *(x.name for x in (LAW if law else ()))]
+    given = (Q, V, DT, *((TAU,) if forced else ()), *(LAW if law else ()))
 
     def positions(rows: Any, *arrays: Any) -> None:
         arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False))).q
@@ -311,12 +359,12 @@ def step_specs(method: str, law: bool, driven: bool) -> tuple[Spec, Spec]:
 
 
 @lru_cache(maxsize=32)
-def _program(model: Model, method: str, law: bool, driven: bool) -> Program:
-    return batch_kernels.record(step_specs(method, law, driven), model.bodies).program
+def _program(model: Model, method: str, law: bool, forced: bool) -> Program:
+    return recording.record(step_specs(method, law, forced), model.bodies).program
 
 
 def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
-    """Whether the numbers of the model, and the diagonal of M in a state, are in the range of a dtype."""
+    """Whether the model's numbers, and the diagonal of M at q, are in the range of a dtype."""
     if dtype == np.float64:
         return True
     diagonal = np.diagonal(calls["crba"](model, q))
@@ -329,28 +377,28 @@ def _run(
     model: Model,
     method: str,
     states: list[Array],
-    inputs: dict[str, Driven],
+    inputs: dict[str, StepInput],
     records: list[Array],
     steps: int,
     every: int,
     check: bool,
     dt: float,
 ) -> None:
-    law, driven = "kp" in inputs, "tau" in inputs
-    specs, given = step_specs(method, law, driven), list(inputs.values())
+    law, forced = "kp" in inputs, "tau" in inputs
+    specs, given = step_specs(method, law, forced), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
-    if not numba_kernels.PLAIN and batch_kernels.fits(specs, model.bodies) and _holds(model, states[0][0], dtype):
+    if not numba_kernels.PLAIN and recording.fits(specs, model.bodies) and _holds(model, states[0][0], dtype):
         kernel = batch_kernels.kernel(specs, model.bodies, model.key, dtype=dtype)
         if kernel is not None:
             with np.errstate(over="ignore"):
                 start = [x.astype(dtype, copy=False) for x in states]
-                driving = [Driven(x.rows.astype(dtype, copy=False)) for x in given]
-            again = time_loop.run(kernel, start, driving, records, steps, every)
+                forcing = [StepInput(x.rows.astype(dtype, copy=False)) for x in given]
+            again = time_loop.run(kernel, start, forcing, records, steps, every)
     if not len(again):
         return
-    # what lanes leave: angles beyond the short sine's range, states that are not finite, masses beyond float32's range
-    program = _program(model, method, law, driven)
+    # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
+    program = _program(model, method, law, forced)
     lost = np.full(len(again), -1)
     now = [x[again] for x in states]
     rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in given]

@@ -1,22 +1,24 @@
-"""``simulate`` and ``hamilton_simulation``: what is asked for is checked, the loop is run in slices, the rest is told.
+"""``simulate`` and ``hamilton_simulation``: they check arguments, run the time loop in slices, return a Trajectory.
 
-Between slices of the loop Ctrl-C is heard, progress is reported, and a trouble becomes an error that has what was
-recorded up to then.
+Between slices they handle Ctrl-C, report progress, and turn a failure status into an error that carries what has been
+recorded.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
+from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
 from ..errors import (
     ModelError,
@@ -28,11 +30,10 @@ from ..errors import (
 )
 from ..model.model import Model
 from .adaptive import run_adaptive
-from .compiled_loop import compiled, drive
+from .compiled_loop import compile_loop, drive
 from .energy import FAST, exploded, scale_of
 from .methods import Method, integrators
 from .program_steps import program, slice_of
-from .progress import Progress, reporting
 from .recorder import Recorder, Steps
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
@@ -40,9 +41,10 @@ from .torques import Torque, torque_of
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
-SAMPLES = 10_000  # as many steps at most are recorded if nothing is said
-SLICE = 0.05  # seconds between two looks at Ctrl-C and progress
-STEPS = 100  # of a program in the first slice: 40 µs of an arm, 3 ms of a humanoid
+P = ParamSpec("P")
+SAMPLES = 10_000  # recorded by default, at most
+SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
+STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
 
 def simulate(
@@ -59,44 +61,42 @@ def simulate(
     rtol: float = 1e-9,
     atol: float = 1e-12,
 ) -> Trajectory:
-    """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter where they do not fit).
+    """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
     q0        (nq,)  joint positions [rad | m]
     v0        (nv,)  joint velocities [rad/s | m/s]
     duration  [s]
     dt        [s]
-    method    a name of ``integrators``, which says what each costs and keeps:
+    method    a name in ``integrators``, whose table says what each costs and preserves:
               explicit_euler, semi_implicit_euler, velocity_verlet, rk4  in (q, v), explicit, not symplectic
               symplectic_euler, stormer_verlet, implicit_midpoint, gauss4, gauss6, variational  symplectic, implicit
-              dop853, radau  SciPy's, which choose their steps by rtol and atol; dt is then the spacing of samples
+              dop853, radau  SciPy's, with steps adapted to rtol and atol; dt is then the spacing of samples
     torque    joint torques [N m | N]: None for zero, (nv,), (steps, nv) each held over its step, a Python function
               ``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` that writes tau, or an ``@njit`` function of the latter kind,
-              which never leaves compiled code. Functions are asked when the method needs it, and once more for every
-              sample that is recorded
+              which never leaves compiled code. A function is called where the method needs it, and once more for every
+              recorded sample
     fext      (njoints, 6)  constant force on each joint's body, in the joint's frame [N | N m]
-    record    keep every so many-th step; by default every step up to 10 000 of them, then evenly so many at most. The
-              first and the last state are always kept
+    record    k records every k-th step; by default every step of up to 10 000, else at most 10 000 evenly spaced ones.
+              The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
-    coordinates (x, π) of charts (``canonical_coordinates``); for v that are rates of coordinates these are (q, p). A
-    method in (q, v) that leaves M's change out of account, such as Verlet's, is not symplectic as soon as M depends on
-    q.
-    Explicit methods step a robot as one program wherever no function of the user's and no fext drives it and the robot
-    is not too long for one (its freedoms times the evaluations of ``integrators`` at most 128); it is compiled once for
-    a model and a method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and kept on disk.
-    Everything else runs over the table of bodies. Which it is, and so every bit of the answer, does not depend on the
-    number of steps.
+    coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
+    ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
+    Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
+    (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
+    method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
+    the table kernel. The choice, and so every bit of the result, does not depend on the number of steps.
 
     Returns Trajectory.
-    Raises  ShapeError; SpatialDynError for a dt, duration or method that is none; ModelError for mimic joints;
+    Raises  ShapeError; SpatialDynError for an invalid dt, duration or method; ModelError for mimic joints;
             SimulationError, with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
-            that does not converge, and a motion that has diverged: a state that is no longer finite, or, where neither
-            a function nor fext drives the robot, an energy that has risen by a hundred times what gravity, the torques
-            and the motion at the beginning can account for;
-            SimulationInterrupt, a KeyboardInterrupt, for Ctrl-C: its ``trajectory`` is what was recorded up to then
-            and the state it stopped in (whose tau is NaN if a function has not been asked for it).
+            that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
+            nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
+            for;
+            SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
+            last state (with tau NaN if the torque function has not been called there).
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -108,17 +108,34 @@ def simulate(
     """
     q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext)
     p = calls["momentum"](model, q, v)
-    if chosen.family is not None and chosen.family.moves == "p":  # either names a joint that moves no inertia
+    if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
 
 
+def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
+    """``call`` that takes its momenta under their old name ``p0`` too, and refuses a velocity by name."""
+
+    @functools.wraps(call)
+    def named(*args: P.args, **kwargs: P.kwargs) -> Trajectory:
+        for name in ("v0", "v"):
+            if name in kwargs:
+                cure = "sd.momentum(model, q0, v0) makes them of velocities, and sd.simulate takes velocities"
+                raise SpatialDynError(f"{name} is given, expected p, the momenta M(q0) v0; {cure}")
+        if "p0" in kwargs:
+            kwargs["p"] = kwargs.pop("p0")
+        return call(*args, **kwargs)
+
+    return named
+
+
+@_momenta_by_name
 def hamilton_simulation(
     model: Model,
     q0: ArrayLike,
-    p0: ArrayLike,
+    p: ArrayLike,
     duration: float,
     dt: float,
     method: str = "stormer_verlet",
@@ -131,22 +148,22 @@ def hamilton_simulation(
 ) -> Trajectory:
     """The motion from a point (q0, p0) of phase space by Hamilton's equations: ``simulate`` with a symplectic method.
 
-    p0  (nv,)  joint momenta M(q0) v0 [kg m²/s | kg m/s]
+    p   (nv,)  joint momenta M(q0) v0 [kg m²/s | kg m/s], no velocities: ``sd.momentum(model, q0, v0)``; ``p0`` too
 
-    The rest as in ``simulate``, what it returns and raises too; every method is taken.
+    Other arguments, result and errors are those of ``simulate``; every method is accepted.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("pendulum")
-    >>> run = sd.hamilton_simulation(model, [1.0], [0.0], 10.0, 0.01)
+    >>> run = sd.hamilton_simulation(model, [1.0], p=[0.0], duration=10.0, dt=0.01)
     >>> bool(abs(run.energy - run.energy[0]).max() < 1e-3)
     True
     """
-    q, p, chosen, forces = _checked(model, q0, ("p0", p0), method, fext)
-    v = calls["velocity_from_momentum"](model, q, p)
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
+    q, momenta, chosen, forces = _checked(model, q0, ("p", p), method, fext)
+    v = calls["velocity_from_momentum"](model, q, momenta)
+    return _run(model, q, v, momenta, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
 
 
-# --- what is asked for -----------------------------------------------------------------------------------
+# --- arguments -------------------------------------------------------------------------------------------
 
 
 def _checked(
@@ -163,13 +180,13 @@ def _checked(
     q, w = _vector("q0", q0, (model.nq,)), _vector(name, w0, (model.nv,))
     forces = None if fext is None else _vector("fext", fext, (model.njoints, 6))
     if model.damping.any() or model.friction.any():
-        text = f'robot "{model.name}" has joint damping or friction, which act nowhere; put them into the torque'
-        warnings.warn(text, stacklevel=3)
+        text = f'robot "{model.name}" has joint damping or friction, which simulate ignores; add them to torque'
+        warnings.warn(text, stacklevel=3 if name == "v0" else 4)  # a wrapper stands around the other
     return q, w, chosen, forces
 
 
 def _vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """A finite array of that very shape, a copy in C order."""
+    """A copy in C order of a finite array of exactly that shape."""
     x = as_array(name, value)
     if x.shape != shape:
         raise ShapeError(f"{name} has shape {x.shape}, expected {shape}")
@@ -183,7 +200,7 @@ def _every(record: int | None, total: int) -> int:
         return max(1, math.ceil(total / SAMPLES))
     if isinstance(record, bool) or not isinstance(record, (int, np.integer)) or record < 1:
         raise SpatialDynError(f"record is {record!r}, expected a whole number of steps of 1 or more")
-    return min(int(record), 1 << 53)  # what kernels count with; no run has as many steps
+    return min(int(record), 1 << 53)  # kernels count in int64; no run has as many steps
 
 
 # --- the run ---------------------------------------------------------------------------------------------
@@ -197,14 +214,13 @@ def _run(
     for name, x in (("rtol", rtol), ("atol", atol)):
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
-    if not (isinstance(progress, bool) or callable(progress)):
-        raise SpatialDynError(f"progress is {progress!r}, expected True, False or a function of two numbers")
+    check_progress(progress)
     recorder = Recorder(model, method, steps, _every(record, steps.total))
-    recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # whose torque may never be known
+    recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         asked = torque_of(torque, model.nv, steps)
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
-        with reporting(progress) as report:
+        with reporting(progress, "simulate") as report:
             if method.family is None:
                 run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol))
             else:
@@ -218,7 +234,7 @@ def _run(
         error.trajectory = recorder.trajectory()
         raise
     trajectory = recorder.trajectory()
-    if asked.user is None and fext is None:  # what these do is not known
+    if asked.user is None and fext is None:  # their work is unknown
         T, V = recorder.split
         at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
         if at is not None:
@@ -238,14 +254,14 @@ def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
     report: Callable[[int, int], None],
 ) -> None:  # fmt: skip
-    """All steps of a method of our own, in slices of about SLICE seconds."""
+    """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps = recorder.model, recorder.method, recorder.steps
     family = method.family
     assert family is not None
     assert method.advance is not None
     advance = method.advance
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
-    trouble = np.zeros(3)
+    status = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
     data = (
         getattr(model, numba_kernels.TABLE),
@@ -254,7 +270,7 @@ def _run_fixed(
         units(model.bodies),
         np.zeros(n),
         np.zeros(n),
-        trouble,
+        status,
     )
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
@@ -266,7 +282,7 @@ def _run_fixed(
     marked = [x.copy() for x in now]
 
     def mark() -> None:
-        """Keep the state, for Ctrl-C may come in the middle of what changes it."""
+        """Save the state: Ctrl-C may come while a step changes it."""
         for kept, x in zip(marked, now, strict=True):
             kept[...] = x
 
@@ -277,12 +293,12 @@ def _run_fixed(
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
         if torque.compiled:
-            compiled(method, fext is not None, torque.user)(*data, *state, *times)
+            compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             with np.errstate(all="ignore"):
                 drive(marking, family.observe, system, state, *times)
-        if trouble[0] != OK:
-            raise SimulationError(_reason(trouble, recorder, h, state))
+        if status[0] != OK:
+            raise SimulationError(_reason(status, recorder, h, state))
 
     try:
         count, odd = 1 if at_once is None else STEPS, 0
@@ -292,7 +308,7 @@ def _run_fixed(
             if at_once is not None:
                 count = slice_of(first, max(1, (odd - first) // 2) if odd else count, recorder.every)
                 if not at_once(first, count, h):
-                    odd = first + count  # one of these steps has no answer by the program: it is searched for
+                    odd = first + count  # the program has no answer to one of these steps: bisect for it
                     at_once = at_once if count > 1 else None
                     continue
             else:
@@ -311,10 +327,10 @@ def _run_fixed(
         raise
 
 
-def _reason(trouble: Array, recorder: Recorder, h: float, state: State) -> str:
-    """Why a simulation has to stop."""
+def _reason(status: Array, recorder: Recorder, h: float, state: State) -> str:
+    """The message of a failure status."""
     method, model = recorder.method, recorder.model
-    code, t, size = int(trouble[0]), trouble[1], trouble[2]
+    code, t, size = int(status[0]), status[1], status[2]
     if code == TORQUE:
         return f"torque is not finite at t = {t:.9g} s, expected finite numbers"
     if code == STALLED:
@@ -330,12 +346,12 @@ def _reason(trouble: Array, recorder: Recorder, h: float, state: State) -> str:
         v = state.v if recorder.moves_p else state.w
         fastest = float((units(model.bodies)[: model.nv] * abs(v)).max() * h)
         if fastest <= FAST:
-            return f'a joint of robot "{model.name}" moves next to no inertia at t = {t:.9g} s, expected some'
+            return f'a joint of robot "{model.name}" has zero articulated inertia at t = {t:.9g} s, expected some'
         return (
             f"{method.name} diverged at t = {t:.9g} s: joints move by {fastest:.2g} rad, or lengths of the robot, "
             f"in a step; reduce dt, to {h / 4:g} s say instead of {h:g}"
         )
     return (
-        f"{method.name} diverged at t = {t:.9g} s: the state is not finite any more; reduce dt, to {h / 4:g} s say "
+        f"{method.name} diverged at t = {t:.9g} s: the state is not finite; reduce dt, to {h / 4:g} s say "
         f"instead of {h:g}"
     )

@@ -1,9 +1,9 @@
-"""What every method of integration works on: a robot under torques, and the state it is in.
+"""What every integration method works on: System, a robot under torques, and State.
 
 A method is a function ``advance(system, t, h, state)`` that takes the state from t to t + h. It is written once: the
-compiled loop and the one that is driven from Python, for a torque that is a Python function, call the same source with
-other members in the System. What goes wrong in a step is noted, not raised, so that both can go on in the same way:
-the first trouble stays, and the loop stops after the step.
+compiled loop and the Python loop, for a torque that is a Python function, call the same source with other members in
+the System. A failure in a step is not raised but kept as a status, so that both loops handle it
+alike: the first failure stays, and the loop stops after that step.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.scalars import inlined
+from ..algebra.scalars import inline
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import all_finite
 
 OK, UNIT, PIVOT, NONFINITE = numba_kernels.OK, numba_kernels.UNIT, numba_kernels.PIVOT, numba_kernels.NONFINITE
-TORQUE, STALLED, TURNED = 5, 6, 7  # further codes of trouble
+TORQUE, STALLED, TURNED = 5, 6, 7  # further status codes
 
 
 class System(NamedTuple):
-    """A robot, what drives it, and the compiled kernels that a family of methods calls.
+    """A robot, its torques, and the compiled kernels that a family of methods calls.
 
-    kernels  NamedTuple of the family's own
-    torque   ``torque(system, t, q, v)`` writes tau and notes one that is not finite
-    user     the function that ``torque`` asks, None for torques held over a step
-    table    the model's bodies, as kernels take them
-    held     (rows, nv) torques of the steps, the last one held on
-    fext     (njoints, 6), or (0, 6) where there is none
-    unit     (2 nv,) what one of each freedom, and of its momentum, counts where they are compared: ``units``
+    kernels  NamedTuple of the family's kernels
+    torque   ``torque(system, t, q, v)`` writes tau, and the status TORQUE if it is not finite
+    user     the user's function that ``torque`` calls, None for torques held over a step
+    table    the model's table of bodies, as kernels take it
+    held     (rows, nv) torques of the steps; the last row is held on
+    fext     (njoints, 6), or (0, 6) without external forces
+    unit     (2 nv,) weights that make freedoms, and momenta, comparable: ``units``
     zero     (nv,) zeros
-    tau      (nv,) written
-    trouble  (3,) written: code, time, how large the thing was
+    tau      (nv,) written: the current torque
+    status   (3,) written by ``set_status``: code, time [s], the size of what failed
     """
 
     kernels: Any
@@ -46,18 +46,18 @@ class System(NamedTuple):
     unit: Any
     zero: Any
     tau: Any
-    trouble: Any
+    status: Any
 
 
 class State(NamedTuple):
     """A state and the scratch of the methods.
 
     q        (nq,) coordinates
-    w        (nv,) velocity or momentum, whichever the family of methods moves
-    v        (nv,) velocity, written when the state is observed
+    w        (nv,) velocity or momentum, as the family of methods integrates v or p
+    v        (nv,) velocity, written by the family's ``observe``
     stage    (nq,) scratch
-    by_row   (rows + 1, 6) scratch of every body: the centre of its chart, or its displacement
-    work     (rows, nv or 2 nv) scratch; what a method keeps from step to step lies here too
+    by_row   (rows + 1, 6) scratch per body: the centre of its chart, or its displacement
+    work     (rows, nv or 2 nv) scratch, and what a method keeps from step to step
     """
 
     q: Any
@@ -69,11 +69,10 @@ class State(NamedTuple):
 
 
 def units(bodies: Any) -> NDArray[np.float64]:
-    """(2 nv,) one for what turns, one over the robot's length for what travels; of momenta the reciprocals.
+    """(2 nv,) weights: 1 for rotations, 1 / length of the robot for translations; the reciprocals for momenta.
 
-    A change that is nothing beside the state, in one number for all freedoms, is then the same in all units of length.
-    The length is a power of two, so that nothing is rounded: that of the longest offset, centre of mass or radius of
-    gyration.
+    With them one tolerance on changes serves all freedoms in any unit of length. The length is a power of two, so that
+    nothing is rounded: that of the longest offset, centre of mass or radius of gyration.
     """
     inertia, at = bodies["inertia"][1:], bodies["X"]["p"][1:]
     heavy = inertia[inertia["m"] > 0.0]
@@ -88,44 +87,44 @@ def units(bodies: Any) -> NDArray[np.float64]:
     return made
 
 
-@inlined
-def note(system: System, code: int, t: float, size: float = 0.0) -> None:
-    """Keep the first trouble."""
-    if code != OK and system.trouble[0] == OK:
-        system.trouble[0] = code
-        system.trouble[1] = t
-        system.trouble[2] = size
+@inline
+def set_status(system: System, code: int, t: float, size: float = 0.0) -> None:
+    """Write the status unless an earlier failure is there."""
+    if code != OK and system.status[0] == OK:
+        system.status[0] = code
+        system.status[1] = t
+        system.status[2] = size
 
 
-@inlined
-def hold(system: System, step: int) -> None:
-    """Put the torque of a step where methods read it."""
+@inline
+def hold_torque(system: System, step: int) -> None:
+    """tau = the held torque of a step."""
     row = min(step, len(system.held) - 1)
     for i in range(len(system.tau)):
         system.tau[i] = system.held[row, i]
 
 
-@inlined
+@inline
 def held_torque(system: System, t: float, q: Any, v: Any) -> None:
-    """The torque that ``hold`` has put there."""
+    """Nothing to do: ``hold_torque`` has written tau."""
 
 
-@inlined
+@inline
 def user_torque(system: System, t: float, q: Any, v: Any) -> None:
-    """The torque of a function ``user(t, q, v, tau)``."""
+    """tau by the user's function ``user(t, q, v, tau)``."""
     system.user(t, q, v, system.tau)
     if not all_finite(system.tau):
-        note(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
+        set_status(system, TORQUE if all_finite(q) and all_finite(v) else NONFINITE, t)
 
 
-@inlined
-def along(out: Any, x: Any, c: float, y: Any) -> None:
+@inline
+def add_scaled(out: Any, x: Any, c: float, y: Any) -> None:
     """out = x + c y."""
     for i in range(len(out)):
         out[i] = x[i] + c * y[i]
 
 
-@inlined
+@inline
 def copy(out: Any, x: Any) -> None:
     """out = x."""
     for i in range(len(out)):

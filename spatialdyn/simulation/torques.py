@@ -1,4 +1,4 @@
-"""What may be given as a torque, made into one thing: rows held over steps, or a function that writes tau."""
+"""The ``torque`` argument as a Torque: rows held over steps, or a function that writes tau."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba.extending import is_jitted
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array
 from ..engines.compiled import numba_kernels
+from ..engines.compiled.numba_settings import is_jitted
 from ..errors import ShapeError, SimulationError
 from .recorder import Steps
 
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 class Torque:
     """Torques of a simulation.
 
-    held      (rows, nv) of the steps, the last one held on; one row of zeros where there is a function
+    held      (rows, nv) torques of the steps, the last row held on; one row of zeros beside a function
     user      None, or ``user(t, q, v, tau)``, which writes tau
-    compiled  whether the loop can run without Python
+    compiled  whether the loop runs compiled
     """
 
     held: Array
@@ -33,7 +33,7 @@ class Torque:
     compiled: bool
 
     def unasked(self, step: int) -> Array:
-        """The torque (nv,) at the beginning of a step if no function has to be asked for it, else NaN."""
+        """The held torque (nv,) at the beginning of a step; NaN if a function gives it."""
         held = self.held[min(step, len(self.held) - 1)]
         return np.array(held) if self.user is None else np.full(len(held), np.nan)
 
@@ -48,9 +48,9 @@ class Torque:
 
 
 def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
-    """The Torque of what ``simulate`` has been given.
+    """The Torque of an argument of ``simulate``.
 
-    Raises ShapeError for an array of another shape, SimulationError for one that is not finite, with the time.
+    Raises ShapeError for an array of another shape, SimulationError, with the time, for one that is not finite.
     """
     if torque is None:
         return Torque(np.zeros((1, nv)), None, not numba_kernels.PLAIN)
@@ -74,7 +74,7 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
 
 
 def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, Array, Array], None]:
-    """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` as the latter; it gets copies, which it may keep."""
+    """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` as the latter; f gets copies of q and v, which it may keep."""
     writes = _takes(function, 4) and not _takes(function, 3)
 
     def ask(t: float, q: Array, v: Array, tau: Array) -> None:
@@ -94,7 +94,7 @@ def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, A
 
 
 def _takes(function: Callable[..., Any], count: int) -> bool:
-    """Whether a function can be called with that many arguments; unknown ones can with three."""
+    """Whether a function takes that many arguments; 3 if its signature is unknown."""
     try:
         inspect.signature(function).bind(*range(count))
     except TypeError:

@@ -1,7 +1,8 @@
-"""What a simulation leaves: states, torques and energy at the times that were recorded."""
+"""The result of a simulation: states, torques and energy at the recorded times."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -26,13 +27,13 @@ class Trajectory:
     q            (N, nq)   joint positions [rad | m]
     v            (N, nv)   joint velocities [rad/s | m/s]
     p            (N, nv)   joint momenta M(q) v [kg m²/s | kg m/s]
-    tau          (N, nv)   joint torques at these times, of those held over steps that of the step that begins there;
-                           NaN where Ctrl-C came before a function had said
+    tau          (N, nv)   joint torques at these times [N m | N], held ones of the step that begins there; NaN at the
+                           last state if Ctrl-C came before the torque function was called
     energy       (N,)      T + V [J]
-    method, dt   what made it
+    method, dt   name of the method, its step [s]
     robot        name of the model
-    interrupted  whether Ctrl-C ended it before its time
-    model        whose motion it is; None after ``load``, for a file holds numbers alone
+    interrupted  whether Ctrl-C ended the simulation
+    model        the Model; None after ``load``, as a file holds numbers only
     """
 
     t: Array
@@ -61,14 +62,14 @@ class Trajectory:
         )
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write all of it to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
+        """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
         parts = {name: np.asarray(getattr(self, name)) for name in (*ARRAYS, *WORDS)}
         with open(path, "wb") as file:
             np.savez_compressed(file, allow_pickle=False, **parts)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Trajectory:
-        """The Trajectory of a file that ``save`` has written. Raises SpatialDynError if it holds something else."""
+        """The Trajectory in a file written by ``save``. Raises SpatialDynError if the file holds something else."""
         try:
             with open(path, "rb") as file, np.load(file, allow_pickle=False) as parts:
                 arrays = [parts[name] for name in ARRAYS]
@@ -86,35 +87,37 @@ class Trajectory:
         columns = {f"{name}{k}": x for name in ("q", "v", "p", "tau") for k, x in enumerate(getattr(self, name).T)}
         return pandas.DataFrame({**columns, "energy": self.energy}, index=pandas.Index(self.t, name="t"))
 
-    def plot(self, what: tuple[str, ...] = ("q", "v", "energy")) -> Any:
-        """A matplotlib Figure with one set of axes for each of q, v, p, tau, energy that is asked for.
+    def plot(
+        self, what: str | Sequence[str] = ("q", "v", "energy"), *, joints: str | Sequence[str] | None = None,
+        ax: Any = None, path: Any = None,
+    ) -> Any:  # fmt: skip
+        """A Matplotlib Figure with panels over time for each name in ``what``, angles apart from lengths.
 
-        The change of energy since the beginning is what is drawn of it. ``figure.savefig(path)`` writes it to a file.
-        Raises  SpatialDynError for another name, or where matplotlib is not installed.
+        what    one or several of "q", "v", "tau", "p", with limits dotted where they are near; "energy": T, V, their
+                sum, and its change on a log axis; "phase": v against q of each joint of one freedom; "limits": q, v and
+                tau as fractions of their limits, the outside shaded
+        joints  names of joints, by default all
+        ax      Matplotlib axes to draw into, one for each panel
+        path    a file to write
+
+        Raises  SpatialDynError for another name, another number of axes, a file that cannot be written, or where
+                matplotlib is not installed; ModelError for an unknown joint.
         """
-        labels = {
-            "q": "q [rad | m]",
-            "v": "v [rad/s | m/s]",
-            "p": "p [kg m²/s | kg m/s]",
-            "tau": "τ [N m | N]",
-            "energy": "change of energy [J]",
-        }
-        if not what or not set(what) <= set(labels):
-            raise SpatialDynError(f"plot of {what!r}, expected some of {', '.join(labels)}")
-        try:
-            from matplotlib.figure import Figure
-        except ImportError as error:
-            raise SpatialDynError('matplotlib is not installed; pip install "spatialdyn[plot]"') from error
-        figure = Figure(figsize=(7.0, 2.2 * len(what) + 0.6), layout="constrained")
-        rows = figure.subplots(len(what), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, name in zip(rows, what, strict=True):
-            y = self.energy - self.energy[0] if name == "energy" else getattr(self, name)
-            lines = axes.plot(self.t, y, linewidth=1.0)
-            axes.set_ylabel(labels[name])
-            if 1 < len(lines) <= 10:
-                words = [f"{name}{k}" for k in range(len(lines))]
-                axes.legend(lines, words, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
-            axes.grid(alpha=0.3)
-        rows[0].set_title(f"{self.robot}: {self.method}, dt {self.dt:g} s")
-        rows[-1].set_xlabel("t [s]")
-        return figure
+        from ..pictures.plots import plot_trajectory
+
+        return plot_trajectory(self, what, joints, ax, path)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write one HTML page of the run, which needs no network: robot, player, plots, numbers, how to reproduce it.
+
+        The player needs viser, ``pip install "spatialdyn[view]"``; without it the page says so.
+        Raises  SpatialDynError if the file cannot be written, or where matplotlib is not installed.
+        """
+        from ..pictures.page import report_trajectory
+
+        report_trajectory(self, path)
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import trajectory_html
+
+        return trajectory_html(self)

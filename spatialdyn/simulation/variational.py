@@ -1,18 +1,18 @@
-"""A variational integrator in O(n), on the group of the joints: discrete mechanics of the bodies' average velocities.
+"""A variational integrator in O(n), on the joints' group: discrete mechanics of the bodies' average velocities.
 
-In a step each body moves from its pose T_i to T_i exp(h V_i). The discrete Lagrangian, which is h times the kinetic
-energy Σ ½ V_i·I_i V_i less the potential energy, averaged over both ends, has the momenta
+In a step each body moves from its pose T_i to T_i exp(h V_i). The discrete Lagrangian, h times the kinetic energy
+Σ ½ V_i·I_i V_i less the mean of the potential energy at both ends, has the momenta
 
     μ⁻_i = (dexp⁻¹ at +h V_i)ᵀ I_i V_i    at the beginning, in the body's frame there
     μ⁺_i = (dexp⁻¹ at -h V_i)ᵀ I_i V_i    at the end, in the body's frame there
 
-and with Jᵀ the backward sweep of Newton and Euler a step solves J(q)ᵀ μ⁻ = p + ½ h f(q) for the displacement ξ of the
-joints, q⁺ = q ∘ exp(ξ), and sets p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺), with f torques, gravity's and external ones. The map is
-symplectic, symmetric without torques, and keeps the momentum of a free robot whatever its joints do. ξ is improved by
--h M⁻¹ r, with r what is left of the equation, until it changes no longer; ``quicken`` helps where that is slow.
+With Jᵀ the inward sweep of the RNEA, a step solves J(q)ᵀ μ⁻ = p + ½ h f(q) for the displacement ξ of the joints,
+q⁺ = q ∘ exp(ξ), and sets p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺), with f the sum of joint, gravity and external torques. The map is
+symplectic, symmetric without torques, and preserves the momentum of a free robot whatever its joints do. ξ changes by
+-h M⁻¹ r, with r the residual, until it changes no longer; ``anderson_step`` accelerates slow iterations.
 
-Displacements of bodies are carried as (quaternion, travel): both of them keep their relative accuracy however small the
-step, so what rounding does to a momentum is a part in 1e16 of it, not that over h.
+Displacements of bodies are stored as (quaternion, translation): both keep their relative accuracy however small the
+step, so the rounding error of a momentum is 1e-16 of it, not 1e-16 / h.
 
 Source: Lee, Liu, Park, Srinivasa, A linear-time variational integrator for multibody systems (2016), for the use of M⁻¹
 in O(n); the form in (q, p) and on joints of several freedoms is derived here.
@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..algebra.euclidean import Vec, cross, plus, times, unrotate, zero
+from ..algebra.euclidean import Vec, add, cross, scale, unrotate, zero
 from ..algebra.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
 from ..algebra.records import (
     force_of,
@@ -35,16 +35,16 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inlined, woven
+from ..algebra.scalars import inline, inline_unoptimized
 from ..algebra.spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
 from ..bodies.joints import joint_motion, place_joint
-from ..bodies.table import FOLLOW
+from ..bodies.kinds import CONTINUED
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
-from .symplectic import LARGEST, SLOW, SWEEPS, quicken, relative, settled
-from .system import OK, TURNED, State, System, copy, note
+from .symplectic import LARGEST, SLOW, SWEEPS, anderson_step, converged, relative
+from .system import OK, TURNED, State, System, copy, set_status
 
 ROWS = 18
 TURN = 0.5  # cosine of half the angle by which a body may turn in one step, 120°
@@ -52,8 +52,8 @@ WORK_BEFORE = table_dtype(X=Pose, x=float, y=float, z=float, w=float, d=Vec, p=F
 WORK_AFTER = table_dtype(X=Pose, p=Force)
 
 
-class Kernels(NamedTuple):
-    """What the method calls: load(system, q, g) with g the torques that gravity and ``fext`` ask for, and kernels."""
+class VariationalKernels(NamedTuple):
+    """load(system, q, g), which writes the torques g that balance gravity and ``fext``, and compiled kernels."""
 
     load: Any
     static_torque: Any
@@ -63,24 +63,24 @@ class Kernels(NamedTuple):
     after: Any
 
 
-def kernels(loaded: bool) -> Kernels:
-    """The kernels of the method, compiled when first asked for; ``loaded`` says that there are external forces."""
-    return Kernels(
+def kernels(loaded: bool) -> VariationalKernels:
+    """The kernels of the method, compiled at first use; ``loaded``: with external forces."""
+    return VariationalKernels(
         _loaded if loaded else _free,
-        numba_kernels.single(SPECS["static_torque" if loaded else "generalized_gravity"]),
-        numba_kernels.single(SPECS["velocity_from_momentum"]),
-        numba_kernels.single(SPECS["integrate"]),
+        numba_kernels.sample_kernel(SPECS["static_torque" if loaded else "generalized_gravity"]),
+        numba_kernels.sample_kernel(SPECS["velocity_from_momentum"]),
+        numba_kernels.sample_kernel(SPECS["integrate"]),
         kernel(momenta_before, 1, 1, 2, 1, 1, work=WORK_BEFORE),
         kernel(momenta_after, 1, 1, 2, 1, 1, work=WORK_AFTER),
     )
 
 
-@woven
+@inline_unoptimized
 def _free(system: System, q: Any, g: Any) -> int:
     return system.kernels.static_torque(system.table, q, g)  # type: ignore[no-any-return]
 
 
-@woven
+@inline_unoptimized
 def _loaded(system: System, q: Any, g: Any) -> int:
     return system.kernels.static_torque(system.table, q, system.fext, g)  # type: ignore[no-any-return]
 
@@ -88,11 +88,11 @@ def _loaded(system: System, q: Any, g: Any) -> int:
 # --- the sweeps -----------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> int:
-    """h J(q)ᵀ μ⁻, that is the momenta at the beginning of a step of unit length.
+    """h J(q)ᵀ μ⁻: the momenta at the beginning of a step of unit length.
 
-    q      (nq)         where the step begins
+    q      (nq)         coordinates at the beginning of the step
     xi     (nv)         displacement of the joints
     moved  (rows + 1, 6)  written: the twist log(T⁻¹ T⁺) = h V of every body, angular first
     rotor  (nv)         scratch
@@ -107,10 +107,10 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: A
         place_joint(bodies, i, q, here.X)
         X = pose_of(here.X)
         a, d = _carried(X, Quat(parent.x, parent.y, parent.z, parent.w), vec_of(parent.d))
-        if b.kind != FOLLOW:
+        if b.kind != CONTINUED:
             m = joint_motion(bodies, i, xi)
             t = exp_travel(m)
-            a, d = product(a, exp_rotation(m.w)), plus(plus(d, t), _turned(a, t))
+            a, d = product(a, exp_rotation(m.w)), add(add(d, t), _turned(a, t))
         _put_displacement(here, a, d)
         put_force(here.p, zero_force())
         if b.joint > 0:
@@ -125,7 +125,7 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: A
     return status
 
 
-@inlined
+@inline
 def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> int:
     """h J(q⁺)ᵀ μ⁺, the momenta at the end of a step of unit length; q is q⁺, and ``moved`` is read."""
     put_force(work[0].p, zero_force())
@@ -141,9 +141,9 @@ def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: An
     return OK
 
 
-@inlined
+@inline
 def _sum_inward(bodies: Any, work: Any, out: Any) -> None:
-    """out_i = S_i · Σ momenta of what row i carries."""
+    """out_i = S_i · (sum of the momenta of the subtree of row i)."""
     for i in range(len(bodies) - 1, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
         p = force_of(here.p)
@@ -151,14 +151,14 @@ def _sum_inward(bodies: Any, work: Any, out: Any) -> None:
         put_force(parent.p, add_force(force_of(parent.p), force_to_parent(pose_of(here.X), p)))
 
 
-@inlined
+@inline
 def _add_rotors(bodies: Any, xi: Any, rotor: Any, side: float, out: Any) -> None:
-    """The momenta of rotors, ½ armature v² being their energy."""
+    """out += momenta of the rotors, whose energy is ½ armature v²."""
     for i in range(1, len(bodies)):
         rotor[i - 1] = bodies[i].armature * xi[i - 1]
     for i in range(1, len(bodies)):
         b, r = bodies[i], i - 1
-        if b.kind == FOLLOW or b.armature == 0.0:
+        if b.kind == CONTINUED or b.armature == 0.0:
             continue
         if b.dofs == 1:
             out[r] += rotor[r]
@@ -170,43 +170,43 @@ def _add_rotors(bodies: Any, xi: Any, rotor: Any, side: float, out: Any) -> None
                 out[k] += rotor[k]
 
 
-@inlined
+@inline
 def _dual(T: Tangent, side: float, f: Force) -> Force:
     """side Tᵀ f."""
     return Force(
-        times(side, plus(unrotate(T.J, f.n), unrotate(T.K, f.f))),
-        times(side, unrotate(T.J, f.f)),
+        scale(side, add(unrotate(T.J, f.n), unrotate(T.K, f.f))),
+        scale(side, unrotate(T.J, f.f)),
     )
 
 
-@inlined
+@inline
 def _turned(a: Quat, p: Vec) -> Vec:
     """(R(a) - 1) p, accurate for a small rotation."""
     u = Vec(a.x, a.y, a.z)
     s = cross(u, p)
-    return times(2.0, plus(times(a.w, s), cross(u, s)))
+    return scale(2.0, add(scale(a.w, s), cross(u, s)))
 
 
-@inlined
+@inline
 def _carried(X: Pose, a: Quat, d: Vec) -> tuple[Quat, Vec]:
-    """The displacement (a, d) of the frame in which X is given, as one of the frame X: X⁻¹ (a, d) X."""
+    """A displacement (a, d) of the parent frame, in the frame X: X⁻¹ (a, d) X."""
     u = unrotate(X.R, Vec(a.x, a.y, a.z))
-    return Quat(u.x, u.y, u.z, a.w), unrotate(X.R, plus(d, _turned(a, X.p)))
+    return Quat(u.x, u.y, u.z, a.w), unrotate(X.R, add(d, _turned(a, X.p)))
 
 
-@inlined
+@inline
 def _put_displacement(here: Any, a: Quat, d: Vec) -> None:
     here.x, here.y, here.z, here.w = a.x, a.y, a.z, a.w
     put_vec(here.d, d)
 
 
-@inlined
+@inline
 def _put_twist(row: Any, m: Motion) -> None:
     row[0], row[1], row[2] = m.w.x, m.w.y, m.w.z
     row[3], row[4], row[5] = m.v.x, m.v.y, m.v.z
 
 
-@inlined
+@inline
 def _twist(row: Any) -> Motion:
     return Motion(Vec(row[0], row[1], row[2]), Vec(row[3], row[4], row[5]))
 
@@ -214,39 +214,39 @@ def _twist(row: Any) -> Motion:
 # --- the method -----------------------------------------------------------------------------------------
 
 
-@woven
+@inline_unoptimized
 def start(system: System, state: State) -> None:
-    """Nothing is kept in other coordinates."""
+    """Nothing to do: the method works on (q, p) itself."""
 
 
-@woven
+@inline_unoptimized
 def observe(system: System, t: float, state: State) -> None:
     """v = M⁻¹ p."""
-    note(system, system.kernels.velocity(system.table, state.q, state.w, state.v), t)
+    set_status(system, system.kernels.velocity(system.table, state.q, state.w, state.v), t)
 
 
-@woven
+@inline_unoptimized
 def variational(system: System, t: float, h: float, state: State) -> None:
-    """One step; the torque at either end is asked for with the average velocity ξ/h, which keeps the order at 2."""
+    """One step; the torques at both ends are those of the average velocity ξ/h, which keeps the order at 2."""
     n, k = len(system.tau), system.kernels
     xi, old, older = state.work[0], state.work[1], state.work[2]
     mean, g, left, change, rotor = state.work[3], state.work[4], state.work[5], state.work[6], state.work[7]
     F, U = state.work[8:13], state.work[13:18]
-    straight = 0.0  # 1 where two displacements are known, which the guess goes on from
+    straight = 0.0  # 1 once two displacements are known: the guess extrapolates them
     for i in range(n):
         straight = 1.0 if old[i] != 0.0 else straight
     for i in range(n):
         older[i], old[i], xi[i] = old[i], xi[i], xi[i] + straight * (xi[i] - old[i])
-    note(system, k.load(system, state.q, g), t)
+    set_status(system, k.load(system, state.q, g), t)
     before, known = math.inf, 0
     for sweep in range(SWEEPS):
         for i in range(n):
             mean[i] = xi[i] / h
         system.torque(system, t, state.q, mean)
-        note(system, k.before(system.table, state.q, xi, state.by_row, rotor, left), t)
+        set_status(system, k.before(system.table, state.q, xi, state.by_row, rotor, left), t)
         for i in range(n):
             left[i] = left[i] / h - state.w[i] - 0.5 * h * (system.tau[i] - g[i])
-        note(system, k.velocity(system.table, state.q, left, change), t)
+        set_status(system, k.velocity(system.table, state.q, left, change), t)
         moved = size = 0.0
         for i in range(n):
             change[i] *= -h
@@ -257,17 +257,17 @@ def variational(system: System, t: float, h: float, state: State) -> None:
             moved = max(moved, abs(change[i]))
             size = max(size, system.unit[i] * (abs(xi[i]) + abs(old[i])))
         moved = relative(moved, size)
-        if settled(system, t, moved, before, sweep, known > 0):
+        if converged(system, t, moved, before, sweep, known > 0):
             break
         if known > 0 or moved > SLOW * before:
-            quicken(known, change, xi, F, U)
+            anderson_step(known, change, xi, F, U)
             known += 1
         before = moved
     copy(state.stage, state.q)
-    note(system, k.integrate(system.table, state.stage, xi, state.q), t + h)
-    note(system, k.before(system.table, state.stage, xi, state.by_row, rotor, left), t)
-    note(system, k.after(system.table, state.q, xi, state.by_row, rotor, left), t + h)
-    note(system, k.load(system, state.q, g), t + h)
+    set_status(system, k.integrate(system.table, state.stage, xi, state.q), t + h)
+    set_status(system, k.before(system.table, state.stage, xi, state.by_row, rotor, left), t)
+    set_status(system, k.after(system.table, state.q, xi, state.by_row, rotor, left), t + h)
+    set_status(system, k.load(system, state.q, g), t + h)
     for i in range(n):
         mean[i] = xi[i] / h
     system.torque(system, t + h, state.q, mean)

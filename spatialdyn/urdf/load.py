@@ -1,22 +1,20 @@
-"""From a URDF to a checked Robot: where the text comes from, who reads it, and what becomes of the numbers.
+"""From a URDF to a checked Robot.
 
-A source becomes bytes (``robot_files`` finds robots by name); a strict pass over its XML (``strict_xml``) refuses what
-is broken and keeps only what dynamics needs; yourdfpy reads that copy, so it never meets a mesh, nor anything that it
-would silently repair; its description becomes a ``Robot``. What is odd but sound is kept and said in ``Robot.notes``.
-
-yourdfpy and lxml cost a second to import: they are imported inside the functions that read.
+A source becomes bytes (``robot_files`` finds robots by name). The strict reader of its XML (``strict_xml``) raises for
+what is broken and returns only what dynamics needs: a description, of the same attributes as yourdfpy's. Either becomes
+a ``Robot``, whose ``notes`` list what is odd but valid.
 """
 
 from __future__ import annotations
 
-import io
 import math
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,12 +24,13 @@ from ..model.model import Model, options_of
 from ..model.physical_inertia import symmetric
 from ..model.robot import (
     WITH_AXIS,
-    Joint,
     Link,
     Mimic,
     Robot,
+    RobotJoint,
     check_inertias,
     check_tree,
+    clear_rounding,
     make_joint,
     make_link,
     nowhere,
@@ -46,6 +45,7 @@ from .strict_xml import (
     RIGHT,
     SIZE_LIMIT,
     URDF_KINDS,
+    Part,
     StrictReader,
     angle_notes,
     off_right,
@@ -57,9 +57,10 @@ __all__ = ["example_robots", "find_robot", "load_urdf", "read_urdf", "robot_name
 
 Array = NDArray[np.float64]
 Made = TypeVar("Made")
-Where = Callable[[str, str], str]  # ("link" | "joint", name) -> where it stands, a prefix of messages
+Where = Callable[[str, str], str]  # ("link" | "joint", name) -> file and line, a prefix of messages
 
 LONGEST_NAME = 4096  # characters of a path
+UNTURNED = np.eye(3)
 
 
 def load_urdf(
@@ -79,15 +80,15 @@ def load_urdf(
     gravity     (3,) acceleration of gravity in the world [m/s²]
     continuous  "angle": one coordinate; "cos_sin": Pinocchio's pair
     mimic       True makes mimic joints dependent; False treats them as ordinary joints
-    inertia     on inertias no body can have: "warn" keeps them, "strict" raises, "repair" projects them
-    snap        angles of placements within ``snap`` [rad] of a right angle are rounded to it; None rounds none
+    inertia     policy on inertias that are not physical: "warn" keeps them, "strict" raises, "repair" projects them
+    snap        rounds angles of placements within ``snap`` [rad] of a right angle to it; None rounds none
 
-    What is left over and can hold no link or joint is ignored with a note and one warning: ``<xacro:property>`` and
-    ``<xacro:arg>``, prefixes that no xmlns declares in ``<gazebo>`` and other elements that are not read, ``<axis>``
-    without xyz on a fixed or floating joint. Any other element of xacro is refused.
+    Leftovers that cannot hold a link or joint are ignored with a note and one warning: ``<xacro:property>``,
+    ``<xacro:arg>``, ``<xacro:macro>``, ``<xacro:if>`` and ``<xacro:unless>`` without a link or joint inside, undeclared
+    prefixes in ``<gazebo>`` and other elements that are not read, ``<axis>`` without xyz on a fixed or floating joint.
+    Any other element of xacro is an error, and so is a condition around part of a link or joint, ``<inertial>`` say.
 
-    A ``yourdfpy.URDF`` skips the strict reading of the XML (it may have been read with repairs); its values are still
-    checked.
+    A ``yourdfpy.URDF`` skips the strict reader, and yourdfpy may have repaired it; its values are still checked.
 
     Raises  UrdfError naming file, line, element, attribute and value; InertiaError under ``inertia="strict"``;
             ModelError for a bad ``root``, ``continuous`` or mimic chain.
@@ -103,12 +104,12 @@ def load_urdf(
 
 
 def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None) -> Robot:
-    """The checked Robot of a URDF: ``load_urdf`` before it becomes a table. Arguments and errors are the same."""
+    """The checked Robot of a URDF, from which ``load_urdf`` makes a Model. Arguments and errors are the same."""
     return _read(source, inertia, snap, stacklevel=4)[0]
 
 
 def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tuple[Robot, Where]:
-    """The robot, and where its links and joints stand."""
+    """The robot, and the function that gives the file and line of its links and joints."""
     real = isinstance(snap, (int, float, np.integer, np.floating))
     if snap is not None and not (real and 0.0 <= snap < 0.5 * RIGHT):
         raise UrdfError(f"snap is {snap!r}, expected an angle from 0 to pi/4, or None")
@@ -117,18 +118,15 @@ def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tup
         return check_inertias(robot, inertia, stacklevel=stacklevel), nowhere
     label, data = _bytes_of(source)
     reader = StrictReader(label, snap)
-    sound = reader.read(data)
-    import yourdfpy
-
-    description = yourdfpy.URDF.load(io.BytesIO(sound), build_scene_graph=False, load_meshes=False).robot
-    robot = _robot(description, reader.where, reader.notes, None)
+    robot = _robot(_description(reader.read(data)), reader.where, reader.notes, None)
+    robot = replace(robot, source=file_of(source))
     if reader.doubts:
         warnings.warn(f'robot "{robot.name}": {"; ".join(reader.doubts)}', stacklevel=stacklevel - 1)
     return check_inertias(robot, inertia, reader.where, stacklevel), reader.where
 
 
 def _check_leaders(robot: Robot, where: Where) -> None:
-    """Refuse a mimic of a joint that is not there: an error only once mimics count."""
+    """Raise UrdfError for a mimic of a missing joint: an error only with mimic=True."""
     names = {joint.name for joint in robot.joints}
     for joint in robot.joints:
         if joint.mimic is not None and joint.mimic.leader not in names:
@@ -138,17 +136,30 @@ def _check_leaders(robot: Robot, where: Where) -> None:
             )
 
 
-# --- where the text comes from ----------------------------------------------------------------------------
+# --- sources -----------------------------------------------------------------------------------------------
 
 
 def _is_yourdfpy(source: Any) -> bool:
-    """Whether the source is a yourdfpy.URDF; importing nothing, for it cannot be one unless yourdfpy is imported."""
+    """Whether the source is a yourdfpy.URDF, without importing yourdfpy: if it is one, that is imported."""
     module = sys.modules.get("yourdfpy")
     return module is not None and isinstance(source, module.URDF)
 
 
+def file_of(source: Any) -> str:
+    """The absolute path of the file that a source of ``load_urdf`` is; empty for text, streams and a yourdfpy.URDF."""
+    if isinstance(source, str) and not source.lstrip("\ufeff \t\r\n").startswith("<"):
+        return os.path.abspath(_path_of(source))
+    name = os.fsdecode(source) if isinstance(source, os.PathLike) else getattr(source, "name", None)
+    return os.path.abspath(name) if isinstance(name, str) and os.path.isfile(name) else ""
+
+
+def read_source(source: Any) -> tuple[str, bytes]:
+    """``file_of`` a source of ``load_urdf``, and its text, unchecked. Raises UrdfError if it cannot be read."""
+    return file_of(source), _bytes_of(source)[1]
+
+
 def _bytes_of(source: Any) -> tuple[str, bytes]:
-    """A name for messages, and the XML in UTF-8 or the encoding it declares. Raises UrdfError."""
+    """A name for messages, and the XML in UTF-8 or its declared encoding. Raises UrdfError."""
     if isinstance(source, (bytes, bytearray)):
         return sane_text("<text>", bytes(source))
     if isinstance(source, str):
@@ -171,7 +182,7 @@ def _bytes_of(source: Any) -> tuple[str, bytes]:
 
 
 def read_path(path: str | os.PathLike[str], what: str = "a URDF file") -> tuple[str, bytes]:
-    """The name of a URDF or SRDF file, and its text. Raises UrdfError."""
+    """The name and text of a URDF or SRDF file. Raises UrdfError."""
     path = Path(os.fsdecode(path))
     if os.path.isdir(path):
         raise UrdfError(f"{path} is a directory, expected {what}")
@@ -190,7 +201,7 @@ def read_path(path: str | os.PathLike[str], what: str = "a URDF file") -> tuple[
 
 
 def _path_of(source: str) -> Path:
-    """A string as a path if there is such a file, else as a name, else as the path it was meant to be."""
+    """The path that a string names: a file, else a robot's file, else the string itself."""
     path = Path(source)
     if len(source) > LONGEST_NAME:
         raise UrdfError(
@@ -206,11 +217,115 @@ def _path_of(source: str) -> Path:
         raise
 
 
+# --- what was read, as yourdfpy describes it ---------------------------------------------------------------
+
+
+class Origin(NamedTuple):
+    """A pose as written."""
+
+    xyz: Sequence[float] = (0.0, 0.0, 0.0)
+    rpy: Sequence[float] = (0.0, 0.0, 0.0)
+
+
+class Inertial(NamedTuple):
+    """An <inertial>."""
+
+    mass: float
+    inertia: list[list[float]]
+    origin: Origin | None
+
+
+class Body(NamedTuple):
+    """A <link>."""
+
+    name: str
+    inertial: Inertial | None
+
+
+class Limit(NamedTuple):
+    """A <limit>."""
+
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    effort: float | None = None
+
+
+class Dynamics(NamedTuple):
+    """A <dynamics>."""
+
+    damping: float | None = None
+    friction: float | None = None
+
+
+class Mimicked(NamedTuple):
+    """A <mimic>."""
+
+    joint: str
+    multiplier: float | None = None
+    offset: float | None = None
+
+
+class Connection(NamedTuple):
+    """A <joint>."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: Origin | None
+    axis: Sequence[float] | None
+    limit: Limit | None
+    dynamics: Dynamics | None
+    mimic: Mimicked | None
+
+
+class Description(NamedTuple):
+    """A <robot>."""
+
+    name: str
+    links: list[Body]
+    joints: list[Connection]
+
+
+def _description(robot: Part) -> Description:
+    """The description of a robot that the strict reader has read."""
+    links = [_body(part) for part in robot.children if part.tag == "link"]
+    joints = [_connection(part) for part in robot.children if part.tag == "joint"]
+    return Description(robot.values["name"], links, joints)
+
+
+def _body(link: Part) -> Body:
+    parts = {part.tag: part for part in link.children}
+    if "inertial" not in parts:
+        return Body(link.values["name"], None)
+    given = {part.tag: part.values for part in parts["inertial"].children}
+    I = given["inertia"]
+    rows = [[I["ixx"], I["ixy"], I["ixz"]], [I["ixy"], I["iyy"], I["iyz"]], [I["ixz"], I["iyz"], I["izz"]]]
+    origin = Origin(**given["origin"]) if "origin" in given else None
+    return Body(link.values["name"], Inertial(given["mass"]["value"], rows, origin))
+
+
+def _connection(joint: Part) -> Connection:
+    given = {part.tag: part.values for part in joint.children}
+    return Connection(
+        joint.values["name"],
+        joint.values["type"],
+        given["parent"]["link"],
+        given["child"]["link"],
+        Origin(**given["origin"]) if "origin" in given else None,
+        given["axis"]["xyz"] if "axis" in given else None,
+        Limit(**given["limit"]) if "limit" in given else None,
+        Dynamics(**given["dynamics"]) if "dynamics" in given else None,
+        Mimicked(**given["mimic"]) if "mimic" in given else None,
+    )
+
+
 # --- from a description to a Robot ------------------------------------------------------------------------
 
 
 def _robot(description: Any, where: Where, notes: list[str], snap: float | None) -> Robot:
-    """The Robot of a yourdfpy description, its values checked. Raises UrdfError naming the link or joint."""
+    """The Robot of a description, its values checked. Raises UrdfError naming the link or joint."""
     for kind, things in (("robot", [description]), ("link", description.links), ("joint", description.joints)):
         for thing in things:
             if not isinstance(thing.name, str) or not thing.name.strip():
@@ -219,13 +334,13 @@ def _robot(description: Any, where: Where, notes: list[str], snap: float | None)
     links = [_at(where("link", link.name), _link, link, snap, angles) for link in description.links]
     joints = [_at(where("joint", joint.name), _joint, joint, snap, angles) for joint in description.joints]
     notes = notes + _link_notes(description) + _joint_notes(description)
-    if where is nowhere:  # else the strict reading has counted them, as they were written
+    if where is nowhere:  # else the strict reader has counted the angles as written
         notes += angle_notes(angles, snap)
     return _at("", check_tree, description.name, links, joints, notes, where)
 
 
 def _at(place: str, make: Callable[..., Made], *arguments: Any) -> Made:
-    """``make(*arguments)``; what it refuses becomes a UrdfError that begins with the place."""
+    """``make(*arguments)``, its errors turned into UrdfErrors that begin with ``place``."""
     try:
         return make(*arguments)
     except (InertiaError, ModelError, UrdfError) as error:
@@ -233,14 +348,18 @@ def _at(place: str, make: Callable[..., Made], *arguments: Any) -> Made:
 
 
 def _pose(origin: Any, what: str, snap: float | None, angles: list[float]) -> Array:
-    """A yourdfpy origin as a pose (4, 4), rotation entries below 1e-15 zero; its angles are added to ``angles``."""
+    """An origin as a pose (4, 4), rotation entries below 1e-15 zero; appends yourdfpy's angles to ``angles``."""
+    if isinstance(origin, Origin):
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = rpy_matrix(*origin.rpy), origin.xyz
+        return X + 0.0  # no -0.0
     X = pose_matrix(origin, what)
     R = X[:3, :3]
     rpy = rpy_of(R)
     angles += rpy
     if snap is not None and any(0.0 < off_right(angle) <= snap for angle in rpy):
         R[:] = rpy_matrix(*(snapped(angle, snap) for angle in rpy))
-    R[abs(R) < 1e-15] = 0.0
+    clear_rounding(R)
     return X
 
 
@@ -255,6 +374,8 @@ def _link(link: Any, snap: float | None, angles: list[float]) -> Link:
     X = _pose(given.origin, f'<origin> of <inertial> of link "{link.name}"', snap, angles)
     R = X[:3, :3]
     made = make_link(link.name, (given.mass, X[:3, 3], given.inertia))
+    if (R == UNTURNED).all():
+        return replace(made, inertia=tuple(x + 0.0 for x in made.inertia))  # no -0.0, as in the product below
     with np.errstate(over="ignore", invalid="ignore"):
         I = R @ np.reshape(made.inertia, (3, 3)) @ R.T
     if not np.isfinite(I).all():
@@ -262,8 +383,8 @@ def _link(link: Any, snap: float | None, angles: list[float]) -> Link:
     return make_link(link.name, (given.mass, X[:3, 3], symmetric(I)))
 
 
-def _joint(joint: Any, snap: float | None, angles: list[float]) -> Joint:
-    """A Joint; what its kind has no use for (the limits of a continuous joint, say) is left out."""
+def _joint(joint: Any, snap: float | None, angles: list[float]) -> RobotJoint:
+    """A RobotJoint, without what its kind does not use, such as the limits of a continuous joint."""
     if joint.type not in URDF_KINDS:
         raise UrdfError(f'joint "{joint.name}" has type {joint.type!r}, expected one of {", ".join(URDF_KINDS)}')
     limit, dynamics, mimic = joint.limit, joint.dynamics, joint.mimic
@@ -272,7 +393,7 @@ def _joint(joint: Any, snap: float | None, angles: list[float]) -> Joint:
         lower, upper = _or(limit.lower, 0.0), _or(limit.upper, 0.0)
     velocity, effort = (math.inf if limit is None else _or(getattr(limit, k), math.inf) for k in ("velocity", "effort"))
     return make_joint(
-        Joint(
+        RobotJoint(
             joint.name,
             joint.type,
             joint.parent,
@@ -291,11 +412,11 @@ def _joint(joint: Any, snap: float | None, angles: list[float]) -> Joint:
 
 
 def _or(value: Any, default: float) -> float:
-    """A number that may be missing, or still be text (yourdfpy leaves damping and friction so)."""
+    """A number that may be missing, or text, as yourdfpy's damping and friction."""
     return default if value is None else float(value)
 
 
-# --- what is odd but sound --------------------------------------------------------------------------------
+# --- notes ------------------------------------------------------------------------------------------------
 
 
 def _note(names: list[str], one: str, many: str) -> list[str]:

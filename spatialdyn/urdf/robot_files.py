@@ -1,4 +1,4 @@
-"""Robots by name: the URDF files that come with the library, and those of an installed example-robot-data."""
+"""Robots by name: the library's URDF files, and those of an installed example-robot-data."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ..model.robot import quoted
 
 
 def _own_folder() -> Path:
-    """The folder of the package's own models: inside it in a wheel, beside it in a checkout."""
+    """The folder of the library's URDF files: inside the package in a wheel, beside it in a checkout."""
     package = Path(str(sys.modules[__name__.partition(".")[0]].__file__)).resolve().parent
     inside = package / "urdf_files"
     return inside if inside.is_dir() else package.parent / "urdf"
 
 
 def _example_folder() -> Path | None:
-    """The folder of robots of the installed example-robot-data, a package of files only; None if there is none."""
+    """The robots' folder of the installed example-robot-data, a package of files only; None without it."""
     share = Path("share", "example-robot-data", "robots")
     places = [Path(entry, "cmeel.prefix", share) for entry in sys.path if entry]
     prefixes = [sys.prefix, os.environ.get("CONDA_PREFIX") or sys.prefix]
@@ -32,13 +32,16 @@ def _example_folder() -> Path | None:
 def example_robots() -> list[Path]:
     """The URDF files of the installed example-robot-data, sorted; empty if it is not installed."""
     folder = _example_folder()
-    return sorted(folder.rglob("*.urdf")) if folder else []
+    if folder is None:
+        return []
+    walk = os.walk(folder)  # two thirds of the time of Path.rglob
+    return sorted(Path(at, file) for at, _, files in walk for file in files if file.endswith(".urdf"))
 
 
 def robot_names() -> dict[str, Path]:
-    """Every robot that can be loaded by name, with its file: our own first, then example-robot-data.
+    """{name: file} of every robot: the library's first, then example-robot-data's.
 
-    The name is the file's without its suffix; where several files share it, their folder stands before it.
+    The name is the file's without suffix, preceded by its folder where several files share it.
     """
     own = {path.stem: path for path in sorted(_own_folder().glob("*.urdf"))}
     examples = example_robots()
@@ -51,9 +54,9 @@ def robot_names() -> dict[str, Path]:
 
 
 def find_robot(name: str) -> Path:
-    """The file of the robot called ``name``, in ``urdf/``, then in the installed example-robot-data.
+    """The file of a robot, in ``urdf/``, then in the installed example-robot-data.
 
-    The first of these rules that finds a file decides; the name may be led by folders, as in ``b1_description/b1``:
+    The first of these rules that finds a file decides; folders may precede the name, as in ``b1_description/b1``:
 
     1. a file NAME.urdf ("panda"; "anymal" is two files, so it needs its folder);
     2. a file NAME_robot.urdf ("ur5");
@@ -64,7 +67,7 @@ def find_robot(name: str) -> Path:
     """
     *folders, stem = name.split("/")
     own = _own_folder() / f"{stem}.urdf"
-    if not folders and stem and os.path.isfile(own):  # False, and no OSError, for a name of 300 letters
+    if not folders and stem and os.path.isfile(own):  # False, not OSError, for a name of 300 letters
         return own
     base = _example_folder() or Path()
     pool = {path: path.relative_to(base).parts[:-1] for path in example_robots()}
@@ -93,6 +96,6 @@ def find_robot(name: str) -> Path:
 
 
 def _in_order(some: Sequence[str], of: Sequence[str]) -> bool:
-    """Whether the folders named occur in a path, in their order."""
+    """Whether folders occur in a path in that order."""
     rest = iter(of)
     return all(folder in rest for folder in some)

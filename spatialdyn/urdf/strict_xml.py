@@ -1,9 +1,9 @@
-"""The strict reading of a URDF's XML: what is broken is refused by name, and only what dynamics needs is kept.
+"""The strict reader of a URDF's XML: it raises for what is broken and returns only what dynamics needs, as values.
 
-Every refusal is an UrdfError that names file, line, element, attribute and value. What is left is sound, so whatever
-reads it next has nothing to repair.
+Every error is a UrdfError that names file, line, element, attribute and value. An element becomes a Part, whose
+attributes are numbers and names that are valid, so the caller has nothing to repair.
 
-lxml is imported inside the function that parses.
+The function that parses imports lxml.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from ..errors import UrdfError
 from ..model.robot import WITH_AXIS, quoted
 
 URDF_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LIMITED = ("revolute", "prismatic")
-SIZE_LIMIT = 64 * 2**20  # bytes; the largest robot of example-robot-data has 0.2 MB
+SIZE_LIMIT = 64 * 2**20  # bytes; the largest file of example-robot-data has 0.2 MB
 RIGHT = 0.5 * math.pi
-NEAR = 1e-9  # rad: an angle this close to a right one, but not at it, was meant to be one
+NEAR = 1e-9  # rad: an angle this near a right angle was probably meant to be one
 
-# What an element may hold. An attribute ends in ! where it is required; its kind says how it is checked.
-OTHERS = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "a mesh", "html": "a web page"}  # what is taken for a URDF
+OTHERS = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "a mesh", "html": "a web page"}  # formats mistaken for URDF
 
-_ATTRIBUTES: dict[str, dict[str, str]] = {
+# Attributes of an element: ! marks a required one; the value names its check.
+_MARKED_ATTRIBUTES: dict[str, dict[str, str]] = {
     "robot": {"name!": "name"},
     "link": {"name!": "name"},
     "inertial": {},
@@ -41,13 +41,18 @@ _ATTRIBUTES: dict[str, dict[str, str]] = {
     "dynamics": {"damping": "number", "friction": "number"},
     "mimic": {"joint!": "name", "multiplier": "number", "offset": "number"},
 }
-_CHILDREN: dict[str, tuple[str, ...]] = {
+_MARKED_CHILDREN: dict[str, tuple[str, ...]] = {
     "robot": ("link", "joint"),
     "link": ("inertial",),
     "inertial": ("origin", "mass!", "inertia!"),
     "joint": ("origin", "parent!", "child!", "axis", "limit", "dynamics", "mimic"),
 }
-_OF_NO_CONCERN = {  # defined, but of no concern to dynamics
+_ATTRIBUTES = {
+    tag: {key.rstrip("!"): (key.endswith("!"), kind) for key, kind in keys.items()}
+    for tag, keys in _MARKED_ATTRIBUTES.items()
+}  # {element: {attribute: (whether it is required, its check)}}
+_CHILDREN = {tag: {key.rstrip("!"): key.endswith("!") for key in keys} for tag, keys in _MARKED_CHILDREN.items()}
+_OF_NO_CONCERN = {  # defined by URDF, not used by dynamics
     "robot": ("material", "transmission", "gazebo", "sensor", "ros2_control", "@version"),
     "link": ("visual", "collision", "@type"),
     "joint": ("calibration", "safety_controller"),
@@ -60,20 +65,21 @@ _WANTED = {
     "bound": "a number",
     "three numbers": "3 finite numbers",
 }
-_DEFINITIONS = ("arg", "property")  # of xacro: they stand for values, not for elements that a URDF would hold
-_UNDECLARED = "undeclared:"  # begins the namespace that a prefix without one is given
+_DEFINITIONS = ("arg", "property", "macro")  # of xacro: they define values and elements, and are none until called
+_CONDITIONS = ("if", "unless")  # of xacro: their content belongs to the element that holds them
+_UNDECLARED = "undeclared:"  # begins the namespace given to an undeclared prefix
 _NO_NAMESPACE = re.compile(r"Namespace prefix ([A-Za-z_][A-Za-z0-9_.-]*) (?:for \S+ )?on \S+ is not defined")
-_PASSES = 8  # of the parser, each of which names up to a hundred undeclared prefixes
+_PASSES = 8  # of the parser, each reports up to 100 undeclared prefixes
 _NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan)", re.IGNORECASE)
 _BEFORE_ROOT = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->", re.DOTALL)
 
 
 def sane_text(label: str, text: str | bytes) -> tuple[str, bytes]:
-    """Text as bytes, if it is of a sane size, looks like XML and declares no document type."""
+    """Text as bytes. Raises UrdfError if it is too large, is not XML or declares a document type."""
     if isinstance(text, bytes) and text.startswith((b"\xff\xfe", b"\xfe\xff")):
         text = text.decode("utf-16", errors="replace")  # what PowerShell's > writes
     if isinstance(text, str):
-        # the declaration goes, for its encoding is no longer true; a lone surrogate becomes what XML refuses
+        # drops the declaration, whose encoding is no longer true; a lone surrogate becomes invalid XML
         text = re.sub(r"\A\ufeff?(\s*)<\?xml[^>]*\?>", r"\1", text).encode("utf-8", errors="xmlcharrefreplace")
     if len(text) > SIZE_LIMIT:
         raise UrdfError(f"{label}: has more than {SIZE_LIMIT} bytes, expected at most that")
@@ -92,7 +98,7 @@ def sane_text(label: str, text: str | bytes) -> tuple[str, bytes]:
 
 
 def _root_at(text: bytes) -> int:
-    """Where the outermost element begins, or what stands in its place."""
+    """Offset of the outermost element, or of what is in its place."""
     at = 0
     while part := _BEFORE_ROOT.match(text, at):
         at = part.end()
@@ -100,18 +106,29 @@ def _root_at(text: bytes) -> int:
 
 
 def _declaring(text: bytes, prefixes: Iterable[str]) -> bytes:
-    """The XML with prefixes declared in its outermost element; lines stay where they are."""
+    """The XML with prefixes declared in its outermost element; line numbers stay."""
     tag = re.compile(rb"<[^\s/>]+").match(text, _root_at(text))
     at = tag.end() if tag else 0
     declared = "".join(f' xmlns:{prefix}="{_UNDECLARED}{prefix}"' for prefix in prefixes)
     return text[:at] + declared.encode() + text[at:]
 
 
-class StrictReader:
-    """Reads one URDF strictly: ``read`` gives the sound copy; ``where`` and ``notes`` are for what comes after it.
+class Part(NamedTuple):
+    """A checked element: its known attributes, numbers as floats, and its known children.
 
-    ``doubts`` are those of the notes that say what a stricter reader would refuse: leftovers that hold no link or
-    joint.
+    values    {attribute: name, number or three numbers}, without those left out
+    children  in the order of the file
+    """
+
+    tag: str
+    values: dict[str, Any]
+    children: list[Part]
+
+
+class StrictReader:
+    """Reads one URDF strictly: ``read`` returns its Part, ``where`` file and line, ``notes`` the oddities.
+
+    ``doubts`` are the notes that deserve a warning: leftovers that hold no link or joint.
     """
 
     def __init__(self, label: str, snap: float | None) -> None:
@@ -122,19 +139,17 @@ class StrictReader:
         self.doubts: list[str] = []
         self._ignored: Counter[str] = Counter()
         self._left: Counter[str] = Counter()
-        self._without_axis: list[str] = []
+        self._without_axis: dict[str, None] = {}  # joints, each once
         self._undeclared: list[str] = []
         self._angles: list[float] = []
 
     def where(self, kind: str, name: str) -> str:
-        """``file:line: `` of a link or joint; ``file: `` for anything else."""
+        """``file:line: `` of a link or joint, else ``file: ``."""
         line = self.lines.get((kind, name))
         return f"{self.label}: " if line is None else f"{self.label}:{line}: "
 
-    def read(self, data: bytes) -> bytes:
-        """The URDF with nothing but what dynamics needs, every part of it checked. Raises UrdfError."""
-        from lxml import etree
-
+    def read(self, data: bytes) -> Part:
+        """The robot, with only what dynamics needs, all of it checked. Raises UrdfError."""
         root = self._parse(data)
         if root.getroottree().docinfo.internalDTD is not None:
             raise UrdfError(f"{self.label}: has a document type, expected none (no entity is ever read)")
@@ -142,7 +157,7 @@ class StrictReader:
             other = OTHERS.get(self._tag(root))
             hint = f", for {other} is not read" if other else ""
             self._refuse(root, f"<{_short(str(root.tag))}> is the outermost element, expected <robot>{hint}")
-        sound = self._copy(root, "")
+        robot = self._part(root, "robot", "")
         self.doubts += [
             f"ignored, as it holds no link or joint: {what} ({n}x)" for what, n in sorted(self._left.items())
         ]
@@ -158,10 +173,10 @@ class StrictReader:
             f"ignored, as URDF does not define it: {what} ({n}x)" for what, n in sorted(self._ignored.items())
         ]
         self.notes += angle_notes(self._angles, self.snap)
-        return bytes(etree.tostring(sound))
+        return robot
 
     def _parse(self, data: bytes) -> Any:
-        """The outermost element; prefixes that nothing declares get a namespace. Raises UrdfError."""
+        """The outermost element; undeclared prefixes get a namespace. Raises UrdfError."""
         from lxml import etree
 
         for _ in range(_PASSES):
@@ -182,15 +197,18 @@ class StrictReader:
         raise UrdfError(f"{self.label}:{element.sourceline}: {message}")
 
     def _tag(self, element: Any) -> str:
-        """The element's name; empty for comments, for other people's namespaces, and for xacro's definitions.
+        """The element's name; empty for comments, other namespaces and xacro's definitions.
 
-        Refused is what may stand for a link or joint: anything else of xacro, and prefixes that nothing declares.
+        Raises UrdfError for what may stand for a link or joint: other elements of xacro, and undeclared prefixes.
         """
-        if not isinstance(element.tag, str):
+        name = element.tag
+        if not isinstance(name, str):
             return ""
-        space, _, tag = element.tag.rpartition("}")
-        if "xacro" in space:
-            if tag in _DEFINITIONS and not any(map(_stands_for_elements, element.iterdescendants())):
+        if name[0] != "{":  # of no namespace
+            return name
+        space, _, tag = name.rpartition("}")
+        if _is_xacro(element):
+            if tag in (*_DEFINITIONS, *_CONDITIONS) and not _stands_for_elements(element):
                 return ""
             self._refuse(element, f"<xacro:{tag}> is left, expected a URDF in which xacro has expanded every macro")
         if space[1:].startswith(_UNDECLARED):
@@ -200,87 +218,106 @@ class StrictReader:
             )
         return "" if element.prefix else tag
 
-    def _copy(self, element: Any, owner: str) -> Any:
-        """The element with its known attributes and children, checked; ``owner`` is the link or joint it belongs to."""
-        tag = self._tag(element)
-        sound = element.makeelement(tag)
-        for key, kind in _ATTRIBUTES[tag].items():
-            self._copy_attribute(element, sound, key, kind, owner)
-            if key == "name!":
-                owner = f'{tag} "{sound.get("name")}"'
-                self.lines[tag, sound.get("name")] = element.sourceline
-        known = [key.rstrip("!") for key in _ATTRIBUTES[tag]]
+    def _part(self, element: Any, tag: str, owner: str) -> Part:
+        """The Part of an element, with its known attributes and children; ``owner`` is its link or joint."""
+        values: dict[str, Any] = {}
+        for key, (required, kind) in _ATTRIBUTES[tag].items():
+            value = self._value(element, tag, key, required, kind, owner)
+            if value is not None:
+                values[key] = value
+            if key == "name":
+                owner = f'{tag} "{value}"'
+                self.lines[tag, value] = element.sourceline
         for key in element.attrib:
-            if key not in known and not key.startswith("{") and f"@{key}" not in _OF_NO_CONCERN.get(tag, ()):
+            if key not in _ATTRIBUTES[tag] and not key.startswith("{") and f"@{key}" not in _OF_NO_CONCERN.get(tag, ()):
                 self._ignored[f"attribute {_short(key)} of <{tag}>"] += 1
-        self._copy_children(element, sound, owner)
+        part = Part(tag, values, self._children(element, tag, owner) if tag in _CHILDREN else [])
         if tag == "joint":
-            self._check_joint(element, sound, owner)
-        return sound
+            self._check_joint(element, part, owner)
+        return part
 
-    def _copy_children(self, element: Any, sound: Any, owner: str) -> None:
-        tag = sound.tag
-        known = {key.rstrip("!"): key.endswith("!") for key in _CHILDREN.get(tag, ())}
+    def _children(self, element: Any, tag: str, owner: str) -> list[Part]:
+        """The known children of an element that may have some."""
+        known, made, seen = _CHILDREN[tag], [], set()
         for child in element:
             name = self._tag(child)
             if name == "axis" and child.get("xyz") is None and element.get("type") not in WITH_AXIS:
-                self._without_axis.append(element.get("name"))
+                self._without_axis.setdefault(element.get("name"))
             elif name in known:
-                if tag != "robot" and sound.find(name) is not None:
+                if tag != "robot" and name in seen:
                     self._refuse(child, f"<{tag}> of {owner} has a second <{name}>, expected one")
-                sound.append(self._copy(child, owner))
-            elif name and tag in _CHILDREN and name not in _OF_NO_CONCERN.get(tag, ()):
+                seen.add(name)
+                made.append(self._part(child, name, owner))
+            elif name and name not in _OF_NO_CONCERN.get(tag, ()):
                 self._ignored[f"<{_short(name)}> in <{tag}>"] += 1
-            elif not name and isinstance(child.tag, str) and "xacro" in child.tag.rpartition("}")[0]:
+            elif not name and isinstance(child.tag, str) and _is_xacro(child):
                 self._left[f"<xacro:{child.tag.rpartition('}')[2]}>"] += 1
         for name, required in known.items():
-            if required and sound.find(name) is None:
+            if required and name not in seen:
                 self._refuse(element, f"<{tag}> of {owner} has no <{name}>, expected one")
+        return made
 
-    def _copy_attribute(self, element: Any, sound: Any, key: str, kind: str, owner: str) -> None:
-        name, value = key.rstrip("!"), element.get(key.rstrip("!"))
+    def _value(self, element: Any, tag: str, name: str, required: bool, kind: str, owner: str) -> Any:
+        """The value of an attribute: a name, a float or a list of three; None if it is left out."""
+        value = element.get(name)
         of = f" of {owner}" if owner else ""
         if value is None:
-            if key.endswith("!"):
-                self._refuse(element, f"<{sound.tag}>{of} has no attribute {name}, expected {_WANTED[kind]}")
-            return
+            if required:
+                self._refuse(element, f"<{tag}>{of} has no attribute {name}, expected {_WANTED[kind]}")
+            return None
         problem, numbers = _numbers(value, kind)
         if problem:
-            shown = f'<{sound.tag} {name}="{_short(value)}">'
-            self._refuse(element, f"{shown}{of} {problem}, expected {_WANTED[kind]}")
+            self._refuse(element, f'<{tag} {name}="{_short(value)}">{of} {problem}, expected {_WANTED[kind]}')
         if name == "rpy":
             self._angles += numbers
             numbers = [snapped(angle, self.snap) for angle in numbers]
-        sound.set(name, " ".join(map(repr, numbers)) if numbers else value)
+        return value if not numbers else numbers if kind == "three numbers" else numbers[0]
 
-    def _check_joint(self, element: Any, joint: Any, owner: str) -> None:
-        """What only shows once the whole joint is read: a null axis, limits the wrong way round, mimic of itself."""
+    def _check_joint(self, element: Any, joint: Part, owner: str) -> None:
+        """Checks of a whole joint: raises UrdfError for a null axis, lower > upper, or a mimic of itself."""
+        kind, name = joint.values["type"], joint.values["name"]
         for child in element:
             tag = self._tag(child)
-            if tag == "axis" and joint.get("type") in WITH_AXIS and not any(map(float, child.get("xyz").split())):
+            if tag == "axis" and kind in WITH_AXIS and not any(map(float, child.get("xyz").split())):
                 self._refuse(child, f'<axis xyz="{child.get("xyz")}"> of {owner} has norm 0, expected a nonzero vector')
-            if tag == "limit" and joint.get("type") in LIMITED:
+            if tag == "limit" and kind in LIMITED:
                 lower, upper = (float(child.get("lower", 0)), float(child.get("upper", 0)))
                 if not lower <= upper:
                     self._refuse(child, f'<limit lower="{lower}" upper="{upper}"> of {owner}, expected lower <= upper')
                 if lower == math.inf or upper == -math.inf:
                     self._refuse(child, f'<limit lower="{lower}" upper="{upper}"> of {owner} leaves no position')
-            if tag == "mimic" and child.get("joint") == joint.get("name"):
+            if tag == "mimic" and child.get("joint") == name:
                 self._refuse(
                     child, f'<mimic joint="{child.get("joint")}"> of {owner} names itself, expected another joint'
                 )
 
 
+def _is_xacro(element: Any) -> bool:
+    """Whether an element is of xacro, which goes by the prefix alone; by its namespace too, where that names xacro."""
+    return element.prefix == "xacro" or "xacro" in element.tag.rpartition("}")[0]
+
+
 def _stands_for_elements(element: Any) -> bool:
-    """Whether an element inside a definition of xacro is a link or joint, or may become one."""
-    if not isinstance(element.tag, str):
-        return False
-    space, _, tag = element.tag.rpartition("}")
-    return tag in ("link", "joint") or "xacro" in space
+    """Whether a definition or condition of xacro holds a link or joint, what may become one, or what is read here."""
+    for inner in element.iterdescendants("*"):
+        tag = inner.tag.rpartition("}")[2]
+        if tag in ("link", "joint") or (_is_xacro(inner) and tag not in (*_DEFINITIONS, *_CONDITIONS)):
+            return True
+    owner = element.getparent()
+    read = {} if owner is None else _CHILDREN.get(owner.tag.rpartition("}")[2], {})
+    return not _given(element).isdisjoint(read)
+
+
+def _given(element: Any) -> set[str]:
+    """Names of the elements that a condition of xacro gives to what holds it, also through conditions inside it."""
+    tag = element.tag.rpartition("}")[2]
+    if not _is_xacro(element):
+        return {tag}
+    return set().union(*map(_given, element.iterchildren("*"))) if tag in _CONDITIONS else set()
 
 
 def _numbers(value: str, kind: str) -> tuple[str, list[float]]:
-    """What is wrong with an attribute of a kind, in words, or nothing; and its numbers if it holds numbers."""
+    """The defect of an attribute of a kind, in words, or an empty string; and its numbers, if any."""
     if kind == "name":
         return ("" if value.strip() else "is empty"), []
     if kind == "joint type":
@@ -292,16 +329,18 @@ def _numbers(value: str, kind: str) -> tuple[str, list[float]]:
             return f"holds {_short(part)!r}, which is no number", []
     if len(parts) != wanted:
         return f"has {len(parts)} number{'s' * (len(parts) != 1)}", []
-    numbers = [float(part) for part in parts]
-    if any(math.isnan(x) or (math.isinf(x) and kind != "bound") for x in numbers):
-        return "is not finite" if kind != "bound" else "is not a number", numbers
+    numbers = list(map(float, parts))
+    if kind == "bound":
+        return ("is not a number" if math.isnan(numbers[0]) else ""), numbers
+    if not all(map(math.isfinite, numbers)):
+        return "is not finite", numbers
     if kind == "mass" and numbers[0] < 0.0:
         return "is negative", numbers
     return "", numbers
 
 
 def _short(text: str) -> str:
-    """Text fit for one line of a message."""
+    """Text cut to 60 characters, on one line."""
     line = " ".join(text.split())
     return line if len(line) <= 60 else line[:57] + "..."
 

@@ -1,10 +1,10 @@
 """Comparison with Pinocchio: every public call, entry by entry, on random states of one robot.
 
-``CALLS`` is the whole of it: a line per call that says what ours takes and what Pinocchio's is called. Where Pinocchio
-has no answer (a joint that moves no inertia, a robot that moves no mass) or another question (planar joints, whose axis
+The table ``CALLS`` has a line per call: its inputs and Pinocchio's function. Where Pinocchio gives no finite result (a
+joint with zero articulated inertia, a robot without moving mass) or computes something else (planar joints, whose axis
 it ignores), an identity is checked instead, and the row says so.
 
-Pinocchio is imported inside functions only: ``pip install "spatialdyn[validate]"`` brings it.
+Functions import Pinocchio when called: ``pip install "spatialdyn[validate]"`` installs it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The table of calls: a line per public call says what ours takes and what Pinocchio's is called."""
+"""The table of calls: a line per public call with its inputs and Pinocchio's function."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ REFERENCES = ("local", "world", "local_world_aligned")
 
 @dataclass(frozen=True)
 class Call:
-    """A public call beside Pinocchio's.
+    """A public call and its counterpart in Pinocchio.
 
-    label   of its row: the name of the call, and in brackets what is special
+    label   of its row: the name of the call, and a variant in brackets
     inputs  fields of States that both take, in order
-    peer    Pinocchio's function of (model, data, *inputs), or where it has none what makes one of those it has:
-             a function of (pin, model, data, *inputs), which is not timed; empty if there is neither
-    result  where Pinocchio leaves the answer in its data; None if it returns it
-    frame   Pinocchio's function of (model, data, frame, reference) that follows ``peer``, for calls about a frame
-    static  what ours takes after the frame and the reference
+    peer    name of Pinocchio's function of (model, data, *inputs); or, composed of several, a function of (pin, model,
+            data, *inputs), which is not timed; empty if there is neither
+    result  function that reads the result from Pinocchio's data; None if ``peer`` returns it
+    frame   Pinocchio's function of (model, data, frame, reference) to call after ``peer``, for calls of a frame
+    static  arguments of the public call after frame and reference
     data    whether ``peer`` takes data
     """
 
@@ -42,18 +42,18 @@ class Call:
 
     @property
     def name(self) -> str:
-        """Of the public call."""
+        """Name of the public call."""
         return self.label.partition(" ")[0]
 
     @property
     def references(self) -> tuple[str, ...]:
-        """The references it is asked in; none for a placement and for calls about no frame.
+        """The references compared; none for a placement and for calls without a frame.
 
-        Not local_world_aligned for derivatives: Pinocchio's are there those of a point that does not move along, and
-        so none of what its getFrameVelocity returns.
+        Derivatives leave out local_world_aligned: Pinocchio's are there those of a point at rest, not of the velocity
+        that its getFrameVelocity returns.
         """
         asked = REFERENCES[:2] if self.name.endswith("_derivatives") else REFERENCES
-        return asked if any(x.name == "reference" for x in SPECS[self.name].given) else ()
+        return asked if any(x.name == "reference" for x in SPECS[self.name].present) else ()
 
     @property
     def rank(self) -> int:
@@ -149,7 +149,7 @@ BY_LABEL = {call.label: call for call in CALLS}
 
 
 def ours_of(call: Call, model: Model, inputs: tuple[Any, ...]) -> Array:
-    """Our answer; for calls about a frame (..., frames, references, *result)."""
+    """The public call's result; for calls of a frame (..., frames, references, *result)."""
     function = getattr(dynamics, call.name)
     if not call.frame:
         return np.asarray(function(model, *inputs))
@@ -162,5 +162,5 @@ def ours_of(call: Call, model: Model, inputs: tuple[Any, ...]) -> Array:
 
 
 def _words(call: Call) -> list[tuple[str, ...]]:
-    """The references as arguments: none is one way of calling."""
+    """The references as argument tuples; one empty tuple without any."""
     return [(reference,) for reference in call.references] or [()]

@@ -1,10 +1,10 @@
 """The comparison of one robot: every public call, entry by entry, on random states.
 
 An error is max |x - x_pin| / max(1, max |x_pin|) of one result, the largest over all samples, frames and references.
-Forward dynamics and the inverse of M are asked more: that their answer, put into Pinocchio's RNEA or times its M, gives
-back the torque or 1; their values are compared too, where M is well conditioned. No float64 answer x gets such a
-residual below what rounding its entries costs, about eps |M| |x|: a residual above BOUND may be up to four times that,
-and the row says so (icub's M has a condition number of 4e10: the exact acceleration, rounded, misses tau by 3e-8).
+Forward dynamics and the inverse of M are judged by their residual: the result, put into Pinocchio's RNEA or times its
+M, must give the torque or 1; their values are compared where M is well conditioned. No float64 result x has a residual
+below the rounding of its entries, about eps |M| |x|: a residual above BOUND may be up to four times that, and the row
+says so (icub's M has a condition number of 4e10: the exact acceleration, rounded, misses tau by 3e-8).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..errors import InertiaError, NonFiniteError, SpatialDynError
 from ..model.model import Model
 from ..urdf.load import load_urdf
@@ -30,52 +31,56 @@ from .measures import (
     rounding,
     scaled_error,
     singular,
-    size,
+    sort_key,
     unit_diagonal,
 )
-from .peer import Peer, pinocchio, pinocchio_model
+from .peer import Peer, pinocchio, pinocchio_model, pinocchio_twin
 from .rows import Comparison, Row, judged
 from .states import States, random_states
 from .times import times_of
 
 Array = NDArray[np.float64]
 
-SOLVED = (*FORWARD, "minverse", "aba_derivatives")  # through M⁻¹: judged by what is left of their equation
-OMITTED = "left out where M is ill conditioned or Pinocchio's own residual above half the bound"  # note on values
+SOLVED = (*FORWARD, "minverse", "aba_derivatives")  # through M⁻¹: judged by their residual
+OMITTED = (
+    "left out where M is ill conditioned or Pinocchio's own residual above half the bound"  # note of a row of values
+)
 _CRASHES_WITHOUT_FREEDOMS = ("getFrameJacobian", "getFrameJacobianTimeVariation")  # seen with Pinocchio 4.1
 
 
 def compare_with_pinocchio(
     source: Any,
-    root: str = "fixed",
+    root: str | None = None,
     samples: int = 20,
     seed: int = 0,
     timing: bool = False,
-    continuous: str = "cos_sin",
+    continuous: str | None = None,
+    progress: Progress = False,
 ) -> Comparison:
     """Compare every public call with Pinocchio's on random states.
 
-    source      path, URDF text or the name of a robot, as ``load_urdf`` takes them
-    root        "fixed" or "floating"
+    source      path, URDF text or the name of a robot, as ``load_urdf`` takes them; or a Model, compared as it is with
+                a Pinocchio model built joint by joint
+    root        "fixed" (default) or "floating"; of a Model its own
     samples     number of random states, at least 1
     seed        of their generator
-    timing      also time single calls of both from Python: median of interleaved rounds
-    continuous  as ``load_urdf`` has it; "angle" fits Pinocchio on robots without continuous joints only
+    timing      also times single calls of both from Python: medians of interleaved rounds
+    continuous  as in ``load_urdf``, by default "cos_sin"; "angle" agrees with Pinocchio only on robots without
+                continuous joints. Of a Model its own
+    progress    True for a bar (needs rich), or a function of the number of calls compared and their total
 
     >>> import spatialdyn as sd
     >>> sd.compare_with_pinocchio("two_link", samples=2).ok
     True
 
-    Raises SpatialDynError if Pinocchio is not installed, refuses the robot, or has other sizes; UrdfError as
-    ``load_urdf`` does.
+    Raises SpatialDynError if Pinocchio is not installed, does not load the robot, has other sizes or lacks a joint of
+    the Model; UrdfError as ``load_urdf``.
     """
     pin = pinocchio()
     if samples < 1:
         raise SpatialDynError(f"samples is {samples}, expected at least 1")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = load_urdf(source, root=root, continuous=continuous)
-    pin_model = pinocchio_model(source, root)
+    check_progress(progress)
+    model, pin_model = _both_models(source, root, continuous)
     if (model.nq, model.nv, model.njoints) != (pin_model.nq, pin_model.nv, pin_model.njoints):
         raise SpatialDynError(
             f'robot "{model.name}" has nq {model.nq}, nv {model.nv}, {model.njoints} joints, and in Pinocchio '
@@ -84,18 +89,55 @@ def compare_with_pinocchio(
     peer = Peer(pin, pin_model, model)
     states = random_states(model, samples, np.random.default_rng(seed))
     rows = [_joint_order(model, pin_model)]
+    with reporting(progress, "compare") as report:
+        rows += _rows(peer, states, timing, Steps(report, len(CALLS)))
+    return Comparison(model.name, model.options.root, model.nq, model.nv, samples, tuple(rows))
+
+
+def _rows(peer: Peer, states: States, timing: bool, steps: Steps) -> Iterator[Row]:
+    """The rows of all calls."""
+    model = peer.ours
     other = _other_question(model)
     for call in CALLS:
-        why = other if call.peer else "Pinocchio has no such call"
-        rows += [by_identity(call, model, states, why)] if why else _compared(call, model, peer, states, timing)
-    return Comparison(model.name, root, model.nq, model.nv, samples, tuple(rows))
+        why = (other or _left_out(call, model)) if call.peer else "Pinocchio has no such call"
+        if why:
+            yield by_identity(call, model, states, why)
+        else:
+            yield from _compared(call, model, peer, states, timing)
+        steps.next()
+
+
+def _both_models(source: Any, root: str | None, continuous: str | None) -> tuple[Model, Any]:
+    """Our Model and Pinocchio's."""
+    if isinstance(source, Model):
+        for name, value in (("root", root), ("continuous", continuous)):
+            if value not in (None, getattr(source.options, name)):
+                own = getattr(source.options, name)
+                raise SpatialDynError(f'{name} is {value!r}, expected "{own}", which the Model was made with')
+        return source, pinocchio_twin(source)
+    root = "fixed" if root is None else root
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = load_urdf(source, root=root, continuous="cos_sin" if continuous is None else continuous)
+    return model, pinocchio_model(source, root)
 
 
 def _other_question(model: Model) -> str:
-    """Why Pinocchio's answers are those of another robot, or nothing."""
+    """Why Pinocchio computes another robot; empty if it does not."""
     for joint in model.joints[1:]:
         if joint.kind == "planar" and joint.axis.tolist() != [0.0, 0.0, 1.0]:
             return f'Pinocchio ignores the axis of planar joint "{joint.name}"'
+    return ""
+
+
+def _left_out(call: Call, model: Model) -> str:
+    """Why Pinocchio's answer to one call is another; empty if it is not. Seen with Pinocchio 4.1, in no URDF."""
+    if call.name == "kinetic_energy" and model.armature.any():
+        return "Pinocchio leaves rotor inertias out of the kinetic energy"
+    if call.name == "frame_acceleration_derivatives":
+        for joint in model.joints[1:]:
+            if joint.nv > 1 and joint.parent:
+                return f'Pinocchio\'s differ for joint "{joint.name}" on a moving body'
     return ""
 
 
@@ -106,7 +148,7 @@ def _joint_order(model: Model, pin_model: Any) -> Row:
 
 
 def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool) -> Iterator[Row]:
-    """The rows of a call: one, and one for its values where its residual is what is bounded."""
+    """The rows of a call: one, and a second one of values if the first is of a residual."""
     inputs = tuple(getattr(states, name) for name in call.inputs.split())
     first = tuple(x[0] for x in inputs)
     batched = bool(inputs)
@@ -138,10 +180,10 @@ def _compared(call: Call, model: Model, peer: Peer, states: States, timing: bool
 
 
 def _missed(call: Call, peer: Peer, states: States, k: int, x: Array) -> tuple[float, float]:
-    """How far an answer x of forward dynamics is from giving tau in Pinocchio's RNEA, in sample k; of minverse, from
-    M x = 1; of its derivatives, from M x = -∂tau, and 1, at the acceleration.
+    """Residual of a result x in sample k, and its rounding: of forward dynamics tau in Pinocchio's RNEA, of minverse
+    M x = 1, of the derivatives M x = -∂tau, and 1, at the acceleration.
 
-    And what rounding the entries of x makes of that: eps |M| |x|, scaled alike.
+    The rounding is the residual by rounding of x, eps |M| |x|, scaled alike.
     """
     M = np.array(peer.pin.crba(peer.model, peer.data, states.q[k]))
     if call.name in FORWARD:
@@ -160,20 +202,20 @@ def _missed(call: Call, peer: Peer, states: States, k: int, x: Array) -> tuple[f
 
 
 def _residual(call: Call, peer: Peer, states: States, ours: Array) -> tuple[float, float]:
-    """Residual of our answers, and its bound.
+    """The residual of our results, and its bound.
 
-    A sample's bound is raised only for an error that needs it. Both are of the sample that is worst in units of its
-    bound, among the failed ones if there are any, else among those whose bound is raised.
+    A sample's bound is raised only for an error above BOUND. Returns those of the worst sample in units of its bound,
+    among the failed samples if any, else among those with a raised bound.
     """
     found: list[tuple[float, float]] = []
     for k, x in enumerate(ours):
         error, rounded = _missed(call, peer, states, k, x)
         found.append((error, BOUND if error <= BOUND else raised(rounded)))
-    return max(found, key=lambda pair: (not pair[0] <= pair[1], pair[1] > BOUND, size(pair[0]) / pair[1]))
+    return max(found, key=lambda pair: (not pair[0] <= pair[1], pair[1] > BOUND, sort_key(pair[0]) / pair[1]))
 
 
 def _values(call: Call, peer: Peer, states: States, ours: Array, theirs: Array) -> Row:
-    """The values themselves, in those states in which M is well conditioned and Pinocchio's own residual is small."""
+    """The row of values, in the states in which M is well conditioned and Pinocchio's own residual is small."""
     label = f"{call.name} (fext, values)" if "fext" in call.inputs else f"{call.name} (values)"
     M = peer.mass_matrices(states)
     sound = np.array([m.size == 0 or float(np.linalg.cond(m)) <= WELL_CONDITIONED for m in unit_diagonal(M)])
@@ -185,7 +227,7 @@ def _values(call: Call, peer: Peer, states: States, ours: Array, theirs: Array) 
 
 
 def _refused(call: Call, model: Model, peer: Peer, states: States, theirs: Array, error: SpatialDynError) -> Row:
-    """The row of a call that ours refuses: right where there is no answer, as Pinocchio's M or mass has to bear out."""
+    """The row of a call that raises: ok if Pinocchio's M is singular, or its mass zero and its result not finite."""
     gives = "no finite numbers" if not np.isfinite(theirs).all() else "numbers"
     if isinstance(error, InertiaError):
         M = peer.mass_matrices(states)

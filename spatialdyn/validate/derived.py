@@ -1,4 +1,4 @@
-"""What Pinocchio has no call for, or in another shape, of calls that it has: functions of (pin, model, data, ...)."""
+"""Results that Pinocchio has no call for, or in another shape, from its calls: functions of (pin, model, data, ...)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def coriolis_matrix_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
-    """C (nv, nv), a matrix of one entry as well."""
+    """C (nv, nv), for nv = 1 too."""
     return np.array(pin.computeCoriolisMatrix(model, data, q, v), float).reshape(model.nv, model.nv)
 
 
@@ -35,7 +35,7 @@ def modified_rnea_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array, v_
 
 
 def christoffel_symbols_by_pin(pin: Any, model: Any, data: Any, q: Array) -> Array:
-    """C is linear in v, and its columns at unit velocities are the symbols."""
+    """Γ from C at unit velocities, as C is linear in v."""
     symbols = np.zeros((model.nv, model.nv, model.nv))
     for k, e in enumerate(np.eye(model.nv)):
         symbols[:, :, k] = coriolis_matrix_by_pin(pin, model, data, q, e)
@@ -49,7 +49,7 @@ def mass_matrix_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array) ->
 
 
 def inertial_parameters_by_pin(pin: Any, model: Any, data: Any) -> Array:
-    """Of each joint's inertia; the world's is 0, whatever hangs on it."""
+    """Of each joint's inertia; 0 for the world."""
     return np.array([np.zeros(10), *(inertia.toDynamicParameters() for inertia in list(model.inertias)[1:])])
 
 
@@ -82,20 +82,20 @@ def _by_joint(model: Any, parameters: int, found: Any) -> Array:
 
 
 def center_of_mass_velocity_derivatives_by_pin(pin: Any, model: Any, data: Any, q: Array, v: Array) -> Array:
-    """∂vc/∂q, which it has, and the Jacobian."""
+    """∂vc/∂q and the Jacobian ∂vc/∂v."""
     pin.computeAllTerms(model, data, q, v)
     by_q = np.array(pin.getCenterOfMassVelocityDerivatives(model, data), float).reshape(3, model.nv)
     return np.stack([by_q, np.array(pin.jacobianCenterOfMass(model, data, q), float).reshape(3, model.nv)])
 
 
 def of_masses(data: Any, found: Any) -> Array:
-    """Its vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
+    """Vectors (n, 3) of the subtrees, zero instead of nan for those without mass."""
     masses = np.array(data.mass)[:, None]
     return np.where(masses > 0.0, np.array([np.ravel(x) for x in found]), 0.0)
 
 
 def but_first(forces: Any) -> Array:
-    """Forces (n, 6), zero for the world, where Pinocchio leaves what another call has written."""
+    """Forces (n, 6), zero for the world, where Pinocchio leaves another call's result."""
     found = np.array([force.vector for force in forces])
     found[0] = 0.0
     return found

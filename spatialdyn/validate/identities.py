@@ -1,4 +1,4 @@
-"""Identities that stand in for Pinocchio where it is no oracle."""
+"""Identities checked where Pinocchio is no oracle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Sides = Callable[[Model, States], tuple[Array, Array]]
 
 
 def _call(label: str, model: Model, *inputs: Any) -> Array:
-    """Our answer to a call."""
+    """The public call's result."""
     return ours_of(BY_LABEL[label], model, inputs)
 
 
@@ -45,7 +45,7 @@ def _given_back(label: str, *fext: str) -> Sides:
 
 
 def _product(label: str, matrix: str) -> Sides:
-    """A call of (q, v) is what another of (q) is times v."""
+    """A call of (q, v) = a matrix call of (q) times v."""
     return lambda m, s: (_call(label, m, s.q, s.v), times_vector(_call(matrix, m, s.q), s.v))
 
 
@@ -314,7 +314,7 @@ def by_identity(call: Call, model: Model, states: States, why: str, times: tuple
             return Row(call.label, None, BOUND, True, f"{why}; InertiaError, as M is singular")
         return Row(call.label, float("inf"), BOUND, False, f"{why}; {words} instead: {refusal}")
     error = scaled_error(left, right, min(call.rank, left.ndim - 1))
-    if call.name == "velocity_from_momentum" and error > BOUND:  # as of aba, see _residual
+    if call.name == "velocity_from_momentum" and error > BOUND:  # raised as aba's, see _residual
         M, v = _call("crba", model, states.q), _call(call.label, model, states.q, states.tau)
         rounded = max(map(rounding, M, v, right))
         return judged(call.label, error, raised(rounded), f"{why}; {words} instead; {RAISED}")

@@ -1,22 +1,22 @@
-"""What a comparison says: a row per call, and all rows of a robot."""
+"""The result of a comparison: a row per call, and all rows of a robot."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from ..errors import SpatialDynError
-from .measures import size
+from .measures import sort_key
 
 
 @dataclass(frozen=True)
 class Row:
-    """What came of one call.
+    """The comparison of one call.
 
-    call      its name, and what is special about the way it was called
-    error     scaled error, nan or infinite where a result is not finite or refused; None if nothing was compared
-    bound     what the error may be
-    ok        whether it is at most that
-    note      why an identity stands in for Pinocchio, or what went wrong; empty otherwise
+    call      its name, and a variant in brackets
+    error     scaled error, nan or infinite if a result is not finite or a call raised; None if nothing was compared
+    bound     largest allowed error
+    ok        whether the error is at most that
+    note      why an identity replaces Pinocchio, or what failed; empty otherwise
     ours_us, pin_us  time of one call from Python [µs], None if not taken
     """
 
@@ -35,11 +35,11 @@ class Row:
 
     @property
     def badness(self) -> tuple[bool, float]:
-        """What orders rows: failed ones last, then by error in units of the bound."""
-        return not self.ok, size(self.error) / self.bound
+        """Sort key: failed rows last, then by error in units of the bound."""
+        return not self.ok, sort_key(self.error) / self.bound
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """One robot with one kind of root against Pinocchio, a row per call."""
 
@@ -49,6 +49,11 @@ class Comparison:
     nv: int
     samples: int
     rows: tuple[Row, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        failed = [row.call for row in self.rows if not row.ok]
+        verdict = f"disagrees in {', '.join(failed)}" if failed else f"agrees in {len(self.rows)} rows"
+        return f"<Comparison of {self.robot}, {self.root} root, nv {self.nv}, {self.samples} states: {verdict}>"
 
     @property
     def ok(self) -> bool:
@@ -66,6 +71,11 @@ class Comparison:
             if row.call == call:
                 return row
         raise SpatialDynError(f'call is "{call}", expected one of {", ".join(row.call for row in self.rows)}')
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import comparison_html
+
+        return comparison_html(self)
 
 
 def judged(label: str, error: float, bound: float, note: str = "", times: tuple[float, float] | None = None) -> Row:

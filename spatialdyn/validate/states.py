@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.kinds import kind_of
 from ..calls import dynamics
 from ..model.model import Joint, Model
 
@@ -48,5 +49,5 @@ def random_states(model: Model, samples: int, rng: np.random.Generator) -> State
 
 def _angular(joint: Joint) -> slice:
     """Where in v the angular velocity of a joint is."""
-    first = {"prismatic": 1, "floating": 3, "planar": 2}.get(joint.kind, 0)
+    first = kind_of(joint.kind).lengths
     return slice(joint.idx_v + first, joint.idx_v + joint.nv)

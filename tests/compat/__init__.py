@@ -1,1 +1,1 @@
-"""Tests of the faces of other libraries."""
+"""Tests of other libraries' names and conventions."""

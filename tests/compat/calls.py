@@ -1,6 +1,6 @@
-"""The table of calls that the face shares with Pinocchio: one line a call, run as it stands under both modules.
+"""The table of calls that compat shares with Pinocchio: one line a call, run unchanged under both modules.
 
-A text speaks of ``pin``, ``model``, ``data``, inputs, and lists of indices: ``frames``, ``carried`` (on joints that
+A text may use ``pin``, ``model``, ``data``, inputs, and lists of indices: ``frames``, ``carried`` (on joints that
 move), ``joints``, ``heavy`` (joints that carry some mass). ``fields`` are those of data that the call fills in both
 modules, ``but`` those that differ, with the reason beside them.
 """
@@ -19,9 +19,9 @@ class Row:
 
     text      an expression; before ";" calls that it needs, which are statements
     fields    fields of data to compare after it
-    but       fields that Pinocchio fills and the face does not, or otherwise
-    solves    it divides by the mass matrix: no answer for robots with massless ends, rounding where M is near singular
-    mass      it divides by the mass of what moves, or of what joints carry
+    but       fields that Pinocchio fills and compat does not, or with other values
+    solves    it divides by the mass matrix: no result for robots with massless ends, rounding where M is near singular
+    mass      it divides by the mass of the moving bodies, or of a subtree
     jacobian  Pinocchio crashes where nv is 0
     bound     on the scaled error
     """
@@ -43,12 +43,12 @@ WEIGHED = "oa_gf of oYcrb Ag dFdq"
 PREPARED = "pin.computeForwardKinematicsDerivatives(model, data, q, v, a); pin.updateFramePlacements(model, data)"
 MASSES = "com mass oMi liMi"
 MAP = "Ag J oMi liMi oYcrb"
-# com holds the subtrees' centres here and only the robot's in Pinocchio; J, h and f are listed where they are the same
+# com holds the subtrees' centres here, only the robot's in Pinocchio; J, h and f are listed where they are equal
 CALLS = (
     # --- dynamics
     Row("pin.rnea(model, data, q, v, a)", "tau v a_gf f h liMi"),
     Row("pin.rnea(model, data, q, v, a, fext)", "tau v a_gf f h liMi"),
-    # a holds c + v × vJ in Pinocchio, an intermediate result; f[0] what it sums up for the universe
+    # a holds c + v × vJ in Pinocchio, an intermediate result; f[0] its sum at the universe
     Row("pin.aba(model, data, q, v, tau)", "ddq v a_gf h liMi", "a f", solves=True),
     Row("pin.aba(model, data, q, v, tau, fext)", "ddq v a_gf h liMi", "a f", solves=True),
     Row(
@@ -115,7 +115,7 @@ CALLS = (
         "[pin.getJointJacobian(model, data, k, r) for k in joints for r in both]",
         jacobian=True,
     ),
-    # iMf is scratch: joints in the frame. Pinocchio places the joints that carry it alone, hence all frames and joints
+    # iMf is scratch: joints in the frame. Pinocchio places only the joints that carry it, hence all frames and joints
     Row(
         "[pin.computeJointJacobian(model, data, q, k) for k in range(1, model.njoints)]", "liMi", "iMf", jacobian=True
     ),
@@ -179,7 +179,7 @@ CALLS = (
     Row("pin.ccrba(model, data, q, v)", f"{MAP} Ig hg", "com", mass=True),
     Row("pin.dccrba(model, data, q, v)", f"{MAP} Ig hg dAg dJ ov v", "com vcom", mass=True),
     Row("pin.computeCentroidalMap(model, data, q)", MAP, "com", mass=True),
-    # Pinocchio 4.1 leaves out that the centre of mass moves: its dAg is no derivative of Ag, see test_data
+    # Pinocchio 4.1 leaves out the motion of the centre of mass: its dAg is no derivative of Ag, see test_data
     Row("(pin.computeCentroidalMapTimeVariation(model, data, q, v), 0)[1]", f"{MAP} dJ ov v", "com dAg", mass=True),
     # com and vcom of subtrees are intermediate results in Pinocchio
     Row("pin.computeCentroidalMomentum(model, data, q, v)", "hg h mass oMi liMi v", "com vcom", mass=True),
@@ -196,7 +196,7 @@ CALLS = (
         "pin.rnea(model, data, q, v, a); pin.forwardKinematics(model, data, q); "
         "[pin.computeSupportedInertiaByFrame(model, data, k, w).matrix() for k in carried for w in (True, False)]"
     ),
-    # without forwardKinematics Pinocchio takes a and oMi of whatever was before
+    # without forwardKinematics Pinocchio reads a and oMi of the call before
     Row(
         "pin.rnea(model, data, q, v, a); pin.forwardKinematics(model, data, q, v, a); "
         "[pin.computeSupportedForceByFrame(model, data, k) for k in carried]"

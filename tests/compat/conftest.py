@@ -1,4 +1,4 @@
-"""Fixtures of the face's tests."""
+"""Fixtures of the tests of compat."""
 
 from __future__ import annotations
 

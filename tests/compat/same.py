@@ -1,4 +1,4 @@
-"""Whether a model of the face is the model of the wheel: names, numbers, tree, frames, limits."""
+"""Whether a compat Model equals the wheel's: names, numbers, tree, frames, limits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def assert_close(ours: Any, theirs: Any, what: str, bound: float = PLACED) -> No
 
 
 def assert_same_model(ours: Any, theirs: Any, but: str = "") -> None:
-    """All that a model says of itself, but for the attributes named in ``but``."""
+    """All attributes of both models, but for those named in ``but``."""
     left = but.split()
     for name in COUNTS.split():
         if name not in left:

@@ -1,4 +1,4 @@
-"""What calls answer the second time, when they go the short way, and what they take over from calls before."""
+"""Second calls, which take the fast path, and what calls take over from earlier ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .test_matrix import Side, scaled
 theirs = pytest.importorskip("pinocchio")
 
 KINDS = ("FreeFlyer", "RX", "PY", "RUBZ", "RZ", "Planar", "RY")
-PARENTS = (0, 1, 2, 1, 4, 0, 6)  # of joints 1 to 7; the third hangs on the first, the fifth on the world again
+PARENTS = (0, 1, 2, 1, 4, 0, 6)  # of joints 1 to 7; the third is on the first, the fifth on the universe
 
 
 def tree(pin: Any) -> Any:
@@ -55,7 +55,7 @@ def test_a_call_answers_the_second_and_third_time_as_the_wheel(both: tuple[list[
         assert scaled(found, expected) <= bound, time
         for field in row.fields.split():
             if time and field in ("dhg", "f") and ("computeAllTerms" in row.text or "forwardDynamics" in row.text):
-                continue  # Pinocchio adds to what f[0] held before: see the test below
+                continue  # Pinocchio adds to the old f[0]: see the test below
             assert scaled(getattr(data, field), getattr(peer, field)) <= bound, (time, field)
 
 
@@ -122,7 +122,7 @@ def test_indices_that_are_not_there_are_refused_also_the_second_time(call: str) 
 
 @pytest.mark.parametrize("joint", range(1, len(KINDS) + 1))
 def test_a_joint_that_is_moved_takes_effect_whatever_it_hangs_on(joint: int) -> None:
-    """In the model that was made before: only its numbers are made anew."""
+    """The LibraryModel stays; only its numbers are replaced."""
     mine, other = tree(ours), tree(theirs)
     data, peer, rng = mine.createData(), other.createData(), np.random.default_rng(joint)
     q, v, a = ours.integrate(mine, ours.neutral(mine), rng.normal(size=mine.nv)), *rng.normal(size=(2, mine.nv))

@@ -12,7 +12,7 @@ import pytest
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.calls.states import random_configuration
-from spatialdyn.compat.pinocchio.model.library_model import made
+from spatialdyn.compat.pinocchio.model.library_model import library_model
 from spatialdyn.urdf.load import example_robots, find_robot
 
 from .same import assert_close, assert_same_model
@@ -59,7 +59,7 @@ TOOL = "".join(
 
 
 def base_of(pin: Any) -> Any:
-    """A model with a joint in it already."""
+    """A model that already has a joint."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "first")
     model.appendBodyToJoint(1, pin.Inertia(1.0, np.ones(3), 9.0 * np.eye(3)), pin.SE3.Identity())
@@ -67,7 +67,7 @@ def base_of(pin: Any) -> Any:
     return model
 
 
-KEPT: list[Any] = []  # the wheel returns a reference to the model that it appends to, and does not keep it
+KEPT: list[Any] = []  # the wheel returns a reference to the model that it appends to, and does not keep it alive
 WAYS: dict[str, Callable[[Any], Any]] = {
     "fixed": lambda pin: pin.buildModelFromXML(EVERY_JOINT),
     "floating": lambda pin: pin.buildModelFromXML(EVERY_JOINT, pin.JointModelFreeFlyer()),
@@ -84,13 +84,13 @@ WAYS: dict[str, Callable[[Any], Any]] = {
 
 def assert_same_dynamics(mine: Any, other: Any) -> None:
     """rnea, crba and poses at a random state."""
-    compiled, data, rng = made(mine), other.createData(), np.random.default_rng(0)
+    compiled, data, rng = library_model(mine), other.createData(), np.random.default_rng(0)
     q = random_configuration(compiled.model, rng)
     v, a = rng.normal(size=(2, compiled.model.nv))
     assert_close(sd.rnea(compiled.model, q, v, a), theirs.rnea(other, data, q, v, a), "rnea", ORACLE)
     zero = np.zeros_like(v)
     bias = theirs.rnea(other, data, q, v, zero)
-    # the columns of rnea: the wheel's crba is not what its rnea says of the mimic joint here
+    # the columns of rnea: the wheel's crba contradicts its rnea with this mimic joint
     M = np.array([theirs.rnea(other, data, q, v, e) - bias for e in np.eye(len(v))]).reshape(len(v), len(v)).T
     assert_close(sd.crba(compiled.model, q), M, "crba", ORACLE)
 
@@ -226,7 +226,7 @@ def test_a_joint_made_mimic_is_the_same() -> None:
     mine, other = build(ours), build(theirs)
     assert_same_model(mine, other, but="lowerEffortLimit")
     assert (mine.joints[4].scaling, mine.joints[4].offset) == (2.0, 0.3)
-    assert made(mine).model.mimic_matrix is not None
+    assert library_model(mine).model.mimic_matrix is not None
     with pytest.raises(sd.ModelError, match="joint 2 cannot mimic joint 4"):
         ours.transformJointIntoMimic(ours.buildSampleModelManipulator(), 4, 2, 1.0, 0.0)
 
@@ -361,7 +361,7 @@ def test_random_humanoids_have_the_same_tree(arguments: tuple[bool, ...]) -> Non
     if arguments in ((), (True, True)):
         assert np.isfinite(mine.upperPositionLimit).all()
         assert np.abs(mine.upperPositionLimit).max() <= 2.0
-    assert made(mine).model.total_mass > 0.0
+    assert library_model(mine).model.total_mass > 0.0
 
 
 def test_the_seed_repeats_a_random_humanoid() -> None:

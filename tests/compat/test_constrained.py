@@ -1,4 +1,4 @@
-"""Constrained dynamics, impacts and the Cholesky factors of the face: Pinocchio's numbers, and what they solve."""
+"""Constrained dynamics, impacts and the Cholesky factors: Pinocchio's numbers, and the equations they solve."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from spatialdyn.urdf.load import find_robot
 
 pin = pytest.importorskip("pinocchio")
 
-BOUND = 1e-11  # scaled, as asked of the whole face
-LOOSE = 1e-9  # of what the contacts' matrix is solved for: its condition number is 1e3 to 1e4
+BOUND = 1e-11  # scaled, the bound of all of compat
+LOOSE = 1e-9  # of results solved with the contacts' matrix: its condition number is 1e3 to 1e4
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 MU = 1e-3
 
@@ -213,5 +213,5 @@ def test_a_joint_without_inertia_is_named() -> None:
     model.addJoint(arm, face.JointModelRX(), face.SE3.Identity(), "hinge")
     data = model.createData()
     face.crba(model, data, np.zeros(2))
-    with pytest.raises(ValueError, match='"hinge" moves no inertia'):
+    with pytest.raises(ValueError, match='"hinge" has zero articulated inertia'):
         face.cholesky.decompose(model, data)

@@ -1,4 +1,4 @@
-"""What the face has of Pinocchio: every name is answered for, and none in silence."""
+"""Coverage of Pinocchio: every name has a status, and a missing one an error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STATUSES = {SUPPORTED, DIFFERENT, OUT_OF_SCOPE}
 
 def test_the_names_are_the_wheels() -> None:
     pin = pytest.importorskip("pinocchio", minversion="4.1")
-    later = {"visualize", "deprecation"}  # modules that are there once somebody has imported them
+    later = {"visualize", "deprecation"}  # modules that exist once they were imported
     assert {name for name in dir(pin) if not name.startswith("_")} - later == NAMES
 
 
@@ -25,7 +25,7 @@ def test_every_name_has_a_status_and_what_is_not_there_a_note() -> None:
 
 
 def test_nothing_is_left_to_be_written() -> None:
-    assert [x.name for x in face.coverage().values() if x.note == "not written yet"] == []
+    assert [x.name for x in face.coverage().values() if x.note == "not implemented yet"] == []
 
 
 def test_what_is_supported_is_there_and_what_is_out_of_scope_is_not() -> None:
@@ -44,7 +44,7 @@ def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
             getattr(face, name)
 
 
-def test_a_name_out_of_scope_can_be_asked_for() -> None:
+def test_hasattr_of_a_name_out_of_scope_is_false() -> None:
     assert not hasattr(face, "MeshLoader")
     assert getattr(face, "serialization", None) is None
     with pytest.raises(ImportError):
@@ -71,13 +71,13 @@ def test_importing_what_is_out_of_scope_says_what_to_use_instead(line: str, advi
     assert not hasattr(face, "serialization")
 
 
-def test_importing_what_nobody_has_is_an_import_error() -> None:
+def test_importing_an_unknown_name_is_an_import_error() -> None:
     with pytest.raises(ImportError, match="cannot import name 'frobnicate'") as raised:
         exec("from spatialdyn.compat.pinocchio import frobnicate", {})
     assert not isinstance(raised.value, NotImplementedError)
 
 
-def test_a_name_that_nobody_has_is_an_attribute_error() -> None:
+def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="did you mean rnea"):
         face.rnea_
     assert entry("rnea_").status == UNKNOWN

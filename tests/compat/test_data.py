@@ -1,4 +1,4 @@
-"""What a Data shows, when: live arrays, the latest call, edits of the model, errors; and where Pinocchio is wrong."""
+"""Fields of Data: held arrays, the latest call, edits of the model, errors; and where Pinocchio is wrong."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .test_matrix import zoo
 
 theirs = pytest.importorskip("pinocchio")
 
-ORACLE = 1e-11  # scaled, the bound of the face
+ORACLE = 1e-11  # scaled, the bound of all of compat
 STEP = 1e-6  # of central differences, off by its square and by eps over it
 BY_DIFFERENCES = 1e-7
 
@@ -44,9 +44,9 @@ def state(model: Any) -> list[np.ndarray]:
     return [q, *rng.normal(size=(3, model.nv))]
 
 
-@pytest.fixture(params=[ours, theirs], ids=["face", "wheel"])
+@pytest.fixture(params=[ours, theirs], ids=["compat", "wheel"])
 def case(request: pytest.FixtureRequest) -> Any:
-    """All that is claimed here holds for Pinocchio as well."""
+    """Every claim holds for Pinocchio as well."""
     pin = request.param
     model = biped(pin)
     return pin, model, model.createData(), state(model)
@@ -94,7 +94,7 @@ def test_a_frames_jacobian_leaves_the_places_its_reference_takes(case: Any) -> N
             close(getattr(data, name)[at].homogeneous, expected)
 
 
-def test_places_that_somebody_holds_follow_a_frames_jacobian(case: Any) -> None:
+def test_held_placements_follow_a_frames_jacobian(case: Any) -> None:
     pin, model, data, (q, *_) = case
     k = model.nframes - 1
     held, joints = data.oMf[k], data.oMi
@@ -179,7 +179,7 @@ def test_what_is_written_stays_until_the_next_call(case: Any) -> None:
 
 def test_inputs_may_change_before_fields_are_read(case: Any) -> None:
     pin, model, _, (q, v, a, _) = case
-    for again in range(3):  # the first call of a kind goes another way
+    for again in range(3):  # the first call of a kind takes the slow path
         data = model.createData()
         for _ in range(again + 1):
             x, u, w = q.copy(), v.copy(), a.copy()
@@ -312,11 +312,11 @@ def test_a_new_data_holds_zeros_and_identities(case: Any) -> None:
     assert not np.any(data.hg.vector)
 
 
-# --- the face alone --------------------------------------------------------------------------------------
+# --- compat alone ----------------------------------------------------------------------------------------
 
 
 def test_the_derivative_of_the_centroidal_map_is_one() -> None:
-    """Pinocchio 4.1's computeCentroidalMapTimeVariation forgets that the centre of mass moves; its dccrba does not."""
+    """Pinocchio 4.1's computeCentroidalMapTimeVariation leaves out the motion of the centre of mass."""
     model, peer = biped(ours), biped(theirs)
     q, v, *_ = state(model)
     ahead, behind = (
@@ -353,7 +353,7 @@ def test_rates_are_right_where_a_joints_axes_move_in_its_body() -> None:
 
 
 def test_kinetic_energy_counts_every_rotor() -> None:
-    """Pinocchio 4.1 forgets those of revolute joints about axes that are not the coordinates'."""
+    """Pinocchio 4.1 leaves out those of JointModelRevoluteUnaligned."""
     model, peer = (pin.Model() for pin in (ours, theirs))
     for pin, m in ((ours, model), (theirs, peer)):
         m.addJoint(0, pin.JointModelRevoluteUnaligned(np.array([0.0, 0.6, 0.8])), pin.SE3.Identity(), "j")
@@ -364,7 +364,7 @@ def test_kinetic_energy_counts_every_rotor() -> None:
 
 
 def test_a_joint_of_many_velocities_has_no_compact_tangent_map() -> None:
-    """Pinocchio writes over memory."""
+    """Pinocchio overwrites memory."""
     composite = ours.JointModelComposite(ours.JointModelSpherical())
     composite.addJoint(ours.JointModelFreeFlyer())
     model = ours.Model()
@@ -380,7 +380,7 @@ def test_a_joint_of_many_velocities_has_no_compact_tangent_map() -> None:
 
 
 def test_numbers_of_the_other_byte_order_are_read_as_what_they_are() -> None:
-    """Pinocchio reads their bytes as they stand."""
+    """Pinocchio reads their bytes unswapped."""
     model = biped(ours)
     q, v, a, _ = state(model)
     for _ in range(2):
@@ -496,7 +496,7 @@ def test_data_that_are_none_are_refused_and_change_nothing(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("call", ["rnea", "nonLinearEffects"])
 def test_a_call_may_be_given_the_field_that_it_fills(call: str) -> None:
-    """Somebody holds the field, so it is written at once: what was given is noted before."""
+    """The field is held, so it is written at once: the input is recorded before."""
     rng = np.random.default_rng(6)
     model = biped(ours)
     q, v, a = ours.neutral(model), *rng.normal(size=(2, model.nv))

@@ -1,4 +1,4 @@
-"""Derivatives of the face beside the table of calls: what they return, ask for and refuse."""
+"""Derivatives beyond the table of calls: results, required calls, errors."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def by_differences(call: Any, model: Any, q: np.ndarray) -> np.ndarray:
 
 
 def of_turning_axes() -> Any:
-    """A model of joints whose axes turn with their own coordinates, and of a spherical and a planar one."""
+    """A model of joints whose axes rotate with their own coordinates, and of a spherical and a planar joint."""
     model, rng = ours.Model(), np.random.default_rng(5)
     composite = ours.JointModelComposite(ours.JointModelRX())
     composite.addJoint(ours.JointModelPY(), ours.SE3(ours.exp3(rng.normal(size=3)), rng.normal(size=3)))
@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_the_calls_where_the_wheels_are_not() -> None:
         assert near(found[1], by_differences(lambda x, frame=frame: acceleration(x, frame), model, q))
 
 
-def test_what_has_to_come_before_is_asked_for() -> None:
+def test_a_missing_earlier_call_is_named() -> None:
     model = ours.buildSampleModelManipulator()
     data, q, v = model.createData(), ours.neutral(model), np.ones(model.nv)
     with pytest.raises(RuntimeError, match="computeForwardKinematicsDerivatives to be called before"):
@@ -108,7 +108,7 @@ def test_what_has_to_come_before_is_asked_for() -> None:
 def test_a_joint_that_moves_nothing_is_named() -> None:
     model = ours.Model()
     model.addJoint(0, ours.JointModelRZ(), ours.SE3.Identity(), "idle")
-    with pytest.raises(InertiaError, match='joint "idle" moves no inertia'):
+    with pytest.raises(InertiaError, match='joint "idle" has zero articulated inertia'):
         ours.computeABADerivatives(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))
 
 

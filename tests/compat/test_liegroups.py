@@ -1,4 +1,4 @@
-"""Lie groups under both imports, and what a tangent map is."""
+"""Lie groups under both imports, and the definition of the tangent map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from spatialdyn import SpatialDynError
 from spatialdyn.compat.pinocchio import liegroups
 
 EPS = float(np.finfo(float).eps)
-TOLERANCE = 4500 * EPS  # 1e-12: what the face promises
+TOLERANCE = 4500 * EPS  # 1e-12, the bound of compat's types
 STEP = 1e-6
 DIFFERENCES = 1e-8  # central differences of that step: its square, and rounding over it
 
@@ -29,7 +29,7 @@ CALLS = [
 
 
 def group(pin: Any, text: str) -> Any:
-    """The group an expression makes of the functions of ``liegroups``."""
+    """The group of an expression in the functions of ``liegroups``."""
     return eval(text, {name: getattr(pin.liegroups, name) for name in liegroups.__all__})
 
 

@@ -1,4 +1,4 @@
-"""Arrays with a mask, which would be lost: the face refuses them, as the library does."""
+"""Masked arrays are refused, as in the library: their mask would be lost."""
 
 from __future__ import annotations
 

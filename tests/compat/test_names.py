@@ -1,10 +1,11 @@
-"""Names that clients import, for what they do without a collision library, a viewer or a constraint solver."""
+"""Names that clients import: what works without a collision library, a viewer or a constraint solver."""
 
 from __future__ import annotations
 
 import copy
 import pickle
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from spatialdyn.compat.pinocchio import visualize
 theirs = pytest.importorskip("pinocchio")
 
 VISUALIZERS = "Base Meshcat Gepetto Viser RViz Panda3d"
+DRAWING = "Meshcat Viser"
 
 
 def arm(pin: Any) -> Any:
@@ -149,6 +151,36 @@ def test_contacts_hold_what_the_wheels_hold(given: tuple[Any, ...]) -> None:
             call()
 
 
+def public_names(x: Any) -> set[str]:
+    """Public names of an object, those that raise apart."""
+    return {name for name in dir(x) if not name.startswith("_") and hasattr(x, name)}
+
+
+def test_contacts_have_the_fields_of_the_wheels() -> None:
+    """At rest, where a solver is not needed; what one keeps for itself is out of scope by name."""
+    made = [pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, arm(pin), 2) for pin in (ours, theirs)]
+    mine, other = (x.createData() for x in made)
+    solver = {"extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"}
+    assert public_names(mine) == public_names(other) - solver
+    for name in public_names(mine):
+        left, right = getattr(mine, name), getattr(other, name)
+        assert type(left).__name__ == type(right).__name__, name
+        array = "homogeneous" if name in ("oMc1", "oMc2", "c1Mc2") else "vector"
+        assert (getattr(left, array) == getattr(right, array)).all(), name
+    mine.contact1_velocity = ours.Motion.Random()
+    assert not mine.contact2_velocity.vector.any()
+    for name in solver:
+        with pytest.raises(NotImplementedError, match=f"{name}.*forwardDynamics"):
+            getattr(mine, name)
+    assert not hasattr(mine, "no_such_field")
+    mending = {"m_baumgarte_parameters", "retrieveCompliance", "setBaumgarteCorrectorParameters", "setCompliance"}
+    assert public_names(made[0]) - {"copy"} == public_names(made[1]) - mending
+    assert made[0].cast() is not made[0]
+    assert made[0].cast().joint1_id == 2
+    for x in (mine, made[0]):
+        assert vars(copy.deepcopy(x)).keys() == vars(pickle.loads(pickle.dumps(x))).keys() == vars(x).keys()
+
+
 def test_wrong_contacts_are_refused() -> None:
     with pytest.raises(sd.ModelError, match="joint index is 9, expected one from 0 to 3"):
         ours.RigidConstraintModel(ours.ContactType.CONTACT_6D, arm(ours), 9)
@@ -163,8 +195,9 @@ def test_wrong_contacts_are_refused() -> None:
 @pytest.mark.parametrize("name", VISUALIZERS.split())
 def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     visualize._warn.cache_clear()
+    monkeypatch.setattr(visualize, "_installed", lambda: False)
     model, kind = arm(ours), getattr(visualize, f"{name}Visualizer")
-    with pytest.warns(UserWarning, match="visualizers of spatialdyn show nothing"):
+    with pytest.warns(UserWarning, match=r'shows nothing: .*pip install "spatialdyn\[view\]"'):
         shown = kind(model, ours.GeometryModel(), ours.GeometryModel())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -177,28 +210,29 @@ def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.Mo
         assert shown.display(ours.neutral(model)) is None
         assert shown.display() is None
         seen: list[int] = []
-        shown.play([ours.neutral(model)] * 2, 0.1, callback=lambda k, q, viz: seen.append(k))
+        shown.play([ours.neutral(model)] * 2, 10.0, callback=lambda k, q, viz: seen.append(k))
         assert seen == [0, 1]
         assert (shown.model, shown.data.model) == (model, model)
     peer = getattr(theirs, "visualize", None) or __import__("pinocchio.visualize", fromlist=["x"])
     for method in public(getattr(peer, f"{name}Visualizer")) - {"loadMeshFromFile", "loadPrimitive"}:
         if not method.isupper() and callable(getattr(getattr(peer, f"{name}Visualizer"), method)):
             assert callable(getattr(shown, method, None)) or name != "Base", method
-    with pytest.raises(NotImplementedError, match="show nothing"):
+    with pytest.raises(NotImplementedError, match="shows nothing"):
         shown.captureImage()
-    with pytest.raises(NotImplementedError, match="show nothing"), shown.create_video_ctx("film"):
+    with pytest.raises(NotImplementedError, match="no videos"), shown.create_video_ctx("film"):
         pass
     with pytest.raises(AttributeError, match="has no frobnicate"):
         shown.frobnicate()
 
 
-def test_a_robot_is_shown_by_nothing_too() -> None:
+def test_a_robot_is_shown_by_nothing_too(monkeypatch: pytest.MonkeyPatch) -> None:
     visualize._warn.cache_clear()
+    monkeypatch.setattr(visualize, "_installed", lambda: False)
     robot = ours.RobotWrapper(arm(ours))
     assert robot.viewer is None
     with pytest.raises(RuntimeError, match="expected initViewer or setVisualizer before"):
         robot.display(robot.q0)
-    with pytest.warns(UserWarning, match="show nothing"):
+    with pytest.warns(UserWarning, match="shows nothing"):
         robot.initViewer(viewer="window", loadModel=True)
     assert robot.viz.data is robot.data
     assert robot.viewer == "window"
@@ -212,6 +246,92 @@ def test_a_robot_is_shown_by_nothing_too() -> None:
     assert robot.viz is other
     assert other.model is robot.model
     assert robot.getViewerNodeName(ours.GeometryObject("g", 1, ours.SE3.Identity(), None), ours.VISUAL) == "g"
+
+
+DRAWN = """<robot name="r"><link name="a"><visual><geometry><box size="1 1 1"/></geometry></visual>
+<collision><geometry><sphere radius="1"/></geometry></collision></link><link name="b"><visual><origin xyz="0 0 1"/>
+<geometry><mesh filename="package://tool/t.obj"/></geometry></visual></link><joint name="j" type="revolute">
+<parent link="a"/><child link="b"/><origin xyz="0 0 2"/><axis xyz="0 1 0"/><limit effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("name", DRAWING.split())
+def test_visualizers_draw_where_viser_is(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    viser = pytest.importorskip("viser")
+    monkeypatch.setattr("webbrowser.open", lambda url: pytest.fail("a tab was opened"))
+    (tmp_path / "tool").mkdir()
+    (tmp_path / "tool" / "t.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n")
+    path = tmp_path / "urdf" / "r.urdf"
+    path.parent.mkdir()
+    path.write_text(DRAWN)
+    models = ours.buildModelsFromUrdf(path, str(tmp_path), geometry_types=[ours.COLLISION, ours.VISUAL])
+    shown = getattr(visualize, f"{name}Visualizer")(*models)
+    with pytest.raises(RuntimeError, match="no viewer, expected initViewer before"):
+        shown.loadViewerModel()
+    with pytest.raises(RuntimeError, match=r"viewer is a str, expected None or a viser\.ViserServer"):
+        shown.initViewer("window")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shown.initViewer(loadModel=True)
+    server = shown.viewer if name == "Viser" else shown.viewer.server
+    try:
+        assert isinstance(server, viser.ViserServer)
+        nodes = server.scene._handle_from_node_name
+        assert "/robot/0_universe/a" in nodes
+        q = np.array([0.3])
+        shown.display(q)
+        assert nodes["/robot/1_j"].position == pytest.approx([0.0, 0.0, 2.0])
+        assert nodes["/robot/1_j"].wxyz == pytest.approx([np.cos(0.15), 0.0, np.sin(0.15), 0.0])
+        ours.forwardKinematics(shown.model, shown.data, np.zeros(1))
+        shown.display()
+        assert nodes["/robot/1_j"].wxyz == pytest.approx([1.0, 0.0, 0.0, 0.0])
+        shown.displayVisuals(False)
+        assert not nodes["/robot/1_j/b"].visible
+        shown.displayCollisions(True)
+        shown.displayFrames(True)
+        assert nodes["/robot/0_universe/a_2"].visible
+        shown.setCameraTarget([1.0, 2.0, 3.0])
+        shown.setCameraPosition([4.0, 2.0, 3.0])
+        assert server.initial_camera.look_at == pytest.approx([1.0, 2.0, 3.0])
+        with pytest.raises(RuntimeError, match="no browser shows http://localhost"):
+            shown.captureImage()
+        again = getattr(visualize, f"{name}Visualizer")(
+            ours.buildSampleModelManipulator()
+        )  # no geometry: boxes of inertia
+        again.initViewer(shown.viewer, loadModel=True)
+        assert len(again._shown["visuals"]) > 1
+        again.clean()
+        assert again._shown == {}
+        if name == "Meshcat":
+            assert shown.viewer.url().startswith("http://localhost")
+            assert shown.viewer._repr_html_().startswith("<iframe src=")
+            assert "__VISER_EMBED_DATA__" in shown.viewer.static_html()
+            with pytest.raises(NotImplementedError, match=r"expected viewer\.server\.scene"):
+                shown.viewer["world"]
+    finally:
+        shown._stage.stop()
+
+
+def test_objects_added_to_a_geometry_model_are_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    model, visual = arm(ours), ours.GeometryModel()
+    box = type("Box", (), {"halfSide": np.array([1.0, 2.0, 3.0])})()
+    placement = ours.SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
+    visual.addGeometryObject(ours.GeometryObject("box", 1, placement, box))
+    visual.addGeometryObject(ours.GeometryObject("lost", 1, placement, None, "nowhere.stl"))
+    visual.addGeometryObject(ours.GeometryObject("odd", 1, placement, object()))
+    robot = ours.RobotWrapper(model, None, visual)
+    robot.initViewer()
+    try:
+        with pytest.warns(UserWarning, match=r"2 meshes are missing.*nowhere\.stl is not found.*odd is a object"):
+            robot.loadViewerModel()
+        robot.display(robot.q0)
+        (drawn,) = robot.viz._shown["visuals"]
+        assert np.ptp(drawn.vertices, axis=0) == pytest.approx([2.0, 4.0, 6.0])
+        assert drawn.vertices.mean(0) == pytest.approx([0.0, 0.0, 1.0])
+        assert isinstance(robot.viewer, visualize.MeshcatWindow)
+    finally:
+        robot.viz._stage.stop()
 
 
 def test_functions_that_leave_warn() -> None:

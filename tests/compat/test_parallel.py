@@ -1,4 +1,4 @@
-"""ModelPool, rneaInParallel and abaInParallel of the face."""
+"""ModelPool, rneaInParallel and abaInParallel."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from spatialdyn.urdf.load import find_robot
 
 pin = pytest.importorskip("pinocchio")
 
-BOUND = 1e-11  # scaled, as asked of the whole face
-SAMPLES = 300  # two threads' worth
+BOUND = 1e-11  # scaled, the bound of all of compat
+SAMPLES = 300  # enough for two threads
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""``spatialdyn port``: which names a script uses, however it imports them, and what is said of them."""
+"""``spatialdyn port``: the names that a script uses, however it imports them, and their status."""
 
 from __future__ import annotations
 
@@ -120,10 +120,10 @@ def test_what_is_no_python_names_its_line() -> None:
         uses("x = '\0'")
 
 
-def test_differences_of_members_are_told() -> None:
+def test_differences_of_members_are_reported() -> None:
     (use,) = [x for x in uses("import pinocchio as pin\nm = pin.Model()\nm.saveToText('x')") if "save" in x.name]
     assert use.status == DIFFERENT
-    assert "files of this face" in use.note
+    assert "files of this package" in use.note
 
 
 # --- the command ----------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Regressors of the face: Pinocchio's numbers in Pinocchio's shapes, on robots from URDF and on built ones."""
+"""Regressors: Pinocchio's numbers in Pinocchio's shapes, on robots from URDF and on built ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from spatialdyn.urdf.load import find_robot
 
 pin = pytest.importorskip("pinocchio")
 
-BOUND = 1e-11  # scaled, as asked of the whole face
+BOUND = 1e-11  # scaled, the bound of all of compat
 ROBOTS = [("panda", False), ("solo12", True), ("two_link", False)]
 
 
@@ -56,7 +56,7 @@ def test_regressors_are_pinocchios(pair: tuple[Any, Any, Any, Any], name: str) -
     found = getattr(face, name)(ours, data, *given)
     close(found, getattr(pin, name)(theirs, their_data, *given))
     np.testing.assert_array_equal(getattr(data, field), found)
-    found[...] = 0.0  # a copy, as there
+    found[...] = 0.0  # a copy, as in Pinocchio
     assert getattr(data, field).any()
 
 
@@ -87,7 +87,7 @@ def test_body_regressors_are_pinocchios(pair: tuple[Any, Any, Any, Any]) -> None
         close(face.jointBodyRegressor(ours, data, k), pin.jointBodyRegressor(theirs, their_data, k))
     for k in range(theirs.nframes):
         name, kind = theirs.frames[k].name, theirs.frames[k].type
-        if theirs.frames[k].parentJoint:  # of frames in the world Pinocchio leaves out gravity, or not, by chance
+        if theirs.frames[k].parentJoint:  # of frames on the universe Pinocchio reads a_gf[0], which rnea does not write
             at = ours.getFrameId(name, face.FrameType.values[int(kind)])
             close(face.frameBodyRegressor(ours, data, at), pin.frameBodyRegressor(theirs, their_data, k))
     v, a = np.arange(6.0), np.arange(6.0) ** 2 - 3.0

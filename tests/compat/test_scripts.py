@@ -1,4 +1,4 @@
-"""Whole programs as users write them for Pinocchio, run with one import changed: the numbers have to be the same.
+"""Whole programs as users write them for Pinocchio, run with one import changed: the results have to be equal.
 
 A program takes the folder of robots as its argument and leaves arrays, numbers and names in ``results``.
 """
@@ -29,7 +29,7 @@ def changed(text: str) -> str:
 
 
 def run(path: Path, text: str, robots: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """What a program leaves in ``results``."""
+    """``results`` of a program."""
     monkeypatch.setattr(sys, "argv", [str(path), str(robots)])
     scope: dict[str, Any] = {"__name__": "__main__", "__file__": str(path)}
     exec(compile(text, str(path), "exec"), scope)
@@ -38,7 +38,7 @@ def run(path: Path, text: str, robots: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def missing(text: str) -> set[str]:
-    """Names of Pinocchio that a program uses and the face does not have yet."""
+    """Names of Pinocchio that a program uses and compat does not have."""
     pin = importlib.import_module("pinocchio")
     return {name for name in dir(pin) if f"pin.{name}(" in text and name not in vars(ours)}
 
@@ -51,7 +51,7 @@ def test_programs_give_the_same_numbers(path: Path, monkeypatch: pytest.MonkeyPa
     text = path.read_text(encoding="utf-8")
     assert changed(text) != text
     if missing(text):
-        pytest.skip(f"the face lacks {missing(text)}")
+        pytest.skip(f"compat lacks {missing(text)}")
     robots = find_robot("panda").parents[2]
     theirs = run(path, text, robots, monkeypatch)
     mine = run(path, changed(text), robots, monkeypatch)

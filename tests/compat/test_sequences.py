@@ -1,6 +1,6 @@
-"""Random sequences of calls, reads, writes and edits give the same under both imports, whatever came before.
+"""Random sequences of calls, reads, writes and edits give the same under both imports.
 
-``data.a`` is not among what is read: Pinocchio's aba and rnea work in it, ours leave it alone.
+``data.a`` is not read: Pinocchio's aba and rnea use it as scratch, ours do not write it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STEPS = 120
 
 
 class Case:
-    """A module with a model, a data, and what is read from it and held."""
+    """A module with a model, a data, and the fields that are held."""
 
     def __init__(self, pin: Any) -> None:
         self.pin, self.model = pin, biped(pin)
@@ -58,13 +58,13 @@ def edit(c: Case, x: Any) -> None:
 
 
 def write(c: Case, x: Any) -> None:
-    """Into what is held, until the next call that fills it."""
+    """Write into a held field, until the next call that fills it."""
     if "oMi" in c.held:
         c.held["oMi"][1].translation[:] = x.a[:3]
 
 
 class Given:
-    """What an action is given, the same for both."""
+    """Inputs of an action, the same for both."""
 
     def __init__(self, rng: np.random.Generator, nv: int) -> None:
         q = theirs.neutral(biped(theirs))
@@ -106,7 +106,7 @@ CALLS: dict[str, Callable[..., Any]] = {
 def test_sequences_give_the_same_under_both_imports(seed: int) -> None:
     rng, wheel, face = np.random.default_rng(seed), Case(theirs), Case(ours)
     done = []
-    for c in (wheel, face):  # what the wheel's getters would else read before it is computed
+    for c in (wheel, face):  # fields that the wheel's getters would else read before they are computed
         c.pin.forwardKinematics(c.model, c.data, c.pin.neutral(c.model), np.zeros(c.model.nv), np.zeros(c.model.nv))
         c.pin.framesForwardKinematics(c.model, c.data, c.pin.neutral(c.model))
     for _ in range(STEPS):

@@ -1,4 +1,4 @@
-"""Versions, small matrix helpers, and what tells where a joint's numbers stand, under both imports."""
+"""Versions, small matrix helpers, and index lists of joints, under both imports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import spatialdyn.compat.pinocchio as ours
 from spatialdyn import SpatialDynError
 
 EPS = float(np.finfo(float).eps)
-TOLERANCE = 4500 * EPS  # 1e-12: what the face promises
+TOLERANCE = 4500 * EPS  # 1e-12, the bound of compat's types
 
 
 def test_version_is_the_one_whose_names_these_are() -> None:
@@ -91,7 +91,7 @@ def test_common_ancestors_are_the_wheels() -> None:
 
 
 def test_columns_may_be_matrices() -> None:
-    """Those of NumPy's that keep two axes whatever is taken of them."""
+    """np.matrix keeps two axes in every slice."""
     model = ours.buildSampleModelManipulator()
     data, other = model.createData(), model.createData()
     q, p = np.linspace(0.1, 0.6, 6), np.array([1.0, 2.0, 3.0])

@@ -1,4 +1,4 @@
-"""The one switch of the face, and what the face makes of coordinates off their unit norm."""
+"""Strict mode, and coordinates off their unit norm."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow import slow_but
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
@@ -38,6 +39,18 @@ dDifference(m, q, q1)  computeAllTerms(m, d, q, v)  computeCentroidalMomentum(m,
 """
 
 
+JACOBIANS = (
+    "computeJointJacobians(m, d, q); updateFramePlacements(m, d); getFrameJacobian(m, d, 4",
+    "computeJointJacobians(m, d, q); getJointJacobian(m, d, 5",
+    "computeFrameJacobian(m, d, q, 4",
+)
+RATES = "computeJointJacobiansTimeVariation(m, d, q, v)"
+DIFFERENT = f"""
+{RATES}  {RATES}; updateFramePlacements(m, d); getFrameJacobianTimeVariation(m, d, 4, pin.LOCAL)
+{RATES}; getJointJacobianTimeVariation(m, d, 5, pin.WORLD)  computeCentroidalMap(m, d, q)
+computeCentroidalMomentum(m, d, q, v)  computeCentroidalMomentumTimeVariation(m, d, q, v, a)
+centerOfMass(m, d, q, v, a); d.vcom[0]  centerOfMass(m, d, q, v, a); d.acom[0]
+"""
 MOVING = """
 integrate(m, q, v)  difference(m, q, q1)  interpolate(m, q, q1, 0.3)  distance(m, q, q1)  squaredDistance(m, q, q1)
 """
@@ -49,7 +62,7 @@ def calls(text: str) -> list[str]:
 
 
 def tree(pin: Any, *kinds: str) -> Any:
-    """Joints of these kinds one on the other, each with a body and a frame."""
+    """A chain of joints of these kinds, each with a body and a frame."""
     rng = np.random.default_rng(3)
     model = pin.Model()
     for k, kind in enumerate(kinds):
@@ -102,7 +115,7 @@ def test_calls_off_the_unit_norm_give_what_the_wheel_gives(call: str) -> None:
         given = inputs(other, seed)
         (x, data), (y, peer) = answer(ours, mine, call, given), answer(theirs, other, call, given)
         assert scaled(x, y) <= CHAIN
-        if "(m, d, q" in call and "Jacobian(" not in call:  # of those Pinocchio places the joints that carry one alone
+        if "(m, d, q" in call and "Jacobian(" not in call:  # Pinocchio places only the joints that carry the frame
             assert scaled(data.liMi, peer.liMi) <= CHAIN
 
 
@@ -130,8 +143,55 @@ def test_what_the_wheel_contradicts_itself_in_is_finite_or_an_error_with_a_name(
         assert x is None or all(np.isfinite(array(y)).all() for y in (x if isinstance(x, tuple) else (x,)))
 
 
+def sequence(pin: Any, model: Any, calls: str, given: dict[str, Any]) -> Any:
+    """The answer of the last of some calls on one data, or a field of it."""
+    scope = {**given, "pin": pin, "m": model, "d": model.createData()}
+    *before, last = calls.split("; ")
+    for call in before:
+        exec(f"pin.{call}", scope)
+    return eval(last if last.startswith("d.") else f"pin.{last}", scope)
+
+
+@pytest.mark.parametrize("reference", ["LOCAL", "WORLD", "LOCAL_WORLD_ALIGNED"])
+def test_jacobians_off_the_unit_norm_are_the_local_ones_seen_from_the_reference(reference: str) -> None:
+    mine, other = pairs(*MIXED)
+    for seed in range(3):
+        given = inputs(other, seed)
+        for call in JACOBIANS:
+            where, local = "d.oMf[4]", "computeFrameJacobian(m, d, q, 4, pin.LOCAL)"
+            if "getJoint" in call:
+                where, local = "d.oMi[5]", "computeJointJacobian(m, d, q, 5)"
+            X = array(sequence(theirs, other, f"framesForwardKinematics(m, d, q); {where}", given))
+            v, w = np.split(sequence(theirs, other, local, given), 2)
+            if reference != "LOCAL":
+                v, w = X[:3, :3] @ v, X[:3, :3] @ w
+            if reference == "WORLD":
+                v = v + np.cross(X[:3, 3], w, axisb=0, axisc=0)
+            x, y = (sequence(pin, m, f"{call}, pin.{reference})", given) for pin, m in ((ours, mine), (theirs, other)))
+            assert scaled(x, np.vstack([v, w])) <= CHAIN
+            assert (scaled(x, y) > 1e-2) == ((reference, call) != ("LOCAL", JACOBIANS[2]))
+
+
+@pytest.mark.parametrize("call", calls(DIFFERENT))
+def test_what_the_table_says_is_different_off_the_unit_norm_is_finite_and_different(call: str) -> None:
+    mine, other = pairs(*MIXED)
+    for seed in range(3):
+        x, y = (sequence(pin, model, call, inputs(other, seed)) for pin, model in ((ours, mine), (theirs, other)))
+        assert np.isfinite(array(x)).all()
+        assert scaled(x, y) > 1e-2
+
+
+def test_those_differences_are_in_the_table() -> None:
+    rows = " ".join(x.what for x in ours.differences() if x.what.startswith("configurations off"))
+    tested = " ".join([DIFFERENT, *JACOBIANS])
+    named = {word.strip(",:") for word in rows.split() if word.startswith(("get", "compute", "data."))} - {"computes"}
+    missing = {name for name in named if name not in OTHERS and name.replace("data.", "d.") not in tested}
+    assert missing == set()
+    assert {"getFrameJacobian", "computeCentroidalMap", "data.vcom"} <= named
+
+
 def test_the_wheel_contradicts_itself_off_the_unit_norm() -> None:
-    """Why the calls of the test before have no numbers to be held against."""
+    """Why the calls of the test before have no reference numbers."""
     _, other = pairs(*MIXED)
     x, data = inputs(other, 0), other.createData()
     local = theirs.aba(other, data, x["q"], x["v"], x["a"], theirs.Convention.LOCAL)
@@ -212,7 +272,7 @@ def test_differences_to_the_limits_of_a_free_flyer_keep_the_other_joints() -> No
 def test_parallel_calls_off_the_unit_norm_give_what_single_ones_give() -> None:
     mine, other = pairs(*MIXED)
     rng = np.random.default_rng(1)
-    n = 600  # beyond what is a program
+    n = 600  # too large for a program
     q = np.array([ours.integrate(mine, ours.neutral(mine), x) for x in rng.normal(size=(n, mine.nv))])
     q[::7] *= 1.0 + rng.random((len(q[::7]), mine.nq))
     v, a = rng.normal(size=(2, n, mine.nv))
@@ -278,7 +338,10 @@ def test_the_example_of_the_switch_holds() -> None:
     assert ours.strict() is False
 
 
-@pytest.mark.parametrize(("word", "says"), [("1", "True"), ("0", "False"), ("", "False"), ("yes", "expected 0 or 1")])
+SETTINGS = [("1", "True"), ("yes", "expected 0 or 1"), ("0", "False"), ("", "False")]
+
+
+@pytest.mark.parametrize(("word", "says"), slow_but(SETTINGS[:2], SETTINGS))
 def test_the_environment_turns_strict_mode_on(word: str, says: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", f"import {FACE} as pin; print(pin.strict())"],

@@ -1,8 +1,8 @@
 """The spatial types under both imports: one table of expressions, evaluated with the same seeded random numbers.
 
-Values agree to TOLERANCE times their size, shapes and types of results exactly, and where the wheel raises, the face
+Values agree to TOLERANCE times their size, shapes and types of results exactly, and where the wheel raises, compat
 raises an error of the same built-in class. Near the identity, where the wheel's Jlog6 and Jexp6 are off by up to 1e-7,
-and near half a turn, where its log6 is off by 4e-14, the judge is mpmath.
+and near half a turn, where its log6 is off by 4e-14, the reference is mpmath.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ import pytest
 
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn import SpatialDynError
-from spatialdyn.compat.pinocchio.types.tracked_array import Live, live
+from spatialdyn.compat.pinocchio.types.tracked_array import TrackedArray, tracked
 from spatialdyn.errors import InertiaError
 
 EPS = float(np.finfo(float).eps)
-TOLERANCE = 4500 * EPS  # 1e-12: what the face promises; products of a few matrices of entries near 1 need some 10 eps
+TOLERANCE = (
+    4500 * EPS
+)  # 1e-12, the bound of compat's types; products of a few matrices of entries near 1 need some 10 eps
 EXACT = 16 * EPS  # exp, log and their Jacobians against mpmath, relative to the largest entry
 
 
@@ -240,7 +242,7 @@ def expressions(table: str) -> list[str]:
 
 
 def statements(table: str) -> list[str]:
-    """One program a line; lists keep a name in them, for the wheel's entries do not outlive their list."""
+    """One program a line; programs name their lists, for the wheel's entries do not outlive their list."""
     return [line.strip() for line in table.strip().splitlines()]
 
 
@@ -275,7 +277,7 @@ def outcome(program: str, values: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def builtin(error: BaseException) -> type:
-    """The most special built-in class of an error."""
+    """The most specific built-in class of an error."""
     return next(kind for kind in type(error).__mro__ if kind.__module__ == "builtins")
 
 
@@ -397,7 +399,7 @@ def test_hessian_of_the_logarithm_is_its_limit_at_the_identity() -> None:
 
 
 def test_constructors_without_arguments_are_neutral() -> None:
-    """The wheel's hold what the memory held before."""
+    """The wheel's are uninitialized."""
     assert ours.SE3().isIdentity(0.0)
     assert ours.Quaternion() == ours.Quaternion.Identity()
     assert np.array_equal(ours.AngleAxis().matrix(), np.eye(3))
@@ -504,7 +506,7 @@ def test_random_values_are_seeded_and_sound() -> None:
 
 
 class Counter:
-    """An owner that counts how often it is told."""
+    """An owner that counts its notifications."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -544,7 +546,7 @@ np.einsum("ij->ji", x.reshape(3, 1))[0] = 3.0
 np.ones(3).cumsum(out=x)
 np.fill_diagonal(x.reshape(3, 1), 4.0)
 """
-UNHEARD = """
+UNTRACKED = """
 np.asarray(x)[0] = 1.0
 x.view(np.ndarray)[0] = 1.0
 memoryview(x)[0] = 1.0
@@ -576,34 +578,34 @@ str(x)
 
 
 @pytest.mark.parametrize("write", statements(WRITES))
-def test_the_owner_hears_of_every_write(write: str) -> None:
+def test_the_owner_is_notified_of_every_write(write: str) -> None:
     owner = Counter()
     base, plain_array = np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0])
-    exec(write, {"x": live(base, owner), "np": np})
+    exec(write, {"x": tracked(base, owner), "np": np})
     exec(write, {"x": plain_array, "np": np})
     assert owner.count > 0
     assert np.array_equal(base, plain_array)
 
 
-@pytest.mark.parametrize("write", statements(UNHEARD))
-def test_a_write_that_the_owner_would_not_hear_of_is_refused(write: str) -> None:
+@pytest.mark.parametrize("write", statements(UNTRACKED))
+def test_a_write_that_cannot_notify_the_owner_is_refused(write: str) -> None:
     base = np.array([1.0, 2.0, 3.0])
     with pytest.raises((ValueError, TypeError), match=r"read-?only|not writeable|contiguous, writable"):
-        exec(write, {"x": live(base, Counter()), "np": np})
+        exec(write, {"x": tracked(base, Counter()), "np": np})
     assert np.array_equal(base, [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize("read", statements(READS))
-def test_reading_and_writing_what_was_computed_tells_nobody(read: str) -> None:
+def test_reading_and_writing_results_notifies_no_owner(read: str) -> None:
     owner = Counter()
     base = np.array([1.0, 2.0, 3.0])
-    exec(read, {"x": live(base, owner), "np": np, "pickle": pickle, "copy": copy})
+    exec(read, {"x": tracked(base, owner), "np": np, "pickle": pickle, "copy": copy})
     assert owner.count == 0
     assert np.array_equal(base, [1.0, 2.0, 3.0])
 
 
 def test_what_is_computed_from_a_live_array_is_plain() -> None:
-    x = live(np.ones(3), Counter())
+    x = tracked(np.ones(3), Counter())
     made = (
         x + 1.0,
         x.copy(),
@@ -616,7 +618,7 @@ def test_what_is_computed_from_a_live_array_is_plain() -> None:
         x.astype(int),
     )
     assert {type(y) for y in made} <= {np.ndarray, np.float64}
-    assert isinstance(x[:2], Live)
+    assert isinstance(x[:2], TrackedArray)
     assert repr(x) == "array([1., 1., 1.])"
 
 
@@ -634,7 +636,7 @@ def test_what_is_computed_from_a_live_array_is_plain() -> None:
         ("q", "x.normalize()"), ("q", "x *= x"), ("aa", "x.angle = 1.0"), ("aa", "x.axis[0] = 1.0"),
     ],
 )  # fmt: skip
-def test_the_owner_of_a_value_hears_of_every_write(name: str, write: str) -> None:
+def test_the_owner_of_a_value_is_notified_of_every_write(name: str, write: str) -> None:
     owner, value = Counter(), random_values(ours, 0)[name]
     buffer = value._x.copy()
     exec(write, {"x": type(value).over(buffer, owner), "np": np})
@@ -643,7 +645,7 @@ def test_the_owner_of_a_value_hears_of_every_write(name: str, write: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["M", "v", "f", "I", "S", "q", "aa"])
-def test_copies_of_a_value_belong_to_nobody(name: str) -> None:
+def test_copies_of_a_value_have_no_owner(name: str) -> None:
     owner, value = Counter(), random_values(ours, 0)[name]
     makers: tuple[Callable[[Any], Any], ...] = (lambda x: x.copy(), copy.deepcopy, type(value))
     for make in makers:

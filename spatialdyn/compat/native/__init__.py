@@ -1,1 +1,1 @@
-"""Compiled calls over spatial types, for the faces alone."""
+"""Compiled calls and operators that only ``compat`` uses."""

@@ -1,12 +1,10 @@
-"""Operators on small arrays, compiled, for callers with one object at a time.
+"""Operators on small arrays, compiled: the arithmetic of SE3, Motion, Force and Inertia.
 
-``compose(A, B, out)`` and its like take arrays as ``algebra.public_arrays`` has them, write the last and return
-nothing. The arrays are C-ordered, float64 and writable, and not checked: a wrong size is the caller's fault. ``out``
-may be an input.
-``made_pose()(out, R, p)`` and its like are for arrays of any layout: they check sizes and return a status.
+``compose(A, B, out)`` and its like take arrays as ``algebra.public_arrays`` lays them out and write ``out`` in place;
+it may be an input. Arrays have to be float64, C-ordered, writable and of the right size: nothing is checked.
+``write_pose()(out, R, p)`` and its like take arrays of any layout, check sizes and return a status.
 
-A call takes 0.2 µs, where the operator itself takes 1 to 6 in plain Python. Each is compiled when first called and
-kept on disk.
+A call takes 0.2 µs; the operator takes 1 to 6 in plain Python. Each is compiled at its first call and cached on disk.
 """
 
 from __future__ import annotations
@@ -16,11 +14,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from ...algebra import lie, public_arrays, spatial
 from ...algebra.euclidean import Vec
-from ...engines.compiled import numba_kernels
+from ...engines.compiled import jit, numba_kernels
 from . import operators
 
 Operation = Callable[..., Any]
@@ -28,54 +26,56 @@ OK, SIZE, SYMMETRY, SIGN = range(4)
 ROUNDING = 1e-12  # relative: an asymmetry or a negative eigenvalue below it is a rounding error
 
 
-def operation(name: str, operator: Callable[..., Any], kinds: str) -> Operation:
-    """``(*inputs, out)`` on arrays, for an operator between ``kinds``: "pose vec -> vec"; a "number" is returned."""
-    given, made = (part.split() for part in kinds.split("->"))
-    names = [f"x{k}" for k in range(len(given))]
-    taken = ", ".join(f"get_{kind}({x})" for x, kind in zip(names, given, strict=True))
+def on_arrays(name: str, operator: Callable[..., Any], kinds: str) -> Operation:
+    """A kernel ``(*inputs, out)`` for an operator of these kinds, as "pose vec -> vec"; a "number" is returned."""
+    inputs, output = (part.split() for part in kinds.split("->"))
+    names = [f"x{k}" for k in range(len(inputs))]
+    taken = ", ".join(f"read_{kind}({x})" for x, kind in zip(names, inputs, strict=True))
     result = f"operator({taken})"
-    body = ["stamp", f"return {result}" if made == ["number"] else f"put_{made[0]}(out, {result})"]
-    parameters = names if made == ["number"] else [*names, "out"]
-    function = numba_kernels.define(f"algebra_{name}", parameters, body, {**vars(public_arrays), "operator": operator})
-    compiled: Operation = njit(**{**numba_kernels.FLAGS, "nogil": False})(function)  # giving the lock up costs 0.03 µs
+    body = ["stamp", f"return {result}" if output == ["number"] else f"write_{output[0]}(out, {result})"]
+    parameters = names if output == ["number"] else [*names, "out"]
+    function = numba_kernels.kernel_from_text(
+        f"algebra_{name}", parameters, body, {**vars(public_arrays), "operator": operator}
+    )
+    compiled: Operation = jit.numba_jit(function, nogil=False, keep=False)  # releasing the GIL costs 0.03 µs
     return compiled
 
 
-def checked(name: str, body: list[str], ranks: dict[str, int], rank: int, **scope: Any) -> Operation:
-    """``(out, *inputs) -> status`` for an output of that rank and inputs of any layout; rank 0 is a number."""
+def checked_kernel(name: str, body: list[str], ranks: dict[str, int], rank: int, **scope: Any) -> Operation:
+    """A kernel ``(out, *inputs) -> status`` for an output of this rank and inputs of any layout; rank 0 is a number."""
     array: Any = types.Array
     inputs = [array(types.float64, n, "A", readonly=True) if n else types.float64 for n in ranks.values()]
-    function = numba_kernels.define(
+    function = numba_kernels.kernel_from_text(
         f"algebra_{name}", ["out", *ranks], ["stamp", *body], {**vars(public_arrays), **scope}
     )
-    made = numba_kernels.compiled(function, (array(types.float64, rank, "C"), *inputs), nogil=False)
-    if not numba_kernels.PLAIN:  # transposed matrices too, without which each would take the slow way
-        samples = [np.zeros((4,) * n, order="F") if n else 0.0 for n in ranks.values()]
-        type(made)._search_new_conversions(made, np.zeros((4,) * rank), *samples)  # type: ignore[attr-defined]
-    return made
+    kernel = jit.compile_signature(function, (array(types.float64, rank, "C"), *inputs), nogil=False)
+    # transposed matrices too, without which each call of one would take the slow path
+    samples = [np.zeros((4,) * n, order="F") if n else 0.0 for n in ranks.values()]
+    jit.accept(kernel, np.zeros((4,) * rank), *samples)
+    return kernel
 
 
 @cache
-def made_pose() -> Operation:
+def write_pose() -> Operation:
     """``(out (4, 4), R (3, 3), p (3,)) -> status``."""
     body = [f"if R.shape != (3, 3) or p.shape != (3,): return {SIZE}"]
-    body += ["put_pose(out, Pose(get_rot(R), get_vec(p)))", f"return {OK}"]
-    return checked("made_pose", body, {"R": 2, "p": 1}, 2, Pose=spatial.Pose)
+    body += ["write_pose(out, Pose(read_rot(R), read_vec(p)))", f"return {OK}"]
+    return checked_kernel("write_pose", body, {"R": 2, "p": 1}, 2, Pose=spatial.Pose)
 
 
 @cache
-def made_vector() -> Operation:
+def write_vector() -> Operation:
     """``(out (6,), linear (3,), angular (3,)) -> status``, for motions and forces alike."""
     body = [f"if linear.shape != (3,) or angular.shape != (3,): return {SIZE}"]
-    body += ["put_motion(out, Motion(get_vec(angular), get_vec(linear)))", f"return {OK}"]
-    return checked("made_vector", body, {"linear": 1, "angular": 1}, 1)
+    body += ["write_motion(out, Motion(read_vec(angular), read_vec(linear)))", f"return {OK}"]
+    return checked_kernel("write_vector", body, {"linear": 1, "angular": 1}, 1)
 
 
 @cache
-def made_body() -> Operation:
-    """``(out (10,), m, c (3,), J (3, 3)) -> status``; SYMMETRY or SIGN where no J can be so.
+def write_body() -> Operation:
+    """``(out (10,), m, c (3,), J (3, 3)) -> status``: SYMMETRY or SIGN if no J can be so.
 
-    J is not negative if and only if none of the three coefficients of its characteristic polynomial is.
+    J is positive semidefinite if and only if no coefficient of its characteristic polynomial is negative.
     """
     body = [
         f"if c.shape != (3,) or J.shape != (3, 3): return {SIZE}",
@@ -85,66 +85,68 @@ def made_body() -> Operation:
         "two = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy",
         "three = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)",
         f"if min(xx + yy + zz, two / size, three / size / size) < -{ROUNDING} * size: return {SIGN}",
-        "put_body(out, Body(m, get_vec(c), Sym(xx, xy, xz, yy, yz, zz)))",
+        "write_body(out, Body(m, read_vec(c), Sym(xx, xy, xz, yy, yz, zz)))",
         f"return {OK}",
     ]
-    return checked("made_body", body, {"m": 0, "c": 1, "J": 2}, 1)
+    return checked_kernel("write_body", body, {"m": 0, "c": 1, "J": 2}, 1)
 
 
 @cache
 def point_to_parent() -> Operation:
-    """``(out (3,), X (4, 4), a (3,)) -> status``: a point of the child's frame, seen from the parent."""
-    return _of_point("point_to_parent", operators.point_of)
+    """``(out (3,), X (4, 4), a (3,)) -> status``: a point in child coordinates, in parent coordinates."""
+    return _point_kernel("point_to_parent", operators.point_to_parent)
 
 
 @cache
 def point_to_child() -> Operation:
-    """``(out (3,), X (4, 4), a (3,)) -> status``: a point of the parent's frame, seen from the child."""
-    return _of_point("point_to_child", operators.point_in)
+    """``(out (3,), X (4, 4), a (3,)) -> status``: a point in parent coordinates, in child coordinates."""
+    return _point_kernel("point_to_child", operators.point_to_child)
 
 
-def _of_point(name: str, operator: Callable[..., Vec]) -> Operation:
-    body = [f"if a.shape != (3,): return {SIZE}", "put_vec(out, operator(get_pose(X), get_vec(a)))", f"return {OK}"]
-    return checked(name, body, {"X": 2, "a": 1}, 1, operator=operator)
+def _point_kernel(name: str, operator: Callable[..., Vec]) -> Operation:
+    body = [f"if a.shape != (3,): return {SIZE}", "write_vec(out, operator(read_pose(X), read_vec(a)))", f"return {OK}"]
+    return checked_kernel(name, body, {"X": 2, "a": 1}, 1, operator=operator)
 
 
-compose = operation("compose", spatial.compose, "pose pose -> pose")
-inverse = operation("inverse", spatial.inverse, "pose -> pose")
-relative = operation("relative", operators.relative_pose, "pose pose -> pose")
-motion_to_parent = operation("motion_to_parent", spatial.motion_to_parent, "pose motion -> motion")
-motion_to_child = operation("motion_to_child", spatial.motion_to_child, "pose motion -> motion")
-force_to_parent = operation("force_to_parent", spatial.force_to_parent, "pose force -> force")
-force_to_child = operation("force_to_child", spatial.force_to_child, "pose force -> force")
-body_to_parent = operation("body_to_parent", operators.moved_body, "pose body -> body")
-body_to_child = operation("body_to_child", operators.moved_body_back, "pose body -> body")
-action = operation("action", operators.action_of, "pose -> tangent")
-action_inverse = operation("action_inverse", operators.action_back, "pose -> tangent")
-motion_action = operation("motion_action", operators.spin_of, "motion -> tangent")
-cross_motion = operation("cross_motion", spatial.cross_motion, "motion motion -> motion")
-cross_force = operation("cross_force", spatial.cross_force, "motion force -> force")
-momentum = operation("momentum", operators.momentum_of, "body motion -> force")
-twice = operation("twice", operators.twice_energy, "body motion -> number")
-power = operation("power", spatial.power, "motion force -> number")
-body_matrix = operation("body_matrix", operators.about_origin, "body -> inertia")
-pull = operation("pull", operators.pull_of, "body motion -> force")
-add_body = operation("add_body", operators.both, "body body -> body")
-sub_body = operation("sub_body", operators.rest, "body body -> body")
-quat_product = operation("quat_product", lie.product, "quat quat -> quat")
-quat_matrix = operation("quat_matrix", lie.matrix, "quat -> rot")
-matrix_quat = operation("matrix_quat", operators.of_matrix, "rot -> quat")
-from_seven = operation("from_seven", operators.pose_from, "seven -> pose")
-to_seven = operation("to_seven", operators.pose_as, "pose -> seven")
-cross_matrix = operation("cross_matrix", operators.tilde, "vec -> rot")
-exp3 = operation("exp3", operators.rotation_of, "vec -> rot")
-exp3_quat = operation("exp3_quat", lie.exp_rotation, "vec -> quat")
-exp6 = operation("exp6", operators.pose_of, "motion -> pose")
-exp6_seven = operation("exp6_seven", operators.ended, "motion -> seven")
-log3 = operation("log3", operators.vector_of, "rot -> vec")
-log3_quat = operation("log3_quat", lie.log_rotation, "quat -> vec")
-log6 = operation("log6", operators.motion_of, "pose -> motion")
-log6_seven = operation("log6_seven", operators.started, "seven -> motion")
-exp3_jacobian = operation("exp3_jacobian", operators.turned_jacobian, "vec -> rot")
-log3_jacobian = operation("log3_jacobian", operators.turned_jacobian_back, "rot -> rot")
-exp6_jacobian = operation("exp6_jacobian", lie.exp_jacobian, "motion -> tangent")
-log6_jacobian = operation("log6_jacobian", operators.log_jacobian_of, "pose -> tangent")
-log3_bend = operation("log3_bend", operators.bent_log, "rot vec -> rot")
+compose = on_arrays("compose", spatial.compose, "pose pose -> pose")
+inverse = on_arrays("inverse", spatial.inverse, "pose -> pose")
+relative = on_arrays("relative", operators.relative_pose, "pose pose -> pose")
+motion_to_parent = on_arrays("motion_to_parent", spatial.motion_to_parent, "pose motion -> motion")
+motion_to_child = on_arrays("motion_to_child", spatial.motion_to_child, "pose motion -> motion")
+force_to_parent = on_arrays("force_to_parent", spatial.force_to_parent, "pose force -> force")
+force_to_child = on_arrays("force_to_child", spatial.force_to_child, "pose force -> force")
+body_to_parent = on_arrays("body_to_parent", operators.body_to_parent, "pose body -> body")
+body_to_child = on_arrays("body_to_child", operators.body_to_child, "pose body -> body")
+action = on_arrays("action", operators.action_matrix, "pose -> tangent")
+action_inverse = on_arrays("action_inverse", operators.inverse_action_matrix, "pose -> tangent")
+motion_action = on_arrays("motion_action", operators.cross_motion_matrix, "motion -> tangent")
+cross_motion = on_arrays("cross_motion", spatial.cross_motion, "motion motion -> motion")
+cross_force = on_arrays("cross_force", spatial.cross_force, "motion force -> force")
+momentum = on_arrays("momentum", operators.body_momentum, "body motion -> force")
+twice_kinetic_energy = on_arrays("twice_kinetic_energy", operators.twice_kinetic_energy, "body motion -> number")
+power = on_arrays("power", spatial.power, "motion force -> number")
+body_matrix = on_arrays("body_matrix", operators.inertia_about_origin, "body -> inertia")
+bias_force = on_arrays("bias_force", operators.bias_force, "body motion -> force")
+add_body = on_arrays("add_body", operators.add_bodies, "body body -> body")
+sub_body = on_arrays("sub_body", operators.subtract_bodies, "body body -> body")
+quat_product = on_arrays("quat_product", lie.product, "quat quat -> quat")
+quat_matrix = on_arrays("quat_matrix", lie.matrix, "quat -> rot")
+matrix_quat = on_arrays("matrix_quat", operators.quaternion_of_matrix, "rot -> quat")
+from_xyzquat = on_arrays("from_xyzquat", operators.pose_from_xyzquat, "seven -> pose")
+to_xyzquat = on_arrays("to_xyzquat", operators.pose_to_xyzquat, "pose -> seven")
+cross_matrix = on_arrays("cross_matrix", operators.skew, "vec -> rot")
+exp3 = on_arrays("exp3", operators.exp_rotation, "vec -> rot")
+exp3_quat = on_arrays("exp3_quat", lie.exp_rotation, "vec -> quat")
+exp6 = on_arrays("exp6", operators.exp_pose, "motion -> pose")
+exp6_xyzquat = on_arrays("exp6_xyzquat", operators.exp_xyzquat, "motion -> seven")
+log3 = on_arrays("log3", operators.log_rotation, "rot -> vec")
+log3_quat = on_arrays("log3_quat", lie.log_rotation, "quat -> vec")
+log6 = on_arrays("log6", operators.log_pose, "pose -> motion")
+log6_xyzquat = on_arrays("log6_xyzquat", operators.log_xyzquat, "seven -> motion")
+exp3_jacobian = on_arrays("exp3_jacobian", operators.exp_rotation_jacobian, "vec -> rot")
+log3_jacobian = on_arrays("log3_jacobian", operators.log_rotation_jacobian, "rot -> rot")
+exp6_jacobian = on_arrays("exp6_jacobian", lie.exp_jacobian, "motion -> tangent")
+log6_jacobian = on_arrays("log6_jacobian", operators.log_pose_jacobian, "pose -> tangent")
+log3_jacobian_derivative = on_arrays(
+    "log3_jacobian_derivative", operators.log_rotation_jacobian_derivative, "rot vec -> rot"
+)

@@ -1,133 +1,132 @@
-"""Operators that recursions have no use for: on bodies about their centre of mass, poses by quaternion, logarithms."""
+"""Operators that no recursion needs: on bodies about their centre of mass, on poses with quaternions, exp and log."""
 
 from __future__ import annotations
 
 from ...algebra import lie
 from ...algebra.euclidean import (
-    Rot,
+    Mat3,
     Sym,
     Vec,
+    add,
     add_sym,
     apply_sym,
     congruence,
     matmul,
-    minus,
-    plus,
+    parallel_axis,
     rotate,
-    shifted,
-    times,
+    scale,
+    sub,
     transpose,
     unrotate,
     zero,
 )
 from ...algebra.public_arrays import Body, Placed
-from ...algebra.scalars import Scalar, inlined, select, sqrt
+from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ...algebra.spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
     cross_force,
+    force_at_parent,
+    inertia_at_parent,
+    motion_at_child,
     power,
-    shift_motion,
-    unshift_force,
-    unshift_inertia,
 )
 
-EPS = 2.220446049250313e-16  # a sum of masses below it counts as no mass
 
-
-@inlined
-def tilde(a: Vec) -> Rot:
+@inline
+def skew(a: Vec) -> Mat3:
     """The matrix ã with ã b = a × b."""
-    return Rot(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
+    return Mat3(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 
 
-@inlined
+@inline
 def relative_pose(A: Pose, B: Pose) -> Pose:
-    """A⁻¹ B: the frame B seen from the frame A."""
-    return Pose(matmul(transpose(A.R), B.R), unrotate(A.R, minus(B.p, A.p)))
+    """A⁻¹ B: the pose of frame B in frame A."""
+    return Pose(matmul(transpose(A.R), B.R), unrotate(A.R, sub(B.p, A.p)))
 
 
-@inlined
-def point_of(X: Pose, a: Vec) -> Vec:
+@inline
+def point_to_parent(X: Pose, a: Vec) -> Vec:
     """A point in child coordinates, in parent coordinates."""
-    return plus(X.p, rotate(X.R, a))
+    return add(X.p, rotate(X.R, a))
 
 
-@inlined
-def point_in(X: Pose, a: Vec) -> Vec:
+@inline
+def point_to_child(X: Pose, a: Vec) -> Vec:
     """A point in parent coordinates, in child coordinates."""
-    return unrotate(X.R, minus(a, X.p))
+    return unrotate(X.R, sub(a, X.p))
 
 
-@inlined
-def momentum_of(B: Body, v: Motion) -> Force:
-    """Momentum of a body about the origin: taken about its centre of mass, then shifted."""
-    there = shift_motion(B.c, v)
-    return unshift_force(B.c, Force(apply_sym(B.I, v.w), times(B.m, there.v)))
+@inline
+def body_momentum(B: Body, v: Motion) -> Force:
+    """Momentum of a body about the origin: about its centre of mass, then shifted."""
+    there = motion_at_child(B.c, v)
+    return force_at_parent(B.c, Force(apply_sym(B.I, v.w), scale(B.m, there.v)))
 
 
-@inlined
-def twice_energy(B: Body, v: Motion) -> Scalar:
-    """v · I v of a body."""
-    return power(v, momentum_of(B, v))
+@inline
+def twice_kinetic_energy(B: Body, v: Motion) -> Scalar:
+    """v · I v of a body, twice its kinetic energy."""
+    return power(v, body_momentum(B, v))
 
 
-@inlined
-def about_origin(B: Body) -> Inertia:
-    """A body as an Inertia about the origin."""
-    return unshift_inertia(B.c, Inertia(B.m, zero(), B.I))
+@inline
+def inertia_about_origin(B: Body) -> Inertia:
+    """Spatial inertia of a body about the origin."""
+    return inertia_at_parent(B.c, Inertia(B.m, zero(), B.I))
 
 
-@inlined
-def pull_of(B: Body, v: Motion) -> Force:
-    """v ×* I v of a body."""
-    return cross_force(v, momentum_of(B, v))
+@inline
+def bias_force(B: Body, v: Motion) -> Force:
+    """v ×* I v of a body, its bias force."""
+    return cross_force(v, body_momentum(B, v))
 
 
-@inlined
-def moved_body(X: Pose, B: Body) -> Body:
+@inline
+def body_to_parent(X: Pose, B: Body) -> Body:
     """A body in child coordinates, in parent coordinates."""
-    return Body(B.m, point_of(X, B.c), congruence(X.R, B.I))
+    return Body(B.m, point_to_parent(X, B.c), congruence(X.R, B.I))
 
 
-@inlined
-def moved_body_back(X: Pose, B: Body) -> Body:
+@inline
+def body_to_child(X: Pose, B: Body) -> Body:
     """A body in parent coordinates, in child coordinates."""
-    return Body(B.m, point_in(X, B.c), congruence(transpose(X.R), B.I))
+    return Body(B.m, point_to_child(X, B.c), congruence(transpose(X.R), B.I))
 
 
-@inlined
-def with_sign(A: Body, B: Body, sign: Scalar) -> Body:
-    """Two bodies made one (sign 1), or the body that B leaves of A (-1); no mass has its centre at 0."""
+@inline
+def _combined(A: Body, B: Body, sign: Scalar) -> Body:
+    """A and B as one body (sign 1), or A without B (sign -1); the centre of zero mass is 0."""
     n = sign * B.m
     m = A.m + n
-    scale = select(m * m - EPS * EPS, 1.0, 0.0) / select(m * m - EPS * EPS, m, 1.0)
-    c = times(scale, plus(times(A.m, A.c), times(n, B.c)))
-    d = minus(A.c, B.c)
+    # a sum of masses below EPS counts as no mass
+    inverse = select(m * m - EPS * EPS, 1.0, 0.0) / select(m * m - EPS * EPS, m, 1.0)
+    c = scale(inverse, add(scale(A.m, A.c), scale(n, B.c)))
+    d = sub(A.c, B.c)
     J = B.I
     other = Sym(sign * J.xx, sign * J.xy, sign * J.xz, sign * J.yy, sign * J.yz, sign * J.zz)
-    return Body(m, c, shifted(add_sym(A.I, other), d, zero(), times(A.m * n * scale, d)))
+    return Body(m, c, parallel_axis(add_sym(A.I, other), d, zero(), scale(A.m * n * inverse, d)))
 
 
-@inlined
-def both(A: Body, B: Body) -> Body:
-    """Two bodies made one."""
-    return with_sign(A, B, 1.0)
+@inline
+def add_bodies(A: Body, B: Body) -> Body:
+    """A and B as one body."""
+    return _combined(A, B, 1.0)
 
 
-@inlined
-def rest(A: Body, B: Body) -> Body:
-    """The body that is left of A without B."""
-    return with_sign(A, B, -1.0)
+@inline
+def subtract_bodies(A: Body, B: Body) -> Body:
+    """A without its part B."""
+    return _combined(A, B, -1.0)
 
 
-@inlined
-def of_matrix(R: Rot) -> lie.Quat:
+@inline
+def quaternion_of_matrix(R: Mat3) -> lie.Quat:
     """The quaternion of a rotation matrix, scalar part not negative unless it is the smallest.
 
-    Each of the four squares gives one component without cancelling and the others by division; the largest is taken.
+    Each component can be the root of a sum, and gives the others by division; the largest one cancels no digits.
     Source: Shepperd, Quaternion from rotation matrix (1978).
     """
     w, x, y, z = R.xx + R.yy + R.zz, R.xx, R.yy, R.zz
@@ -151,95 +150,95 @@ def of_matrix(R: Rot) -> lie.Quat:
     )
 
 
-@inlined
-def action_of(X: Pose) -> lie.Tangent:
+@inline
+def action_matrix(X: Pose) -> lie.Tangent:
     """The matrix that takes motions in child coordinates to parent coordinates."""
-    return lie.Tangent(X.R, matmul(tilde(X.p), X.R))
+    return lie.Tangent(X.R, matmul(skew(X.p), X.R))
 
 
-@inlined
-def action_back(X: Pose) -> lie.Tangent:
+@inline
+def inverse_action_matrix(X: Pose) -> lie.Tangent:
     """The matrix that takes motions in parent coordinates to child coordinates."""
-    return lie.Tangent(transpose(X.R), transpose(matmul(tilde(X.p), X.R)))
+    return lie.Tangent(transpose(X.R), transpose(matmul(skew(X.p), X.R)))
 
 
-@inlined
-def spin_of(m: Motion) -> lie.Tangent:
-    """The matrix of m ×."""
-    return lie.Tangent(tilde(m.w), tilde(m.v))
+@inline
+def cross_motion_matrix(m: Motion) -> lie.Tangent:
+    """The matrix of m × on motions."""
+    return lie.Tangent(skew(m.w), skew(m.v))
 
 
-@inlined
-def rotation_of(w: Vec) -> Rot:
-    """exp of a rotation vector."""
+@inline
+def exp_rotation(w: Vec) -> Mat3:
+    """exp of a rotation vector, a rotation matrix."""
     return lie.matrix(lie.exp_rotation(w))
 
 
-@inlined
-def pose_of(m: Motion) -> Pose:
-    """exp of a motion."""
+@inline
+def exp_pose(m: Motion) -> Pose:
+    """exp of a motion, a pose."""
     return Pose(lie.matrix(lie.exp_rotation(m.w)), lie.exp_travel(m))
 
 
-@inlined
-def vector_of(R: Rot) -> Vec:
+@inline
+def log_rotation(R: Mat3) -> Vec:
     """log of a rotation matrix."""
-    return lie.log_rotation(of_matrix(R))
+    return lie.log_rotation(quaternion_of_matrix(R))
 
 
-@inlined
-def motion_of(X: Pose) -> Motion:
+@inline
+def log_pose(X: Pose) -> Motion:
     """log of a pose."""
-    w = vector_of(X.R)
+    w = log_rotation(X.R)
     return Motion(w, lie.log_travel(w, X.p))
 
 
-@inlined
-def pose_from(X: Placed) -> Pose:
-    """The pose of an origin and a unit quaternion."""
+@inline
+def pose_from_xyzquat(X: Placed) -> Pose:
+    """Pose of an origin and a unit quaternion."""
     return Pose(lie.matrix(X.q), X.p)
 
 
-@inlined
-def pose_as(X: Pose) -> Placed:
+@inline
+def pose_to_xyzquat(X: Pose) -> Placed:
     """Origin and quaternion of a pose."""
-    return Placed(X.p, of_matrix(X.R))
+    return Placed(X.p, quaternion_of_matrix(X.R))
 
 
-@inlined
-def ended(m: Motion) -> Placed:
+@inline
+def exp_xyzquat(m: Motion) -> Placed:
     """exp of a motion, as origin and quaternion."""
     return Placed(lie.exp_travel(m), lie.exp_rotation(m.w))
 
 
-@inlined
-def started(X: Placed) -> Motion:
+@inline
+def log_xyzquat(X: Placed) -> Motion:
     """log of an origin and a quaternion."""
     w = lie.log_rotation(X.q)
     return Motion(w, lie.log_travel(w, X.p))
 
 
-@inlined
-def turned_jacobian(w: Vec) -> Rot:
+@inline
+def exp_rotation_jacobian(w: Vec) -> Mat3:
     """Right Jacobian of exp at a rotation vector."""
     return lie.exp_jacobian(Motion(w, zero())).J
 
 
-@inlined
-def turned_jacobian_back(R: Rot) -> Rot:
-    """Inverse of the right Jacobian of exp at log R."""
-    return lie.log_jacobian(Motion(vector_of(R), zero()), 1.0).J
+@inline
+def log_rotation_jacobian(R: Mat3) -> Mat3:
+    """Inverse of the right Jacobian of exp, at log R."""
+    return lie.log_jacobian(Motion(log_rotation(R), zero()), 1.0).J
 
 
-@inlined
-def log_jacobian_of(X: Pose) -> lie.Tangent:
-    """Inverse of the right Jacobian of exp at log X."""
-    return lie.log_jacobian(motion_of(X), 1.0)
+@inline
+def log_pose_jacobian(X: Pose) -> lie.Tangent:
+    """Inverse of the right Jacobian of exp, at log X."""
+    return lie.log_jacobian(log_pose(X), 1.0)
 
 
-@inlined
-def bent_log(R: Rot, v: Vec) -> Rot:
-    """The derivative of that inverse as R turns on by v, given in the turned axes."""
-    w = vector_of(R)
+@inline
+def log_rotation_jacobian_derivative(R: Mat3, v: Vec) -> Mat3:
+    """Derivative of ``log_rotation_jacobian(R exp(s v))`` by s, at s = 0."""
+    w = log_rotation(R)
     rate = rotate(lie.log_jacobian(Motion(w, zero()), 1.0).J, v)
     return lie.log_jacobian(Motion(w, rate), 1.0).K

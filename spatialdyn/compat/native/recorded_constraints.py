@@ -1,4 +1,4 @@
-"""Dynamics under constraints for one sample as builtins of Python's, noted as ``recorded_calls`` notes a call."""
+"""Constrained dynamics for one sample that record inputs and result, as builtins; see ``recorded_calls``."""
 
 from __future__ import annotations
 
@@ -7,28 +7,29 @@ from typing import Any
 
 import numpy as np
 
-from ...algebra.scalars import inlined
-from ...engines.compiled import numba_kernels
-from ...engines.compiled.cpython import DATA, SHAPE, Builtin, dims
+from ...algebra.scalars import inline
+from ...engines.compiled import jit, numba_kernels
+from ...engines.compiled.cpython import Builtin, dims
+from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.kkt import bordered_inverse, constrained
 from .recorded_calls import SIZES, copy
 
-FACTORS = ("L", "Y", "C", "force")  # words of a plan: where those go, as ``recursions.kkt`` has them
-CHECKED = [
-    f"if not is_matrix(plan, J, nv) or word(word(J, {SHAPE}), 0) != m: return no(plan)",
-    "if damping != 0 and not is_real(plan, damping): return no(plan)",
+FACTORS = ("L", "Y", "C", "force")  # words of a plan: addresses of the factors that ``recursions.kkt`` computes
+CHECK_AND_COMPUTE_M = [
+    f"if not is_matrix(plan, J, nv) or word(word(J, {SHAPE}), 0) != m: return return_none(plan)",
+    "if damping != 0 and not is_real(plan, damping): return return_none(plan)",
     "J_in, mu = matrix(J), real(damping) if damping != 0 else 0.0",
-    "if not mu >= 0.0: return no(plan)",
+    "if not mu >= 0.0: return return_none(plan)",
     "M_in, x_in = empty((nv, nv)), empty(nv)",
     "L_in, Y_in, C_in, force_in, g_in = empty((nv, nv)), empty((m, nv)), empty((m, m)), empty(m), empty(m)",
-    f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return no(plan)",
+    f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return return_none(plan)",
 ]
-SOLVED = [
+SOLVE = [
     "bodies = table_at(table)",
-    "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return no(plan)",
+    "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return return_none(plan)",
 ]
-NOTED = [
+RECORD = [
     "copy(q_in, at(memory, (nq,)))",
     "copy2(L_in, at(L, (nv, nv)))",
     "copy2(Y_in, at(Y, (m, nv)))",
@@ -37,46 +38,47 @@ NOTED = [
 ]
 
 
-@inlined
+@inline
 def _copy2(x: Any, out: Any) -> None:
     for i in range(len(x)):
         copy(x[i], out[i])
 
 
 def _scope() -> dict[str, Any]:
-    def single(name: str) -> Any:
-        return numba_kernels.single(numba_kernels.variant(SPECS[name], frozenset()))
+    def kernel(name: str) -> Any:
+        return numba_kernels.sample_kernel(numba_kernels.variant(SPECS[name], frozenset()))
 
     return {
-        "mass_matrix": single("crba"), "bias_of": single("nonlinear_effects"), "table_at": numba_kernels._table_at,
+        "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "table_at": jit.table_at,
         "solve": constrained, "inverse": bordered_inverse, "copy": copy, "copy2": _copy2, "empty": np.empty,
     }  # fmt: skip
 
 
 @cache
 def dynamics() -> Builtin:
-    """``(q, v, tau, J, drift[, damping]) -> a``: forward dynamics under constraints.
+    """``(q, v, tau, J, drift[, damping]) -> a``: forward dynamics under constraints; returns None if not applicable.
 
     Words: table, sizes, m, memory for q and v, bias, result, factors.
     """
     words = ["table", *SIZES, "m", "memory", "bias", "result", *FACTORS]
     body = [
-        "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv) and is_vector(plan, tau, nv)): return no(plan)",
-        "if not is_vector(plan, drift, m): return no(plan)",
+        "if not is_vector(plan, q, nq): return return_none(plan)",
+        "if not (is_vector(plan, v, nv) and is_vector(plan, tau, nv)): return return_none(plan)",
+        "if not is_vector(plan, drift, m): return return_none(plan)",
         "q_in, v_in, tau_in = vector(q, nq), vector(v, nv), vector(tau, nv)",
-        *CHECKED,
+        *CHECK_AND_COMPUTE_M,
         "copy(vector(drift, m), g_in)",
         "b_in = empty(nv)",
-        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return no(plan)",
+        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return return_none(plan)",
         "for i in range(nv): x_in[i] = tau_in[i] - b_in[i]",
-        *SOLVED,
-        f"answer = fresh(plan, 1, {dims(words, 'nv')})",
+        *SOLVE,
+        f"answer = new_array(plan, 1, {dims(words, 'nv')})",
         "if answer == 0: return 0",
         f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
-        *NOTED,
+        *RECORD,
         "copy(v_in, at(memory + 8 * nq, (nv,)))",
         "copy(b_in, at(bias, (nv,)))",
-        "copy(x_in, at(result, (nv,)))",  # after the inputs: it may be one of them
+        "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
         "return answer",
     ]
     arguments = ["q", "v", "tau", "J", "drift", "damping"]
@@ -85,28 +87,28 @@ def dynamics() -> Builtin:
 
 @cache
 def impact() -> Builtin:
-    """``(q, v, J[, restitution[, damping]]) -> v behind an impact``.
+    """``(q, v, J[, restitution[, damping]]) -> v after an impact``; returns None if not applicable.
 
     Words: table, sizes, m, memory for q, M, result, factors.
     """
     words = ["table", *SIZES, "m", "memory", "M", "result", *FACTORS]
     body = [
-        "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return no(plan)",
-        "if restitution != 0 and not is_real(plan, restitution): return no(plan)",
+        "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
+        "if restitution != 0 and not is_real(plan, restitution): return return_none(plan)",
         "q_in, v_in, e = vector(q, nq), vector(v, nv), real(restitution) if restitution != 0 else 0.0",
-        "if not 0.0 <= e <= 1.0: return no(plan)",
-        *CHECKED,
+        "if not 0.0 <= e <= 1.0: return return_none(plan)",
+        *CHECK_AND_COMPUTE_M,
         "for k in range(m):",
         "    g_in[k] = 0.0",
         "    for i in range(nv): g_in[k] += (1.0 + e) * J_in[k, i] * v_in[i]",
         "for i in range(nv): x_in[i] = 0.0",
-        *SOLVED,
-        f"answer = fresh(plan, 1, {dims(words, 'nv')})",
+        *SOLVE,
+        f"answer = new_array(plan, 1, {dims(words, 'nv')})",
         "if answer == 0: return 0",
         f"after = at(word(answer, {DATA}), (nv,))",
         "for i in range(nv): after[i] = v_in[i] + x_in[i]",
         "copy2(M_in, at(M, (nv, nv)))",
-        *NOTED,
+        *RECORD,
         "copy(after, at(result, (nv,)))",
         "return answer",
     ]
@@ -115,24 +117,24 @@ def impact() -> Builtin:
 
 @cache
 def inverse() -> Builtin:
-    """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``.
+    """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``; returns None if not applicable.
 
-    Words: table, sizes, m, its axes, memory for q, M, factors.
+    Words: table, sizes, m, axes of the result, memory for q, M, factors.
     """
     words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *FACTORS]
     body = [
-        "if not is_vector(plan, q, nq): return no(plan)",
+        "if not is_vector(plan, q, nq): return return_none(plan)",
         "q_in = vector(q, nq)",
-        *CHECKED,
+        *CHECK_AND_COMPUTE_M,
         "for k in range(m): g_in[k] = 0.0",
         "for i in range(nv): x_in[i] = 0.0",
-        *SOLVED,
-        f"answer = fresh(plan, 2, {dims(words, 'rows')})",
+        *SOLVE,
+        f"answer = new_array(plan, 2, {dims(words, 'rows')})",
         "if answer == 0: return 0",
         "copy(force_in, at(force, (m,)))",
         f"inverse(bodies, L_in, Y_in, C_in, g_in, x_in, force_in, at(word(answer, {DATA}), (rows, columns)))",
         "copy2(M_in, at(M, (nv, nv)))",
-        *NOTED,
+        *RECORD,
         "return answer",
     ]
     return Builtin("bordered_inverse", ["q", "J", "damping"], words, body, _scope(), optional=1)

@@ -1,9 +1,8 @@
 """The library under the names and conventions of Pinocchio: ``import spatialdyn.compat.pinocchio as pin``.
 
 Vectors are [linear; angular]; a free flyer has q = [x y z, quaternion x y z w] and v in its own axes; continuous
-joints have q = [cos, sin]; external forces are given in the joints' own frames. What differs from Pinocchio on purpose
-is listed in ``differences``; ``strict(True)`` turns names that are not there and coordinates off their unit norm into
-errors.
+joints have q = [cos, sin]; external forces are given in the joints' own frames. ``differences()`` lists what
+differs from Pinocchio on purpose; with ``strict(True)`` missing names and coordinates off their unit norm are errors.
 """
 
 from __future__ import annotations
@@ -20,261 +19,72 @@ from . import rpy as rpy
 from . import shortcuts as shortcuts
 from . import utils as utils
 from . import visualize as visualize
-from .algorithms.centroidal import ccrba as ccrba
-from .algorithms.centroidal import centerOfMass as centerOfMass
-from .algorithms.centroidal import computeCentroidalMap as computeCentroidalMap
-from .algorithms.centroidal import computeCentroidalMapTimeVariation as computeCentroidalMapTimeVariation
-from .algorithms.centroidal import computeCentroidalMomentum as computeCentroidalMomentum
-from .algorithms.centroidal import computeCentroidalMomentumTimeVariation as computeCentroidalMomentumTimeVariation
-from .algorithms.centroidal import computeSubtreeMasses as computeSubtreeMasses
-from .algorithms.centroidal import computeSupportedForceByFrame as computeSupportedForceByFrame
-from .algorithms.centroidal import computeSupportedInertiaByFrame as computeSupportedInertiaByFrame
-from .algorithms.centroidal import computeTotalMass as computeTotalMass
-from .algorithms.centroidal import dccrba as dccrba
-from .algorithms.centroidal import getJacobianSubtreeCenterOfMass as getJacobianSubtreeCenterOfMass
-from .algorithms.centroidal import jacobianCenterOfMass as jacobianCenterOfMass
-from .algorithms.centroidal import jacobianSubtreeCenterOfMass as jacobianSubtreeCenterOfMass
-from .algorithms.configuration import dDifference as dDifference
-from .algorithms.configuration import difference as difference
-from .algorithms.configuration import dIntegrate as dIntegrate
-from .algorithms.configuration import dIntegrateTransport as dIntegrateTransport
-from .algorithms.configuration import distance as distance
-from .algorithms.configuration import integrate as integrate
-from .algorithms.configuration import interpolate as interpolate
-from .algorithms.configuration import isNormalized as isNormalized
-from .algorithms.configuration import isSameConfiguration as isSameConfiguration
-from .algorithms.configuration import neutral as neutral
-from .algorithms.configuration import normalize as normalize
-from .algorithms.configuration import randomConfiguration as randomConfiguration
-from .algorithms.configuration import squaredDistance as squaredDistance
-from .algorithms.constrained import computeKKTContactDynamicMatrixInverse as computeKKTContactDynamicMatrixInverse
-from .algorithms.constrained import forwardDynamics as forwardDynamics
-from .algorithms.constrained import getKKTContactDynamicMatrixInverse as getKKTContactDynamicMatrixInverse
-from .algorithms.constrained import impulseDynamics as impulseDynamics
-from .algorithms.derivatives import computeABADerivatives as computeABADerivatives
-from .algorithms.derivatives import computeCentroidalDynamicsDerivatives as computeCentroidalDynamicsDerivatives
-from .algorithms.derivatives import computeForwardKinematicsDerivatives as computeForwardKinematicsDerivatives
-from .algorithms.derivatives import computeGeneralizedGravityDerivatives as computeGeneralizedGravityDerivatives
-from .algorithms.derivatives import computeRNEADerivatives as computeRNEADerivatives
-from .algorithms.derivatives import computeStaticTorqueDerivatives as computeStaticTorqueDerivatives
-from .algorithms.derivatives import getCenterOfMassVelocityDerivatives as getCenterOfMassVelocityDerivatives
-from .algorithms.derivatives import getCentroidalDynamicsDerivatives as getCentroidalDynamicsDerivatives
-from .algorithms.derivatives import getFrameAccelerationDerivatives as getFrameAccelerationDerivatives
-from .algorithms.derivatives import getFrameVelocityDerivatives as getFrameVelocityDerivatives
-from .algorithms.derivatives import getJointAccelerationDerivatives as getJointAccelerationDerivatives
-from .algorithms.derivatives import getJointVelocityDerivatives as getJointVelocityDerivatives
-from .algorithms.derivatives import getPointClassicAccelerationDerivatives as getPointClassicAccelerationDerivatives
-from .algorithms.derivatives import getPointVelocityDerivatives as getPointVelocityDerivatives
-from .algorithms.dynamics import aba as aba
-from .algorithms.dynamics import computeAllTerms as computeAllTerms
-from .algorithms.dynamics import computeCoriolisMatrix as computeCoriolisMatrix
-from .algorithms.dynamics import computeGeneralizedGravity as computeGeneralizedGravity
-from .algorithms.dynamics import computeKineticEnergy as computeKineticEnergy
-from .algorithms.dynamics import computeMechanicalEnergy as computeMechanicalEnergy
-from .algorithms.dynamics import computeMinverse as computeMinverse
-from .algorithms.dynamics import computePotentialEnergy as computePotentialEnergy
-from .algorithms.dynamics import computeStaticTorque as computeStaticTorque
-from .algorithms.dynamics import crba as crba
-from .algorithms.dynamics import getCoriolisMatrix as getCoriolisMatrix
-from .algorithms.dynamics import nle as nle
-from .algorithms.dynamics import nonLinearEffects as nonLinearEffects
-from .algorithms.dynamics import rnea as rnea
-from .algorithms.jacobians import computeFrameJacobian as computeFrameJacobian
-from .algorithms.jacobians import computeJointJacobian as computeJointJacobian
-from .algorithms.jacobians import computeJointJacobians as computeJointJacobians
-from .algorithms.jacobians import computeJointJacobiansTimeVariation as computeJointJacobiansTimeVariation
-from .algorithms.jacobians import frameJacobianTimeVariation as frameJacobianTimeVariation
-from .algorithms.jacobians import getFrameJacobian as getFrameJacobian
-from .algorithms.jacobians import getFrameJacobianTimeVariation as getFrameJacobianTimeVariation
-from .algorithms.jacobians import getJointJacobian as getJointJacobian
-from .algorithms.jacobians import getJointJacobianTimeVariation as getJointJacobianTimeVariation
-from .algorithms.kinematics import forwardKinematics as forwardKinematics
-from .algorithms.kinematics import framesForwardKinematics as framesForwardKinematics
-from .algorithms.kinematics import getAcceleration as getAcceleration
-from .algorithms.kinematics import getClassicalAcceleration as getClassicalAcceleration
-from .algorithms.kinematics import getFrameAcceleration as getFrameAcceleration
-from .algorithms.kinematics import getFrameClassicalAcceleration as getFrameClassicalAcceleration
-from .algorithms.kinematics import getFrameVelocity as getFrameVelocity
-from .algorithms.kinematics import getVelocity as getVelocity
-from .algorithms.kinematics import updateFramePlacement as updateFramePlacement
-from .algorithms.kinematics import updateFramePlacements as updateFramePlacements
-from .algorithms.kinematics import updateGlobalPlacements as updateGlobalPlacements
-from .algorithms.parallel import ModelPool as ModelPool
-from .algorithms.parallel import abaInParallel as abaInParallel
-from .algorithms.parallel import omp_get_max_threads as omp_get_max_threads
-from .algorithms.parallel import rneaInParallel as rneaInParallel
-from .algorithms.regressors import bodyRegressor as bodyRegressor
-from .algorithms.regressors import computeJointTorqueRegressor as computeJointTorqueRegressor
-from .algorithms.regressors import computeKineticEnergyRegressor as computeKineticEnergyRegressor
-from .algorithms.regressors import computePotentialEnergyRegressor as computePotentialEnergyRegressor
-from .algorithms.regressors import computeStaticRegressor as computeStaticRegressor
-from .algorithms.regressors import frameBodyRegressor as frameBodyRegressor
-from .algorithms.regressors import jointBodyRegressor as jointBodyRegressor
-from .algorithms.tangent_map import compactTangentMap as compactTangentMap
-from .algorithms.tangent_map import tangentMap as tangentMap
-from .algorithms.tangent_map import tangentMapProduct as tangentMapProduct
-from .algorithms.tangent_map import tangentMapTransposeProduct as tangentMapTransposeProduct
+from .algorithms.centroidal import *
+from .algorithms.configuration import *
+from .algorithms.constrained import *
+from .algorithms.derivatives import *
+from .algorithms.dynamics import *
+from .algorithms.jacobians import *
+from .algorithms.kinematics import *
+from .algorithms.parallel import *
+from .algorithms.regressors import *
+from .algorithms.tangent_map import *
 from .coverage.coverage import coverage as coverage
 from .coverage.coverage import missing
 from .coverage.differences import differences as differences
 from .coverage.pinocchio_names import NAMES
 from .coverage.strictness import strict as strict
-from .coverage.versions import PINOCCHIO_MAJOR_VERSION as PINOCCHIO_MAJOR_VERSION
-from .coverage.versions import PINOCCHIO_MINOR_VERSION as PINOCCHIO_MINOR_VERSION
-from .coverage.versions import PINOCCHIO_PATCH_VERSION as PINOCCHIO_PATCH_VERSION
-from .coverage.versions import WITH_COLLISION as WITH_COLLISION
-from .coverage.versions import WITH_CPPAD as WITH_CPPAD
-from .coverage.versions import WITH_HPP_FCL as WITH_HPP_FCL
-from .coverage.versions import WITH_HPP_FCL_BINDINGS as WITH_HPP_FCL_BINDINGS
-from .coverage.versions import WITH_OPENMP as WITH_OPENMP
-from .coverage.versions import WITH_SDFORMAT as WITH_SDFORMAT
-from .coverage.versions import WITH_URDFDOM as WITH_URDFDOM
-from .coverage.versions import ScalarType as ScalarType
-from .coverage.versions import __raw_version__ as __raw_version__
-from .coverage.versions import __version__ as __version__
-from .coverage.versions import checkVersionAtLeast as checkVersionAtLeast
-from .coverage.versions import printVersion as printVersion
-from .data.data import Data as Data
+from .coverage.versions import *
+from .data.data import *
 from .deprecation import deprecated as deprecated
-from .explog import Hlog3 as Hlog3
-from .explog import Jexp3 as Jexp3
-from .explog import Jexp6 as Jexp6
-from .explog import Jlog3 as Jlog3
-from .explog import Jlog6 as Jlog6
-from .explog import SE3ToXYZQUAT as SE3ToXYZQUAT
-from .explog import SE3ToXYZQUATtuple as SE3ToXYZQUATtuple
-from .explog import XYZQUATToSE3 as XYZQUATToSE3
-from .explog import classicAcceleration as classicAcceleration
-from .explog import exp as exp
-from .explog import exp3 as exp3
-from .explog import exp3_quat as exp3_quat
-from .explog import exp6 as exp6
-from .explog import exp6_quat as exp6_quat
-from .explog import log as log
-from .explog import log3 as log3
-from .explog import log6 as log6
-from .explog import log6_quat as log6_quat
-from .liegroups import LieGroup as LieGroup
-from .liegroups import findCommonAncestor as findCommonAncestor
-from .liegroups import getTangentToConfigurationSparsitySegment as getTangentToConfigurationSparsitySegment
-from .liegroups import lieGroup as lieGroup
-from .linalg import isOrthonormal as isOrthonormal
-from .linalg import orthogonalization as orthogonalization
-from .linalg import orthonormalization as orthonormalization
-from .model.constraints import ContactType as ContactType
-from .model.constraints import RigidConstraintData as RigidConstraintData
-from .model.constraints import RigidConstraintModel as RigidConstraintModel
-from .model.from_urdf import buildModelFromUrdf as buildModelFromUrdf
-from .model.from_urdf import buildModelFromXML as buildModelFromXML
-from .model.geometry import COLLISION as COLLISION
-from .model.geometry import VISUAL as VISUAL
-from .model.geometry import CollisionPair as CollisionPair
-from .model.geometry import GeometryData as GeometryData
-from .model.geometry import GeometryModel as GeometryModel
-from .model.geometry import GeometryNoMaterial as GeometryNoMaterial
-from .model.geometry import GeometryObject as GeometryObject
-from .model.geometry import GeometryPhongMaterial as GeometryPhongMaterial
-from .model.geometry import GeometryType as GeometryType
-from .model.geometry import buildModelsFromUrdf as buildModelsFromUrdf
-from .model.geometry import createDatas as createDatas
-from .model.joint import JointModel as JointModel
-from .model.joint_data import JointData as JointData
-from .model.joint_mimic import JointModelMimic as JointModelMimic
-from .model.joints_compound import JointModelComposite as JointModelComposite
-from .model.joints_compound import JointModelFreeFlyer as JointModelFreeFlyer
-from .model.joints_compound import JointModelPlanar as JointModelPlanar
-from .model.joints_compound import JointModelSpherical as JointModelSpherical
-from .model.joints_compound import JointModelSphericalZYX as JointModelSphericalZYX
-from .model.joints_compound import JointModelTranslation as JointModelTranslation
-from .model.joints_compound import JointModelUniversal as JointModelUniversal
-from .model.joints_one_axis import JointModelPrismaticUnaligned as JointModelPrismaticUnaligned
-from .model.joints_one_axis import JointModelPX as JointModelPX
-from .model.joints_one_axis import JointModelPY as JointModelPY
-from .model.joints_one_axis import JointModelPZ as JointModelPZ
-from .model.joints_one_axis import JointModelRevoluteUnaligned as JointModelRevoluteUnaligned
-from .model.joints_one_axis import JointModelRevoluteUnboundedUnaligned as JointModelRevoluteUnboundedUnaligned
-from .model.joints_one_axis import JointModelRUBX as JointModelRUBX
-from .model.joints_one_axis import JointModelRUBY as JointModelRUBY
-from .model.joints_one_axis import JointModelRUBZ as JointModelRUBZ
-from .model.joints_one_axis import JointModelRX as JointModelRX
-from .model.joints_one_axis import JointModelRY as JointModelRY
-from .model.joints_one_axis import JointModelRZ as JointModelRZ
-from .model.model import Model as Model
-from .model.model_surgery import appendModel as appendModel
-from .model.model_surgery import buildReducedModel as buildReducedModel
-from .model.model_surgery import transformJointIntoMimic as transformJointIntoMimic
-from .model.sample_models import buildSampleModelHumanoid as buildSampleModelHumanoid
-from .model.sample_models import buildSampleModelHumanoidRandom as buildSampleModelHumanoidRandom
-from .model.sample_models import buildSampleModelManipulator as buildSampleModelManipulator
-from .model.srdf import loadReferenceConfigurations as loadReferenceConfigurations
-from .model.srdf import loadReferenceConfigurationsFromXML as loadReferenceConfigurationsFromXML
-from .model.srdf import loadRotorParameters as loadRotorParameters
-from .robot_wrapper import RobotWrapper as RobotWrapper
-from .types.containers import StdMap_String_VectorXd as StdMap_String_VectorXd
-from .types.containers import StdVec_Bool as StdVec_Bool
-from .types.containers import StdVec_BooleanVector as StdVec_BooleanVector
-from .types.containers import StdVec_Double as StdVec_Double
-from .types.containers import StdVec_EigenIndex as StdVec_EigenIndex
-from .types.containers import StdVec_EigenIndexVector as StdVec_EigenIndexVector
-from .types.containers import StdVec_Force as StdVec_Force
-from .types.containers import StdVec_Frame as StdVec_Frame
-from .types.containers import StdVec_Index as StdVec_Index
-from .types.containers import StdVec_IndexVector as StdVec_IndexVector
-from .types.containers import StdVec_Inertia as StdVec_Inertia
-from .types.containers import StdVec_int as StdVec_int
-from .types.containers import StdVec_Matrix6 as StdVec_Matrix6
-from .types.containers import StdVec_Matrix6x as StdVec_Matrix6x
-from .types.containers import StdVec_MatrixXs as StdVec_MatrixXs
-from .types.containers import StdVec_Motion as StdVec_Motion
-from .types.containers import StdVec_Scalar as StdVec_Scalar
-from .types.containers import StdVec_SE3 as StdVec_SE3
-from .types.containers import StdVec_StdString as StdVec_StdString
-from .types.containers import StdVec_StdVec_Int as StdVec_StdVec_Int
-from .types.containers import StdVec_Symmetric3 as StdVec_Symmetric3
-from .types.containers import StdVec_Vec3s as StdVec_Vec3s
-from .types.containers import StdVec_Vector3 as StdVec_Vector3
-from .types.frame import ACCELERATION as ACCELERATION
-from .types.frame import ARG0 as ARG0
-from .types.frame import ARG1 as ARG1
-from .types.frame import ARG2 as ARG2
-from .types.frame import ARG3 as ARG3
-from .types.frame import ARG4 as ARG4
-from .types.frame import BODY as BODY
-from .types.frame import FIXED_JOINT as FIXED_JOINT
-from .types.frame import JOINT as JOINT
-from .types.frame import LOCAL as LOCAL
-from .types.frame import LOCAL_WORLD_ALIGNED as LOCAL_WORLD_ALIGNED
-from .types.frame import OP_FRAME as OP_FRAME
-from .types.frame import POSITION as POSITION
-from .types.frame import SENSOR as SENSOR
-from .types.frame import VELOCITY as VELOCITY
-from .types.frame import WORLD as WORLD
-from .types.frame import ArgumentPosition as ArgumentPosition
-from .types.frame import Convention as Convention
-from .types.frame import Frame as Frame
-from .types.frame import FrameType as FrameType
-from .types.frame import KinematicLevel as KinematicLevel
-from .types.frame import ReferenceFrame as ReferenceFrame
-from .types.inertia import Inertia as Inertia
-from .types.motion import Force as Force
-from .types.motion import Motion as Motion
-from .types.pseudo_inertia import LogCholeskyParameters as LogCholeskyParameters
-from .types.pseudo_inertia import PseudoInertia as PseudoInertia
-from .types.random import seed as seed
-from .types.rotations import AngleAxis as AngleAxis
-from .types.rotations import Quaternion as Quaternion
-from .types.rotations import XAxis as XAxis
-from .types.rotations import YAxis as YAxis
-from .types.rotations import ZAxis as ZAxis
-from .types.rotations import skew as skew
-from .types.rotations import skewSquare as skewSquare
-from .types.rotations import unSkew as unSkew
-from .types.se3 import SE3 as SE3
-from .types.symmetric import Symmetric3 as Symmetric3
+from .explog import *
+from .liegroups import (
+    LieGroup as LieGroup,
+)
+from .liegroups import (
+    findCommonAncestor as findCommonAncestor,
+)
+from .liegroups import (
+    getTangentToConfigurationSparsitySegment as getTangentToConfigurationSparsitySegment,
+)
+from .liegroups import (
+    lieGroup as lieGroup,
+)
+from .linalg import (
+    isOrthonormal as isOrthonormal,
+)
+from .linalg import (
+    orthogonalization as orthogonalization,
+)
+from .linalg import (
+    orthonormalization as orthonormalization,
+)
+from .model.constraints import *
+from .model.from_urdf import *
+from .model.geometry import *
+from .model.joint import *
+from .model.joint_data import *
+from .model.joint_mimic import *
+from .model.joints_compound import *
+from .model.joints_one_axis import *
+from .model.model import *
+from .model.model_surgery import *
+from .model.sample_models import *
+from .model.srdf import *
+from .robot_wrapper import *
+from .types.containers import *
+from .types.frame import *
+from .types.inertia import *
+from .types.motion import *
+from .types.pseudo_inertia import *
+from .types.random import *
+from .types.rotations import *
+from .types.se3 import *
+from .types.symmetric import *
 
-if not TYPE_CHECKING:  # type checkers go by ``as``, and would take a name that is not there for one of any type
+if not TYPE_CHECKING:  # with a module __getattr__ type checkers would accept every name
     __all__ = sorted({*NAMES} & {*globals()} | {"coverage", "differences", "strict"})
 
     def __getattr__(name: str) -> Any:
-        """Say what to use instead of a name that Pinocchio has and this face has not."""
+        """Raise an error that says what to use instead of a name of Pinocchio's that is out of scope."""
         return missing(name)

@@ -1,4 +1,4 @@
-"""Stands for ``pinocchio.casadi``, which is out of scope: importing it says what to use instead."""
+"""``pinocchio.casadi`` is out of scope: importing it raises an error that says what to use instead."""
 
 from .coverage.coverage import missing_module
 

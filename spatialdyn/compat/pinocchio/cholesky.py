@@ -1,4 +1,4 @@
-"""``cholesky``: M = U D Uᵀ with U of unit diagonal, upper triangular; zeros of the tree stay zeros in U."""
+"""``pinocchio.cholesky``: M = U D Uᵀ, U upper triangular with unit diagonal and the sparsity of the tree."""
 
 from __future__ import annotations
 
@@ -7,32 +7,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...constraints.contact import back, factor
+from ...constraints.contact import factor, solve_factored
 from ...errors import InertiaError
-from .data.data import prepared
+from .data.data import Data, library_of
 from .data.dispatch import vector
 from .data.field_recipes import diagonal, unit_upper
+from .model.model import Model
 
 Array = NDArray[np.float64]
 
 
-def decompose(model: Any, data: Any) -> Array:
+def decompose(model: Model, data: Data) -> Array:
     """U (nv, nv) of data.M, also ``data.U``, with D (nv,) in ``data.D``. Raises InertiaError if M is singular."""
-    compiled, M = prepared(model, data), data.array("M")
+    library, M = library_of(model, data), data.array("M")
     if not M.any() and M.size:
         raise InertiaError("data.M is zero, expected crba to have been called")
-    return stored(data, factor(compiled.model, M.T))  # the upper triangle counts
+    return stored(data, factor(library.model, M.T))  # reads the upper triangle
 
 
-def solve(model: Any, data: Any, v: Any) -> Array:
-    """M⁻¹ v (nv,) by what decompose has left in ``data``. Raises InertiaError if it has not been called."""
-    compiled, y = prepared(model, data), vector("v", v, model.nv)
-    return back(compiled.model, _lower(data), y)
+def solve(model: Model, data: Data, v: Any) -> Array:
+    """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
+    library, y = library_of(model, data), vector("v", v, model.nv)
+    return solve_factored(library.model, _lower(data), y)
 
 
-def computeMinv(model: Any, data: Any) -> Array:
-    """M⁻¹ (nv, nv), also ``data.Minv``, by what decompose has left in ``data``. Raises as ``solve``."""
-    prepared(model, data)
+def computeMinv(model: Model, data: Data) -> Array:
+    """M⁻¹ (nv, nv), also ``data.Minv``, from the U, D that decompose left in ``data``. Raises as ``solve``."""
+    library_of(model, data)
     L = _lower(data)
     half = half_inverse(L)
     Minv: Array = half.T @ half
@@ -40,8 +41,8 @@ def computeMinv(model: Any, data: Any) -> Array:
     return Minv
 
 
-def stored(data: Any, L: Array) -> Array:
-    """U of an L with D on its diagonal and zeros above; both are written to ``data``."""
+def stored(data: Data, L: Array) -> Array:
+    """U of an L with D on its diagonal and zeros above; writes both to ``data``."""
     data.put("D", diagonal(L))
     U = unit_upper(L)
     data.put("U", U)
@@ -54,7 +55,7 @@ def half_inverse(L: Array) -> Array:
     return np.asarray(np.linalg.inv(unit).T / np.sqrt(L.diagonal())[:, None])
 
 
-def _lower(data: Any) -> Array:
+def _lower(data: Data) -> Array:
     """L = Uᵀ with D on its diagonal."""
     D = data.array("D")
     if not (D > 0.0).all():

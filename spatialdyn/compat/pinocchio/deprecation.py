@@ -1,4 +1,4 @@
-"""What Pinocchio's module of this name offers: a decorator for functions that are going to leave."""
+"""``pinocchio.deprecation``: a decorator for deprecated functions."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 
 class DeprecatedWarning(UserWarning):
-    """A function was called that is going to leave."""
+    """A deprecated function was called."""
 
 
 def deprecated(instructions: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """A decorator: calls of the function warn with DeprecatedWarning, and say what to do instead.
+    """A decorator: calls of the function warn with DeprecatedWarning and these instructions.
 
     instructions  text, such as "use rnea"
     """

@@ -15,6 +15,11 @@ from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
 
+__all__ = [
+    "Hlog3", "Jexp3", "Jexp6", "Jlog3", "Jlog6", "SE3ToXYZQUAT", "SE3ToXYZQUATtuple", "XYZQUATToSE3",
+    "classicAcceleration", "exp", "exp3", "exp3_quat", "exp6", "exp6_quat", "log", "log3", "log6", "log6_quat",
+]  # fmt: skip
+
 Array = NDArray[np.float64]
 
 
@@ -64,7 +69,7 @@ def exp3_quat(w: Any) -> Array:
 def log3(R: Any, theta: Array | None = None) -> Array:
     """The rotation vector (3,) [rad], of length up to π, of a rotation (3, 3), a Quaternion, or x y z w (4,).
 
-    theta  (1,)  its length is written there if given
+    theta  (1,)  written in place if given: its length
     """
     out = np.empty(3)
     if isinstance(R, Quaternion) and theta is None:
@@ -97,7 +102,7 @@ def Jlog3(R: Any) -> Array:
 def Hlog3(R: Any, v: Any) -> Array:
     """The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0."""
     out = np.empty((3, 3))
-    operator_kernels.log3_bend(array(R, (3, 3), "R"), array(v, (3,), "v"), out)
+    operator_kernels.log3_jacobian_derivative(array(R, (3, 3), "R"), array(v, (3,), "v"), out)
     return out
 
 
@@ -113,30 +118,30 @@ def _pose(M: Any) -> Array:
 
 
 def exp6(v: Any) -> SE3:
-    """Where the motion v, a Motion or an array (6,), held for unit time in the moving frame, ends."""
+    """The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time."""
     out = np.empty((4, 4))
     operator_kernels.exp6(_twist(v), out)
     return SE3.over(out)
 
 
 def exp6_quat(v: Any) -> Array:
-    """The same as x y z and quaternion x y z w (7,), of an array (6,)."""
+    """``exp6`` of an array (6,) as x y z and quaternion x y z w (7,)."""
     out = np.empty(7)
-    operator_kernels.exp6_seven(array(v, (6,), "v"), out)
+    operator_kernels.exp6_xyzquat(array(v, (6,), "v"), out)
     return out
 
 
 def log6(M: Any) -> Motion:
-    """The Motion that ends at M, an SE3 or an array (4, 4), after unit time; it turns by π at most."""
+    """The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π."""
     out = np.empty(6)
     operator_kernels.log6(_pose(M), out)
     return Motion.over(out)
 
 
 def log6_quat(q: Any) -> Motion:
-    """The same of x y z and quaternion x y z w (7,)."""
+    """``log6`` of x y z and quaternion x y z w (7,)."""
     out = np.empty(6)
-    operator_kernels.log6_seven(array(q, (7,), "q"), out)
+    operator_kernels.log6_xyzquat(array(q, (7,), "q"), out)
     return Motion.over(out)
 
 
@@ -160,12 +165,12 @@ def Jlog6(M: Any) -> Array:
 def SE3ToXYZQUAT(M: SE3) -> Array:
     """Translation x y z and quaternion x y z w (7,) of an SE3."""
     out = np.empty(7)
-    operator_kernels.to_seven(expected(M, SE3, "M")._x, out)
+    operator_kernels.to_xyzquat(expected(M, SE3, "M")._x, out)
     return out
 
 
 def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:
-    """The same as a tuple."""
+    """``SE3ToXYZQUAT`` as a tuple."""
     return tuple(SE3ToXYZQUAT(M).tolist())
 
 
@@ -177,14 +182,14 @@ def XYZQUATToSE3(x: Any) -> SE3:
     if given.shape != (7,):
         raise ShapeError(f"x has {given.size} numbers, expected 7")
     out = np.empty((4, 4))
-    operator_kernels.from_seven(given, out)
+    operator_kernels.from_xyzquat(given, out)
     return SE3.over(out)
 
 
 def classicAcceleration(spatial_velocity: Motion, spatial_acceleration: Motion, placement: SE3 | None = None) -> Array:
-    """The acceleration (3,) of the frame's origin [m/s²], in its axes: the linear part, plus ω × v.
+    """Classical acceleration (3,) of the frame's origin [m/s²], in its axes: the linear part plus ω × v.
 
-    placement   the frame in that of the two Motions, if it is another
+    placement   pose of the frame in that of the two Motions, the same frame by default
     """
     v = expected(spatial_velocity, Motion, "spatial_velocity")
     a = expected(spatial_acceleration, Motion, "spatial_acceleration")

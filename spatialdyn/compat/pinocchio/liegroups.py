@@ -1,4 +1,4 @@
-"""Lie groups as objects: R^n, SO(2), SO(3), SE(2), SE(3) and products, each the configurations of a chain of joints."""
+"""Lie groups R^n, SO(2), SO(3), SE(2), SE(3) and products: the configuration spaces of chains of joints."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...bodies.kinds import kind_of
 from ...errors import ShapeError
 from .algorithms import configuration
 from .algorithms.tangent_map import tangentMap, tangentMapProduct, tangentMapTransposeProduct
@@ -28,14 +29,13 @@ JOINTS: Mapping[str, type[JointModel]] = {
     "SE(2)": JointModelPlanar,
     "SE(3)": JointModelFreeFlyer,
 }
-OF_KINDS = {"continuous": "SO(2)", "spherical": "SO(3)", "planar": "SE(2)", "floating": "SE(3)"}
 
 __all__ = ["R1", "R2", "R3", "SE2", "SE3", "SO2", "SO3", "Rn"]
 
 
 @cache
 def _chain(parts: tuple[str, ...]) -> Model:
-    """A chain of joints whose configurations are the product of the groups."""
+    """A chain of joints whose configuration space is the product of the groups."""
     model = Model()
     for part in parts:
         kinds = [JOINTS[part]] if part in JOINTS else [JointModelPX] * int(part[2:])
@@ -102,11 +102,11 @@ class LieGroup:
         return configuration.integrate(self._model, q, v)
 
     def difference(self, q0: Any, q1: Any) -> Array:
-        """The v (nv,) that takes q0 to q1."""
+        """The v (nv,) with integrate(q0, v) = q1."""
         return configuration.difference(self._model, q0, q1)
 
     def interpolate(self, q0: Any, q1: Any, u: float) -> Array:
-        """The element (nq,) a part u of the way from q0 to q1."""
+        """The element (nq,) at the fraction u of the way from q0 to q1."""
         return configuration.interpolate(self._model, q0, q1, u)
 
     def squaredDistance(self, q0: Any, q1: Any) -> float:
@@ -119,16 +119,16 @@ class LieGroup:
         return float(np.sqrt(self.squaredDistance(q0, q1)))
 
     def normalize(self, q: Array) -> None:
-        """Bring the quaternions and (cos, sin) pairs of q (nq,) to unit norm, in place."""
+        """Normalize the quaternions and (cos, sin) pairs of q (nq,), in place."""
         q[...] = np.reshape(configuration.normalize(self._model, q), q.shape)
 
     def random(self) -> Array:
-        """A random element (nq,): positions within ±1, rotations all alike."""
+        """A random element (nq,): positions within ±1, rotations uniform."""
         bound = np.ones(self.nq)
         return configuration.randomConfiguration(self._model, -bound, bound)
 
     def randomConfiguration(self, lower_bound: Any, upper_bound: Any) -> Array:
-        """A random element (nq,): positions between the bounds (nq,), rotations all alike."""
+        """A random element (nq,): positions between the bounds (nq,), rotations uniform."""
         return configuration.randomConfiguration(self._model, lower_bound, upper_bound)
 
     # --- derivatives ---------------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ class LieGroup:
         return configuration.dIntegrateTransport(self._model, q, v, J, argument_position)
 
     def tangentMap(self, q: Any) -> Array:
-        """The matrix T (nq, nv) that makes coordinate rates of velocities: q̇ = T v."""
+        """The matrix T (nq, nv) from velocities to coordinate rates: q̇ = T v."""
         return tangentMap(self._model, q)
 
     def tangentMapProduct(self, q: Any, mat: Any) -> Array:
@@ -234,7 +234,7 @@ def SE3() -> LieGroup:
 
 
 def lieGroup(model: Model) -> LieGroup:
-    """The group of a model's configurations, the product of its joints'."""
+    """The configuration space of a model, the product of its joints' groups."""
     parts = [part for joint in list(expected(model, Model, "model").joints)[1:] for part in _groups(joint)]
     return LieGroup(parts, model)
 
@@ -242,12 +242,12 @@ def lieGroup(model: Model) -> LieGroup:
 def _groups(joint: JointModel) -> list[str]:
     if isinstance(joint, JointModelComposite):
         return [part for inner in joint.joints for part in _groups(inner)]
-    kinds = [step.kind for step in joint.steps()] if joint.nv else []
-    return [OF_KINDS[kinds[0]]] if kinds and kinds[0] in OF_KINDS else [f"R^{len(kinds)}"] * bool(kinds)
+    groups = [kind_of(step.kind, "cos_sin").group for step in joint.steps()] if joint.nv else []
+    return [groups[0]] if groups and groups[0] != "R" else [f"R^{len(groups)}"] * bool(groups)
 
 
 def getTangentToConfigurationSparsitySegment(model: Model) -> tuple[StdVec_Index, StdVec_Index]:
-    """For each coordinate, how many velocities its joint has, and the first of them."""
+    """For each coordinate, the number of velocities of its joint and the index of the first."""
     joints = list(expected(model, Model, "model").joints)[1:]
     starts, widths = StdVec_Index([0] * model.nq), StdVec_Index([0] * model.nq)
     for joint in joints:
@@ -257,14 +257,14 @@ def getTangentToConfigurationSparsitySegment(model: Model) -> tuple[StdVec_Index
 
 
 def findCommonAncestor(model: Model, joint1_id: int, joint2_id: int) -> tuple[int, int, int]:
-    """The last joint that carries both joints, and its places in ``supports`` of the one and the other."""
+    """The last joint that carries both joints, and its indices in ``supports`` of the first and the second."""
     first, second = (list(expected(model, Model, "model").supports[k]) for k in (joint1_id, joint2_id))
     shared = sum(a == b for a, b in zip(first, second, strict=False)) - 1
     return int(first[shared]), shared, shared
 
 
 def _of_joint(self: JointModel) -> LieGroup:
-    """The group of the joint's configurations."""
+    """The configuration space of the joint."""
     return LieGroup(_groups(self))
 
 

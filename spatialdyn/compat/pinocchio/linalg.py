@@ -1,4 +1,4 @@
-"""Small matrix helpers that scripts take from ``pinocchio.linalg`` and beside it."""
+"""``pinocchio.linalg``, and the matrix functions at the package's root."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def inv(mat: Any) -> Array:
 
 
 def computeLargestEigenvector(mat: Any, max_it: int = 10, rel_tol: float = 1e-8) -> Array:
-    """An eigenvector (n,) of the eigenvalue of largest magnitude, of that length, by power iteration."""
+    """An eigenvector (n,) of the eigenvalue of largest magnitude, whose norm is that magnitude, by power iteration."""
     M = _square(mat, "mat")
     x = np.ones(len(M)) / np.sqrt(max(len(M), 1))
     for _ in range(max_it):
@@ -48,18 +48,18 @@ def computeLargestEigenvector(mat: Any, max_it: int = 10, rel_tol: float = 1e-8)
 
 
 def retrieveLargestEigenvalue(eigenvector: Any) -> float:
-    """The magnitude of the eigenvalue, of a vector as ``computeLargestEigenvector`` gives it."""
+    """The magnitude of the largest eigenvalue: the norm of ``computeLargestEigenvector``."""
     return float(np.linalg.norm(_array(eigenvector, "eigenvector", 1)))
 
 
 def isOrthonormal(matrix: Any, prec: float = 1e-12) -> bool:
-    """Whether the columns of a matrix are of norm 1 and at right angles, to within prec."""
+    """Whether the columns of a matrix are orthonormal to prec."""
     M = _array(matrix, "matrix", 2)
     return bool((abs(M.T @ M - np.eye(M.shape[1])) <= prec).all())
 
 
 def orthogonalization(basis: Any, vec: Array, threshold: float = 0.0) -> None:
-    """Take from vec (n,), in place, its parts above a threshold along the columns of an orthonormal basis (n, m)."""
+    """Subtract from vec (n,), in place, its components above a threshold along an orthonormal basis (n, m)."""
     B = _array(basis, "basis", 2)
     if _array(vec, "vec", 1).shape != B.shape[:1]:
         raise ShapeError(f"vec has shape {vec.shape}, expected ({len(B)},)")
@@ -70,7 +70,7 @@ def orthogonalization(basis: Any, vec: Array, threshold: float = 0.0) -> None:
 
 
 def orthonormalization(matrix: Array, threshold: float = 0.0) -> None:
-    """Make the columns of a matrix (n, m) orthonormal, in place, one after the other.
+    """Orthonormalize the columns of a matrix (n, m), in place, one after the other.
 
     Raises ShapeError if a column depends on those before it.
     """

@@ -1,4 +1,4 @@
-"""RobotWrapper: a model and its data in one object."""
+"""RobotWrapper: a model, its data, and the functions of this package as methods."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from .types.motion import Force, Motion
 from .types.se3 import SE3
 from .visualize import MeshcatVisualizer
 
+__all__ = ["RobotWrapper"]
+
 Array = NDArray[np.float64]
 OTHER_FILES = "initFromMJCF initFromSDF"
 
@@ -28,10 +30,10 @@ class RobotWrapper:
     """A robot: ``RobotWrapper(model)`` or ``RobotWrapper.BuildFromURDF(filename, package_dirs, root_joint)``.
 
     model, data        a Model and its Data; ``rebuildData`` makes a new Data after joints or frames were added
-    q0, v0             the neutral configuration, and no velocity
+    q0, v0             the neutral configuration, and zero velocity
     index in methods   of a joint; in those whose name begins with frame, of a frame
 
-    Methods call the function of the face that their names and texts say, on the robot's model and data.
+    Methods call the function that their docstring names, on the robot's model and data.
     """
 
     _instead: ClassVar[dict[str, str]] = {
@@ -71,7 +73,7 @@ class RobotWrapper:
         raise NotImplementedError("BuildFromSDF: only URDFs are read, expected BuildFromURDF")
 
     def initFromURDF(self, filename: Any, *arguments: Any, **named: Any) -> None:
-        """Make it the robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
+        """Load a URDF file into this object; arguments as of ``buildModelsFromUrdf``."""
         RobotWrapper.__init__(self, *buildModelsFromUrdf(filename, *arguments, **named))
 
     def rebuildData(self) -> None:
@@ -93,7 +95,7 @@ class RobotWrapper:
             raise OutOfScopeAttributeError(f"{name}: {self._instead[name]}")
         raise AttributeError(f"a RobotWrapper has no attribute {name!r}")
 
-    # --- viewers, which show nothing: see ``visualize`` ------------------------------------------------------
+    # --- viewers: see ``visualize`` --------------------------------------------------------------------------
 
     @property
     def viewer(self) -> Any:
@@ -101,47 +103,47 @@ class RobotWrapper:
         return None if self.viz is None else self.viz.viewer
 
     def setVisualizer(self, visualizer: Any, init: bool = True, copy_models: bool = False) -> None:
-        """Use a visualizer, made anew for this robot's models unless told not to."""
+        """Set the visualizer; ``init`` calls its constructor with this robot's models."""
         if init:
             visualizer.__init__(self.model, self.collision_model, self.visual_model, copy_models)
         self.viz = visualizer
 
     def initViewer(self, share_data: bool = True, *arguments: Any, **named: Any) -> None:
-        """Make a MeshcatVisualizer unless there is a visualizer, and hand it the other arguments."""
+        """Call the visualizer's ``initViewer``; without a visualizer a MeshcatVisualizer is made."""
         if self.viz is None:
             data = (self.data, self.collision_data, self.visual_data) if share_data else (None, None, None)
             models = self.model, self.collision_model, self.visual_model
             self.viz = MeshcatVisualizer(*models, not share_data, *data)
         self.viz.initViewer(*arguments, **named)
 
-    def _shown(self) -> Any:
+    def _visualizer(self) -> Any:
         if self.viz is None:
             raise ValueRuntimeError("the robot has no visualizer, expected initViewer or setVisualizer before")
         return self.viz
 
     def loadViewerModel(self, *arguments: Any, **named: Any) -> None:
-        """The visualizer's method."""
-        self._shown().loadViewerModel(*arguments, **named)
+        """Call the visualizer's method of this name."""
+        self._visualizer().loadViewerModel(*arguments, **named)
 
     def display(self, q: Any) -> None:
-        """The visualizer's method."""
-        self._shown().display(q)
+        """Call the visualizer's method of this name."""
+        self._visualizer().display(q)
 
     def displayCollisions(self, visibility: bool) -> None:
-        """The visualizer's method."""
-        self._shown().displayCollisions(visibility)
+        """Call the visualizer's method of this name."""
+        self._visualizer().displayCollisions(visibility)
 
     def displayVisuals(self, visibility: bool) -> None:
-        """The visualizer's method."""
-        self._shown().displayVisuals(visibility)
+        """Call the visualizer's method of this name."""
+        self._visualizer().displayVisuals(visibility)
 
     def getViewerNodeName(self, geometry_object: Any, geometry_type: Any) -> Any:
-        """The visualizer's method."""
-        return self._shown().getViewerNodeName(geometry_object, geometry_type)
+        """Call the visualizer's method of this name."""
+        return self._visualizer().getViewerNodeName(geometry_object, geometry_type)
 
     def play(self, q_trajectory: Any, dt: float) -> None:
-        """The visualizer's method."""
-        self._shown().play(q_trajectory, dt)
+        """Call the visualizer's method of this name."""
+        self._visualizer().play(q_trajectory, dt)
 
     @property
     def nq(self) -> int:
@@ -160,7 +162,7 @@ class RobotWrapper:
     # --- the robot as a whole ------------------------------------------------------------------------------
 
     def com(self, q: Any = None, v: Any = None, a: Any = None) -> Any:
-        """Centre of mass; with v a tuple of it and its velocity, with a of its acceleration too."""
+        """Centre of mass; with v the tuple (position, velocity), with a (position, velocity, acceleration)."""
         if q is None:
             centroidal.centerOfMass(self.model, self.data)
             return self.data.com[0]
@@ -235,7 +237,7 @@ class RobotWrapper:
     def velocity(
         self, q: Any, v: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
     ) -> Motion:
-        """``getVelocity``, after forwardKinematics unless told not to."""
+        """``getVelocity``, after forwardKinematics if ``update_kinematics``."""
         if update_kinematics:
             kinematics.forwardKinematics(self.model, self.data, q, v)
         return kinematics.getVelocity(self.model, self.data, index, reference_frame)
@@ -243,7 +245,7 @@ class RobotWrapper:
     def acceleration(
         self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
     ) -> Motion:
-        """``getAcceleration``, after forwardKinematics unless told not to."""
+        """``getAcceleration``, after forwardKinematics if ``update_kinematics``."""
         if update_kinematics:
             kinematics.forwardKinematics(self.model, self.data, q, v, a)
         return kinematics.getAcceleration(self.model, self.data, index, reference_frame)
@@ -251,7 +253,7 @@ class RobotWrapper:
     def classicalAcceleration(
         self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
     ) -> Motion:
-        """``getClassicalAcceleration``, after forwardKinematics unless told not to."""
+        """``getClassicalAcceleration``, after forwardKinematics if ``update_kinematics``."""
         if update_kinematics:
             kinematics.forwardKinematics(self.model, self.data, q, v, a)
         return kinematics.getClassicalAcceleration(self.model, self.data, index, reference_frame)
@@ -283,7 +285,7 @@ class RobotWrapper:
     def frameVelocity(
         self, q: Any, v: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
     ) -> Motion:
-        """``getFrameVelocity``, after forwardKinematics unless told not to."""
+        """``getFrameVelocity``, after forwardKinematics if ``update_kinematics``."""
         if update_kinematics:
             kinematics.forwardKinematics(self.model, self.data, q, v)
         return kinematics.getFrameVelocity(self.model, self.data, index, reference_frame)
@@ -291,7 +293,7 @@ class RobotWrapper:
     def frameAcceleration(
         self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
     ) -> Motion:
-        """``getFrameAcceleration``, after forwardKinematics unless told not to."""
+        """``getFrameAcceleration``, after forwardKinematics if ``update_kinematics``."""
         if update_kinematics:
             kinematics.forwardKinematics(self.model, self.data, q, v, a)
         return kinematics.getFrameAcceleration(self.model, self.data, index, reference_frame)
@@ -299,7 +301,7 @@ class RobotWrapper:
     def frameClassicalAcceleration(
         self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
     ) -> Motion:
-        """``getFrameClassicalAcceleration``, after forwardKinematics unless told not to."""
+        """``getFrameClassicalAcceleration``, after forwardKinematics if ``update_kinematics``."""
         if update_kinematics:
             kinematics.forwardKinematics(self.model, self.data, q, v, a)
         return kinematics.getFrameClassicalAcceleration(self.model, self.data, index, reference_frame)
@@ -313,5 +315,5 @@ class RobotWrapper:
         return jacobians.computeFrameJacobian(self.model, self.data, q, frame_id)
 
     def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
-        """Raises OutOfScopeError: there is no geometry."""
+        """Raises OutOfScopeError: geometry is out of scope."""
         raise OutOfScopeError("updateGeometryPlacements: geometry is out of scope of spatialdyn; place it by data.oMi")

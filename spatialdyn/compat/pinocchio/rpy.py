@@ -36,7 +36,7 @@ def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
 def matrixToRpy(R: Any) -> Array:
     """Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).
 
-    At a right angle of pitch, where only one of the others counts, the roll is 0.
+    At a pitch of ±π/2, where roll and yaw are not unique, the roll is 0.
     """
     return np.array(rpy_of(array(R, (3, 3), "R")))
 
@@ -56,7 +56,7 @@ def _trigonometry(rpy: Any) -> tuple[float, float, float, float, float, float]:
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
-    """The matrix (3, 3) that makes the angular velocity, in the body's or the world's axes, of the angles' rates."""
+    """The matrix (3, 3) from the angles' rates to the angular velocity, in the body's (LOCAL) or the world's axes."""
     sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
     if reference_frame == LOCAL:
         return np.array([[1.0, 0.0, -sp], [0.0, cr, sr * cp], [0.0, -sr, cr * cp]])
@@ -64,7 +64,7 @@ def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Arr
 
 
 def computeRpyJacobianInverse(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
-    """The inverse (3, 3) of ``computeRpyJacobian``; large near a right angle of pitch, where there is none."""
+    """The inverse (3, 3) of ``computeRpyJacobian``, which is singular at a pitch of ±π/2."""
     sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
     tp = sp / cp
     if reference_frame == LOCAL:
@@ -73,7 +73,7 @@ def computeRpyJacobianInverse(rpy: Any, reference_frame: ReferenceFrame = LOCAL)
 
 
 def computeRpyJacobianTimeDerivative(rpy: Any, rpydot: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
-    """The rate of change (3, 3) of ``computeRpyJacobian`` when the angles change at these rates (3,)."""
+    """Time derivative (3, 3) of ``computeRpyJacobian`` at these rates (3,) of the angles."""
     sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
     dr, dp, dy = array(rpydot, (3,), "rpydot").tolist()
     if reference_frame == LOCAL:

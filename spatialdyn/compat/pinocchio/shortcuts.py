@@ -1,4 +1,4 @@
-"""What Pinocchio's module of this name offers: models and data in one call."""
+"""``pinocchio.shortcuts``: models and data in one call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small helpers that scripts take from ``pinocchio.utils``."""
+"""``pinocchio.utils``: small helpers."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def zero(n: Any) -> Any:
 
 
 def rand(n: Any) -> Any:
-    """An array of size or shape n of numbers in [0, 1), from NumPy's own generator and its seed."""
+    """Random numbers in [0, 1) of size or shape n, from NumPy's global generator."""
     return np.random.rand(n) if isinstance(n, int) else np.random.rand(n[0], n[1])
 
 
 def isapprox(a: Any, b: Any, epsilon: float = 1e-6) -> bool:
-    """Whether two arrays or values agree to epsilon of their size, or two numbers to epsilon."""
+    """Whether two arrays or values agree to a relative epsilon, or two numbers to epsilon."""
     a, b = (np.asarray(x) if isinstance(x, (Value, list)) else x for x in (a, b))
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return bool(np.allclose(np.squeeze(a), np.squeeze(b), epsilon))
@@ -68,5 +68,5 @@ def fromListToVectorOfString(items: Iterable[str]) -> StdVec_StdString:
 
 
 def mprint(M: Any, name: str = "ans", eps: float = 1e-15) -> None:
-    """Not offered: nothing here writes to the terminal; ``print(numpy.array2string(M))`` does."""
+    """Raises NotImplementedError: the library never prints; use ``print(numpy.array2string(M))``."""
     raise NotImplementedError("utils.mprint is not offered; use print(numpy.array2string(M))")

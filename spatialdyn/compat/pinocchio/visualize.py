@@ -1,37 +1,51 @@
-"""The names of ``pinocchio.visualize``, for scripts that can do without a picture: nothing is shown.
+"""``pinocchio.visualize``: ViserVisualizer and MeshcatVisualizer draw in viser; the other classes show nothing.
 
-A visualizer can be made, and its methods do nothing; the first one made warns. ``spatialdyn.simulate`` gives a
-Trajectory, whose poses MeshCat or viser draw.
+Geometry is read by ``spatialdyn.pictures`` from the file given to ``buildModelsFromUrdf``; objects added to a
+GeometryModel are drawn too, if they are mesh files, boxes, cylinders or spheres. Without any, the joints' inertias are
+drawn as boxes. Where viser is not installed, and for the other viewers, the classes construct, their methods do
+nothing, and the first one warns.
 """
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, ClassVar
 
+import numpy as np
+
+from ...model.robot import Link
+from ...pictures.inertia_shapes import inertia_boxes
+from ...pictures.shapes import Shape, mesh_shapes, primitive_shape, urdf_shapes
+from ...pictures.stage import HOST, Stage, has_screen, page_frame, warn_missing
+from .algorithms import configuration, kinematics
 from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
 from .data.data import Data
-from .model.geometry import GeometryData, GeometryModel
+from .model.geometry import GeometryData, GeometryModel, GeometryObject
 from .model.model import Model
+from .types.arguments import ValueRuntimeError
+from .types.frame import BODY
 
-_ADVICE = "draw the poses data.oMi with meshcat or viser"
+_ADVICE = 'ViserVisualizer and MeshcatVisualizer draw where viser is installed: pip install "spatialdyn[view]"'
 
 
 @cache
 def _warn() -> None:
-    """Say once a process that nothing is shown."""
-    warnings.warn(f"visualizers of spatialdyn show nothing: {_ADVICE}", stacklevel=3)
+    """Warn once per process that visualizers show nothing."""
+    warnings.warn(f"this visualizer of spatialdyn shows nothing: {_ADVICE}", stacklevel=3)
 
 
 class BaseVisualizer:
     """A visualizer that shows nothing.
 
-    model, collision_model, visual_model  what it would show
+    model, collision_model, visual_model  the models
     data, collision_data, visual_data     their data, made if not given
-    viewer                                what ``initViewer`` was given, else None
+    viewer                                the argument of ``initViewer``, None before
 
     ``display`` and the other methods of Pinocchio's visualizers accept anything and do nothing. Images and videos
     raise OutOfScopeError.
@@ -49,17 +63,25 @@ class BaseVisualizer:
         collision_data: GeometryData | None = None,
         visual_data: GeometryData | None = None,
     ) -> None:
-        _warn()
-        given = [Model() if model is None else model, collision_model, visual_model]
+        if not self._draws():
+            _warn()
+        given: list[Any] = [Model() if model is None else model, collision_model, visual_model]
         if copy_models:
             given = [None if x is None else x.copy() for x in given]
-        self.model, self.collision_model, self.visual_model = given
+        self.model: Model = given[0]
+        self.collision_model: GeometryModel | None = given[1]
+        self.visual_model: GeometryModel | None = given[2]
         self.data: Any = data
         self.collision_data: Any = collision_data
         self.visual_data: Any = visual_data
         self.viewer: Any = None
         if data is None:
             self.rebuildData()
+
+    @classmethod
+    def _draws(cls) -> bool:
+        """Whether there is a picture."""
+        return False
 
     def rebuildData(self) -> None:
         """Make new data for the models as they are now."""
@@ -68,7 +90,7 @@ class BaseVisualizer:
         )
 
     def initViewer(self, viewer: Any = None, *arguments: Any, **named: Any) -> None:
-        """Keep a viewer; nothing is opened."""
+        """Store a viewer; none is opened."""
         self.viewer = viewer
 
     def getViewerNodeName(self, geometry_object: Any, geometry_type: Any) -> str:
@@ -81,29 +103,36 @@ class BaseVisualizer:
 
     def captureImage(self, *arguments: Any, **named: Any) -> Any:
         """Raises OutOfScopeError."""
-        raise OutOfScopeError(f"captureImage: visualizers of spatialdyn show nothing, {_ADVICE}")
+        raise OutOfScopeError(f"captureImage: this visualizer of spatialdyn shows nothing, {_ADVICE}")
 
     @contextmanager
     def create_video_ctx(self, *arguments: Any, **named: Any) -> Iterator[None]:
         """Raises OutOfScopeError."""
-        raise OutOfScopeError(f"create_video_ctx: visualizers of spatialdyn show nothing, {_ADVICE}")
+        raise OutOfScopeError("create_video_ctx: visualizers make no videos; spatialdyn.view(...).save writes a page")
         yield
 
     def display(self, q: Any = None) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def play(
         self, q_trajectory: Any, dt: Any = None, callback: Any = None, capture: bool = False, **named: Any
     ) -> None:
-        """Nothing; the callback is called as for a picture of each configuration: ``callback(k, q, self)``."""
-        if callback is not None:
-            for k, q in enumerate(q_trajectory):
+        """Call ``display(q)``, then ``callback(k, q, self)``, for each configuration, one each dt seconds if it draws.
+
+        There are no videos: ``capture`` is ignored.
+        """
+        for k, q in enumerate(q_trajectory):
+            start = time.monotonic()
+            self.display(q)
+            if callback is not None:
                 callback(k, q, self)
+            if dt is not None and self._draws():
+                time.sleep(max(0.0, start + float(dt) - time.monotonic()))
 
     def __getattr__(self, name: str) -> Any:
         if name in _IDLE.split():
             return _nothing
-        raise OutOfScopeAttributeError(f"a visualizer of spatialdyn has no {name}, for it shows nothing: {_ADVICE}")
+        raise OutOfScopeAttributeError(f"a visualizer of spatialdyn has no {name}; {_ADVICE}")
 
 
 _IDLE = """
@@ -118,24 +147,262 @@ def _nothing(*arguments: Any, **named: Any) -> None:
     """Do nothing."""
 
 
-class MeshcatVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing, under this name."""
+class _Drawing(BaseVisualizer):
+    """A visualizer that draws in viser where that is installed, and else shows nothing."""
+
+    _stage: Stage | None = None  # made by loadViewerModel
+
+    @classmethod
+    def _draws(cls) -> bool:
+        return _installed()
+
+    def initViewer(
+        self,
+        viewer: Any = None,
+        open: bool = False,
+        loadModel: bool = False,
+        host: str = HOST,
+        port: Any = 8000,
+        **named: Any,
+    ) -> None:
+        """Start viser's server, at the next free port from ``port``, or take a running one.
+
+        viewer     None, or a viser.ViserServer
+        open       whether to open a tab of the browser
+        loadModel  whether to call ``loadViewerModel``
+
+        Raises  a RuntimeError for a viewer that is no server of viser.
+        """
+        self.viewer = viewer
+        if not self._draws():
+            return
+        from viser import ViserServer
+
+        server = getattr(viewer, "server", viewer)
+        if server is not None and not isinstance(server, ViserServer):
+            raise ValueRuntimeError(f"viewer is a {type(viewer).__name__}, expected None or a viser.ViserServer")
+        self._stage = Stage(list(self.model.names), host, int(port), server)
+        self._shown: dict[str, list[Any]] = {}
+        self.viewer = self._window(self._stage.server)
+        if open and has_screen():
+            self._stage.open_tab()
+        if loadModel:
+            self.loadViewerModel()
+
+    def _window(self, server: Any) -> Any:
+        """What ``viewer`` is to be."""
+        return server
+
+    def _scene(self) -> Stage:
+        if self._stage is None:
+            raise ValueRuntimeError("the visualizer has no viewer, expected initViewer before")
+        return self._stage
+
+    def loadViewerModel(self, rootNodeName: str = "pinocchio", *arguments: Any, **named: Any) -> None:
+        """Draw the robot at the poses ``data.oMi``, at first the neutral ones; arguments beside the first are ignored.
+
+        A mesh that is not found is named in a warning.
+        """
+        if not self._draws():
+            return
+        stage = self._scene()
+        self.viewerRootNodeName = rootNodeName
+        self._shown = {}
+        kinematics.forwardKinematics(self.model, self.data, configuration.neutral(self.model))
+        with stage.at_once():
+            self._load("visuals", self.visual_model, "visual")
+            if not self._shown["visuals"]:
+                self._shown["visuals"] = self._inertias()
+            self.display()
+            box = stage.bounds(stage.shown)
+            stage.look_at(box, float(box[0, 2]))
+
+    def _load(self, layer: str, given: GeometryModel | None, kind: str) -> None:
+        """Draw the shapes of a GeometryModel: those of its file, and the objects added to it."""
+        made, missing = [], []
+        if given is not None:
+            if given._file is not None:
+                geometry = urdf_shapes(given._file[0], kind, given._file[1])
+                missing += geometry.missing
+                bodies = {frame.name: frame for frame in self.model.frames if frame.type == BODY}
+                for shape in geometry.shapes:
+                    if shape.link in bodies:
+                        frame = bodies[shape.link]
+                        made.append(self._scene().add_shape(frame.parentJoint, frame.placement.homogeneous, shape))
+            for added in given.geometryObjects:
+                for shape in _shapes_of(added, missing):
+                    made.append(self._scene().add_shape(added.parentJoint, added.placement.homogeneous, shape))
+        if missing:
+            warn_missing(self.model.name, missing)
+        self._shown[layer] = made
+
+    def _inertias(self) -> list[Any]:
+        """Boxes of the joints' inertias."""
+        links = [
+            Link(name, I.mass, tuple(I.lever.tolist()), tuple(np.ravel(I.inertia).tolist()))
+            for name, I in zip(self.model.names, self.model.inertias, strict=True)
+        ]
+        points = [*(X.translation for X in self.data.oMi), *(link.com for link in links)]
+        size = max(float(np.linalg.norm(point)) for point in points) or 1.0
+        joints = {name: k for k, name in enumerate(self.model.names)}
+        return [self._scene().add_shape(joints[s.link], np.eye(4), s) for s in inertia_boxes(links[1:], size)]
+
+    def display(self, q: Any = None) -> None:
+        """Show the robot at q (nq,), or at the poses ``data.oMi`` as they are."""
+        if self._stage is None:
+            return
+        if q is not None:
+            kinematics.forwardKinematics(self.model, self.data, np.asarray(q, float))
+        with self._stage.at_once():
+            self._stage.pose(np.array([X.homogeneous for X in self.data.oMi]))
+
+    def _switch(self, layer: str, visibility: bool) -> None:
+        for handle in self._shown.get(layer, []):
+            handle.visible = bool(visibility)
+
+    def displayVisuals(self, visibility: bool) -> None:
+        """Show or hide the visual geometry."""
+        if self._stage is not None:
+            self._switch("visuals", visibility)
+
+    def displayCollisions(self, visibility: bool) -> None:
+        """Show or hide the collision geometry, which is read when it is first shown."""
+        if self._stage is not None:
+            if visibility and "collisions" not in self._shown:
+                self._load("collisions", self.collision_model, "collision")
+            self._switch("collisions", visibility)
+
+    def displayFrames(self, visibility: bool, *arguments: Any, **named: Any) -> None:
+        """Show or hide the axes of all frames."""
+        if self._stage is not None:
+            if visibility and "frames" not in self._shown:
+                self._shown["frames"] = [
+                    self._stage.add_axes(frame.parentJoint, frame.placement.homogeneous, frame.name, 0.2)
+                    for frame in self.model.frames
+                ]
+            self._switch("frames", visibility)
+
+    def clean(self) -> None:
+        """Remove what was drawn."""
+        for handle in [handle for layer in getattr(self, "_shown", {}).values() for handle in layer]:
+            handle.remove()
+        self._shown = {}
+
+    def setCameraTarget(self, target: Any) -> None:
+        """Point the camera at a position (3,)."""
+        self._camera(look_at=target)
+
+    def setCameraPosition(self, position: Any) -> None:
+        """Put the camera at a position (3,)."""
+        self._camera(position=position)
+
+    def _camera(self, **given: Any) -> None:
+        if self._stage is None:
+            return
+        cameras = [self._stage.server.initial_camera]
+        cameras += [client.camera for client in self._stage.server.get_clients().values()]
+        for camera in cameras:
+            for name, value in given.items():
+                setattr(camera, name, np.asarray(value, float))
+
+    def captureImage(
+        self, w: Any = None, h: Any = None, client_id: Any = None, transport_format: Any = "jpeg", **named: Any
+    ) -> Any:
+        """The picture (h, w, 3) of a browser that shows the robot, the first one's by default.
+
+        Raises  a RuntimeError if no browser has the page open; OutOfScopeError without viser.
+        """
+        if self._stage is None:
+            return super().captureImage()
+        clients = self._stage.server.get_clients()
+        client = next(iter(clients.values()), None) if client_id is None else clients.get(client_id)
+        if client is None:
+            raise ValueRuntimeError(f"no browser shows {self._stage.url}, expected one for an image")
+        height, width = h or client.camera.image_height, w or client.camera.image_width
+        return client.get_render(height=height, width=width, transport_format=transport_format)
+
+
+def _installed() -> bool:
+    """Whether viser is installed, without importing it."""
+    try:
+        return find_spec("viser") is not None
+    except ValueError:  # blocked by a None in sys.modules
+        return False
+
+
+def _shapes_of(added: GeometryObject, missing: list[str]) -> list[Shape]:
+    """The shapes of a GeometryObject: its mesh file, or a box, cylinder or sphere of coal."""
+    color = tuple(np.asarray(added.meshColor, float).tolist())
+    if added.meshPath:
+        found, lost = mesh_shapes(added.name, added.meshPath, added.meshScale)
+        missing += lost
+        return [shape._replace(color=color) if added.overrideMaterial else shape for shape in found]
+    shape = primitive_shape(added.name, added.geometry, color)
+    if shape is None:
+        missing.append(
+            f"{added.name} is a {type(added.geometry).__name__}, expected a mesh file, box, cylinder, sphere"
+        )
+        return []
+    return [shape]
+
+
+class MeshcatWindow:
+    """What ``MeshcatVisualizer.viewer`` is: viser's server under MeshCat's names.
+
+    server  viser's server
+    """
+
+    def __init__(self, server: Any, stage: Stage) -> None:
+        """``stage``: what the server shows."""
+        self.server, self._stage = server, stage
+
+    def url(self) -> str:
+        """The address of the page."""
+        return self._stage.url
+
+    def open(self) -> MeshcatWindow:
+        """Open a tab of the browser; returns the window."""
+        self._stage.open_tab()
+        return self
+
+    def jupyter_cell(self, height: Any = 480) -> Any:
+        """The page inside a notebook."""
+        return import_module("IPython.display").HTML(page_frame(self.url(), height))
+
+    def static_html(self) -> str:
+        """What is shown as one page without links."""
+        return self._stage.html()
+
+    def _repr_html_(self) -> str:
+        return page_frame(self.url())
+
+    def __getitem__(self, path: Any) -> Any:
+        raise OutOfScopeError(
+            f"viewer[{path!r}] is MeshCat's own tree, expected viewer.server.scene, viser's: add_box, ..."
+        )
+
+
+class MeshcatVisualizer(_Drawing):
+    """A visualizer that draws in viser, its window under MeshCat's names; without viser it shows nothing."""
+
+    def _window(self, server: Any) -> Any:
+        return MeshcatWindow(server, self._scene())
 
 
 class GepettoVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing, under this name."""
+    """A visualizer that shows nothing."""
 
 
-class ViserVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing, under this name."""
+class ViserVisualizer(_Drawing):
+    """A visualizer that draws in viser; ``viewer`` is the viser.ViserServer. Without viser it shows nothing."""
 
 
 class RVizVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing, under this name."""
+    """A visualizer that shows nothing."""
 
 
 class Panda3dVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing, under this name."""
+    """A visualizer that shows nothing."""
 
 
 __all__ = [

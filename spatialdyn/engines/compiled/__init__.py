@@ -1,1 +1,1 @@
-"""Numba kernels over the table of bodies, builtins of CPython, and compiled code on disk."""
+"""Numba kernels over the table of bodies, CPython builtins, and the disk cache of compiled code."""

@@ -1,33 +1,33 @@
-"""What a caller asks of one sample beside the recursion itself: is its input fit, is its answer to be trusted.
+"""Argument checks and result checks of one sample, which kernels run around a recursion.
 
-These look at values, so they are no recursions: engines run them around one.
+They branch on values, so they are no part of the recursion.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from ...algebra.scalars import inlined
-from ...bodies.joints import norms_within
-from ...bodies.table import ANY_NORM, FLOATING, PLANAR, PLANAR_CS, PRISMATIC
+from ...algebra.rotations import UNIT_TOLERANCE
+from ...algebra.scalars import EPS, inline
+from ...bodies.joints import norms_within, pitch_of
+from ...bodies.kinds import LENGTHS, SCREWS, SLIDES
+from ...bodies.table import ANY_NORM
 
-UNIT_TOLERANCE = 2e-6  # on the squared norm: a norm within 1e-6 of 1, so that float32 input passes
-EPS = 2.220446049250313e-16
 LARGEST = 1.7976931348623157e308
 
 
-@inlined
+@inline
 def unit_norm(bodies: Any, q: Any) -> bool:
-    """Whether every quaternion and (cos, sin) pair of q has unit norm, or the table asks for none.
+    """Whether every quaternion and (cos, sin) pair of q has unit norm, or the table allows any norm.
 
-    A NaN is let through, to come out as NaN.
+    A NaN passes, and the result is NaN.
     """
     return bodies[0].kind == ANY_NORM or norms_within(bodies, q, UNIT_TOLERANCE)
 
 
-@inlined
-def apart(x: Any, out: Any) -> bool:
-    """Whether an input and the output, in C order, have no memory in common."""
+@inline
+def no_overlap(x: Any, out: Any) -> bool:
+    """Whether an input and the output, in C order, share no memory."""
     first = last = x.ctypes.data
     for size, stride in zip(x.shape, x.strides):  # noqa: B905 - Numba has no strict
         reach = (size - 1) * stride
@@ -39,42 +39,41 @@ def apart(x: Any, out: Any) -> bool:
     return bool(x.size == 0 or last < start or first >= start + out.itemsize * out.size)
 
 
-@inlined
-def sound_pivots(bodies: Any, q: Any, pivots: Any) -> bool:
-    """Whether no row is singular to float64; a few that are are no cause for alarm, for a bound stands for the rest."""
+@inline
+def pivots_regular(bodies: Any, q: Any, pivots: Any) -> bool:
+    """Whether no row is singular in float64; with a bound for the composite inertia, a few regular ones fail too."""
     return singular_row(bodies, q, pivots, EPS) == 0
 
 
-@inlined
+@inline
 def singular_row(bodies: Any, q: Any, pivots: Any, eps: Any) -> int:
-    """The last row whose D is not above n eps of a bound on its composite inertia, 0 if there is none.
+    """The last row whose D is at most n eps times a bound on its composite inertia, or NaN; 0 if there is none.
 
-    The bound grows with how far prismatic, planar and floating joints below the first have moved.
+    The bound grows with how far prismatic, helical, planar and floating joints below the first have moved.
     """
     n = len(bodies) - 1
     travel = 0.0
     for i in range(1, n + 1):
-        kind, k = bodies[i].kind, bodies[i].at
-        if kind == PRISMATIC:
-            travel += abs(q[k])
-        elif bodies[i].parent > 0 and kind in (PLANAR, PLANAR_CS, FLOATING):
-            travel += abs(q[k]) + abs(q[k + 1])
-            if kind == FLOATING:
-                travel += abs(q[k + 2])
+        kind, k = bodies[i].kind, bodies[i].q_index
+        if kind in SCREWS:
+            travel += abs(pitch_of(bodies[i]) * q[k])
+        elif bodies[i].parent > 0 or kind in SLIDES:
+            for m in range(k, k + LENGTHS[kind]):
+                travel += abs(q[m])
     for i in range(n, 0, -1):
         b = bodies[i]
-        bound = b.armature + b.bound.x + travel * (2.0 * b.bound.y + travel * b.bound.z)
+        bound = b.armature + b.inertia_bound.x + travel * (2.0 * b.inertia_bound.y + travel * b.inertia_bound.z)
         if not pivots[i - 1] > n * eps * bound:
             return i
     return 0
 
 
-@inlined
+@inline
 def all_finite(x: Any) -> bool:
-    """Whether every entry of an array is finite; counted over a flat view, the form that becomes SIMD code."""
+    """Whether every entry of an array is finite; a count over a flat view, which LLVM vectorizes."""
     flat = x.ravel()
-    lost = 0
+    not_finite = 0
     for k in range(len(flat)):
         if not abs(flat[k]) <= LARGEST:
-            lost += 1
-    return lost == 0
+            not_finite += 1
+    return not_finite == 0

@@ -1,19 +1,19 @@
-"""Compiled code on disk, so that a second process starts at once.
+"""Disk cache of compiled code, so that a second process starts at once.
 
 A file is named by a digest of all that its code depends on, holds a checksum of that name and its content, and is
-written in one move; one that does not read back whole, or is another's, is as good as none. Nothing that goes wrong
-here is worth an error: what cannot be kept is compiled again. The MOST files last used are kept.
+written atomically; a damaged file, or one under another's name, counts as missing. No failure here is an error: code
+that cannot be cached is compiled again. The MOST_FILES last used files are kept.
 
-What is read here is run, and a checksum is no signature. So the folder and each file are used only if their owner is
-the effective user or root, neither their group nor others may write to them, and they are no links; else code is
-compiled in memory, with one warning. The folder is made for its owner alone (0700), files too (0600). What is checked
-is what was opened, and names are looked up in the open folder, so that nothing can be exchanged in between.
+The process runs what it reads here, and a checksum is no signature. So the folder and each file are used only if their
+owner is the effective user or root, neither group nor others may write to them, and they are no links; else code is
+compiled in memory, with one warning. The folder is made with mode 0700, files with 0600. Checks are on the open
+descriptor, and names are looked up in the open folder, so that no file can be exchanged in between.
 
-Defended: other users of the machine, also where they may write to a folder above (a shared /tmp) and made the cache's
-own folder, a file or a link in its place first. The folders above may be links, which is how people move ~/.cache.
-Not defended: what runs as the same user or as root; file systems that do not tell the owner, and access lists that a
-mode does not show. On Windows links are refused, but neither owners nor access lists are looked at: the folder there is
-the user's own, unless a variable names another.
+Protects against: other users of the machine, also where they may write to a folder above (a shared /tmp) and made the
+cache's own folder, a file or a link in its place first. The folders above may be links, which is how users move
+~/.cache. Does not protect against: processes of the same user or of root; file systems without owners, and access
+lists that a mode does not show. On Windows links are refused, but neither owners nor access lists are checked: the
+folder there is the user's own, unless a variable names another.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from numba import config
+from .numba_settings import setting
 
-VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, or none if it is empty; Numba's variable is for a folder of it
-MOST = 2048  # of each kind; some 0.1 MB each, and one version of the package makes up to 300 kernels
+VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, no cache if empty; Numba's variable names the folder above it
+MOST_FILES = 2048  # of each kind; some 0.1 MB each, and one version of the package makes up to 300 kernels
 PROGRAM, KERNEL = ".lanes", ".kernel"
-PART = ".part"  # what is being written
+PART = ".part"  # a file being written
 
 OWNED = hasattr(os, "geteuid")  # whether files have an owner and a mode that say who may write
 BY_FOLDER = {
@@ -48,22 +48,22 @@ _BINARY = getattr(os, "O_BINARY", 0)
 _REPARSED = (0xA000000C, 0xA0000003)  # Windows' links and junctions
 
 _lock = threading.Lock()
-_once: set[tuple[str, Path]] = set()  # what was done to a folder and is not done again
+_done: set[tuple[str, Path]] = set()  # (action, folder) done in this process
 
 
 class _UnsafeError(Exception):
-    """A path that another user may have put there, and why."""
+    """A path that another user may control, and why."""
 
 
 def folder() -> Path | None:
-    """Where they are: what ``SPATIALDYN_CACHE_DIR`` names, Numba's cache folder if one is set, else the user's.
+    """The cache's folder: ``SPATIALDYN_CACHE_DIR``, else a folder in Numba's cache folder if set, else the user's.
 
-    None if that variable is empty, or the user has no home.
+    None if that variable is empty, or the user has no home folder.
     """
     own = os.environ.get(VARIABLE)
     if own is not None:
         return Path(own) if own else None
-    chosen = getattr(config, "CACHE_DIR", "")
+    chosen = setting("CACHE_DIR", "")
     if chosen:
         return Path(chosen) / "spatialdyn"
     try:
@@ -79,17 +79,17 @@ def folder() -> Path | None:
 
 
 def read(digest: str, kind: str = PROGRAM) -> bytes | None:
-    """What was written under a digest; None if nothing was, it is damaged, or not sure to be the user's.
+    """The payload written under a digest; None if there is none, or it is damaged or unsafe.
 
-    Warns once of a folder that is not sure to be.
+    Warns once if the folder is unsafe.
     """
     place = folder()
     if place is None:
         return None
     try:
-        with _opened(place) as files:
+        with _open_folder(place) as files:
             handle = files.open(digest + kind, os.O_RDONLY)
-            with _closing(handle, "rb") as file:
+            with _file_of(handle, "rb") as file:
                 if not stat.S_ISREG(os.fstat(handle).st_mode):
                     return None
                 whole = file.read()
@@ -107,21 +107,21 @@ def read(digest: str, kind: str = PROGRAM) -> bytes | None:
 
 
 def write(digest: str, payload: bytes, kind: str = PROGRAM) -> None:
-    """Keep it; a folder that cannot be written to, or is not sure to be the user's, keeps nothing.
+    """Write a payload under a digest; does nothing if the folder cannot be written to or is unsafe.
 
-    Warns once of a folder that is not sure to be. A file that is not stays as it is.
+    Warns once if the folder is unsafe. An unsafe file of that name is left as it is.
     """
     place = folder()
     if place is None:
         return
     try:
         _make(place)
-        with _opened(place) as files:
+        with _open_folder(place) as files:
             name, part = digest + kind, os.urandom(8).hex() + PART
             files.check(name)
             try:
                 handle = files.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
-                with _closing(handle, "wb") as file:
+                with _file_of(handle, "wb") as file:
                     file.write(_checksum(digest, payload) + payload)
                 files.replace(part, name)
             except (OSError, _UnsafeError):
@@ -140,7 +140,7 @@ def write(digest: str, payload: bytes, kind: str = PROGRAM) -> None:
 
 
 class _Files:
-    """What is in an open folder."""
+    """The files of an open folder."""
 
     def __init__(self, place: Path, handle: int | None) -> None:
         self._place, self._handle = place, handle
@@ -150,11 +150,11 @@ class _Files:
         return name if self._at else str(self._place / name)
 
     def open(self, name: str, flags: int) -> int:
-        """A descriptor of a file that is sure to be the user's. Raises _UnsafeError, OSError."""
+        """The descriptor of a file that is safe. Raises _UnsafeError, OSError."""
         return _open(self._path(name), f'file "{self._place / name}"', flags | _BINARY, **self._at)
 
     def check(self, name: str) -> None:
-        """Raise _UnsafeError if there is something of that name that is not sure to be the user's."""
+        """Raise _UnsafeError if a file of that name is unsafe."""
         with suppress(FileNotFoundError):
             _check(self.state(name), f'file "{self._place / name}"')
 
@@ -173,7 +173,7 @@ class _Files:
 
 
 def _make(place: Path) -> None:
-    """Make a folder, and those above it that are missing, for the user alone."""
+    """Make a folder, and missing ones above it, with mode 0700."""
     try:
         place.mkdir(0o700)
     except FileExistsError:
@@ -186,8 +186,8 @@ def _make(place: Path) -> None:
 
 
 @contextmanager
-def _opened(place: Path) -> Iterator[_Files]:
-    """The folder, if it is sure to be the user's. Raises _UnsafeError, OSError."""
+def _open_folder(place: Path) -> Iterator[_Files]:
+    """The folder, if it is safe. Raises _UnsafeError, OSError."""
     what = f'folder "{place}"'
     if not BY_FOLDER:
         _check(os.stat(place, follow_symlinks=False), what)
@@ -201,7 +201,7 @@ def _opened(place: Path) -> Iterator[_Files]:
 
 
 def _open(path: str, what: str, flags: int, **at: Any) -> int:
-    """A descriptor of what is sure to be the user's. Raises _UnsafeError, OSError."""
+    """The descriptor of a file or folder that is safe. Raises _UnsafeError, OSError."""
     if not hasattr(os, "O_NOFOLLOW") and not flags & os.O_CREAT:
         _check(os.stat(path, follow_symlinks=False, **at), what)
     try:
@@ -218,7 +218,7 @@ def _open(path: str, what: str, flags: int, **at: Any) -> int:
 
 
 def _check(state: os.stat_result, what: str) -> None:
-    """Raise _UnsafeError if another user may have put there what has this state."""
+    """Raise _UnsafeError if the state is that of a link, of another user's file, or of one that others may write."""
     if stat.S_ISLNK(state.st_mode) or getattr(state, "st_reparse_tag", 0) in _REPARSED:
         raise _UnsafeError(f"{what} is a link, expected none; remove it")
     if OWNED and state.st_uid not in (os.geteuid(), 0):
@@ -229,8 +229,8 @@ def _check(state: os.stat_result, what: str) -> None:
 
 
 @contextmanager
-def _closing(handle: int, mode: str) -> Iterator[Any]:
-    """The file of a descriptor, closed in the end."""
+def _file_of(handle: int, mode: str) -> Iterator[Any]:
+    """The file of a descriptor, closed at exit."""
     try:
         file = os.fdopen(handle, mode)
     except OSError:
@@ -241,10 +241,10 @@ def _closing(handle: int, mode: str) -> Iterator[Any]:
 
 
 def _first(what: str, place: Path) -> bool:
-    """Whether this is the first time in this process that something is done to a folder."""
+    """Whether this is the first call in this process with that action and folder."""
     with _lock:
-        known = (what, place) in _once
-        _once.add((what, place))
+        known = (what, place) in _done
+        _done.add((what, place))
         return not known
 
 
@@ -255,14 +255,14 @@ def _warn(place: Path, fault: str) -> None:
 
 
 def _prune(files: _Files) -> None:
-    """Leave the MOST files of each kind that were used last."""
+    """Remove all but the MOST_FILES last used files of each kind."""
     for kind in (PROGRAM, KERNEL):
         found = []
         for name in files.names():
             with suppress(OSError):  # another process prunes too
                 if name.endswith(kind):
                     found.append((files.state(name).st_mtime, name))
-        for _, name in sorted(found)[:-MOST]:
+        for _, name in sorted(found)[:-MOST_FILES]:
             with suppress(OSError):
                 files.unlink(name)
 

@@ -1,8 +1,8 @@
-"""Numba's compiled functions in the store, in place of its own cache.
+"""Numba's compiled functions in our disk cache, in place of Numba's own.
 
-That one takes files as they are: a truncated index raises, a flipped bit runs, two processes that write at once may
-leave one's code under the other's name, and a full disk or a folder that cannot be written to is an error. Here a
-function is one file of the store, named by all that its code depends on.
+Numba's cache does not check its files: a truncated index raises, a flipped bit runs, two processes that write at once
+may save one's code under the other's name, and a full disk or a read-only folder is an error. Here a function is one
+file of ``disk_cache``, named by a digest of all that its code depends on.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from numba.core.caching import _Cache
 from . import disk_cache
 
 
-class Kept(_Cache):
-    """The cache of one function, whose closure holds nothing but text."""
+class NumbaCache(_Cache):
+    """The cache of one function, whose closure holds text only."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        """Name the function by its code and its closure; what else its code depends on is the closure's to say."""
+        """Name the function by its code and its closure, which must hold all else that the code depends on."""
         code, cells = function.__code__, function.__closure__ or ()
         text = (code.co_code, code.co_consts, code.co_names, [cell.cell_contents for cell in cells])
         versions = (numba.__version__, llvmlite.__version__, sys.version)
@@ -34,11 +34,11 @@ class Kept(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """The folder of the store, empty where there is none."""
+        """The folder of the disk cache, empty if there is none."""
         return str(disk_cache.folder() or "")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The function as compiled for a signature; None if it is not there."""
+        """The function as compiled for a signature; None if it is not in the cache."""
         target_context.refresh()
         payload = (
             disk_cache.read(self._digest(sig, target_context.codegen()), disk_cache.KERNEL) if self._enabled else None
@@ -49,7 +49,7 @@ class Kept(_Cache):
         return rebuild(target_context, *pickle.loads(payload))
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled, unless it holds addresses of this process."""
+        """Write compiled code, unless it holds addresses of this process."""
         if self._enabled and not data.lifted and not data.library.has_dynamic_globals:
             dumps: Any = serialize.dumps
             disk_cache.write(self._digest(sig, data.codegen), dumps(data._reduce()), disk_cache.KERNEL)

@@ -1,4 +1,4 @@
-"""Small compiled kernels over the table of bodies, beside those of the public calls."""
+"""Kernels over the table of bodies that are no public calls."""
 
 from __future__ import annotations
 
@@ -7,27 +7,30 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from . import numba_kernels
 
 
 @cache
 def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = None) -> Callable[..., int]:
-    """``(table, *arrays) -> status`` of an inlined ``function(bodies, [work,] *arrays)``, in the cache on disk.
+    """``(table, *arrays) -> status`` of an inlined ``function(bodies, [work,] *arrays)``, cached on disk.
 
     ranks  number of axes of each array; they are float64, in C order and writable
     work   dtype of a scratch table with a row per body
     """
+    from numba import types
+
+    from . import jit
+
     names = [f"x{k}" for k in range(len(ranks))]
     passed = ["bodies", *(["empty(len(bodies), WORK)"] if work is not None else []), *names]
     body = ["stamp", "bodies = table_at(table)", f"return function({', '.join(passed)})"]
     scope: dict[str, Any] = {
-        "table_at": (lambda table: table) if numba_kernels.PLAIN else numba_kernels._table_at,
+        "table_at": (lambda table: table) if numba_kernels.PLAIN else jit.table_at,
         "function": function,
         "WORK": work,
         "empty": np.empty,
     }
-    made = numba_kernels.define(f"small_{function.__name__}", ["table", *names], body, scope)
+    made = numba_kernels.kernel_from_text(f"small_{function.__name__}", ["table", *names], body, scope)
     array: Any = types.Array
-    return numba_kernels.compiled(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))
+    return jit.compile_signature(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))

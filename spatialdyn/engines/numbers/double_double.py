@@ -1,12 +1,11 @@
-"""Double-double: a recorded program on numbers of two floats, of 106 bits, many samples side by side.
+"""Double-double: a recorded program on numbers of two floats, 106 bits, many samples at once.
 
-A recursion is traced on a table whose numbers are lines of the program, so nothing is folded in float64, and one
-compiled loop runs any such program: 6 µs for a sample of an arm's ABA where mpmath takes 50 ms. It is what holds
-thousands of samples, or every stage of an integrator, against the truth; ``multiprecision`` has any number of digits,
-and is what this is held against.
+A recursion is traced on a table whose numbers are lines of the program, so no constant is folded in float64, and one
+compiled loop runs all such programs: 6 µs for a sample of an arm's ABA where mpmath takes 50 ms. It is the reference
+for thousands of samples, and for every stage of an integrator; its own reference is ``multiprecision``.
 
-A number is (hi, lo) with hi the float nearest to hi + lo. Nothing here may be contracted to fused operations: the
-error of a product is found from the product as it was rounded.
+A number is (hi, lo) with hi the float nearest to hi + lo. No operation here may be contracted to a fused one: the
+error of a product is computed from the rounded product.
 
 Sources: Dekker, A floating-point technique for extending the available precision (1971); Joldes, Muller, Popescu, Tight
 and rigorous error bounds for basic building blocks of double-word arithmetic (2017), whose algorithms 6 and 12 add and
@@ -22,33 +21,18 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from ...algebra.scalars import inlined
+from ...algebra.scalars import inline
 from ...errors import SpatialDynError
 from ..compiled import numba_kernels
-from ..programs.tracer import (
-    ADD,
-    CONST,
-    COS,
-    DIV,
-    INPUT,
-    MUL,
-    SELECT,
-    SIN,
-    SQRT,
-    SUB,
-    Program,
-    Tape,
-    operands,
-    signed,
-    table,
-)
+from ..programs.operations import CONST, FORMS, INPUT, name_of, operands, signed
+from ..programs.program import Program
+from ..programs.tracer import Tape, table
 
 Array = NDArray[np.float64]
 
-EPS = 2.0**-104  # of one operation, at most a few of these; sin and cos to twice that
+EPS = 2.0**-104  # an operation is off by a few of these at most, sin and cos by twice that
 SPLITTER = 134217729.0  # 2^27 + 1
 REACH = 1e8  # largest angle whose sine has all its digits
 
@@ -56,24 +40,24 @@ REACH = 1e8  # largest angle whose sine has all its digits
 # --- numbers of two floats ----------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def two_sum(a: float, b: float) -> tuple[float, float]:
-    """a + b as it is rounded, and what that loses."""
+    """a + b rounded, and the rounding error."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
 
 
-@inlined
-def quick_sum(a: float, b: float) -> tuple[float, float]:
-    """The same for |a| >= |b|."""
+@inline
+def fast_two_sum(a: float, b: float) -> tuple[float, float]:
+    """As ``two_sum``, for |a| >= |b|."""
     s = a + b
     return s, b - (s - a)
 
 
-@inlined
+@inline
 def two_product(a: float, b: float) -> tuple[float, float]:
-    """a b as it is rounded, and what that loses."""
+    """a b rounded, and the rounding error."""
     p = a * b
     t, u = SPLITTER * a, SPLITTER * b
     ah, bh = t - (t - a), u - (u - b)
@@ -81,23 +65,29 @@ def two_product(a: float, b: float) -> tuple[float, float]:
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
-@inlined
+@inline
 def add(ah: float, al: float, bh: float, bl: float) -> tuple[float, float]:
-    """a + b, to 3 · 2^-106 of itself also where it cancels."""
+    """a + b, to a relative error of 3 · 2^-106 also under cancellation."""
     sh, sl = two_sum(ah, bh)
     th, tl = two_sum(al, bl)
-    vh, vl = quick_sum(sh, sl + th)
-    return quick_sum(vh, tl + vl)
+    vh, vl = fast_two_sum(sh, sl + th)
+    return fast_two_sum(vh, tl + vl)
 
 
-@inlined
+@inline
+def subtract(ah: float, al: float, bh: float, bl: float) -> tuple[float, float]:
+    """a - b."""
+    return add(ah, al, -bh, -bl)
+
+
+@inline
 def multiply(ah: float, al: float, bh: float, bl: float) -> tuple[float, float]:
     """a b."""
     p, e = two_product(ah, bh)
-    return quick_sum(p, e + (ah * bl + al * bh))
+    return fast_two_sum(p, e + (ah * bl + al * bh))
 
 
-@inlined
+@inline
 def divide(ah: float, al: float, bh: float, bl: float) -> tuple[float, float]:
     """a / b, digit by digit of 53 bits."""
     x = ah / bh
@@ -106,20 +96,26 @@ def divide(ah: float, al: float, bh: float, bl: float) -> tuple[float, float]:
     y = rh / bh
     ph, pl = multiply(y, 0.0, bh, bl)
     rh, rl = add(rh, rl, -ph, -pl)
-    xh, xl = quick_sum(x, y)
+    xh, xl = fast_two_sum(x, y)
     return add(xh, xl, rh / bh, 0.0)
 
 
-@inlined
+@inline
 def root(ah: float, al: float) -> tuple[float, float]:
-    """√a: two steps of Newton's method from the float's."""
+    """√a: two steps of Newton's method from the float square root."""
     if ah == 0.0:
         return 0.0, 0.0
     x = np.sqrt(ah)
     ph, pl = two_product(x, x)
-    xh, xl = quick_sum(x, add(ah, al, -ph, -pl)[0] / (2.0 * x))
+    xh, xl = fast_two_sum(x, add(ah, al, -ph, -pl)[0] / (2.0 * x))
     ph, pl = multiply(xh, xl, xh, xl)
     return add(xh, xl, add(ah, al, -ph, -pl)[0] / (2.0 * x), 0.0)
+
+
+@inline
+def choose(ah: float, al: float, bh: float, bl: float, ch: float, cl: float) -> tuple[float, float]:
+    """b where a > 0, else c."""
+    return (bh, bl) if ah > 0.0 else (ch, cl)
 
 
 def _pair(x: Fraction) -> tuple[float, float]:
@@ -137,7 +133,7 @@ P2 = float(_HALF_PI - Fraction(P1))
 P3 = float(_HALF_PI - Fraction(P1) - Fraction(P2))
 
 
-@inlined
+@inline
 def _series(c: Any, h: float, l: float) -> tuple[float, float]:
     """Σ c_k x^k."""
     sh, sl = c[TERMS - 1, 0], c[TERMS - 1, 1]
@@ -147,7 +143,7 @@ def _series(c: Any, h: float, l: float) -> tuple[float, float]:
     return sh, sl
 
 
-@inlined
+@inline
 def sine(ah: float, al: float, quarter: float) -> tuple[float, float]:
     """sin(a + quarter · π/2), for |a| to REACH; quarter is 0 or 1."""
     n = np.rint(ah / P1)
@@ -169,17 +165,17 @@ def sine(ah: float, al: float, quarter: float) -> tuple[float, float]:
     return sh, sl
 
 
-# --- programs of them ---------------------------------------------------------------------------------------
+# --- programs -----------------------------------------------------------------------------------------------
 
 
-class Twofold(NamedTuple):
-    """A program as the loop runs it.
+class DoubleDouble(NamedTuple):
+    """A program for the interpreter.
 
     code     (lines, 5) int64: operation, register written, and up to three read; -r - 1 stands for minus register r
     value    (lines,) of constants
-    inputs   how many there are; input k is in register k, which nothing overwrites
+    inputs   number of inputs; input k is in register k, which is never overwritten
     outputs  (results,) registers, -r - 1 for minus register r
-    rows     registers
+    rows     number of registers
     """
 
     code: NDArray[np.int64]
@@ -202,31 +198,31 @@ class Twofold(NamedTuple):
             count = part.stop - first
             x[:n, :count] = inputs[:, part]
             x[:n, LANES : LANES + count] = 0.0 if lows is None else lows[:, part]
-            with np.errstate(all="ignore"):  # where nothing is compiled, of samples that only fill the lanes
-                runner()(self.code, self.value, x)
+            with np.errstate(all="ignore"):  # without compilation: of lanes that hold no sample
+                compiled_interpreter()(self.code, self.value, x)
             made[0, :, part] = sign * x[at, :count]
             made[1, :, part] = sign * x[at, LANES : LANES + count]
         return made[0], made[1]
 
 
-LANES = 64  # samples side by side: a number that compiled code knows, so that it can work on several at once
+LANES = 64  # samples at once: a compile-time constant, so that loops over it vectorize
 
 
-def recorded(bodies: NDArray[Any], inputs: int, made: Callable[..., Sequence[Any]]) -> Twofold:
-    """The program of ``made(rows, x)``: numbers made of a table's rows and of so many inputs x.
+def record_double_double(bodies: NDArray[Any], inputs: int, made: Callable[..., Sequence[Any]]) -> DoubleDouble:
+    """The program of ``made(rows, x)``: a function of a table's rows and of ``inputs`` inputs x.
 
-    Every number of the table becomes a constant of the program but 0 and ±1, so that none meets another in float64.
-    Raises SpatialDynError for an operation that there is not in double-double, an arctangent.
+    Every number of the table but 0 and ±1 becomes a constant of the program, so that none is folded in float64.
+    Raises SpatialDynError for an operation without a double-double form, an arctangent.
     """
     tape = Tape()
     x = np.empty(inputs, dtype=object)
     x[:] = [tape.input(k) for k in range(inputs)]
     rows = table(bodies, tape.unfolded)
-    return assembled(Program(tape, made(rows, x), inputs, fuse=False))
+    return allocate_registers(Program(tape, made(rows, x), inputs, fuse=False))
 
 
-def assembled(program: Program) -> Twofold:
-    """A program with registers in the place of lines, each used again after its last reader."""
+def allocate_registers(program: Program) -> DoubleDouble:
+    """A program with registers instead of lines, each reused after its last reader."""
     lines, kept = program.lines, {line for line, _ in program.outputs}
     last = {k: at for at, op in enumerate(lines) for k in operands(op)}
     register: dict[int, int] = {}
@@ -236,10 +232,9 @@ def assembled(program: Program) -> Twofold:
         if op.code == INPUT:
             register[at] = op.a
             continue
-        if op.code not in (CONST, ADD, SUB, MUL, DIV, SQRT, SIN, COS, SELECT):
-            raise SpatialDynError(
-                f"operation {op.code} has no double-double form, expected + - * / sqrt sin cos select"
-            )
+        if op.code != CONST and not FORMS[op.code].registers:
+            there = " ".join(form.name for form in FORMS.values() if form.registers)
+            raise SpatialDynError(f"operation {name_of(op.code)} has no double-double form, expected {there}")
         read = [register[k] if k >= 0 else -register[-k - 1] - 1 for k in signed(op)]
         over = {k for k in operands(op) if last[k] == at and k not in kept and lines[k].code != INPUT}
         done = [register[k] for k in sorted(over)]
@@ -247,69 +242,58 @@ def assembled(program: Program) -> Twofold:
             register[at] = free.pop()
         else:
             register[at], rows = rows, rows + 1
-        free += done  # not before: an operation that writes where it reads would not run on several samples at once
+        free += done  # not before: an operation that writes a register it reads does not vectorize
         code.append([op.code, register[at], *read, *([0] * (3 - len(read)))])
         value.append(op.value)
     outputs = [-register[line] - 1 if minus else register[line] for line, minus in program.outputs]
-    return Twofold(
+    return DoubleDouble(
         np.array(code, np.int64).reshape(-1, 5), np.array(value), program.inputs, np.array(outputs, np.int64), rows
     )
 
 
-@inlined
-def interpret(code: Any, value: Any, x: Any) -> None:
-    """Run a program on registers x (rows, 2 LANES), high parts before low ones, whose first rows hold the inputs."""
-    for k in range(len(code)):
-        what, o, a, b = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
-        if what == MUL:
-            for s in range(LANES):
-                x[o, s], x[o, LANES + s] = multiply(x[a, s], x[a, LANES + s], x[b, s], x[b, LANES + s])
-        elif what == ADD:
-            for s in range(LANES):
-                x[o, s], x[o, LANES + s] = add(x[a, s], x[a, LANES + s], x[b, s], x[b, LANES + s])
-        elif what == SUB:
-            for s in range(LANES):
-                x[o, s], x[o, LANES + s] = add(x[a, s], x[a, LANES + s], -x[b, s], -x[b, LANES + s])
-        elif what == CONST:
-            for s in range(LANES):
-                x[o, s], x[o, LANES + s] = value[k], 0.0
-        elif what == DIV:
-            for s in range(LANES):
-                x[o, s], x[o, LANES + s] = divide(x[a, s], x[a, LANES + s], x[b, s], x[b, LANES + s])
-        elif what in (SIN, COS):
-            quarter = 1.0 if what == COS else 0.0
-            for s in range(LANES):
-                x[o, s], x[o, LANES + s] = sine(x[a, s], x[a, LANES + s], quarter)
-        elif what == SQRT:
-            for s in range(LANES):
-                h, l = signed_at(x, a, s)
-                x[o, s], x[o, LANES + s] = root(h, l)
-        elif what == SELECT:
-            for s in range(LANES):
-                h, l = signed_at(x, a, s)
-                x[o, s], x[o, LANES + s] = signed_at(x, b if h > 0.0 else code[k, 4], s)
+@cache
+def interpreter() -> Callable[[Any, Any, Any], None]:
+    """``interpret(code, value, x)``: run a program on registers x (rows, 2 LANES), high parts before low ones.
+
+    The first rows hold the inputs. Each operation of FORMS is a branch, with a loop over LANES samples.
+    """
+    text = ["stamp", "for k in range(len(code)):"]
+    text += [f"    {name} = code[k, {at}]" for at, name in enumerate(("what", "o", "a", "b", "c"))]
+
+    def branch(what: int, pair: str) -> list[str]:
+        loop = [f"    if what == {what}:", "        for s in range(LANES):"]
+        return [*loop, f"            x[o, s], x[o, LANES + s] = {pair}", "        continue"]
+
+    text += branch(CONST, "value[k], 0.0")
+    for code, form in FORMS.items():
+        if form.registers:
+            register = "high(x, {0}, s), low(x, {0}, s)" if form.signs else "x[{0}, s], x[{0}, LANES + s]"
+            text += branch(code, form.registers.format(**{name: register.format(name) for name in "abc"}))
+    functions = (add, subtract, multiply, divide, root, sine, choose, high, low)
+    scope: dict[str, Any] = {function.__name__: function for function in functions}
+    return numba_kernels.kernel_from_text("interpret", ["code", "value", "x"], text, {**scope, "LANES": LANES})
 
 
-@inlined
-def signed_at(x: Any, a: int, s: int) -> tuple[float, float]:
-    """A register, or its negative for -a - 1."""
-    if a < 0:
-        return -x[-a - 1, s], -x[-a - 1, LANES + s]
-    return x[a, s], x[a, LANES + s]
+@inline
+def high(x: Any, a: int, s: int) -> Any:
+    """The high part of a register, or of its negative for -a - 1."""
+    return -x[-a - 1, s] if a < 0 else x[a, s]
+
+
+@inline
+def low(x: Any, a: int, s: int) -> Any:
+    """The low part, as ``high``."""
+    return -x[-a - 1, LANES + s] if a < 0 else x[a, LANES + s]
 
 
 @cache
-def runner() -> Callable[..., None]:
-    """``interpret``, compiled, without fused operations."""
-    function = numba_kernels.define(
-        "twofold_interpret", ["code", "value", "x"], ["stamp", "interpret(code, value, x)"], {"interpret": interpret},
-    )  # fmt: skip
-    return unfused(function)
+def compiled_interpreter() -> Callable[..., None]:
+    """The interpreter, compiled, without fused operations."""
+    return compile_unfused(interpreter())
 
 
-def unfused(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function compiled, and kept on disk, without ``contract``; as it is where nothing is compiled."""
-    made: Callable[..., Any] = njit(**{name: x for name, x in numba_kernels.FLAGS.items() if name != "fastmath"})(
-        function
-    )
-    return made
+def compile_unfused(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function compiled without ``contract`` and cached on disk; in plain Python without compilation."""
+    from ..compiled import jit
+
+    return jit.numba_jit(function, contract=False)

@@ -1,7 +1,7 @@
 """Polynomials in sines and cosines as Fourier series, the form in which textbooks print M, C and g.
 
 A polynomial is SymPy's. Its first generators are cos α, sin α of each angle in turn, sines to the first power at most;
-the others are parameters, velocities and so on, which stay as they are.
+the others are parameters, velocities and so on, which are left unchanged.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ Place = tuple[int, ...]
 
 
 def length(poly: Poly, angles: int) -> int:
-    """How many waves the terms of a polynomial make, before like ones are put together."""
+    """Number of waves in the terms of a polynomial, before like ones are collected."""
     return sum(len(_waves(m[: 2 * angles])) for m in poly)
 
 
 def fourier(poly: Poly, angles: Sequence[Expr], values: Sequence[Expr]) -> Expr:
     """Σ A_n cos(n·α) + B_n sin(n·α), A and B polynomials in the generators that are no sine or cosine.
 
-    angles  of the first generators
-    values  of all generators
+    angles  angles of the first generators
+    values  expressions of all generators
     """
     import sympy
 
@@ -47,7 +47,7 @@ def fourier(poly: Poly, angles: Sequence[Expr], values: Sequence[Expr]) -> Expr:
 
 
 def _coefficient(terms: Mapping[Place, Any], values: Sequence[Expr]) -> Expr:
-    """A polynomial in the plain generators, its common factor in front."""
+    """A polynomial in the other generators, its common factor pulled out."""
     import sympy
 
     common = tuple(map(min, zip(*terms, strict=True)))

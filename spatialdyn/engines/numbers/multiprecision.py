@@ -1,11 +1,11 @@
-"""Truth: a recursion on numbers of any precision, or on exact rationals, from the very source that everything runs.
+"""Reference values: a recursion on numbers of any precision, or on exact rationals, from the same source.
 
-The numbers of a table are the doubles they are: what comes out is what float64 would give if it did not round while it
-computes. Its rotations are orthonormal to rounding only, so two algorithms that are equal for true rotations (q̈ of
-ABA, and the q̈ whose RNEA is τ) differ here by the condition of the problem times 1e-16, unless every entry is 0 or ±1.
+The table's numbers are taken at their exact float64 values: the result is that of float64 without rounding errors.
+Its rotations are orthonormal to rounding only, so two algorithms that are equal for true rotations (q̈ of ABA, and the
+q̈ whose RNEA is τ) differ here by the condition of the problem times 1e-16, unless every entry is 0 or ±1.
 
-``Digits`` are mpmath's numbers in a context of their own, whose precision nobody else sees. ``Rationals`` know no
-sine: an angle is given as t = tan(q/2), which makes cos q = (1 - t²)/(1 + t²) and sin q = 2t/(1 + t²).
+``Digits`` are mpmath's numbers in their own context: the precision of mpmath's global one does not change.
+``Rationals`` have no sine: an angle is given as t = tan(q/2), with cos q = (1 - t²)/(1 + t²), sin q = 2t/(1 + t²).
 """
 
 from __future__ import annotations
@@ -19,68 +19,68 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra import scalars
-from ...bodies.table import PLANAR, REVOLUTE
+from ...bodies.kinds import KINDS
 from ...errors import SpatialDynError
 
-LEAST = 53  # bits: float64's own
-MOST = 1 << 20  # a product takes milliseconds
-GUARD = 320  # bits more to compute in: the closed forms of lie cancel twice 36 digits next to no rotation
+LEAST = 53  # bits of float64
+MOST = 1 << 20  # bits at which a product takes milliseconds
+GUARD = 320  # more bits while computing: the closed forms of lie cancel twice 36 digits near zero rotation
 
 
 # --- exact rationals ----------------------------------------------------------------------------------------
 
 
-class Ratio:
-    """A fraction that takes the floats it meets at their exact binary value; a Fraction turns into a float there."""
+class ExactRational:
+    """A fraction that takes floats at their exact binary value, where a Fraction plus a float is a float."""
 
     __slots__ = ("value",)
 
     def __init__(self, value: Any) -> None:
-        """The fraction of an int, a float, a Fraction or another Ratio."""
-        self.value: Fraction = value.value if isinstance(value, Ratio) else Fraction(value)
+        """The fraction of an int, a float, a Fraction or another ExactRational."""
+        self.value: Fraction = value.value if isinstance(value, ExactRational) else Fraction(value)
 
-    def __neg__(self) -> Ratio:
-        return Ratio(-self.value)
+    def __neg__(self) -> ExactRational:
+        return ExactRational(-self.value)
 
-    def __abs__(self) -> Ratio:
-        return Ratio(abs(self.value))
+    def __abs__(self) -> ExactRational:
+        return ExactRational(abs(self.value))
 
-    def __add__(self, other: Any) -> Ratio:
-        return Ratio(self.value + Ratio(other).value)
+    def __add__(self, other: Any) -> ExactRational:
+        return ExactRational(self.value + ExactRational(other).value)
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Ratio:
-        return Ratio(self.value - Ratio(other).value)
+    def __sub__(self, other: Any) -> ExactRational:
+        return ExactRational(self.value - ExactRational(other).value)
 
-    def __rsub__(self, other: Any) -> Ratio:
-        return Ratio(Ratio(other).value - self.value)
+    def __rsub__(self, other: Any) -> ExactRational:
+        return ExactRational(ExactRational(other).value - self.value)
 
-    def __mul__(self, other: Any) -> Ratio:
-        return Ratio(self.value * Ratio(other).value)
+    def __mul__(self, other: Any) -> ExactRational:
+        return ExactRational(self.value * ExactRational(other).value)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Ratio:
-        return Ratio(self.value / Ratio(other).value)
+    def __truediv__(self, other: Any) -> ExactRational:
+        return ExactRational(self.value / ExactRational(other).value)
 
-    def __rtruediv__(self, other: Any) -> Ratio:
-        return Ratio(Ratio(other).value / self.value)
+    def __rtruediv__(self, other: Any) -> ExactRational:
+        return ExactRational(ExactRational(other).value / self.value)
 
     def __gt__(self, other: Any) -> bool:
-        return self.value > Ratio(other).value
+        return self.value > ExactRational(other).value
 
     def __le__(self, other: Any) -> bool:
-        return self.value <= Ratio(other).value
+        return self.value <= ExactRational(other).value
 
 
 class Angle:
-    """An angle q given by t = tan(q/2); it has a sine and a cosine, and nothing else is known of it."""
+    """An angle q given by t = tan(q/2); it has a sine and a cosine, and no other operation."""
 
     __slots__ = ("tangent",)
 
-    def __init__(self, tangent: Ratio) -> None:
-        """Of a tangent."""
+    def __init__(self, tangent: ExactRational) -> None:
+        """The angle of t = tan(q/2)."""
         self.tangent = tangent
 
     def _refuse(self, *others: Any) -> Any:
@@ -101,10 +101,10 @@ def _irrational(name: str) -> Callable[..., Any]:
 
 scalars.sin.register(Angle)(lambda q: 2.0 * q.tangent / (1.0 + q.tangent * q.tangent))
 scalars.cos.register(Angle)(lambda q: (1.0 - q.tangent * q.tangent) / (1.0 + q.tangent * q.tangent))
-scalars.sin.register(Ratio)(_irrational("sin"))
-scalars.cos.register(Ratio)(_irrational("cos"))
-scalars.sqrt.register(Ratio)(_irrational("sqrt"))
-scalars.atan2.register(Ratio)(_irrational("atan2"))
+scalars.sin.register(ExactRational)(_irrational("sin"))
+scalars.cos.register(ExactRational)(_irrational("cos"))
+scalars.sqrt.register(ExactRational)(_irrational("sqrt"))
+scalars.atan2.register(ExactRational)(_irrational("atan2"))
 
 
 class Rationals:
@@ -112,30 +112,30 @@ class Rationals:
 
     eps = 0.0
 
-    def number(self, x: Any) -> Ratio:
-        """Of an int, a float, a Fraction. Raises SpatialDynError for what is none, or not finite."""
+    def number(self, x: Any) -> ExactRational:
+        """Convert a finite int, float or Fraction. Raises SpatialDynError for other values."""
         try:
-            return Ratio(x.item() if isinstance(x, np.generic) else x)
+            return ExactRational(x.item() if isinstance(x, np.generic) else x)
         except (TypeError, ValueError, OverflowError):
             raise SpatialDynError(f"{x!r} is no rational number, expected a finite one") from None
 
     def coordinates(self, bodies: NDArray[Any], q: NDArray[Any]) -> NDArray[Any]:
-        """Coordinates (nq,) for the recursions, their angles taken for tangents of half of them."""
+        """Coordinates (nq,) for the recursions; the entries of angles are tan(q/2)."""
         q = q.copy()
         for row in bodies[1:]:
-            place = {REVOLUTE: 0, PLANAR: 2}.get(int(row["kind"]))
+            place = KINDS[int(row["kind"])].angle
             if place is not None:
-                at = int(row["at"]) + place
+                at = int(row["q_index"]) + place
                 q[at] = Angle(q[at])
         return q
 
     def shown(self, x: Any) -> Fraction:
-        """What the caller sees."""
-        value: Fraction = x.tangent.value if isinstance(x, Angle) else Ratio(x).value
+        """The number as a Fraction, for the caller."""
+        value: Fraction = x.tangent.value if isinstance(x, Angle) else ExactRational(x).value
         return value
 
     def finite(self, x: Any) -> bool:
-        """Every rational is."""
+        """True: every rational is finite."""
         return True
 
 
@@ -143,9 +143,9 @@ class Rationals:
 
 
 class Digits:
-    """Arithmetic in so many bits, with GUARD bits more until the end.
+    """Arithmetic in ``bits`` bits, with GUARD more while computing.
 
-    context  mpmath's, of which results are: ``context.nstr(x, 30)``, ``context.mpf("0.1")``
+    context  mpmath's context of the results: ``context.nstr(x, 30)``, ``context.mpf("0.1")``
     """
 
     def __init__(self, bits: int) -> None:
@@ -154,7 +154,7 @@ class Digits:
         self.eps = self._work.ldexp(1, 1 - bits - GUARD)
 
     def number(self, x: Any) -> Any:
-        """Of an int, a float, a Fraction, another context's number, or a string such as "0.1"."""
+        """Convert an int, a float, a Fraction, another context's number, or a string such as "0.1"."""
         make = self._work.mpf
         try:
             if isinstance(x, Fraction):
@@ -166,21 +166,21 @@ class Digits:
             raise SpatialDynError(f"{x!r} is no real number, expected a float, a Fraction or mpmath's mpf") from None
 
     def coordinates(self, bodies: NDArray[Any], q: NDArray[Any]) -> NDArray[Any]:
-        """Coordinates for the recursions: as they are."""
+        """Coordinates for the recursions, unchanged."""
         return q
 
     def shown(self, x: Any) -> Any:
-        """What the caller sees: rounded to the bits that were asked for."""
+        """The number rounded to ``bits`` bits, for the caller."""
         return +self.context.make_mpf(self.number(x)._mpf_)
 
     def finite(self, x: Any) -> bool:
-        """Whether a number is."""
+        """Whether a number is finite."""
         return bool(self._work.isfinite(x))
 
 
 @cache
 def _context(bits: int) -> Any:
-    """An mpmath context of so many bits, whose numbers the recursions know; one each, for the registry keeps them."""
+    """An mpmath context of ``bits`` bits, its numbers registered with scalars; cached, as the registry keeps types."""
     try:
         from mpmath import MPContext
     except ImportError:
@@ -194,7 +194,7 @@ def _context(bits: int) -> Any:
     scalars.cos.register(kind)(context.cos)
     scalars.sqrt.register(kind)(lambda x: context.sqrt(x) if x >= 0.0 else context.nan)
     scalars.atan2.register(kind)(lambda y, x: context.atan2(y, context.mpf(x)))
-    scalars.summed.register(kind)(lambda x, series, closed: closed)
+    scalars.series_or_closed.register(kind)(lambda x, series, closed: closed)
     return context
 
 
@@ -202,7 +202,7 @@ Arithmetic = Digits | Rationals
 
 
 def arithmetic(bits: int | None) -> Arithmetic:
-    """Digits, or Rationals for None. Raises SpatialDynError for fewer bits than float64 has, or more than MOST."""
+    """Digits, or Rationals for None. Raises SpatialDynError for less than LEAST or more than MOST bits."""
     if bits is None:
         return Rationals()
     if isinstance(bits, bool) or not isinstance(bits, (int, np.integer)) or not LEAST <= bits <= MOST:
@@ -211,7 +211,7 @@ def arithmetic(bits: int | None) -> Arithmetic:
 
 
 def numbers(made_by: Arithmetic, values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
-    """An object array of numbers, of the same shape; floats are taken at their exact binary value."""
+    """Values as an object array of numbers, of the same shape; floats are taken at their exact binary value."""
     given = np.asarray(values, dtype=object)
     made = np.empty(given.shape, dtype=object)
     for at in np.ndindex(given.shape):

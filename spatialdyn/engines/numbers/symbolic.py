@@ -1,15 +1,15 @@
-"""Symbols: a recursion run once on exact numbers made of sines, cosines and parameters, for its result in closed form.
+"""Symbols: a recursion run once on exact polynomials in sines, cosines and parameters gives closed forms.
 
 A Number is a quotient of polynomials with rational coefficients. For every angle α its ring has two generators, cos α
 and sin α, and sin² is replaced by 1 - cos² in every product; likewise the square of a radical, and one square of a
-unit quaternion. What is left is a canonical form: two polynomials of the ring are equal as functions exactly if they
-have the same terms, so nothing has to be "simplified" on the way, and zero is seen to be zero.
+unit quaternion. The result is a canonical form: two polynomials of the ring are equal as functions exactly if they
+have the same terms, so no simplification is needed, and zero is recognized.
 
-At the end ``Ring.expression`` folds products of sines and cosines into sums of cos(n·α) and sin(n·α): the Fourier
+At the end ``Ring.expression`` turns products of sines and cosines into sums of cos(n·α) and sin(n·α): the Fourier
 series of the function (``fourier``), which is canonical too. Its length grows exponentially with the angles that an
-entry depends on: closed forms are for arms of a few joints, and a Budget says where they end.
+entry depends on: closed forms are for arms of a few joints, and a Budget limits them.
 
-SymPy brings the polynomials; it is imported when a Ring is made.
+The polynomials are SymPy's, which is imported when a Ring is made.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ def need_sympy() -> Any:
 
 
 class Number:
-    """An element of a Ring, or a quotient of two: what the recursions see in place of a float.
+    """An element of a Ring, or a quotient of two, which recursions compute with in place of floats.
 
-    Floats that meet it are taken at their exact binary value, so the 0.5 and 2.0 of a recursion lose nothing.
+    Floats are taken at their exact binary value, so the 0.5 and 2.0 of a recursion are exact.
     """
 
     __slots__ = ("den", "num", "ring")
@@ -144,11 +144,11 @@ scalars.select.register(Number)(_unknown("select"))
 
 @dataclass
 class Budget:
-    """How long a closed form may get, in products of two terms and waves of a series of up to 80 generators,
-    some 50 µs each; of more generators they count as often as they take longer.
+    """Limit of the cost of a closed form, in products of two terms and waves of a series of up to 80 generators,
+    some 50 µs each; with more generators each counts in proportion to its time.
 
-    owner  in words, for the refusal
-    most   that may be spent between two settings of ``spent`` to 0
+    owner  in words, for the error message
+    most   most that may be spent until ``spent`` is reset to 0
     """
 
     owner: str = "this closed form"
@@ -156,7 +156,7 @@ class Budget:
     spent: int = 0
 
     def spend(self, n: int) -> None:
-        """Raises SpatialDynError, and starts anew, once more than ``most`` is spent."""
+        """Add to ``spent``. Raises SpatialDynError, and resets ``spent``, beyond ``most``."""
         self.spent += n
         if self.spent > self.most:
             self.spent = 0
@@ -167,14 +167,14 @@ class Budget:
 
 
 class Ring:
-    """The polynomials in which one robot's numbers live.
+    """The ring of polynomials of one robot.
 
-    angles  expressions whose cosine and sine are generators: symbols of coordinates, and constants that no radical
-            spells, such as 1/10 or pi/5
+    angles  expressions whose cosine and sine are generators: symbols of coordinates, and constants without a closed
+            form in radicals, such as 1/10 or pi/5
     plain   symbols that are generators themselves
     primes  primes whose square root is a generator
-    units   symbols of ``plain`` whose squares add up to 1, one tuple for each quaternion or (cos, sin) pair
-    budget  what its arithmetic may take, without end by default
+    units   symbols of ``plain`` whose squares sum to 1, one tuple for each quaternion or (cos, sin) pair
+    budget  limit of its arithmetic, none by default
     """
 
     def __init__(
@@ -185,7 +185,7 @@ class Ring:
         units: Iterable[tuple[Expr, ...]] = (),
         budget: Budget | None = None,
     ) -> None:
-        """A ring of these generators."""
+        """The ring of these generators."""
         self.budget = Budget() if budget is None else budget
         self._sympy = sympy = need_sympy()
         from sympy.polys.rings import PolyRing
@@ -196,7 +196,7 @@ class Ring:
         self.values += [*self.plain, *(sympy.sqrt(p) for p in self.primes)]
         names = [sympy.Symbol(f"{f}({a})") for a in self.angles for f in ("cos", "sin")]
         names += [*self.plain, *(sympy.Symbol(f"sqrt({p})") for p in self.primes)]
-        # a ring without generators is no ring in SymPy
+        # SymPy's rings need a generator
         self.polynomials = PolyRing(names or [sympy.Symbol("none")], sympy.QQ, sympy.lex)
         self.one: Poly = self.polynomials.one
         self._gens = self.polynomials.gens
@@ -213,12 +213,12 @@ class Ring:
     def extended(
         self, angles: Iterable[Expr] = (), plain: Iterable[Expr] = (), units: Any = (), budget: Budget | None = None
     ) -> Ring:
-        """This ring with more generators, and with its budget unless there is another."""
+        """This ring with more generators, and with the same budget if none is given."""
         budget = self.budget if budget is None else budget
         return Ring((*self.angles, *angles), (*self.plain, *plain), self.primes, (*self.units, *units), budget)
 
     def taken(self, x: Any) -> Any:
-        """A Number of a ring that this one extends; anything else as it is."""
+        """Convert a Number of a ring that this one extends; returns other values unchanged."""
         if not isinstance(x, Number) or x.ring is self:
             return x
         den = None if x.den is None else x.den.set_ring(self.polynomials)
@@ -227,7 +227,7 @@ class Ring:
     # --- arithmetic ---------------------------------------------------------------------------------------
 
     def times(self, a: Poly, b: Poly) -> Poly:
-        """A product with its squares replaced."""
+        """A product in canonical form."""
         if len(a) == 1 and a.is_ground:
             return b.mul_ground(a.coeff(1))
         if len(b) == 1 and b.is_ground:
@@ -241,7 +241,7 @@ class Ring:
         return product
 
     def _replaced(self, poly: Poly, at: int, square: Poly) -> Poly:
-        """The polynomial with the square of generator ``at`` replaced."""
+        """The polynomial with powers of the square of generator ``at`` replaced."""
         parts: dict[int, Poly] = {}
         for m, c in poly.items():
             part = parts.setdefault(m[at] // 2, self.polynomials.zero)
@@ -249,7 +249,7 @@ class Ring:
         return sum((part * square**k for k, part in parts.items()), self.polynomials.zero)
 
     def number_or_none(self, x: Any) -> Number | None:
-        """A Number of anything that is exact or a float; None of arrays and strangers."""
+        """A Number of an int, float, Fraction or SymPy expression; returns None if not applicable."""
         if isinstance(x, Number):
             return x
         if isinstance(x, (int, float, Fraction, np.integer, np.floating)):
@@ -258,9 +258,9 @@ class Ring:
         return self.of(x) if isinstance(x, self._sympy.Expr) else None
 
     def turn(self, angle: Expr) -> tuple[Number, Number]:
-        """Cosine and sine of an angle: a sum of whole multiples of the ring's angles and of constants.
+        """Cosine and sine of an angle: a sum of integer multiples of the ring's angles and of constants.
 
-        Raises SpatialDynError naming an angle that is none.
+        Raises SpatialDynError naming an angle that is no such sum.
         """
         sympy = self._sympy
         c, s = Number(self, self.one), Number(self, self.polynomials.zero)
@@ -308,7 +308,7 @@ class Ring:
             return total
         if e.is_Pow and e.exp.is_Integer:
             base, power = self.of(e.base), self.of(1)
-            for _ in range(abs(int(e.exp))):  # one by one, for squares to be replaced
+            for _ in range(abs(int(e.exp))):  # one by one, so that squares are replaced
                 power = base * power
             return power if e.exp > 0 else power.reciprocal()
         if e.is_Pow and (2 * e.exp).is_Integer and e.base.is_Rational:
@@ -333,7 +333,7 @@ class Ring:
         return root
 
     def derivative(self, x: Any, symbol: Expr) -> Number:
-        """∂x/∂symbol; sines and cosines of the symbol move along."""
+        """∂x/∂symbol, with sines and cosines of the symbol."""
         x = self.of(0) + x
         if x.den is not None:
             num, den = Number(self, x.num), Number(self, x.den)
@@ -358,7 +358,7 @@ class Ring:
         below = self._series(den)
         scale, below = below.as_content_primitive()
         steady = below.as_independent(self._sympy.cos, self._sympy.sin, as_Add=True)[0]
-        if steady.could_extract_minus_sign():  # so a determinant of M reads as the positive number it is
+        if steady.could_extract_minus_sign():  # so that a determinant of M is written as a positive number
             scale, below = -scale, -below
         return self._sympy.expand(self._series(num) / scale, deep=False) / below
 
@@ -367,7 +367,7 @@ class Ring:
         return fourier(poly, self.angles, self.values)
 
     def _without_common(self, num: Poly, den: Poly) -> tuple[Poly, Poly]:
-        """Numerator and denominator without the constant and the product of generators that divides both."""
+        """Numerator and denominator, divided by the constant and the product of generators that divide both."""
         if not num:
             return num, self.one
         drop = list(map(min, zip(*num, *den, strict=True)))
@@ -388,7 +388,7 @@ def run(
 ) -> NDArray[Any]:
     """The output of a call on a table of Numbers, as an object array of Numbers.
 
-    rows    the table of bodies, as ``trace.table`` makes one, its entries Numbers or the floats 0 and 1
+    rows    the table of bodies, as of ``tracer.table``, its entries Numbers or the floats 0 and 1
     sizes   nq, nv, njoints
     inputs  arrays of Numbers by name; an optional one may be missing
     """

@@ -1,158 +1,168 @@
-"""LLVM text of the functions through which Python runs a compiled program: over a batch, and step after step.
+"""LLVM text of the functions through which Python runs a compiled program: over a batch, and in a time loop.
 
-ctypes hands them the arrays as they are, as objects: asking NumPy for an address takes 1 µs, reading it here takes
-nothing. What NumPy keeps first in an array object is the address of its data (the fields of a PyArrayObject, part
-of NumPy's C interface).
+ctypes passes the array objects themselves: to get an address from NumPy takes 1 µs, to read it here nothing. The first
+field of a PyArrayObject, part of NumPy's C interface, is the address of its data.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-DATA = object.__basicsize__  # where in an array object the address of its data is
-BOUNDARY = 64
+from .llvm_text import Body
+
+DATA_OFFSET = object.__basicsize__  # offset in an array object of the address of its data
+ALIGNMENT = 64
 
 
-def padded(size: int) -> int:
-    """Bytes up to the next boundary."""
-    return size + -size % BOUNDARY
+def round_up(size: int) -> int:
+    """A size rounded up to a multiple of ALIGNMENT."""
+    return size + -size % ALIGNMENT
 
 
-def room(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> int:
-    """Bytes that ``entry`` and ``loop`` need beside the bits of the tiles: a workspace, and a tile of each array."""
-    return 2 * BOUNDARY + padded(workspace) + sum(padded(lanes * k * size) for k in (*inputs, *outputs))
+def buffer_size(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> int:
+    """Bytes that ``batch_entry`` and ``time_loop_entry`` need beside the bits of the tiles: a workspace, and a tile of
+    each array.
+    """
+    tiles = sum(round_up(lanes * k * size) for k in (*inputs, *outputs))
+    return 2 * ALIGNMENT + round_up(workspace) + tiles
 
 
-class _Code:
-    """Lines of a function body, names made up as they come."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def put(self, text: str) -> str:
-        self.lines.append(f"  %t{len(self.lines)} = {text}")
-        return f"%t{len(self.lines) - 1}"
-
-    def do(self, text: str) -> None:
-        self.lines.append(f"  {text}")
-
-    def block(self, jump: str, name: str) -> None:
-        self.lines += [f"  br {jump}", f"{name}:"]
-
-    def byte(self, base: str, offset: str | int) -> str:
-        """The address so many bytes on."""
-        return self.put(f"getelementptr i8, ptr {base}, i64 {offset}")
-
-    def data(self, array: str) -> str:
-        """The address of an array's data."""
-        return self.put(f"load ptr, ptr {self.byte(array, DATA)}")
-
-    def times(self, a: str | int, b: str | int) -> str:
-        return self.put(f"mul i64 {a}, {b}")
-
-    def copy(self, to: str, start: str, count: str | int) -> None:
-        self.do(f"call void @llvm.memcpy.p0.p0.i64(ptr {to}, ptr {start}, i64 {count}, i1 false)")
-
-    def boundary(self, address: str) -> str:
-        """The next boundary behind an address."""
-        behind = self.put(f"add i64 {self.put(f'ptrtoint ptr {address} to i64')}, {BOUNDARY + 1}")
-        return self.put(f"inttoptr i64 {self.put(f'and i64 {behind}, {-BOUNDARY}')} to ptr")
+def _data(code: Body, array: str) -> str:
+    """The address of an array's data."""
+    return code.load("ptr", code.byte(array, DATA_OFFSET))
 
 
-def entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> str:
-    """``entry(*(input, rows), *outputs, room, n) -> 1``, or 0 if an output overlaps anything, doing nothing.
+def batch_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> str:
+    """``batch_entry(*(input, rows), *outputs, shared, buffer, n, piece) -> 1``, or 0, nothing done, if an output
+    overlaps an array. Threads may call it at once with the same arrays: each takes pieces until none is left.
 
     inputs, outputs  columns of the arrays, which are in C order
-    rows             n, or 1 for an input that serves all samples
-    room             takes a bit a sample, 16 bits a tile, and behind them what ``room`` counts
+    rows             n, or 1 for an input that is for all samples
+    shared           the next tile that no thread has taken, 8 bytes, at first 0; then a bit per sample, 16 bits a tile
+    buffer           the thread's own, of ``buffer_size`` bytes
+    piece            tiles that a thread takes at once
 
-    Samples that do not fill the last tile run on copies, filled up with the last of them.
+    Samples that do not fill the last tile run on copies, padded with the last sample.
     """
     ins = {f"in{a}": columns * size for a, columns in enumerate(inputs)}
     outs = {f"out{a}": columns * size for a, columns in enumerate(outputs)}
     rows = {**ins, **outs}
-    code = _Code()
+    code = Body()
+    code.label("start")
     put, byte, times = code.put, code.byte, code.times
 
     def call(tiles: str | int, at: dict[str, str], steps: dict[str, str], bits: str) -> None:
         passed = "".join(f"ptr {at[x]}, i64 {steps[x]}, " for x in ins) + "".join(f"ptr {at[y]}, " for y in outs)
         code.do(f"call void @kernel(i64 {tiles}, {passed}ptr {bits}, ptr {work})")
 
-    data = {x: code.data(f"%{x}") for x in [*rows, "room"]}
+    data = {x: _data(code, f"%{x}") for x in [*rows, "shared", "buffer"]}
     count = {x: f"%{x}.rows" if x in ins else "%n" for x in rows}
     end = {x: byte(data[x], times(count[x], rows[x])) for x in rows}
-    apart = "true"
+    disjoint = "true"
     for k, y in enumerate(outs):
         for x in [*ins, *list(outs)[:k]]:
             before, behind = (put(f"icmp ule ptr {a}, {b}") for a, b in ((end[x], data[y]), (end[y], data[x])))
-            apart = put(f"and i1 {apart}, {put(f'or i1 {before}, {behind}')}")
-    code.block(f"i1 {apart}, label %run, label %refuse", "refuse")
-    code.lines += ["  ret i64 0", "run:"]
-    tiles = put(f"sdiv i64 %n, {lanes}")
-    first = times(tiles, lanes)
+            disjoint = put(f"and i1 {disjoint}, {put(f'or i1 {before}, {behind}')}")
+    code.branch(disjoint, "begin", "overlap", then="overlap")
+    code.do("ret i64 0")
+    code.label("begin")
+    bits, work = byte(data["shared"], 8), code.boundary(data["buffer"], ALIGNMENT)
+    full = put(f"sdiv i64 %n, {lanes}")
+    first = times(full, lanes)
     rest = put(f"sub i64 %n, {first}")
-    last = byte(data["room"], times(tiles, 2))
-    work = code.boundary(last)
+    partial = put(f"icmp ne i64 {rest}, 0")
+    tiles = code.add(full, put(f"zext i1 {partial} to i64"))
     several = {x: put(f"icmp sgt i64 {count[x]}, 1") for x in ins}
-    call(tiles, data, {x: put(f"select i1 {several[x]}, i64 {ins[x] // size}, i64 0") for x in ins}, data["room"])
-    code.block(f"i1 {put(f'icmp eq i64 {rest}, 0')}, label %done, label %tail", "tail")
-    offset, tile = padded(workspace), {}
+    step = {x: put(f"select i1 {several[x]}, i64 {ins[x] // size}, i64 0") for x in ins}
+    wide = {x: times(step[x], size) if x in ins else str(outs[x]) for x in rows}
+    code.jump("next", then="next")
+    tile = put(f"atomicrmw add ptr {data['shared']}, i64 %piece monotonic")
+    code.branch(put(f"icmp slt i64 {tile}, {tiles}"), "run", "done", then="run")
+    behind = code.add(tile, "%piece")
+    whole = put(f"select i1 {put(f'icmp slt i64 {behind}, {full}')}, i64 {behind}, i64 {full}")
+    sample = times(tile, lanes)
+    here = {x: byte(data[x], times(sample, wide[x])) for x in rows}
+    call(put(f"sub i64 {whole}, {tile}"), here, step, byte(bits, times(tile, 2)))
+    past = put(f"icmp sgt i64 {behind}, {full}")
+    code.branch(put(f"and i1 {past}, {partial}"), "tail", "next", then="tail")
+    offset, copies = round_up(workspace), {}
     for x, row in rows.items():
-        tile[x] = byte(work, offset)
-        offset += padded(lanes * row)
+        copies[x] = byte(work, offset)
+        offset += round_up(lanes * row)
     for x, row in ins.items():
-        step = put(f"select i1 {several[x]}, i64 {row}, i64 0")
         for r in range(lanes):
             there = put(f"icmp slt i64 {r}, {rest}")
-            sample = put(f"select i1 {there}, i64 {put(f'add i64 {first}, {r}')}, i64 {put('sub i64 %n, 1')}")
-            code.copy(byte(tile[x], r * row), byte(data[x], times(sample, step)), row)
-    call(1, tile, {x: str(row // size) for x, row in ins.items()}, last)
+            at = put(f"select i1 {there}, i64 {code.add(first, r)}, i64 {put('sub i64 %n, 1')}")
+            code.copy(byte(copies[x], r * row), byte(data[x], times(at, wide[x])), row)
+    call(1, copies, {x: str(row // size) for x, row in ins.items()}, byte(bits, times(full, 2)))
     for y, row in outs.items():
-        code.copy(byte(data[y], times(first, row)), tile[y], times(rest, row))
-    code.block("label %done", "done")
+        code.copy(byte(data[y], times(first, row)), copies[y], times(rest, row))
+    code.jump("next", then="done")
+    code.do("ret i64 1")
     given = "".join(f"ptr %{x}, i64 %{x}.rows, " for x in ins) + "".join(f"ptr %{y}, " for y in outs)
-    return _function("entry", f"{given}ptr %room, i64 %n", code, "ret i64 1")
+    return _COPY + code.function(f"define i64 @batch_entry({given}ptr %shared, ptr %buffer, i64 %n, i64 %piece)")
 
 
-def loop(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: int) -> str:
-    """``loop(kernel, *states, *(input, sample, time), *records, *ends, room, first, end, n, steps, every, kept)``:
-    tiles, each through all steps before the next, by a program whose outputs are its first inputs anew.
+def one_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int) -> str:
+    """``one_entry(context, inputs, outputs) -> 1``, or 0 if the sample is rejected: a program on one lane.
+
+    context          not used
+    inputs, outputs  addresses of the arrays of one sample
+    """
+    code = Body()
+    code.label("start")
+    bits = code.put("alloca i16")
+    work = code.put(f"alloca [{round_up(max(workspace, 1))} x i8], align {ALIGNMENT}")
+    ins = [code.load("ptr", code.at("ptr", "%inputs", k)) for k in range(len(inputs))]
+    outs = [code.load("ptr", code.at("ptr", "%outputs", k)) for k in range(len(outputs))]
+    passed = "".join(f"ptr {x}, i64 0, " for x in ins) + "".join(f"ptr {y}, " for y in outs)
+    code.do(f"call void @kernel(i64 1, {passed}ptr {bits}, ptr {work})")
+    valid = code.put(f"zext i16 {code.load('i16', bits)} to i64")
+    code.do(f"ret i64 {valid}")
+    return code.function("define i64 @one_entry(ptr %context, ptr %inputs, ptr %outputs)")
+
+
+def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: int) -> str:
+    """``time_loop_entry(kernel, *states, *(input, sample, time), *records, *ends, buffer, *numbers)``: tile by
+    tile, all steps of a program whose outputs are the first inputs of the next step; the numbers are first, end, n,
+    steps, every, recorded.
 
     states        columns of the states, arrays (n, columns) in C order
     kernel        the program's address; its inputs are the states, then the others
-    sample, time  how many numbers on the row of an input for the next sample and the next step is
-    records       arrays (n, kept, columns), or from a row on: the states after each so many steps
+    sample, time  strides of an input to the next sample and the next step, in numbers
+    records       arrays (n, recorded, columns), or views from a row on: the states after every ``every`` steps
     ends          arrays (n, columns): the states after all steps
-    room          takes a bit a sample, 16 bits a tile, and behind them what ``room`` counts
+    buffer        a bit per sample, 16 bits per tile, then ``buffer_size`` bytes
     first, end    tiles to run; the last tile of all ends with sample n >= lanes, and so overlaps the one before it
     """
     wide = [columns * size for columns in states]
     xs = [f"%x{k}" for k in range(inputs)]
-    code = _Code()
+    code = Body()
+    code.label("start")
     put, byte, times = code.put, code.byte, code.times
-    start = [code.data(f"%s{k}") for k in range(len(states))]
-    data = [code.data(x) for x in xs]
-    records = [code.data(f"%r{k}") for k in range(len(states))]
-    ends = [code.data(f"%e{k}") for k in range(len(states))]
-    bits = code.data("%room")
+    start = [_data(code, f"%s{k}") for k in range(len(states))]
+    data = [_data(code, x) for x in xs]
+    records = [_data(code, f"%r{k}") for k in range(len(states))]
+    ends = [_data(code, f"%e{k}") for k in range(len(states))]
+    bits = _data(code, "%buffer")
     flag = byte(bits, times(put("sub i64 %end, %first"), 2))
-    work = code.boundary(byte(flag, 2))
-    offset, buffers = padded(workspace), []
+    work = code.boundary(byte(flag, 2), ALIGNMENT)
+    offset, buffers = round_up(workspace), []
     for row in [*wide, *wide]:
         buffers.append(byte(work, offset))
-        offset += padded(lanes * row)
+        offset += round_up(lanes * row)
     here, there = buffers[: len(wide)], buffers[len(wide) :]
-    code.block("label %tiles", "tiles")
+    code.jump("tiles", then="tiles")
     code.do("%tile = phi i64 [ %first, %start ], [ %tile.next, %tile.done ]")
-    code.block(f"i1 {put('icmp slt i64 %tile, %end')}, label %tile.run, label %done", "tile.run")
+    code.branch(put("icmp slt i64 %tile, %end"), "tile.run", "done", then="tile.run")
     at, most = times("%tile", lanes), put(f"sub i64 %n, {lanes}")
     sample = put(f"select i1 {put(f'icmp slt i64 {at}, {most}')}, i64 {at}, i64 {most}")
     for buffer, source, row in zip(here, start, wide, strict=True):
         code.copy(buffer, byte(source, times(sample, row)), lanes * row)
     base = [byte(d, times(times(sample, f"{x}.sample"), size)) for d, x in zip(data, xs, strict=True)]
-    code.block("label %step", "step")
+    code.jump("step", then="step")
     code.do("%t = phi i64 [ 0, %tile.run ], [ %t.next, %stepped ]")
-    code.do("%fine = phi i16 [ -1, %tile.run ], [ %fine.next, %stepped ]")
+    code.do("%valid = phi i16 [ -1, %tile.run ], [ %valid.next, %stepped ]")
     code.do("%record = phi i64 [ 0, %tile.run ], [ %record.next, %stepped ]")
     for k, (a, b) in enumerate(zip(here, there, strict=True)):
         code.do(f"%a{k} = phi ptr [ {a}, %tile.run ], [ %b{k}, %stepped ]")
@@ -162,35 +172,28 @@ def loop(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: i
         passed += f"ptr {byte(b, times(times('%t', f'{x}.time'), size))}, i64 {x}.sample, "
     passed += "".join(f"ptr %b{k}, " for k in range(len(states)))
     code.do(f"call void %kernel(i64 1, {passed}ptr {flag}, ptr {work})")
-    code.do(f"%fine.next = and i16 %fine, {put(f'load i16, ptr {flag}')}")
+    code.do(f"%valid.next = and i16 %valid, {code.load('i16', flag)}")
     code.do("%t.next = add i64 %t, 1")
     code.do("%record.next = sdiv i64 %t.next, %every")
     due = put("icmp sgt i64 %record.next, %record")
-    code.block(f"i1 {due}, label %keep, label %stepped", "keep")
+    code.branch(due, "keep", "stepped", then="keep")
     for k, row in enumerate(wide):
         for r in range(lanes):
-            place = put(f"add i64 {times(put(f'add i64 {sample}, {r}'), '%kept')}, %record")
+            place = put(f"add i64 {times(code.add(sample, r), '%recorded')}, %record")
             code.copy(byte(records[k], times(place, row)), byte(f"%b{k}", r * row), row)
-    code.block("label %stepped", "stepped")
-    code.block(f"i1 {put('icmp slt i64 %t.next, %steps')}, label %step, label %tile.done", "tile.done")
+    code.jump("stepped", then="stepped")
+    code.branch(put("icmp slt i64 %t.next, %steps"), "step", "tile.done", then="tile.done")
     for k, (done, row) in enumerate(zip(ends, wide, strict=True)):
         code.copy(byte(done, times(sample, row)), f"%b{k}", lanes * row)
-    code.do(f"store i16 %fine.next, ptr {byte(bits, times(put('sub i64 %tile, %first'), 2))}")
+    code.store("i16", "%valid.next", byte(bits, times(put("sub i64 %tile, %first"), 2)))
     code.do("%tile.next = add i64 %tile, 1")
-    code.block("label %tiles", "done")
+    code.jump("tiles", then="done")
+    code.do("ret void")
     given = "".join(f"ptr %s{k}, " for k in range(len(states)))
     given += "".join(f"ptr {x}, i64 {x}.sample, i64 {x}.time, " for x in xs)
     given += "".join(f"ptr %{x}{k}, " for x in "re" for k in range(len(states)))
-    numbers = ", ".join(f"i64 %{x}" for x in ("first", "end", "n", "steps", "every", "kept"))
-    return _function("loop", f"ptr %kernel, {given}ptr %room, {numbers}", code, "ret void", "void")
+    numbers = ", ".join(f"i64 %{x}" for x in ("first", "end", "n", "steps", "every", "recorded"))
+    return _COPY + code.function(f"define void @time_loop_entry(ptr %kernel, {given}ptr %buffer, {numbers})")
 
 
-def _function(name: str, parameters: str, code: _Code, end: str, kind: str = "i64") -> str:
-    body = "\n".join([*code.lines, f"  {end}"])
-    return f"""
-declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
-define {kind} @{name}({parameters}) {{
-start:
-{body}
-}}
-"""
+_COPY = "\ndeclare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)\n"

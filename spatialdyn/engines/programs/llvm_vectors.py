@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterable
 
 import numpy as np
+
+from .llvm_text import Body
 
 MAGIC = {"double": 6755399441055744.0, "float": 12582912.0}
 HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
@@ -26,7 +29,7 @@ HALF_PI: dict[tuple[str, bool], tuple[float, ...]] = {
         5.390302953474238e-15,
     ),
 }
-PI_LOW = 1.2246467991473532e-16  # π less math.pi
+PI_LOW = 1.2246467991473532e-16  # π - math.pi
 SINE = {
     "double": (
         -1.66666666666666324348e-01,
@@ -36,7 +39,7 @@ SINE = {
         -2.50507602534068634195e-08,
         1.58969099521155010221e-10,
     ),
-    "float": (-1 / 6, 1 / 120, -1 / 5040, 1 / 362880),  # a term more than float32 has digits, or 1.6 ulp
+    "float": (-1 / 6, 1 / 120, -1 / 5040, 1 / 362880),  # one term more than float32 resolves; without it 1.6 ulp
 }
 COSINE = {
     "double": (
@@ -50,7 +53,7 @@ COSINE = {
     "float": (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5),
 }
 
-# of (atan(t) / t - 1) / t² in t², on |t| <= tan(π/8): interpolated at Chebyshev's points in 60 digits
+# coefficients of (atan(t) / t - 1) / t² in t², on |t| <= tan(π/8): interpolated at Chebyshev points in 60 digits
 ARCTANGENT = (
     -0.3333333333333333,
     0.19999999999995516,
@@ -66,35 +69,47 @@ ARCTANGENT = (
 )
 TAN_EIGHTH = 0.41421356237309503
 
+ZERO = "zeroinitializer"
 
-class Text:
-    """LLVM text of one function body: fresh names, and the few shapes of instruction that programs need."""
+
+class Vectors(Body):
+    """A function body on SIMD vectors of ``lanes`` numbers: the instructions that programs need."""
 
     def __init__(self, scalar: str, lanes: int, fma: bool) -> None:
+        """On lanes of ``double`` or ``float``, with fused multiply-add where the host has it."""
+        super().__init__()
         self.scalar, self.lanes, self.fma = scalar, lanes, fma
-        self.vector = f"<{lanes} x {scalar}>"
-        self.bits = f"<{lanes} x i{64 if scalar == 'double' else 32}>"
-        self.out: list[str] = []
-        self.count = 0
+        self.size = 8 if scalar == "double" else 4
+        self.vector = self.kind(lanes)
+        self.bits = f"<{lanes} x i{8 * self.size}>"
+        self.truth = f"<{lanes} x i1>"
+        self._turns: dict[str, tuple[str, str]] = {}
 
-    def name(self) -> str:
-        self.count += 1
-        return f"%t{self.count}"
+    def kind(self, count: int) -> str:
+        """The type of a vector of ``count`` numbers."""
+        return f"<{count} x {self.scalar}>"
 
-    def put(self, text: str) -> str:
-        at = self.name()
-        self.out.append(f"  {at} = {text}")
-        return at
+    def number(self, base: str, count: int | str) -> str:
+        """The address of number ``count`` behind ``base``."""
+        return self.at(self.scalar, base, count)
+
+    def load_vector(self, base: str, count: int) -> str:
+        """Vector ``count`` of an aligned array."""
+        return self.load(self.vector, self.at(self.vector, base, count), self.size * self.lanes)
+
+    def store_vector(self, value: str, base: str, count: int) -> None:
+        """Write vector ``count`` of an aligned array."""
+        self.store(self.vector, value, self.at(self.vector, base, count), self.size * self.lanes)
 
     def constant(self, value: float) -> str:
         if self.scalar == "float":
-            with np.errstate(over="ignore"):  # an infinite constant: its samples are left to float64
+            with np.errstate(over="ignore"):  # an infinite constant: its samples are recomputed in float64
                 value = float(np.float32(value))
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
         return f"splat ({self.scalar} 0x{bits:016X})"
 
     def integer(self, value: int) -> str:
-        return f"splat ({self.bits.split()[-1][:-1]} {value})"
+        return f"splat (i{8 * self.size} {value})"
 
     def binary(self, word: str, a: str, b: str) -> str:
         return self.put(f"{word} {self.vector} {a}, {b}")
@@ -103,10 +118,10 @@ class Text:
         return self.put(f"fneg {self.vector} {a}")
 
     def suffix(self) -> str:
-        return f"v{self.lanes}f{64 if self.scalar == 'double' else 32}"
+        return f"v{self.lanes}f{8 * self.size}"
 
     def fused(self, a: str, b: str, c: str) -> str:
-        """a b + c, rounded once where the host can."""
+        """a b + c, rounded once if the host has fused multiply-add."""
         v = self.vector
         if self.fma:
             return self.put(f"call {v} @llvm.fma.{self.suffix()}({v} {a}, {v} {b}, {v} {c})")
@@ -115,13 +130,34 @@ class Text:
     def unary(self, function: str, a: str) -> str:
         return self.put(f"call {self.vector} @llvm.{function}.{self.suffix()}({self.vector} {a})")
 
+    def compare(self, word: str, a: str, b: str) -> str:
+        """The mask of a comparison: ``ogt``, ``ole``, ..."""
+        return self.put(f"fcmp {word} {self.vector} {a}, {b}")
+
+    def above_zero(self, a: str) -> str:
+        """The mask of a > 0."""
+        return self.compare("ogt", a, ZERO)
+
+    def select(self, condition: str, a: str, b: str) -> str:
+        """a where the mask holds, else b."""
+        return self.put(f"select {self.truth} {condition}, {self.vector} {a}, {self.vector} {b}")
+
+    def shuffle(self, kind: str, a: str, b: str, places: Iterable[int]) -> str:
+        """The numbers at ``places`` of the concatenation of two vectors of a type."""
+        chosen = [f"i32 {k}" for k in places]
+        return self.put(f"shufflevector {kind} {a}, {kind} {b}, <{len(chosen)} x i32> <{', '.join(chosen)}>")
+
     def poisoned_unless(self, condition: str, poison: str) -> str:
-        """poison, or NaN where the condition does not hold."""
-        v, nan = self.vector, self.constant(math.nan)
-        return self.put(f"select <{self.lanes} x i1> {condition}, {v} {poison}, {v} {nan}")
+        """poison where the mask holds, else NaN."""
+        return self.select(condition, poison, self.constant(math.nan))
 
     def sincos(self, x: str) -> tuple[str, str]:
-        """(sin x, cos x)."""
+        """(sin x, cos x), computed once for each x."""
+        if x not in self._turns:
+            self._turns[x] = self._sincos(x)
+        return self._turns[x]
+
+    def _sincos(self, x: str) -> tuple[str, str]:
         s, v, k = self.scalar, self.vector, self.constant
         shifted = self.fused(x, k(2.0 / math.pi), k(MAGIC[s]))
         n = self.binary("fsub", shifted, k(MAGIC[s]))
@@ -132,46 +168,42 @@ class Text:
             p = self.fused(z, p, k(c))
         for c in (*reversed(COSINE[s][:-1]), -0.5):
             q = self.fused(z, q, k(c))
-        # r lacks low, half an ulp of it at most, which for 1/2 < |r| is up to one of the sine; a part z keeps that
-        # within 1.5 ulp, and vanishes next to 0, where low itself is lost in what cancels
+        # r is short of the reduced angle by low, at most half its ulp, up to one ulp of the sine where |r| > 1/2; a
+        # share z of low keeps the sine within 1.5 ulp, and vanishes near 0, where low has no digits
         sine = self.fused(z, self.fused(r, p, low), r)
-        cosine = self.fused(z, q, k(1.0))  # one rounding: 1 - z/2 by itself would be a second, and 1.6 ulp in all
+        cosine = self.fused(z, q, k(1.0))  # one rounding: with 1 - z/2 rounded too it is 1.6 ulp
         quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
         one, top = self.integer(1), 62 if s == "double" else 30
         sign = self.integer(-(2 << top))
         odd = self.put(f"icmp ne {self.bits} {self.put(f'and {self.bits} {quadrant}, {one}')}, zeroinitializer")
-        i1 = f"<{self.lanes} x i1>"
         results = []
         for swapped, straight, turn in (
             (cosine, sine, quadrant),
             (sine, cosine, self.put(f"add {self.bits} {quadrant}, {one}")),
         ):
-            value = self.put(f"select {i1} {odd}, {v} {swapped}, {v} {straight}")
+            value = self.select(odd, swapped, straight)
             flip = self.put(f"and {self.bits} {self.put(f'shl {self.bits} {turn}, {self.integer(top)}')}, {sign}")
             bits = self.put(f"bitcast {v} {value} to {self.bits}")
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
         return results[0], results[1]
 
     def atan2(self, y: str, x: str) -> str:
-        """The angle of the point (x, y) within 3 ulp; NaN at the origin, where the sign of zero would count.
+        """The angle of the point (x, y) within 3 ulp; NaN at the origin, where it depends on the signs of zero.
 
-        Of the smaller over the larger of |x| and |y|, less π/4 where that is above tan(π/8), then the octant undone.
+        The arctangent of the smaller over the larger of |x| and |y|, rotated by π/4 above tan(π/8), then of the octant.
         """
-        k, v, i1 = self.constant, self.vector, f"<{self.lanes} x i1>"
-
-        def choose(condition: str, a: str, b: str) -> str:
-            return self.put(f"select {i1} {condition}, {v} {a}, {v} {b}")
+        k, v, choose = self.constant, self.vector, self.select
 
         def parts(angle: float) -> tuple[str, str]:
-            """Of a multiple of π, which math.pi is rounded to, and what it lacks."""
+            """A multiple of π as a float, and the remainder that the float lacks."""
             kind = np.float64 if self.scalar == "double" else np.float32
             large = float(kind(angle))
             return k(large), k(angle - large + angle / math.pi * PI_LOW)
 
         wide, tall = self.unary("fabs", x), self.unary("fabs", y)
-        steep = self.put(f"fcmp ogt {v} {tall}, {wide}")
+        steep = self.compare("ogt", tall, wide)
         small, large = choose(steep, wide, tall), choose(steep, tall, wide)
-        middle = self.put(f"fcmp ogt {v} {small}, {self.binary('fmul', large, k(TAN_EIGHTH))}")
+        middle = self.compare("ogt", small, self.binary("fmul", large, k(TAN_EIGHTH)))
         above = choose(middle, self.binary("fsub", small, large), small)
         below = choose(middle, self.binary("fadd", small, large), large)
         t = self.binary("fdiv", above, below)
@@ -182,14 +214,14 @@ class Text:
         zero, (turned, low) = k(0.0), parts(math.pi / 4)
         angle = self.fused(self.binary("fmul", t, z), p, choose(middle, low, zero))
         angle = self.binary("fadd", self.binary("fadd", t, angle), choose(middle, turned, zero))
-        behind = self.put(f"fcmp olt {v} {x}, zeroinitializer")
+        behind = self.compare("olt", x, ZERO)
         for where, whole in ((steep, math.pi / 2), (behind, math.pi)):
             turned, low = parts(whole)
             angle = choose(where, self.binary("fsub", turned, self.binary("fsub", angle, low)), angle)
         return self.put(f"call {v} @llvm.copysign.{self.suffix()}({v} {angle}, {v} {y})")
 
     def _reduced(self, x: str, n: str) -> tuple[str, str]:
-        """x - n π/2, rounded, and what it lacks: where |r| > 1/2 half an ulp of r is a whole one of its sine."""
+        """r = x - n π/2 rounded, and its rounding error: where |r| > 1/2 half an ulp of r is one of its sine."""
         k = self.constant
         *parts, least = HALF_PI[self.scalar, self.fma]
         if self.fma:
@@ -199,7 +231,7 @@ class Text:
             return r, self.fused(n, k(-small), self.binary("fsub", whole, r))
         r, rest = x, ""
         for part in parts:
-            taken = self.binary("fmul", n, k(part))  # exact; what the difference loses is kept
+            taken = self.binary("fmul", n, k(part))  # exact; the rounding error of the difference is kept
             less = self.binary("fsub", r, taken)
             lost = self.binary("fsub", self.binary("fsub", r, less), taken)
             r, rest = less, self.binary("fadd", rest, lost) if rest else lost
@@ -208,8 +240,8 @@ class Text:
         return whole, self.binary("fadd", self.binary("fsub", r, whole), rest)
 
     def transposed(self, vectors: list[str]) -> list[str]:
-        """The transpose of len(vectors) columns in groups of so many lanes, by log2 exchanges."""
-        size, W, v = len(vectors), self.lanes, self.vector
+        """Transpose columns in groups of len(vectors) lanes, by log2(len(vectors)) rounds of shuffles."""
+        size, W = len(vectors), self.lanes
         d = 1
         while d < size:
             mask_low = [(lane if not lane & d else W + lane - d) for lane in range(W)]
@@ -218,9 +250,6 @@ class Text:
             for i in range(size):
                 if not i & d:
                     a, b = vectors[i], vectors[i | d]
-                    new[i], new[i | d] = (
-                        self.put(f"shufflevector {v} {a}, {v} {b}, <{W} x i32> <{', '.join(f'i32 {m}' for m in mask)}>")
-                        for mask in (mask_low, mask_high)
-                    )
+                    new[i], new[i | d] = (self.shuffle(self.vector, a, b, mask) for mask in (mask_low, mask_high))
             vectors, d = new, 2 * d
         return vectors

@@ -1,8 +1,7 @@
 """Parameters of a table of bodies as inputs of a program: masses, loads and gravity that vary without a new program.
 
-``withdraw`` takes from the rows the inertias that are to be given and ``put`` writes what is given into them, numbers
-or the tracer's Numbers. Between the two the rest may be regrouped towards the root: τ, M, q̈ are linear in what is
-added to a body.
+``withdraw`` removes from the rows the inertias that become inputs, ``put`` adds their values, floats or the tracer's
+Numbers. Between the two the other inertias may be regrouped towards the root: τ and M are linear in an added inertia.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.euclidean import Rot, Sym, Vec, add_sym, times
+from ...algebra.euclidean import Mat3, Sym, Vec, add_sym, scale
 from ...algebra.records import inertia_of, put_inertia, vec_of
 from ...algebra.spatial import Inertia, Pose, add_inertia, inertia_to_parent
 from .tracer import table
@@ -43,7 +42,7 @@ class Parameter(NamedTuple):
     """One parameter that is an input.
 
     kind   a key of SHAPES
-    row    of the table, whose body has that mass, com or inertia, or carries the payload; 0 for gravity and armature
+    row    of the table whose body has that mass, com, inertia or payload; 0 for gravity and armature
     frame  of a payload: its pose in that body, R row by row and p
     """
 
@@ -53,17 +52,17 @@ class Parameter(NamedTuple):
 
 
 def shape(parameter: Parameter, rows: int) -> tuple[int, ...]:
-    """Shape of one sample of a parameter, for a table of so many rows below the world."""
+    """Shape of one sample of a parameter, for a table of ``rows`` rows, the world not counted."""
     return tuple(rows if isinstance(s, str) else s for s in SHAPES[parameter.kind])
 
 
 def withdraw(rows: Any, parameters: Sequence[Parameter]) -> dict[int, dict[str, list[Any]]]:
-    """Take out the bodies of which a mass, com or inertia is given; returns theirs, by row, as SHAPES has it."""
+    """Remove the inertias of bodies with a mass, com or inertia parameter, in place; returns them by row and kind."""
     taken: dict[int, dict[str, list[Any]]] = {}
     for p in parameters:
         if p.kind in OF_BODY and p.row not in taken:
             I = inertia_of(rows[p.row].inertia)
-            c = times(1.0 / I.m, I.h) if I.m else Vec(0.0, 0.0, 0.0)
+            c = scale(1.0 / I.m, I.h) if I.m else Vec(0.0, 0.0, 0.0)
             steiner = point(I.m, c)
             about = [a - b for a, b in zip(I.I, steiner.I, strict=True)]
             taken[p.row] = {"mass": [I.m], "com": list(c), "inertia": about}
@@ -72,7 +71,7 @@ def withdraw(rows: Any, parameters: Sequence[Parameter]) -> dict[int, dict[str, 
 
 
 def put(rows: Any, parameters: Sequence[Parameter], values: Sequence[Sequence[Any]], taken: Mapping[int, Any]) -> None:
-    """Write given values, flat, into rows from which ``withdraw`` took what is given; their bounds grow with it."""
+    """Write flat values of the parameters into rows that ``withdraw`` changed; the inertia bounds grow with them."""
     bodies = {row: dict(own) for row, own in taken.items()}
     for p, given in zip(parameters, values, strict=True):
         if p.kind == "gravity":
@@ -83,7 +82,7 @@ def put(rows: Any, parameters: Sequence[Parameter], values: Sequence[Sequence[An
                 row.armature = value
         elif p.kind == "payload":
             x = p.frame
-            load = inertia_to_parent(Pose(Rot(*x[:9]), Vec(*x[9:])), body(given[:1], given[1:4], given[4:]))
+            load = inertia_to_parent(Pose(Mat3(*x[:9]), Vec(*x[9:])), body(given[:1], given[1:4], given[4:]))
             _add(rows, p.row, load)
         else:
             bodies[p.row][p.kind] = given
@@ -92,12 +91,12 @@ def put(rows: Any, parameters: Sequence[Parameter], values: Sequence[Sequence[An
 
 
 def changed(bodies: NDArray[Any], parameters: Sequence[Parameter], values: Sequence[Sequence[float]]) -> NDArray[Any]:
-    """A copy of the table with given parameters."""
+    """A copy of the table with these values of the parameters."""
     rows = table(bodies)
     put(rows, parameters, values, withdraw(rows, parameters))
     made = bodies.copy()
     for record, row in zip(made, rows, strict=True):
-        for name in ("gravity", "armature", "inertia", "bound"):
+        for name in ("gravity", "armature", "inertia", "inertia_bound"):
             _write(record, name, row)
     return made
 
@@ -112,20 +111,20 @@ def _write(record: Any, name: str, row: Any) -> None:
 
 
 def point(m: Any, c: Vec) -> Inertia:
-    """Inertia about the origin of a mass at c."""
-    h = times(m, c)
+    """Inertia about the origin of a point mass at c."""
+    h = scale(m, c)
     x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
     return Inertia(m, h, Sym(y + z, -(h.x * c.y), -(h.x * c.z), x + z, -(h.y * c.z), x + y))
 
 
 def body(mass: Sequence[Any], com: Sequence[Any], about: Sequence[Any]) -> Inertia:
-    """Inertia about the origin of a body of so much mass, com, and rotational inertia about it."""
+    """Inertia about the origin of a body with mass (1), com (3) and rotational inertia about the com (6)."""
     I = point(mass[0], Vec(*com))
     return Inertia(I.m, I.h, add_sym(I.I, Sym(*about)))
 
 
 def _add(rows: Any, at: int, I: Inertia) -> None:
-    """Add an inertia to a body, and to the bounds of the rows that move it what they can see of it.
+    """Add an inertia to a body, and its share to the inertia bounds of the rows that move the body.
 
     With s = p + t the reach of a row (p at q = 0, t travelled), its share is at most tr I + 2 s |h| + s² m, and
     h² <= m tr I / 2, so 3/2 tr I + 4 p² m + 4 t² m is no less.
@@ -136,19 +135,20 @@ def _add(rows: Any, at: int, I: Inertia) -> None:
     while at > 0:
         row = rows[at]
         if any(vec_of(row.S.w)):
-            row.bound.x = row.bound.x + (trace + (4.0 * reach * reach) * I.m)
-            row.bound.z = row.bound.z + 4.0 * I.m
+            pitch = math.hypot(*vec_of(row.S.v))
+            row.inertia_bound.x = row.inertia_bound.x + (trace + (4.0 * reach * reach + pitch * pitch) * I.m)
+            row.inertia_bound.z = row.inertia_bound.z + 4.0 * I.m
         else:
-            row.bound.x = row.bound.x + I.m
+            row.inertia_bound.x = row.inertia_bound.x + I.m
         reach += math.hypot(*vec_of(row.X.p))
         at = row.parent
 
 
 def text(parameters: Sequence[Parameter]) -> str:
-    """All that a program depends on."""
+    """The parameters as text, for digests."""
     return repr([tuple(p) for p in parameters])
 
 
 def place(X: NDArray[np.float64]) -> tuple[float, ...]:
-    """A pose (4, 4) as Parameter.frame has it."""
+    """A pose (4, 4) as ``Parameter.frame``."""
     return (*X[:3, :3].ravel().tolist(), *X[:3, 3].tolist())

@@ -1,91 +1,37 @@
-"""Programs on SIMD lanes: one traced program, as many samples side by side as a register holds.
+"""Programs on SIMD lanes: one traced program over as many samples as a register holds.
 
 A Program becomes one LLVM function over tiles of W samples, W the host's vector width. A tile's rows are read
 with whole-vector loads and transposed in registers, the program runs on <W x double>, and the results are
-transposed back; nothing is staged in memory beyond a small workspace. Programs of more than a few thousand
-operations are cut into functions of their own, between which values wait in that workspace.
+transposed back; memory is used for a small workspace only. Programs of more than a few thousand operations are cut
+into several functions, between which values are spilled to that workspace.
 
-The code answers only the ordinary case. Beside the results it writes one bit a sample: whether every input is
-finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot sound and every
-result finite; in float32, where asked for, also whether nothing can have underflowed that counts. A sample without
-its bit is computed again by the caller, by the engine that can say what is wrong.
+The code computes ordinary samples only. Beside the results it writes one bit per sample: whether every input is
+finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot regular and every
+result finite; in float32, with ``ranged``, also whether underflow cannot matter. A sample whose bit is 0 is recomputed
+by the table kernel, which names the fault.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .host_cpu import assembled, host, lanes_of
-from .llvm_entry import entry
-from .llvm_vectors import Text
-from .tracer import (
-    ADD,
-    ATAN2,
-    CONST,
-    COS,
-    DIV,
-    FMA,
-    FMS,
-    FNMA,
-    INPUT,
-    MUL,
-    SELECT,
-    SIN,
-    SQRT,
-    SUB,
-    Operation,
-    Program,
-    operands,
-)
+from ...algebra.rotations import UNIT_TOLERANCE
+from .host_cpu import host, lanes_of, object_code
+from .kernel_layout import Float32Range, KernelLayout
+from .llvm_module import module
+from .llvm_vectors import ZERO, Vectors
+from .operations import CONST, FORMS, INPUT, signed
+from .program import Program
+from .schedule import Schedule
 
-FAR = 1e5  # angles whose squares sum to more than its square are left to the exact sine
-CHUNK = 1500  # operations of one function, in programs of more than WHOLE
-WHOLE = 12000  # above, LLVM takes too long over one: aba of talos, 9600, takes 1 s and gains 10 %
-STORES = 128  # in one block of the kernel
-UNIT_TOLERANCE = 2e-6
-
-
-@dataclass(frozen=True)
-class Range:
-    """Sizes between which what a program loses to underflow is below its rounding: roots of sums of squares.
-
-    most     that all inputs together may have
-    least    that each output array has to have, unless everything that drives is 0
-    driving  numbers of the input arrays whose products with each other may be as small as they like; None where a
-             constant other than 0 drives always
-    """
-
-    most: float
-    least: float
-    driving: tuple[int, ...] | None
-
-
-@dataclass(frozen=True)
-class Layout:
-    """What a kernel reads and writes, and what it has to hold for a sample to be in order.
-
-    inputs   columns of each input array, in the program's order of inputs
-    outputs  for each output array, the places in the program's outputs of its columns
-    units    groups of inputs whose squares have to sum to 1
-    pivots   (place in the program's outputs, least value) of what has to be larger
-    norms    groups of places in the program's outputs whose squares have to sum to 1
-    range    sizes that inputs and outputs have to be of, if any
-    """
-
-    inputs: tuple[int, ...]
-    outputs: tuple[tuple[int, ...], ...]
-    units: tuple[tuple[int, ...], ...] = ()
-    pivots: tuple[tuple[int, float], ...] = ()
-    norms: tuple[tuple[int, ...], ...] = ()
-    range: Range | None = None
+MAX_ANGLE = 1e5  # samples whose angles have a larger root sum of squares are recomputed with the exact sine
 
 
 def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
-    """(first column, width) of the blocks that cover so many columns: powers of two, the last one overlapping."""
+    """(first column, width) of blocks that cover the columns: widths are powers of two, the last block overlaps."""
     width = lanes
     while width > columns:
         width //= 2
@@ -95,125 +41,64 @@ def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
         yield columns - width, width
 
 
-def _depth_first(program: Program) -> list[int]:
-    """The program's lines in the order in which its outputs ask for them: each late, near those that need it.
-
-    With pivots there is a third sweep over the robot, and fewer values wait for it: 2 to 6 % of aba. Without, it
-    gains nothing.
-    """
-    order: list[int] = []
-    seen: set[int] = set()
-    for line, _ in program.outputs:
-        waiting = [(line, False)]
-        while waiting:
-            k, ready = waiting.pop()
-            if ready:
-                order.append(k)
-            elif k not in seen:
-                seen.add(k)
-                waiting.append((k, True))
-                waiting += [(operand, False) for operand in sorted(set(operands(program.lines[k])))]
-    return order
-
-
 class _Writer:
     """The LLVM module of one program."""
 
     def __init__(
-        self, program: Program, layout: Layout, dtype: Any, lanes: int, fma: bool, stream: bool = False
+        self, program: Program, layout: KernelLayout, dtype: Any, lanes: int, fma: bool, stream: bool = False
     ) -> None:
         self.program, self.layout = program, layout
         self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
-        self.size = 8 if self.scalar == "double" else 4
         self.lanes, self.fma, self.stream = lanes, fma, stream
-        lines = program.lines
-        self.whole = len(lines) <= WHOLE
-        order = _depth_first(program) if layout.pivots else range(len(lines))
-        work = [k for k in order if lines[k].code not in (INPUT, CONST)]
-        step = max(len(work), 1) if self.whole else CHUNK
-        self.chunks = [work[i : i + step] for i in range(0, len(work), step)] or [[]]
-        self.chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
-        self.wanted = {line for line, _ in program.outputs}
-        self.slots, self.slot_count = self._slots()
-        self.stage = self.slot_count + (
-            1 if layout.range is None else 2
-        )  # where the rows of a tile wait to be streamed out
+        self.schedule = Schedule(program, late=bool(layout.pivots))
+        self.whole = self.schedule.whole
+        self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
+        self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
         staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
-        self.workspace = (self.stage + max(staged, default=0)) * lanes * self.size
-
-    def _slots(self) -> tuple[dict[int, int], int]:
-        """Places in the workspace of what is read in another function than it is written in, used again when free."""
-        end = len(self.chunks)  # the epilogue
-        last: dict[int, int] = {}
-        for k, i in self.chunk_of.items():
-            for operand in operands(self.program.lines[k]):
-                if self.program.lines[operand].code != CONST and self.chunk_of.get(operand, -1) != i:
-                    last[operand] = max(last.get(operand, 0), i)
-        for k, op in enumerate(self.program.lines):
-            if op.code == INPUT or (k in self.wanted and op.code != CONST):
-                last[k] = end
-        if self.whole:
-            return {}, 0
-        slots: dict[int, int] = {}
-        free: list[int] = []
-        ends: dict[int, list[int]] = {}
-        count, here = 0, -1
-        for k in sorted(last, key=lambda k: (self.chunk_of.get(k, -1), k)):
-            if self.chunk_of.get(k, -1) > here:
-                here = self.chunk_of.get(k, -1)
-                for done in [c for c in ends if c < here]:
-                    free += ends.pop(done)
-            if free:
-                slots[k] = free.pop()
-            else:
-                slots[k], count = count, count + 1
-            ends.setdefault(last[k], []).append(slots[k])
-        return slots, count
+        self.workspace = (self.stage + max(staged, default=0)) * lanes * (8 if self.scalar == "double" else 4)
 
     def text(self) -> str:
         """The module."""
         self.values: dict[int, str] = {}
         functions = []
-        main = Text(self.scalar, self.lanes, self.fma)
+        main = Vectors(self.scalar, self.lanes, self.fma)
         poison, floor = self._prologue(main)
         if self.whole:
-            poison = self._operations(main, self.chunks[0], poison, None)
+            poison = self._operations(main, self.schedule.chunks[0], poison, inside=False)
         else:
-            self._store(main, poison, self.slot_count)
+            main.store_vector(poison, "%ws", self.poison_slot)
             if floor:
-                self._store(main, floor, self.slot_count + 1)
-            for i, chunk in enumerate(self.chunks):
+                main.store_vector(floor, "%ws", self.poison_slot + 1)
+            for i, chunk in enumerate(self.schedule.chunks):
                 functions.append(self._chunk(i, chunk))
-                main.out.append(f"  call void @chunk{i}(ptr %ws)")
-            poison = self._load(main, self.slot_count)
-            floor = self._load(main, self.slot_count + 1) if floor else floor
+                main.do(f"call void @chunk{i}(ptr %ws)")
+            poison = main.load_vector("%ws", self.poison_slot)
+            floor = main.load_vector("%ws", self.poison_slot + 1) if floor else floor
         self._epilogue(main, poison, floor)
-        return self._module(main, functions)
+        return module(main, functions, self.layout, self.workspace, self.stream)
 
     # -- the parts of a tile
 
-    def _prologue(self, t: Text) -> tuple[str, str]:
-        """Read the tile's rows and transpose them; returns the poison that the inputs bring, and what the squares of
-        an output array have to sum to, empty if to nothing.
+    def _prologue(self, t: Vectors) -> tuple[str, str]:
+        """Read the tile's rows and transpose them; returns the poison (0, or NaN in lanes of invalid samples) of the
+        inputs, and the least sum of squares of an output array, empty if there is none.
         """
         index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT}
         zero = t.constant(0.0)
-        poison = ["zeroinitializer"] * 4
+        poison = [ZERO] * 4
         columns: list[str] = []
         wide = self.layout.range
         driving: list[str] = []
         for a, width in enumerate(self.layout.inputs):
-            row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
-            starts = [self._at(t, f"%in{a}", t.put(f"mul i64 {r}, %step{a}")) for r in row]
+            row = [t.add("%first", r) for r in range(self.lanes)]
+            starts = [t.number(f"%in{a}", t.times(r, f"%step{a}")) for r in row]
             found = [""] * width
             for first, size in _blocks(width, self.lanes):
                 loaded = []
                 for i in range(size):
                     parts = []
                     for g in range(self.lanes // size):
-                        address = self._at(t, starts[g * size + i], first)
-                        kind = f"<{size} x {self.scalar}>"
-                        parts.append(t.put(f"load {kind}, ptr {address}, align {self.size}"))
+                        parts.append(t.load(t.kind(size), t.number(starts[g * size + i], first), t.size))
                     loaded.append(self._joined(t, parts, size))
                 found[first : first + size] = t.transposed(loaded)
             columns += found
@@ -224,75 +109,59 @@ class _Writer:
             if i in index:
                 self.values[index[i]] = x
                 if not self.whole:
-                    self._store(t, x, self.slots[index[i]])
+                    t.store_vector(x, "%ws", self.schedule.slots[index[i]])
         base = self._added(t, poison)
         floor = ""
         if wide:
-            small = t.put(f"fcmp ole {t.vector} {base}, {t.constant(wide.most**2)}")
-            base = t.poisoned_unless(small, "zeroinitializer")
+            small = t.compare("ole", base, t.constant(wide.most**2))
+            base = t.poisoned_unless(small, ZERO)
             floor = self._floor(t, wide, driving)
         for group in self.layout.units:
             base = t.poisoned_unless(self._unit(t, [columns[i] for i in group]), base)
         return base, floor
 
-    def _floor(self, t: Text, wide: Range, driving: Sequence[str]) -> str:
-        """The square of the least size of an output array, 0 where all that drives is 0, to the bit."""
+    def _floor(self, t: Vectors, wide: Float32Range, driving: Sequence[str]) -> str:
+        """The least sum of squares of an output array, 0 where all driving inputs are 0, to the bit."""
         if wide.driving is None:
             return t.constant(wide.least**2)
         if not driving:
-            return "zeroinitializer"
+            return ZERO
         bits = t.integer(0)
         for x in driving:
             bits = t.put(f"or {t.bits} {bits}, {t.put(f'bitcast {t.vector} {x} to {t.bits}')}")
         size = t.put(f"shl {t.bits} {bits}, {t.integer(1)}")  # without the signs
         moves = t.put(f"icmp ne {t.bits} {size}, zeroinitializer")
-        least = t.constant(wide.least**2)
-        return t.put(f"select <{self.lanes} x i1> {moves}, {t.vector} {least}, {t.vector} zeroinitializer")
+        return t.select(moves, t.constant(wide.least**2), ZERO)
 
-    def _unit(self, t: Text, group: Sequence[str]) -> str:
-        """Whether the squares of a group sum to 1."""
+    def _unit(self, t: Vectors, group: Sequence[str]) -> str:
+        """The mask of groups whose squares sum to 1."""
         total = t.constant(-1.0)
         for x in group:
             total = t.fused(x, x, total)
-        return t.put(f"fcmp ole {t.vector} {t.unary('fabs', total)}, {t.constant(UNIT_TOLERANCE)}")
+        return t.compare("ole", t.unary("fabs", total), t.constant(UNIT_TOLERANCE))
 
-    def _joined(self, t: Text, parts: list[str], size: int) -> str:
-        """Vectors of ``size`` side by side as one."""
+    def _joined(self, t: Vectors, parts: list[str], size: int) -> str:
+        """Concatenate vectors of ``size`` numbers."""
         while len(parts) > 1:
-            mask = ", ".join(f"i32 {m}" for m in range(2 * size))
-            kind = f"<{size} x {self.scalar}>"
-            parts = [
-                t.put(f"shufflevector {kind} {a}, {kind} {b}, <{2 * size} x i32> <{mask}>")
-                for a, b in zip(parts[::2], parts[1::2], strict=True)
-            ]
+            pairs = zip(parts[::2], parts[1::2], strict=True)
+            parts = [t.shuffle(t.kind(size), a, b, range(2 * size)) for a, b in pairs]
             size *= 2
         return parts[0]
 
-    def _at(self, t: Text, base: str, offset: int | str) -> str:
-        """The address so many numbers on."""
-        return t.put(f"getelementptr {self.scalar}, ptr {base}, i64 {offset}")
-
-    def _store(self, t: Text, value: str, slot: int) -> None:
-        address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
-        t.out.append(f"  store {t.vector} {value}, ptr {address}, align {self.size * self.lanes}")
-
-    def _load(self, t: Text, slot: int) -> str:
-        address = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {slot}")
-        return t.put(f"load {t.vector}, ptr {address}, align {self.size * self.lanes}")
-
     def _chunk(self, i: int, chunk: list[int]) -> str:
-        """One function of a long program: reads what it needs from the workspace, leaves what others need there."""
-        t = Text(self.scalar, self.lanes, self.fma)
+        """One function of a long program, which loads and spills values from and to the workspace."""
+        t = Vectors(self.scalar, self.lanes, self.fma)
         self.values = {}
-        poison = self._load(t, self.slot_count)
-        poison = self._operations(t, chunk, poison, i)
-        self._store(t, poison, self.slot_count)
-        body = "\n".join(t.out)
-        return f"define internal void @chunk{i}(ptr %ws) noinline #0 {{\n{body}\n  ret void\n}}\n"
+        poison = t.load_vector("%ws", self.poison_slot)
+        poison = self._operations(t, chunk, poison, inside=True)
+        t.store_vector(poison, "%ws", self.poison_slot)
+        t.do("ret void")
+        return t.function(f"define internal void @chunk{i}(ptr %ws)", " noinline #0")
 
-    def _operations(self, t: Text, chunk: Sequence[int], poison: str, at: int | None) -> str:
-        lines, values = self.program.lines, self.values
-        pairs: dict[int, tuple[str, str]] = {}
+    def _operations(self, t: Vectors, chunk: Sequence[int], poison: str, inside: bool) -> str:
+        """Write some lines; ``inside`` one of several functions, which spills values that others need."""
+        lines, values, slots = self.program.lines, self.values, self.schedule.slots
+        angles: set[int] = set()
         reach = ""
 
         def value(k: int) -> str:
@@ -301,47 +170,24 @@ class _Writer:
             if lines[k].code == CONST:
                 return t.constant(lines[k].value)
             if k not in values:
-                values[k] = self._load(t, self.slots[k])
+                values[k] = t.load_vector("%ws", slots[k])
             return values[k]
 
         for k in chunk:
             op = lines[k]
-            if op.code in (SIN, COS):
-                if op.a not in pairs:
-                    x = value(op.a)
-                    reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
-                    pairs[op.a] = t.sincos(x)
-                values[k] = pairs[op.a][op.code == COS]
-            else:
-                values[k] = self._operation(t, op, value)
-            if at is not None and k in self.slots:
-                self._store(t, values[k], self.slots[k])
+            form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
+            if form.angle and op.a not in angles:
+                angles.add(op.a)
+                x = given[0]
+                reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
+            values[k] = form.llvm(t, *given)
+            if inside and k in slots:
+                t.store_vector(values[k], "%ws", slots[k])
         if reach:
-            near = t.put(f"fcmp ole {t.vector} {reach}, {t.constant(FAR * FAR)}")
-            poison = t.poisoned_unless(near, poison)
+            poison = t.poisoned_unless(t.compare("ole", reach, t.constant(MAX_ANGLE * MAX_ANGLE)), poison)
         return poison
 
-    def _operation(self, t: Text, op: Operation, value: Any) -> str:
-        words = {ADD: "fadd", SUB: "fsub", MUL: "fmul", DIV: "fdiv"}
-        if op.code in words:
-            return t.binary(words[op.code], value(op.a), value(op.b))
-        if op.code == FMA:
-            return t.fused(value(op.a), value(op.b), value(op.c))
-        if op.code == FMS:
-            return t.fused(value(op.a), value(op.b), t.negative(value(op.c)))
-        if op.code == FNMA:
-            return t.fused(t.negative(value(op.a)), value(op.b), value(op.c))
-        if op.code == ATAN2:
-            return t.atan2(value(op.a), value(op.b))
-        if op.code == SQRT:
-            return t.unary("sqrt", value(op.a))
-        if op.code == SELECT:
-            above = t.put(f"fcmp ogt {t.vector} {value(op.a)}, zeroinitializer")
-            v = t.vector
-            return t.put(f"select <{self.lanes} x i1> {above}, {v} {value(op.b)}, {v} {value(op.c)}")
-        raise ValueError(f"no vector form of operation {op.code}")
-
-    def _epilogue(self, t: Text, poison: str, floor: str) -> None:
+    def _epilogue(self, t: Vectors, poison: str, floor: str) -> None:
         """Transpose the results into their rows and write the tile's bits."""
         lines, zero = self.program.lines, t.constant(0.0)
 
@@ -350,33 +196,31 @@ class _Writer:
             if lines[line].code == CONST:
                 return t.constant(-lines[line].value if minus else lines[line].value)
             if line not in self.values:
-                self.values[line] = self._load(t, self.slots[line])
+                self.values[line] = t.load_vector("%ws", self.schedule.slots[line])
             return t.negative(self.values[line]) if minus else self.values[line]
 
         if not self.whole:
             self.values = {}
-        sums = [poison, "zeroinitializer", "zeroinitializer", "zeroinitializer"]
+        sums = [poison, ZERO, ZERO, ZERO]
         for place, least in self.layout.pivots:
-            sound = t.put(f"fcmp ogt {t.vector} {result(place)}, {t.constant(least)}")
-            sums[0] = t.poisoned_unless(sound, sums[0])
+            sums[0] = t.poisoned_unless(t.compare("ogt", result(place), t.constant(least)), sums[0])
         for group in self.layout.norms:
             sums[0] = t.poisoned_unless(self._unit(t, [result(place) for place in group]), sums[0])
         seen: set[int] = set()
-        squares = ["zeroinitializer"] * 4
+        squares = [ZERO] * 4
         for a, places in enumerate(self.layout.outputs):
             columns = len(places)
             if floor:
-                seen, squares = set(), [self._squares(t, places), *["zeroinitializer"] * 3]
+                seen, squares = set(), [self._squares(t, places), *[ZERO] * 3]
             staged = self.stream and columns % self.lanes > 0
             if staged:
-                to = t.put(f"getelementptr {t.vector}, ptr %ws, i64 {self.stage}")
-                starts = [self._at(t, to, r * columns) for r in range(self.lanes)]
+                to = t.at(t.vector, "%ws", self.stage)
+                starts = [t.number(to, r * columns) for r in range(self.lanes)]
             else:
-                row = [t.put(f"add i64 %first, {r}") for r in range(self.lanes)]
-                starts = [self._at(t, f"%out{a}", t.put(f"mul i64 {r}, {columns}")) for r in row]
-            how = f"align {self.size}"
-            if self.stream and not staged:
-                how = f"align {self.size * self.lanes}, !nontemporal !0"
+                row = [t.add("%first", r) for r in range(self.lanes)]
+                starts = [t.number(f"%out{a}", t.times(r, columns)) for r in row]
+            past = self.stream and not staged  # bypass the CPU caches
+            align = t.size * (self.lanes if past else 1)
             for first, size in _blocks(columns, self.lanes):
                 vectors = []
                 for c in range(first, first + size):
@@ -392,118 +236,43 @@ class _Writer:
                     vectors.append(x)
                 for i, x in enumerate(t.transposed(vectors)):
                     for g in range(self.lanes // size):
-                        kind, part = f"<{size} x {self.scalar}>", x
+                        part = x
                         if size < self.lanes:
-                            mask = ", ".join(f"i32 {g * size + m}" for m in range(size))
-                            part = t.put(f"shufflevector {t.vector} {x}, {t.vector} {x}, <{size} x i32> <{mask}>")
-                        address = self._at(t, starts[g * size + i], first)
-                        t.out.append(f"  store {kind} {part}, ptr {address}, {how}")
+                            part = t.shuffle(t.vector, x, x, range(g * size, (g + 1) * size))
+                        t.store(t.kind(size), part, t.number(starts[g * size + i], first), align, past)
             if staged:
-                t.out.append(f"  call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
+                t.do(f"call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
             if floor and seen:
                 total = self._added(t, squares)
-                sums[0] = t.poisoned_unless(t.put(f"fcmp oge {t.vector} {total}, {floor}"), sums[0])
+                sums[0] = t.poisoned_unless(t.compare("oge", total, floor), sums[0])
                 sums[1] = t.fused(total, zero, sums[1])
         total = self._added(t, sums)
-        fine = t.put(f"fcmp oeq {t.vector} {total}, zeroinitializer")
-        bits = t.put(f"bitcast <{self.lanes} x i1> {fine} to i{self.lanes}")
+        bits = t.put(f"bitcast {t.truth} {t.compare('oeq', total, ZERO)} to i{self.lanes}")
         if self.lanes < 16:
             bits = t.put(f"zext i{self.lanes} {bits} to i16")
-        address = t.put("getelementptr i16, ptr %bits, i64 %tile")
-        t.out.append(f"  store i16 {bits}, ptr {address}, align 2")
+        t.store("i16", bits, t.at("i16", "%bits", "%tile"), 2)
 
-    def _added(self, t: Text, four: Sequence[str]) -> str:
-        """The sum of four."""
+    def _added(self, t: Vectors, four: Sequence[str]) -> str:
+        """The sum of four vectors."""
         a, b, c, d = four
         return t.binary("fadd", t.binary("fadd", a, b), t.binary("fadd", c, d))
 
-    def _squares(self, t: Text, places: Sequence[int]) -> str:
-        """The sum of the squares of those results that are constants."""
+    def _squares(self, t: Vectors, places: Sequence[int]) -> str:
+        """The sum of the squares of the results that are constants."""
         lines = [self.program.lines[self.program.outputs[place][0]] for place in places]
         return t.constant(sum(line.value**2 for line in lines if line.code == CONST))
 
-    def _module(self, main: Text, functions: list[str]) -> str:
-        v, suffix = main.vector, main.suffix()
-        ins = "".join(f"ptr noalias %in{a}, i64 %step{a}, " for a in range(len(self.layout.inputs)))
-        outs = "".join(f"ptr noalias %out{a}, " for a in range(len(self.layout.outputs)))
-        body, last = _in_blocks(main.out)
-        wide = 8 * self.size * self.lanes
-        # alignstack: else vectors that wait on the stack may straddle cache lines, a fifth of panda's RNEA
-        streaming = _STREAM.format(v=v, align=self.size * self.lanes) if self.stream else ""
-        return f"""
-declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
-declare {v} @llvm.fabs.{suffix}({v})
-declare {v} @llvm.sqrt.{suffix}({v})
-declare {v} @llvm.copysign.{suffix}({v}, {v})
-{streaming}
-{"".join(functions)}
-define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws) #0 {{
-entry:
-  %any = icmp sgt i64 %tiles, 0
-  br i1 %any, label %loop, label %done
-loop:
-  %tile = phi i64 [ 0, %entry ], [ %next, %{last} ]
-  %first = mul i64 %tile, {self.lanes}
-{body}
-  %next = add i64 %tile, 1
-  %more = icmp slt i64 %next, %tiles
-  br i1 %more, label %loop, label %done
-done:
-  ret void
-}}
-attributes #0 = {{ alignstack=64 "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}" }}
-{entry(self.layout.inputs, tuple(map(len, self.layout.outputs)), self.workspace, self.lanes, self.size)}
-"""
 
-
-def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
-    """The loop's text with a way out that is never taken after every so many stores, and the last block's name.
-
-    LLVM's time grows with the square of the stores in one block: 8 s for a mass matrix of 44 rows, cut up 0.4 s.
-    """
-    text, stores, last = [], 0, "loop"
-    for line in lines:
-        text.append(line)
-        if line.startswith("  store"):
-            stores += 1
-            if stores % STORES == 0:
-                last = f"block{stores // STORES}"
-                text += [f"  br i1 %any, label %{last}, label %done", f"{last}:"]
-    return "\n".join(text), last
-
-
-_STREAM = """
-!0 = !{{i32 1}}
-define internal void @stream(ptr noalias %out, i64 %tile, i64 %columns, ptr noalias %from) noinline #0 {{
-entry:
-  %start = mul i64 %tile, %columns
-  br label %loop
-loop:
-  %k = phi i64 [ 0, %entry ], [ %next, %loop ]
-  %source = getelementptr {v}, ptr %from, i64 %k
-  %x = load {v}, ptr %source, align {align}
-  %at = add i64 %start, %k
-  %target = getelementptr {v}, ptr %out, i64 %at
-  store {v} %x, ptr %target, align {align}, !nontemporal !0
-  %next = add i64 %k, 1
-  %more = icmp slt i64 %next, %columns
-  br i1 %more, label %loop, label %done
-done:
-  ret void
-}}
-"""
-
-
-def compiled(
-    program: Program, layout: Layout, dtype: Any = np.float64, stream: bool = False, one: bool = False
+def compile_program(
+    program: Program, layout: KernelLayout, dtype: Any = np.float64, stream: bool = False, one: bool = False
 ) -> tuple[bytes, int]:
     """Object code of the kernel, and the bytes of workspace that a call needs.
 
     one     for tiles of one sample: LLVM makes scalars of vectors of one
-    stream  results go past the caches, for outputs larger than they are: a tile's rows, which lie side by side, are
-            written in whole lines. The outputs then have to start on a vector's boundary.
+    stream  results bypass the CPU caches, for outputs larger than those: a tile's rows, which are contiguous, are
+            written in whole cache lines. The outputs must be aligned to a vector.
     """
     fma = host()[3]
     lanes = 1 if one else lanes_of(dtype)
     writer = _Writer(program, layout, dtype, lanes, fma, stream)
-    return assembled(writer.text()), writer.workspace
+    return object_code(writer.text()), writer.workspace

@@ -1,56 +1,25 @@
-"""A Program as text that needs nothing of ours: a C99 function of one sample, a NumPy function of any batch.
+"""A Program as source code without this package: a C99 function of one sample, a NumPy function of any batch.
 
-Lines keep their numbers, so x12 is line 12 of ``Program.listing()``; inputs and constants stand where they are read.
-Text is made of numbers, indices and the names that the caller gives, and of nothing that a robot's file says.
+Lines keep their numbers, so x12 is line 12 of ``Program.listing()``; inputs and constants are written where they are
+read. The text holds numbers, indices and the names that the caller gives, and no text from a robot's file.
 """
 
 from __future__ import annotations
 
 import keyword
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 
-from .tracer import (
-    ADD,
-    ATAN2,
-    CONST,
-    COS,
-    DIV,
-    FMA,
-    FMS,
-    FNMA,
-    INPUT,
-    MUL,
-    NAMES,
-    SELECT,
-    SIN,
-    SQRT,
-    SUB,
-    Operation,
-    Program,
-)
+from .operations import CONST, FORMS, INPUT, Operation
+from .program import Program
 
 Shapes = Mapping[str, tuple[int, ...]]
-TEXT = {
-    ADD: "{a} + {b}",
-    SUB: "{a} - {b}",
-    MUL: "{a} * {b}",
-    DIV: "{a} / {b}",
-    FMA: "{a} * {b} + {c}",
-    FMS: "{a} * {b} - {c}",
-    FNMA: "{c} - {a} * {b}",
-    SQRT: "sqrt({a})",
-    SIN: "sin({a})",
-    COS: "cos({a})",
-    ATAN2: "atan2({a}, {b})",
-}
-CHOICE = {"c": "{a} > 0.0 ? {b} : {c}", "python": "where({a} > 0.0, {b}, {c})"}
-FUNCTIONS = {SQRT: "sqrt", SIN: "sin", COS: "cos", ATAN2: "arctan2 as atan2", SELECT: "where"}
 
 
 def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
     """``void name(const double *q, ..., double *out)``: arrays of one sample in C order, outputs last."""
-    text = _Text(program, _entries(inputs, "{}[{}]"), CHOICE["c"])
+    text = _Text(program, _entries(inputs, "{}[{}]"), {code: form.c for code, form in FORMS.items()})
     sizes = ", ".join(f"{x}{_shown(shape)}" for x, shape in inputs.items())
     made = ", ".join(f"{x}{_shown(shape)}" for x, shape in outputs.items())
     parameters = [*(f"const double *{x}" for x in inputs), *(f"double *{x}" for x in outputs)]
@@ -71,9 +40,9 @@ def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
 
 def python_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
     """``def name(q, ...)`` with NumPy: arrays of any leading batch shape, broadcast; returns the output or outputs."""
-    text = _Text(program, _entries(inputs, "{}[..., {}]"), CHOICE["python"])
-    used = {op.code for op in program.lines}
-    functions = ", ".join(sorted(FUNCTIONS[code] for code in used & set(FUNCTIONS)))
+    text = _Text(program, _entries(inputs, "{}[..., {}]"), {code: form.python for code, form in FORMS.items()})
+    used = {FORMS[op.code].imports for op in program.lines if op.code in FORMS}
+    functions = ", ".join(sorted(used - {""}))
     lines = ["import numpy as np"] + [f"from numpy import {functions}"] * bool(functions) + ["", ""]
     lines.append(f"def {name}({', '.join(inputs)}):")
     shapes = []
@@ -91,7 +60,7 @@ def python_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) ->
 
 
 def _entries(arrays: Shapes, form: str) -> list[str]:
-    """Text of the entries of arrays, one array after the other in C order."""
+    """Text of each entry of the arrays, in C order."""
     return [form.format(name, k) for name, shape in arrays.items() for k in range(math.prod(shape))]
 
 
@@ -100,11 +69,11 @@ def _shown(shape: Sequence[int]) -> str:
 
 
 class _Text:
-    """The lines of a program in words that C and Python share."""
+    """The statements of a program in one language."""
 
-    def __init__(self, program: Program, inputs: Sequence[str], choice: str) -> None:
-        self._program, self._inputs = program, inputs
-        self._forms: Mapping[int, str] = TEXT | {SELECT: choice}
+    def __init__(self, program: Program, inputs: Sequence[str], forms: Mapping[int, str]) -> None:
+        """``forms`` is the language's column of FORMS."""
+        self._program, self._inputs, self._forms = program, inputs, forms
 
     def _at(self, k: int) -> str:
         """An operand: its name, its entry of an input or its value, with its sign."""
@@ -116,8 +85,6 @@ class _Text:
         return self._inputs[op.a] if op.code == INPUT else f"x{k}"
 
     def _line(self, op: Operation) -> str:
-        if op.code not in self._forms:
-            raise NotImplementedError(f"operation {NAMES[op.code]} has no text")
         return self._forms[op.code].format(a=self._at(op.a), b=self._at(op.b), c=self._at(op.c))
 
     def lines(self) -> list[str]:
@@ -134,19 +101,65 @@ class _Text:
 C_WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while alignas alignof bool
-constexpr false nullptr static_assert thread_local true typeof typeof_unqual asm main double_t float_t
-HUGE_VAL HUGE_VALF HUGE_VALL INFINITY NAN FP_FAST_FMA FP_ILOGB0 FP_ILOGBNAN FP_INFINITE FP_NAN FP_NORMAL FP_SUBNORMAL
-FP_ZERO MATH_ERRNO MATH_ERREXCEPT math_errhandling fpclassify isfinite isgreater isgreaterequal isinf isless islessequal
-islessgreater isnan isnormal isunordered signbit
-"""  # keywords up to C23, and what <math.h> declares
-C_FUNCTIONS = """
-acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax fmin
-fmod frexp hypot ilogb ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan nearbyint nextafter
-nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc gamma j0 j1 jn y0 y1 yn
-"""  # each also for float and for long double
-RESERVED: Mapping[str, frozenset[str]] = {  # names that no function of ours can have
-    "c": frozenset([*C_WORDS.split(), *(f + kind for f in C_FUNCTIONS.split() for kind in ("", "f", "l"))]),
-    "python": frozenset([*keyword.kwlist, "np", "float", *(f.split()[-1] for f in FUNCTIONS.values())]),
+constexpr false nullptr static_assert thread_local true typeof typeof_unqual asm main linux unix i386 double_t float_t
+HUGE_VAL HUGE_VALF HUGE_VALL INFINITY NAN MAXFLOAT MATH_ERRNO MATH_ERREXCEPT math_errhandling signgam fpclassify
+iscanonical iseqsig isfinite isgreater isgreaterequal isinf isless islessequal islessgreater isnan isnormal issignaling
+issubnormal isunordered iszero signbit
+"""  # keywords up to C23, names that <math.h> declares, and macros of compilers
+C_MATH = """
+acos acosh acospi asin asinh asinpi atan atan2 atan2pi atanh atanpi canonicalize cbrt ceil compoundn copysign cos cosh
+cospi drem erf erfc exp exp10 exp10m1 exp2 exp2m1 expm1 fabs fdim finite floor fma fmax fmaximum fmaximum_mag
+fmaximum_mag_num fmaximum_num fmaxmag fmin fminimum fminimum_mag fminimum_mag_num fminimum_num fminmag fmod frexp fromfp
+fromfpx gamma getpayload hypot ilogb isinf isnan j0 j1 jn ldexp lgamma llogb llrint llround log log10 log10p1 log1p log2
+log2p1 logb logp1 lrint lround modf nan nearbyint nextafter nextdown nexttoward nextup pow pow10 pown powr remainder
+remquo rint rootn round roundeven rsqrt scalb scalbln scalbn setpayload setpayloadsig significand sin sincos sinh sinpi
+sqrt tan tanh tanpi tgamma totalorder totalordermag trunc ufromfp ufromfpx y0 y1 yn
+cabs cacos cacosh carg casin casinh catan catanh ccos ccosh cexp cimag clog clog10 conj cpow cproj creal csin csinh
+csqrt ctan ctanh
+"""  # each also for float, long double, and re-entrant
+C_LIBRARY = """
+abort abs aligned_alloc asctime at_quick_exit atexit atof atoi atol atoll bsearch btowc calloc clearerr clock ctime
+difftime div exit fclose feof ferror fflush fgetc fgetpos fgets fgetwc fgetws fopen fprintf fputc fputs fputwc fputws
+fread free freopen fscanf fseek fsetpos ftell fwide fwprintf fwrite fwscanf getc getchar getenv gets getwc getwchar
+gmtime isalnum isalpha isblank iscntrl isdigit isgraph islower isprint ispunct isspace isupper iswalnum iswalpha
+iswblank iswcntrl iswctype iswdigit iswgraph iswlower iswprint iswpunct iswspace iswupper iswxdigit isxdigit labs ldiv
+llabs lldiv localeconv localtime longjmp malloc mblen mbrlen mbrtowc mbsinit mbsrtowcs mbstowcs mbtowc memchr memcmp
+memcpy memmove memset mktime perror printf putc putchar puts putwc putwchar qsort quick_exit raise rand realloc remove
+rename rewind scanf setbuf setjmp setlocale setvbuf signal snprintf sprintf srand sscanf strcat strchr strcmp strcoll
+strcpy strcspn strerror strftime strlen strncat strncmp strncpy strpbrk strrchr strspn strstr strtod strtof strtok
+strtol strtold strtoll strtoul strtoull strxfrm swprintf swscanf system thrd_create time timespec_get tmpfile tmpnam
+tolower toupper towctrans towlower towupper ungetc ungetwc vfprintf vfscanf vfwprintf vfwscanf vprintf vscanf vsnprintf
+vsprintf vsscanf vswprintf vswscanf vwprintf vwscanf wcrtomb wcscat wcschr wcscmp wcscoll wcscpy wcscspn wcsftime wcslen
+wcsncat wcsncmp wcsncpy wcspbrk wcsrchr wcsrtombs wcsspn wcsstr wcstod wcstof wcstok wcstol wcstold wcstoll wcstombs
+wcstoul wcstoull wcsxfrm wctob wctomb wctrans wctype wmemchr wmemcmp wmemcpy wmemmove wmemset wprintf wscanf
+feclearexcept fegetenv fegetexceptflag fegetround feholdexcept feraiseexcept fesetenv fesetexceptflag
+fesetround fetestexcept feupdateenv imaxabs imaxdiv strtoimax strtoumax wcstoimax wcstoumax
+alloca bcmp bcopy bzero dcgettext dgettext execl execle execlp execv execve execvp ffs fork gettext index isascii
+mempcpy rindex stpcpy stpncpy strcasecmp strdup strfmon strncasecmp strndup strnlen toascii
+fputc_unlocked fputs_unlocked fwrite_unlocked
+NULL EOF assert errno offsetof size_t stderr stdin stdout
+"""  # linked into every program, where a function of the same name would replace them; compilers know their types
+C_NUMBERS = re.compile(r"(?:FP|M)_\w+|SNANF?\w*|HUGE_VAL_\w+")  # macros of <math.h>
+RESERVED: Mapping[str, frozenset[str]] = {  # names that a generated function cannot have
+    "c": frozenset(
+        [*C_WORDS.split(), *C_LIBRARY.split(), *(f + kind for f in C_MATH.split() for kind in ("", "f", "l", "_r"))]
+    ),
+    "python": frozenset(
+        [*keyword.kwlist, "np", "float", *(form.imports.split()[-1] for form in FORMS.values() if form.imports)]
+    ),
 }
 Printer = Callable[[str, Program, Shapes, Shapes], str]
 PRINTERS: Mapping[str, Printer] = {"c": c_code, "python": python_code}
+
+
+def has_meaning(name: str, language: str) -> bool:
+    """Whether a function cannot have a name: a keyword of the language, a name of its library, or a reserved one.
+
+    C reserves names that begin with "_", Python those between "__"; Python's soft keywords are free, and builtins that
+    the text does not use.
+    """
+    if language == "c":
+        reserved = name.startswith("_") or C_NUMBERS.fullmatch(name) is not None
+    else:
+        reserved = name.startswith("__") and name.endswith("__")
+    return reserved or name in RESERVED[language]

@@ -1,7 +1,7 @@
-"""Programs run step after step: one whose outputs are its first inputs anew, a tile of samples through all steps.
+"""Programs run in a time loop: the outputs, states, are the first inputs of the next step, tile by tile.
 
-The states of a tile stay in the first cache; nothing goes through Python between the steps but where Ctrl-C would have
-to wait: then some tiles at a time, and of few tiles some steps.
+The states of a tile stay in the first-level cache; Python runs between the steps only to handle Ctrl-C: after a group
+of tiles, and for few tiles after a group of steps.
 """
 
 from __future__ import annotations
@@ -15,63 +15,64 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..threads import thread_pool
 from . import host_cpu
-from .batch_kernels import Kernel, team
-from .llvm_entry import loop, room
+from .batch_kernels import Kernel
+from .llvm_entry import buffer_size, time_loop_entry
 
 
-class Driven(NamedTuple):
-    """An input of each step: rows (samples or 1, steps or 1, columns) in C order; a 1 serves all."""
+class StepInput(NamedTuple):
+    """An input of each step: rows (samples or 1, steps or 1, columns) in C order; a 1 is for all."""
 
     rows: NDArray[Any]
 
     def steps(self) -> tuple[int, int]:
-        """How many numbers on the row of the next sample and of the next step is."""
+        """Strides to the row of the next sample and of the next step, in numbers."""
         samples, times, columns = self.rows.shape
         return (times * columns if samples > 1 else 0), (columns if times > 1 else 0)
 
 
 @cache
-def _loop(
+def _compiled_loop(
     states: tuple[int, ...], inputs: int, workspace: int, width: int, size: int
 ) -> tuple[Any, Callable[..., None]]:
-    """The compiled loop, and what keeps it in memory."""
-    loaded = host_cpu.Loaded(host_cpu.assembled(loop(states, inputs, workspace, width, size)))
+    """The compiled loop, and the loaded code, which must stay referenced."""
+    loaded = host_cpu.LoadedCode(host_cpu.object_code(time_loop_entry(states, inputs, workspace, width, size)))
     given: list[Any] = [ctypes.c_void_p, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
     given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
-    return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("loop"))
+    return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("time_loop_entry"))
 
 
 def run(
     kernel: Kernel,
     states: Sequence[NDArray[Any]],
-    inputs: Sequence[Driven],
+    inputs: Sequence[StepInput],
     records: Sequence[NDArray[Any]],
     steps: int,
     every: int,
 ) -> NDArray[np.intp]:
-    """Take every sample through all steps; returns the numbers of those that the caller has to do again.
+    """Run every sample through all steps; returns the indices of rejected samples, which the caller has to recompute.
 
     kernel   of a program whose inputs are the states, then the others, and whose outputs are the states after a step
     states   (n, columns) each, n at least 1
-    records  (n, steps // every, columns) each, written: the states after each so many steps
+    records  (n, steps // every, columns) each, written in place: the states after every ``every`` steps
     """
     n, width = len(states[0]), kernel.lanes
-    if n < width:  # a tile is the least there is
+    if n < width:  # fill one tile
         fill = np.minimum(np.arange(width), n - 1)
-        more = [Driven(np.ascontiguousarray(x.rows[fill])) if len(x.rows) > 1 else x for x in inputs]
+        more = [StepInput(np.ascontiguousarray(x.rows[fill])) if len(x.rows) > 1 else x for x in inputs]
         made = [np.empty((width, *r.shape[1:]), r.dtype) for r in records]
-        again = run(kernel, [np.ascontiguousarray(s[fill]) for s in states], more, made, steps, every)
+        rejected = run(kernel, [np.ascontiguousarray(s[fill]) for s in states], more, made, steps, every)
         for r, m in zip(records, made, strict=True):
             r[...] = m[:n]
-        return again[again < n]
+        return rejected[rejected < n]
     columns = tuple(s.shape[1] for s in states)
     size = kernel.dtype.itemsize
-    _, call = _loop(columns, len(inputs), kernel.workspace, width, size)
+    _, call = _compiled_loop(columns, len(inputs), kernel.workspace, width, size)
     tiles = -(-n // width)
-    threads = max(1, min(team.size, kernel.threads(tiles * steps), tiles))
-    space = room(columns, columns, kernel.workspace, width, size)
+    threads = max(1, min(thread_pool.size, kernel.threads(tiles * steps), tiles))
+    space = buffer_size(columns, columns, kernel.workspace, width, size)
     bits = np.full(tiles, (1 << width) - 1, np.uint16)
     least = kernel.reach * threads
     group = max(threads, least // steps)
@@ -93,16 +94,14 @@ def run(
             passed += [*(r[:, step // every :] for r in records), *now]
             numbers = (n, count, each, steps // every)
             cuts = pairwise(tile + several * j // threads for j in range(threads + 1))
-            team.run([partial(part, passed, numbers, *cut) for cut in cuts])
+            thread_pool.run([partial(part, passed, numbers, *cut) for cut in cuts])
     starts = np.minimum(np.arange(tiles) * width, n - width)
     lane = np.arange(width)
     return np.unique((starts[:, None] + lane)[(bits[:, None] >> lane & 1) == 0])
 
 
 def _pieces(steps: int, every: int, most: int) -> Iterator[tuple[int, int, int]]:
-    """(first step, how many, after how many of them to record) of pieces of at most ``most`` steps, which end where a
-    record is due or have none.
-    """
+    """(first step, steps, steps per record) of pieces of at most ``most`` steps, which end at a record or have none."""
     if most >= every:
         size = most - most % every
         for first in range(0, steps, size):

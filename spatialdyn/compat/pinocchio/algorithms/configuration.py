@@ -1,4 +1,4 @@
-"""Configurations: moving along them, differences between them, random ones."""
+"""Configurations under Pinocchio's names: integrate, difference, interpolate, random ones, derivatives."""
 
 from __future__ import annotations
 
@@ -12,134 +12,139 @@ from ....calls import dynamics
 from ....errors import ShapeError
 from ..coverage.strictness import strict
 from ..data.dispatch import vector
-from ..model.library_model import made
+from ..model.library_model import library_model
 from ..model.limits import NO_LIMIT
 from ..model.model import Model
 from ..types.arguments import ArgumentError, described, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
 
+__all__ = [
+    "dDifference", "dIntegrate", "dIntegrateTransport", "difference", "distance", "integrate", "interpolate",
+    "isNormalized", "isSameConfiguration", "neutral", "normalize", "randomConfiguration", "squaredDistance",
+]  # fmt: skip
+
 Array = NDArray[np.float64]
-FAR = 1e30  # the products of seven such numbers are numbers
+FAR = 1e30  # products of seven such numbers are finite
 
 
-def _compiled(model: Any) -> Any:
-    return made(expected(model, Model, "model")).model
+def _library_model(model: Model) -> Any:
+    return library_model(expected(model, Model, "model")).model
 
 
-def neutral(model: Any) -> Array:
-    """Configuration (nq,) in which no joint is displaced."""
+def neutral(model: Model) -> Array:
+    """Configuration (nq,) without displacement of any joint."""
     try:
-        found: Array | None = model._made.neutral()
+        found: Array | None = model._library.neutral()
         if found is not None:
             return found
-    except AttributeError:  # no Model, or an edited one
+    except AttributeError:  # the fast path does not apply
         pass
-    found = dynamics.calls["neutral"](_compiled(model))
+    found = dynamics.table_call("neutral", _library_model(model))
     return found
 
 
-def integrate(model: Any, q: Any, v: Any) -> Array:
+def integrate(model: Model, q: Any, v: Any) -> Array:
     """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
 
-    Raises ArgumentError, a TypeError, for what is no array, ShapeError, a ValueError, for wrong sizes, and in strict
-    mode ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
+    Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size, and in strict mode
+    ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
     """
     try:
-        found: Array | None = model._made.integrate(q, v)
+        found: Array | None = model._library.integrate(q, v)
         if found is not None:
             return found
-    except AttributeError:  # no Model, or an edited one
+    except AttributeError:  # the fast path does not apply
         pass
-    compiled = _compiled(model)
-    found = dynamics.calls["integrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    library = _library_model(model)
+    found = dynamics.table_call("integrate", library, vector("q", q, model.nq), vector("v", v, model.nv))
     return found
 
 
-def difference(model: Any, q1: Any, q2: Any) -> Array:
+def difference(model: Model, q1: Any, q2: Any) -> Array:
     """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
 
-    Coordinates that stand for no limit count as 1e30 where their joint has several, so that none is lost.
+    Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products stay finite.
     """
     try:
-        found: Array | None = model._made.difference(q1, q2)
+        found: Array | None = model._library.difference(q1, q2)
         if found is not None:
             return found
-    except AttributeError:  # no Model, or an edited one
+    except AttributeError:  # the fast path does not apply
         pass
-    compiled = _compiled(model)
-    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
-    found = dynamics.calls["difference"](compiled, q1, q2)
+    library = _library_model(model)
+    q1, q2 = (_clipped(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
+    found = dynamics.table_call("difference", library, q1, q2)
     return found
 
 
-def interpolate(model: Any, q1: Any, q2: Any, alpha: float) -> Array:
-    """Configuration (nq,) a part alpha of the way from q1 to q2."""
+def interpolate(model: Model, q1: Any, q2: Any, alpha: float) -> Array:
+    """Configuration (nq,) at the fraction alpha of the way from q1 to q2."""
     try:
-        found: Array | None = model._made.interpolate(q1, q2, alpha)
+        found: Array | None = model._library.interpolate(q1, q2, alpha)
         if found is not None:
             return found
-    except AttributeError:  # no Model, or an edited one
+    except AttributeError:  # the fast path does not apply
         pass
-    compiled = _compiled(model)
-    q1, q2 = (_within_reach(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
-    found = dynamics.calls["interpolate"](compiled, q1, q2, number(alpha, "alpha"))
+    library = _library_model(model)
+    q1, q2 = (_clipped(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
+    found = dynamics.table_call("interpolate", library, q1, q2, number(alpha, "alpha"))
     return found
 
 
-def _within_reach(model: Any, q: Array) -> Array:
-    """q with what stands for no limit small enough for the products of a difference; as it is in strict mode.
+def _clipped(model: Model, q: Array) -> Array:
+    """q with entries clipped so that the products of a difference are finite; unchanged in strict mode.
 
-    Pinocchio's limits of a free flyer are the largest number, quaternion and all, and programs take differences to
-    them for the sake of the other joints.
+    Pinocchio's limits of a free flyer are the largest number, those of its quaternion too, and programs take
+    differences to them for the sake of the other joints.
     """
     if strict() or not (abs(q) > FAR).any():
         return q
-    reach = np.concatenate([np.full(joint.nq, FAR if joint.nq > 1 else NO_LIMIT / 2.0) for joint in model.joints[1:]])
-    return np.where(np.isfinite(q), np.clip(q, -reach, reach), q)
+    bound = np.concatenate([np.full(joint.nq, FAR if joint.nq > 1 else NO_LIMIT / 2.0) for joint in model.joints[1:]])
+    return np.where(np.isfinite(q), np.clip(q, -bound, bound), q)
 
 
-def squaredDistance(model: Any, q1: Any, q2: Any) -> Array:
+def squaredDistance(model: Model, q1: Any, q2: Any) -> Array:
     """Squared norms of the difference, joint by joint (njoints - 1,)."""
     v = difference(model, q1, q2)
     return np.array([v[at : at + n] @ v[at : at + n] for at, n in zip(model.idx_vs[1:], model.nvs[1:], strict=True)])
 
 
-def distance(model: Any, q1: Any, q2: Any) -> float:
+def distance(model: Model, q1: Any, q2: Any) -> float:
     """Norm of the difference."""
     v = difference(model, q1, q2)
     return math.hypot(*v.tolist())
 
 
-def normalize(model: Any, q: Any) -> Array:
+def normalize(model: Model, q: Any) -> Array:
     """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
     try:
-        found: Array | None = model._made.normalize(q)
+        found: Array | None = model._library.normalize(q)
         if found is not None:
             return found
-    except AttributeError:  # no Model, or an edited one
+    except AttributeError:  # the fast path does not apply
         pass
-    compiled = _compiled(model)
-    found = dynamics.calls["normalize"](compiled, vector("q", q, model.nq))
+    library = _library_model(model)
+    found = dynamics.table_call("normalize", library, vector("q", q, model.nq))
     return found
 
 
-def isNormalized(model: Any, q: Any, prec: float = 1e-12) -> bool:
+def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
     """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
-    _compiled(model)
+    _library_model(model)
     q = vector("q", q, model.nq)
     return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in _unit_parts(model, q))
 
 
-def _unit_parts(model: Any, q: Array) -> list[Array]:
-    """The quaternions and pairs of a configuration."""
-    return [q[unit] for unit in made(model).units]
+def _unit_parts(model: Model, q: Array) -> list[Array]:
+    """Views of the quaternions and (cos, sin) pairs of a configuration."""
+    return [q[unit] for unit in library_model(model).unit_parts]
 
 
-def isSameConfiguration(model: Any, q1: Any, q2: Any, prec: float) -> bool:
-    """Whether two configurations are the same to within prec, a quaternion and its opposite being one rotation.
+def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
+    """Whether two configurations agree to prec; a quaternion and its negative are one rotation.
 
-    Quaternions and pairs off their unit norm are the same if their numbers are, to within prec of the smaller norm.
+    Quaternions and pairs off their unit norm agree if their numbers do, to prec of the smaller norm.
     """
     prec = number(prec, "prec")
     parts = zip(*(_unit_parts(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2))), strict=True)
@@ -163,22 +168,22 @@ def _position(position: Any) -> int:
     return int(position)
 
 
-def dIntegrate(model: Any, q: Any, v: Any, argument_position: Any = None) -> Any:
+def dIntegrate(model: Model, q: Any, v: Any, argument_position: Any = None) -> Any:
     """Derivatives (nv, nv) of integrate by q and by v, a tuple; one of them for ARG0, ARG1."""
-    compiled = _compiled(model)
-    both = dynamics.calls["dintegrate"](compiled, vector("q", q, model.nq), vector("v", v, model.nv))
+    library = _library_model(model)
+    both = dynamics.table_call("dintegrate", library, vector("q", q, model.nq), vector("v", v, model.nv))
     return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
 
 
-def dDifference(model: Any, q1: Any, q2: Any, argument_position: Any = None) -> Any:
+def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = None) -> Any:
     """Derivatives (nv, nv) of difference by q1 and by q2, a tuple; one of them for ARG0, ARG1."""
-    compiled = _compiled(model)
-    both = dynamics.calls["ddifference"](compiled, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    library = _library_model(model)
+    both = dynamics.table_call("ddifference", library, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
     return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
 
 
-def dIntegrateTransport(model: Any, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:
-    """A matrix (nv, n) of columns at integrate(q, v), the derivative by the argument applied: d integrate @ Jin."""
+def dIntegrateTransport(model: Model, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:
+    """The derivative of integrate(q, v) by q (ARG0) or v (ARG1), times a matrix Jin (nv, n)."""
     by = dIntegrate(model, q, v, argument_position)
     if not isinstance(Jin, np.ndarray) or Jin.dtype.kind not in "fiub" or Jin.ndim not in (1, 2):
         raise ArgumentError(f"Jin is {described(Jin)}, expected an array of numbers")
@@ -191,12 +196,12 @@ def dIntegrateTransport(model: Any, q: Any, v: Any, Jin: Any, argument_position:
 # --- random ones -----------------------------------------------------------------------------------------
 
 
-def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = None) -> Array:
-    """A random configuration (nq,) between the bounds, those of the model if not given; rotations are uniform.
+def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any = None) -> Array:
+    """A random configuration (nq,) between the bounds, by default the model's; rotations are uniform.
 
-    A coordinate without a finite limit is drawn from one of width 2 (Pinocchio: not finite).
+    A coordinate without a finite limit is drawn from an interval of width 2 (Pinocchio: not finite).
     """
-    _compiled(model)
+    _library_model(model)
     lower = vector("lower_bound", model.lowerPositionLimit if lower_bound is None else lower_bound, model.nq)
     upper = vector("upper_bound", model.upperPositionLimit if upper_bound is None else upper_bound, model.nq)
     lower, upper = _finite(lower, upper)
@@ -209,7 +214,7 @@ def randomConfiguration(model: Any, lower_bound: Any = None, upper_bound: Any = 
 
 
 def _finite(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds with a width of 2 where one of them is none."""
+    """Bounds with a width of 2 where one of them is infinite."""
     low, high = abs(lower) >= NO_LIMIT, abs(upper) >= NO_LIMIT
     first = np.where(low, np.where(high, -1.0, upper - 2.0), lower)
     return first, np.where(high, np.where(low, 1.0, lower + 2.0), upper)

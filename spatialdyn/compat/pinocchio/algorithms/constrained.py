@@ -1,7 +1,7 @@
-"""Dynamics under constraints J a + γ = 0, and impacts.
+"""Dynamics under constraints J a + γ = 0, and impacts, under Pinocchio's names.
 
-Constraints that depend on each other leave their forces open; where Pinocchio then answers with rounding errors, an
-error names the rank. A damping μ makes J a + γ = -μ λ of them.
+Dependent constraints leave their forces undetermined: an error names the rank, where Pinocchio returns rounding errors.
+A damping μ makes J a + γ = -μ λ of them.
 """
 
 from __future__ import annotations
@@ -15,21 +15,27 @@ from ....constraints.contact import Solved, inverse
 from ....constraints.contact import solve as solved
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
-from ..data.data import prepared
+from ..data.data import Data, library_of
 from ..data.dispatch import vector
 from ..data.last_call import Run
+from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, described, number
 from ..types.frame import Convention
 from .dynamics import computeAllTerms, crba
+
+__all__ = [
+    "computeKKTContactDynamicMatrixInverse", "forwardDynamics", "getKKTContactDynamicMatrixInverse",
+    "impulseDynamics",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 CONSTRAINED, IMPACT, BORDERED = "constrained", "impact", "bordered"
 
 
-def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Array:
+def forwardDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> Array:
     """Accelerations a (nv,) under constraints: M a + b = τ + Jᵀ λ and J a + γ = 0; λ (m,) goes to data.lambda_c.
 
-    q, v                 (nq,), (nv,); both left out if computeAllTerms has been called for them
+    q, v                 (nq,), (nv,); optional, both, after computeAllTerms at them
     tau                  (nv,)
     constraint_jacobian  J (m, nv)
     constraint_drift     γ (m,), J̇ v for constraints on accelerations
@@ -38,45 +44,45 @@ def forwardDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     Raises ConstraintError naming the rank of constraints that are not independent, if there is no damping; ShapeError,
     InertiaError for a singular M
     """
-    found = None if named else _quickly(CONSTRAINED, model, data, arguments)
+    found = None if named else _fast_call(CONSTRAINED, model, data, arguments)
     if found is not None:
         return found
     names = ("q", "v", "tau", "constraint_jacobian", "constraint_drift", "damping")
-    compiled = prepared(model, data)
-    given = _given("forwardDynamics", names, 2, 1, arguments, named)
+    library = library_of(model, data)
+    given = _arguments("forwardDynamics", names, 2, 1, arguments, named)
     tau = vector("tau", given["tau"], model.nv)
     J = _jacobian(given["constraint_jacobian"], model.nv)
     gamma = vector("constraint_drift", given["constraint_drift"], len(J))
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         computeAllTerms(model, data, given["q"], given["v"])
-    f = solved(compiled.model, data.array("M"), tau - data.array("nle"), J, gamma, mu)
-    run = _note(CONSTRAINED, model, data, f, f.x)
-    if compiled.whole and "q" in given:
+    f = solved(library.model, data.array("M"), tau - data.array("nle"), J, gamma, mu)
+    run = _record(CONSTRAINED, model, data, f, f.x)
+    if library.has_builtins and "q" in given:
         every = data._runs["all"]
         words = {"bias": every.result.ctypes.data, **_words(every, run, f)}
-        call = recorded_constraints.dynamics().bind(compiled.model, every, run, f, **words)
-        data._bound[CONSTRAINED] = compiled, every, run, call
+        call = recorded_constraints.dynamics().bind(library.model, every, run, f, **words)
+        data._bound[CONSTRAINED] = library, every, run, call
     return f.x
 
 
-def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Array:
-    """Velocities (nv,) behind an impact: M (v⁺ - v⁻) = Jᵀ Λ and J v⁺ = -e J v⁻; Λ (m,) goes to data.impulse_c.
+def impulseDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> Array:
+    """Velocities (nv,) after an impact: M (v⁺ - v⁻) = Jᵀ Λ and J v⁺ = -e J v⁻; Λ (m,) goes to data.impulse_c.
 
-    q                        (nq,); left out if crba has been called for it
+    q                        (nq,); optional after crba at it
     v_before                 (nv,)
     constraint_jacobian      J (m, nv)
     restitution_coefficient  e, from 0 (default) to 1
     damping                  μ, J v⁺ + e J v⁻ = -μ Λ; 0 by default
 
-    Raises as forwardDynamics, and ConstraintError for an e that is not from 0 to 1
+    Raises as forwardDynamics, and ConstraintError for an e outside 0 to 1
     """
-    found = None if named else _quickly(IMPACT, model, data, arguments)
+    found = None if named else _fast_call(IMPACT, model, data, arguments)
     if found is not None:
         return found
     names = ("q", "v_before", "constraint_jacobian", "restitution_coefficient", "damping")
-    compiled = prepared(model, data)
-    given = _given("impulseDynamics", names, 1, 2, arguments, named)
+    library = library_of(model, data)
+    given = _arguments("impulseDynamics", names, 1, 2, arguments, named)
     v = vector("v_before", given["v_before"], model.nv)
     J = _jacobian(given["constraint_jacobian"], model.nv)
     e = number(given.get("restitution_coefficient", 0.0), "restitution_coefficient")
@@ -85,98 +91,98 @@ def impulseDynamics(model: Any, data: Any, *arguments: Any, **named: Any) -> Arr
     mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         crba(model, data, given["q"], Convention.WORLD)
-    f = solved(compiled.model, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), mu)
+    f = solved(library.model, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), mu)
     after: Array = v + f.x
-    run = _note(IMPACT, model, data, f, after)
-    if compiled.whole and "q" in given:
+    run = _record(IMPACT, model, data, f, after)
+    if library.has_builtins and "q" in given:
         masses = data._runs["crba_world"]
         words = {"M": masses.result.ctypes.data, **_words(masses, run, f)}
         data._bound[IMPACT] = (
-            compiled,
+            library,
             masses,
             run,
-            recorded_constraints.impact().bind(compiled.model, masses, run, f, **words),
+            recorded_constraints.impact().bind(library.model, masses, run, f, **words),
         )
     return after
 
 
 def computeKKTContactDynamicMatrixInverse(
-    model: Any, data: Any, q: Any, constraint_jacobian: Any, damping: float = 0.0
+    model: Model, data: Data, q: Any, constraint_jacobian: Any, damping: float = 0.0
 ) -> Array:
     """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1].
 
     Raises as forwardDynamics
     """
-    found = _quickly(BORDERED, model, data, (q, constraint_jacobian, damping))
+    found = _fast_call(BORDERED, model, data, (q, constraint_jacobian, damping))
     if found is not None:
         return found
-    compiled = prepared(model, data)
+    library = library_of(model, data)
     J = _jacobian(constraint_jacobian, model.nv)
     mu = _damping(damping)
     crba(model, data, q, Convention.WORLD)
-    f = solved(compiled.model, data.array("M"), np.zeros(model.nv), J, np.zeros(len(J)), mu)
-    run = _note(BORDERED, model, data, f, np.empty(0))
-    if compiled.whole:
+    f = solved(library.model, data.array("M"), np.zeros(model.nv), J, np.zeros(len(J)), mu)
+    run = _record(BORDERED, model, data, f, np.empty(0))
+    if library.has_builtins:
         masses, size = data._runs["crba_world"], model.nv + len(J)
         words = {"M": masses.result.ctypes.data, "rows": size, "columns": size, **_words(masses, run, f)}
         del words["result"]
-        call = recorded_constraints.inverse().bind(compiled.model, masses, run, f, **words)
-        data._bound[BORDERED] = compiled, masses, run, call
-    return inverse(compiled.model, f)
+        call = recorded_constraints.inverse().bind(library.model, masses, run, f, **words)
+        data._bound[BORDERED] = library, masses, run, call
+    return inverse(library.model, f)
 
 
-def getKKTContactDynamicMatrixInverse(model: Any, data: Any, constraint_jacobian: Any) -> Array:
-    """The same with M and μ of the last forwardDynamics or impulseDynamics, for the Jacobian given there.
+def getKKTContactDynamicMatrixInverse(model: Model, data: Data, constraint_jacobian: Any) -> Array:
+    """Inverse (nv + m, nv + m) with M and μ of the last forwardDynamics or impulseDynamics, for its Jacobian.
 
-    Raises ConstraintError if neither has been called, or not with so many constraints
+    Raises ConstraintError if neither was called with that many constraints
     """
-    prepared(model, data)
+    library_of(model, data)
     J = _jacobian(constraint_jacobian, model.nv)
     f: Solved | None = data.__dict__.get("_contact")
     if f is None or len(f.Y) != len(J):
         raise ConstraintError(
             f"data holds no contact of {len(J)} rows, expected forwardDynamics or impulseDynamics to be called before"
         )
-    return inverse(prepared(model, data).model, f)
+    return inverse(library_of(model, data).model, f)
 
 
-def _quickly(kind: str, model: Any, data: Any, arguments: tuple[Any, ...]) -> Array | None:
-    """The answer by a builtin, noted; None if it has to be found otherwise."""
+def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) -> Array | None:
+    """The result by a builtin that records it; returns None if not applicable."""
     try:
-        compiled, before, run, call = data._bound[kind]
-        if compiled is not model._made:
+        library, before, run, call = data._bound[kind]
+        if library is not model._library:
             return None
         found: Array | None = call(*arguments)
-    except (AttributeError, KeyError, SystemError):  # whatever is not as simple as that
+    except (AttributeError, KeyError, SystemError):  # the fast path does not apply
         return None
     if found is not None:
-        data.redo(before)
-        data.redo(run)
+        data.note_builtin_call(before)
+        data.note_builtin_call(run)
         data.__dict__["_contact"] = run.contact
     return found
 
 
-def _note(kind: str, model: Any, data: Any, f: Solved, result: Array) -> Run:
-    """Note how a system was solved, as that of a call of a kind."""
-    run: Run = data.run_of(kind, model, prepared(model, data), result.shape)
+def _record(kind: str, model: Model, data: Data, f: Solved, result: Array) -> Run:
+    """Record a solved system and its result as the call of a kind."""
+    run: Run = data.run_of(kind, model, library_of(model, data), result.shape)
     run.result[...], run.contact = result, f
-    data.ran(run)
+    data.note_call(run)
     data.__dict__["_contact"] = f
     return run
 
 
 def _words(before: Run, run: Run, f: Solved) -> dict[str, int]:
-    """What the plans of builtins have in common: where to note what they were given and what they find."""
+    """Words that the plans of all three builtins share: addresses of inputs, result and factors."""
     places = {"memory": before.memory, "result": run.result, "L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
-    return {"m": len(f.C), **run.made.words, **{name: x.ctypes.data for name, x in places.items()}}
+    return {"m": len(f.C), **run.library.words, **{name: x.ctypes.data for name, x in places.items()}}
 
 
-def _given(
+def _arguments(
     name: str, names: tuple[str, ...], first: int, last: int, arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> dict[str, Any]:
-    """Arguments by name, in the longest form that fits: without the ``first`` names, and any of the ``last`` numbers.
+    """Arguments by name: all, or all but the ``first`` names; the ``last`` ones, numbers, are optional.
 
-    Raises ArgumentError if none fits
+    Raises ArgumentError if they fit neither
     """
     for order in (names, names[first:]):
         given = {**named, **dict(zip(order, arguments, strict=False))}

@@ -1,6 +1,6 @@
 """``ModelPool``, ``rneaInParallel``, ``abaInParallel``: batches, on the library's SIMD lanes and over threads.
 
-Columns are samples, as in Pinocchio. The pool's models and datas are there to be asked for; a batch needs neither.
+Columns are samples, as in Pinocchio. The models and datas of a pool are copies for the caller; batches use neither.
 """
 
 from __future__ import annotations
@@ -14,17 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....calls import dynamics as library
+from ....engines.threads import slices
 from ....errors import ShapeError, SpatialDynError
-from ..model.library_model import made
+from ..model.library_model import library_model
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, described, expected
 
+__all__ = ["ModelPool", "abaInParallel", "omp_get_max_threads", "rneaInParallel"]
+
 Array = NDArray[np.float64]
-LEAST = 128  # samples that are worth a thread of their own, some 100 µs
+LEAST = 128  # samples a thread needs to pay off, some 100 µs
 
 
 class PoolError(SpatialDynError):
-    """A number of threads or models that a pool does not have."""
+    """A number of threads or models out of a pool's range."""
 
 
 class ModelPool:
@@ -51,7 +54,7 @@ class ModelPool:
         return len(self._models)
 
     def resize(self, new_size: int) -> None:
-        """Drop models from the end or copy the first one."""
+        """Drop models from the end, or append copies of the first."""
         if new_size < 1:
             raise PoolError(f"new_size is {new_size}, expected 1 or more")
         del self._models[new_size:], self._datas[new_size:]
@@ -60,7 +63,7 @@ class ModelPool:
             self._datas.append(self._models[-1].createData())
 
     def update(self, data: Any) -> None:
-        """Make every Data a copy of one."""
+        """Replace every Data by a copy of this one."""
         self._datas = [data.copy() for _ in self._datas]
 
     def getModel(self, index: int) -> Model:
@@ -94,7 +97,7 @@ def rneaInParallel(num_thread: int, pool: ModelPool, q: Any, v: Any, a: Any, tau
 
     num_thread  up to the pool's size
     q           (nq, B), v and a (nv, B)
-    tau         (nv, B), written if given; nothing is returned then
+    tau         (nv, B), written in place if given, and None is returned
 
     Raises PoolError for more threads than models; ShapeError, ArgumentError
     """
@@ -107,7 +110,7 @@ def abaInParallel(num_thread: int, pool: ModelPool, q: Any, v: Any, tau: Any, a:
 
 
 def omp_get_max_threads() -> int:
-    """Number of threads that a pool is for: 1, as long as nobody asks for more."""
+    """Default number of threads: 1."""
     return 1
 
 
@@ -125,16 +128,17 @@ def _in_parallel(
         raise ShapeError(f"numbers of columns differ: {shapes}")
     if out is not None and (not isinstance(out, np.ndarray) or out.shape != (model.nv, n)):
         raise ShapeError(f"{result} is {described(out)}, expected an array of shape {(model.nv, n)}")
-    found = np.empty((n, model.nv))
-    compiled, parts = made(model).model, max(1, min(threads, n // LEAST))
+    sd_model, parts = library_model(model).model, max(1, min(threads, n // LEAST))
     if parts == 1:
-        call(compiled, *rows, out=found)
+        found = call(sd_model, *rows)
     else:
-        cuts = list(pairwise([n * k // parts for k in range(parts + 1)]))
-        with ThreadPoolExecutor(parts) as team:
-            jobs = [team.submit(call, compiled, *(x[i:j] for x in rows), out=found[i:j]) for i, j in cuts]
-            for job in jobs:
-                job.result()
+        found = np.empty((n, model.nv))
+        with ThreadPoolExecutor(parts) as workers:  # in slices, for Ctrl-C is heard when the threads have ended
+            for first, end in slices(n, len(sd_model.bodies), model.nv, LEAST * parts):
+                cuts = pairwise([first + (end - first) * k // parts for k in range(parts + 1)])
+                jobs = [workers.submit(call, sd_model, *(x[i:j] for x in rows), out=found[i:j]) for i, j in cuts]
+                for job in jobs:
+                    job.result()
     if out is None:
         return found[0] if n == 1 else np.ascontiguousarray(found.T)  # Pinocchio's arrays of one column are vectors
     out[...] = found.T
@@ -142,7 +146,7 @@ def _in_parallel(
 
 
 def _samples(name: str, value: Any, n: int) -> Array:
-    """An array (n, B) as samples (B, n); a vector is one."""
+    """An array (n, B) as samples (B, n); a vector is one sample."""
     if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
         raise ArgumentError(f"{name} is {described(value)}, expected an array of numbers")
     if value.ndim == 1:

@@ -1,6 +1,6 @@
-"""Regressors: what the library gives by joint, as Pinocchio's matrices of all joints' parameters side by side.
+"""Regressors under Pinocchio's names: the library's, with the columns of all joints side by side.
 
-π are toDynamicParameters of the inertias behind the universe's, one after the other.
+π are toDynamicParameters of the inertias after the universe's, one after the other.
 """
 
 from __future__ import annotations
@@ -14,34 +14,39 @@ from ....algebra import spatial
 from ....algebra.euclidean import Vec
 from ....errors import ModelError
 from ....recursions.regressor import body_force
-from ..data.data import prepared
-from ..data.dispatch import perform
+from ..data.data import Data, library_of
+from ..data.dispatch import compute
 from ..data.field_recipes import columns
 from ..model.model import Model
 from ..types.arguments import expected
 from ..types.motion import Motion
 
+__all__ = [
+    "bodyRegressor", "computeJointTorqueRegressor", "computeKineticEnergyRegressor",
+    "computePotentialEnergyRegressor", "computeStaticRegressor", "frameBodyRegressor", "jointBodyRegressor",
+]  # fmt: skip
+
 Array = NDArray[np.float64]
 
 
-def computeJointTorqueRegressor(model: Model, data: Any, q: Any, v: Any, a: Any) -> Array:
+def computeJointTorqueRegressor(model: Model, data: Data, q: Any, v: Any, a: Any) -> Array:
     """Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques."""
-    return columns(perform(model, data, "torque_regressor", q, v, a))
+    return columns(compute(model, data, "torque_regressor", q, v, a))
 
 
-def computeStaticRegressor(model: Model, data: Any, q: Any) -> Array:
+def computeStaticRegressor(model: Model, data: Data, q: Any) -> Array:
     """Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments."""
-    return columns(perform(model, data, "static_regressor", q))
+    return columns(compute(model, data, "static_regressor", q))
 
 
-def computeKineticEnergyRegressor(model: Model, data: Any, q: Any, v: Any) -> Array:
+def computeKineticEnergyRegressor(model: Model, data: Data, q: Any, v: Any) -> Array:
     """Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies."""
-    return columns(perform(model, data, "kinetic_regressor", q, v))
+    return columns(compute(model, data, "kinetic_regressor", q, v))
 
 
-def computePotentialEnergyRegressor(model: Model, data: Any, q: Any) -> Array:
+def computePotentialEnergyRegressor(model: Model, data: Data, q: Any) -> Array:
     """Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π."""
-    return columns(perform(model, data, "potential_regressor", q))
+    return columns(compute(model, data, "potential_regressor", q))
 
 
 def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
@@ -52,16 +57,16 @@ def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
     return out
 
 
-def jointBodyRegressor(model: Model, data: Any, joint_id: int) -> Array:
-    """Y (6, 10) of the body of a joint, by data.v and data.a_gf that rnea has left. Raises ModelError for no joint."""
-    prepared(model, data)
+def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
+    """Y (6, 10) of the body of a joint, from data.v and data.a_gf of rnea. Raises ModelError for no such joint."""
+    library_of(model, data)
     at = _index("joint_id", joint_id, model.njoints)
     return bodyRegressor(data.v[at], data.a_gf[at])
 
 
-def frameBodyRegressor(model: Model, data: Any, frame_id: int) -> Array:
-    """Y (6, 10) of a body on a frame, in its coordinates, by what rnea has left. Raises ModelError for no frame."""
-    prepared(model, data)
+def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
+    """Y (6, 10) of a body on a frame, in the frame, from data.v and data.a_gf. Raises ModelError for no such frame."""
+    library_of(model, data)
     frame = model.frames[_index("frame_id", frame_id, model.nframes)]
     joint, placement = frame.parentJoint, frame.placement
     return bodyRegressor(placement.actInv(data.v[joint]), placement.actInv(data.a_gf[joint]))

@@ -1,4 +1,4 @@
-"""The tangent map of a configuration: how its coordinates change with a velocity, q̇ = T(q) v."""
+"""The tangent map T of a configuration: q̇ = T(q) v."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ...native import operator_kernels
 from ..data.dispatch import vector
@@ -15,23 +16,25 @@ from ..model.joint_mimic import JointModelMimic
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, described, expected
 
+__all__ = ["compactTangentMap", "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct"]
+
 Array = NDArray[np.float64]
-COLUMNS = 6  # of the compact form
+COLUMNS = 6  # of compactTangentMap
 
 
-def _blocks(model: Any, q: Array) -> Iterator[tuple[int, int, Array]]:
-    """Place in q, place in v and the part of T of each of the library's joints."""
+def _blocks(model: Model, q: Array) -> Iterator[tuple[int, int, Array]]:
+    """First index in q, in v, and the block of T, of each of the library's joints."""
     for joint in model.joints[1:]:
         if isinstance(joint, JointModelMimic):
             continue
         row, column = joint.idx_q, joint.idx_v
         for step in joint.steps():
-            block = _BLOCKS.get(step.kind, _one)(q[row:])
+            block = _BLOCKS[kind_of(step.kind, "cos_sin").group](q[row:])
             yield row, column, block
             row, column = row + len(block), column + block.shape[1]
 
 
-def _one(q: Array) -> Array:
+def _angle_or_length(q: Array) -> Array:
     """An angle or a length."""
     return np.ones((1, 1))
 
@@ -42,7 +45,7 @@ def _pair(q: Array) -> Array:
 
 
 def _quaternion(q: Array) -> Array:
-    """x y z w turned on by an angular velocity in the body's axes: half the product with it."""
+    """x y z w: half the product with an angular velocity in the body's axes."""
     x, y, z, w = (0.5 * q[:4]).tolist()
     return np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]])
 
@@ -63,10 +66,10 @@ def _floating(q: Array) -> Array:
     return T
 
 
-_BLOCKS = {"continuous": _pair, "spherical": _quaternion, "planar": _planar, "floating": _floating}
+_BLOCKS = {"R": _angle_or_length, "SO(2)": _pair, "SO(3)": _quaternion, "SE(2)": _planar, "SE(3)": _floating}
 
 
-def tangentMap(model: Any, q: Any) -> Array:
+def tangentMap(model: Model, q: Any) -> Array:
     """T (nq, nv), the derivative of integrate(q, v) by v at v = 0. Raises ArgumentError, ShapeError."""
     q = vector("q", q, expected(model, Model, "model").nq)
     T = np.zeros((model.nq, model.nv))
@@ -75,8 +78,8 @@ def tangentMap(model: Any, q: Any) -> Array:
     return T
 
 
-def compactTangentMap(model: Any, q: Any) -> Array:
-    """The rows of T (nq, 6), each from its joint's first velocity on.
+def compactTangentMap(model: Model, q: Any) -> Array:
+    """The rows of T (nq, 6), each from the first velocity of its joint.
 
     Raises ShapeError for a joint of more than 6 velocities.
     """
@@ -90,20 +93,20 @@ def compactTangentMap(model: Any, q: Any) -> Array:
     return out
 
 
-def tangentMapProduct(model: Any, q: Any, mat_in: Any) -> Array:
+def tangentMapProduct(model: Model, q: Any, mat_in: Any) -> Array:
     """T mat_in, for a matrix (nv, n)."""
     T = tangentMap(model, q)
     return np.asarray(T @ _matrix(mat_in, T.shape[1]))
 
 
-def tangentMapTransposeProduct(model: Any, q: Any, mat_in: Any) -> Array:
+def tangentMapTransposeProduct(model: Model, q: Any, mat_in: Any) -> Array:
     """Tᵀ mat_in, for a matrix (nq, n)."""
     T = tangentMap(model, q)
     return np.asarray(T.T @ _matrix(mat_in, len(T)))
 
 
 def _matrix(x: Any, rows: int) -> Array:
-    """A matrix of so many rows. Raises ArgumentError, ShapeError."""
+    """A checked matrix with this number of rows. Raises ArgumentError, ShapeError."""
     if not isinstance(x, np.ndarray) or x.dtype.kind not in NUMBERS or x.ndim not in (1, 2):
         raise ArgumentError(f"mat_in is {described(x)}, expected a matrix")
     if len(x) != rows:

@@ -1,1 +1,1 @@
-"""Which names of Pinocchio are here, what is different on purpose, and how a script is ported."""
+"""Pinocchio's names and their status here, the differences on purpose, the check of a script."""

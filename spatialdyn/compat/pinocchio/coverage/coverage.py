@@ -1,8 +1,8 @@
-"""What of Pinocchio the face has: every public name is supported, supported with a difference, or out of scope.
+"""Status of every public name of Pinocchio: supported, supported with a difference, or out of scope.
 
-A name that is out of scope raises ``OutOfScopeError``, a NotImplementedError that says what to use instead; nothing is
-silently missing. Asked for as an attribute it is an AttributeError too, so that hasattr is False; imported it is an
-ImportError. ``coverage()`` lists them all.
+A name that is out of scope raises ``OutOfScopeError``, a NotImplementedError that says what to use instead. As an
+attribute it is an AttributeError too, so that hasattr is False; in an import it is an ImportError. ``coverage()``
+lists all names.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _CONSTRAINTS = (
     "computeKKTContactDynamicMatrixInverse for the matrix"
 )
 _MJCF = "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF"
-_HELICAL = "a joint that URDF does not have: JointModelComposite of those there are"
-_NOT_ITS = "a module that the wheel happens to show: import it by its own name"
+_ELLIPSOID = "a joint that URDF does not have: JointModelComposite of those there are"
+_NOT_ITS = "a foreign module in the wheel's namespace: import it by its own name"
 _CONTAINER = "a container of C++: a list or dict of Python"
 
 INSTEAD: tuple[tuple[str, str], ...] = (
@@ -48,7 +48,7 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel getConstraint*", _CONSTRAINTS),
     ("computeJointMinimalOrdering StdVec_Contact", _CONSTRAINTS),
     ("buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*", _MJCF),
-    ("JointModelH? JointDataH? JointModelHelical* JointDataHelical* JointModelEllipsoid JointDataEllipsoid", _HELICAL),
+    ("JointModelEllipsoid JointDataEllipsoid", _ELLIPSOID),
     ("BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Distance*", _GEOMETRY),
     ("CollisionC* CollisionG* CollisionO* CollisionR*", _GEOMETRY),
     ("StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* Compute*", _GEOMETRY),
@@ -56,17 +56,20 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
     ("computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision*", _GEOMETRY),
     ("updateGeometryPlacements coal hppfcl", _GEOMETRY),
-    ("*KinematicHessian *KinematicHessians", "second derivatives of kinematics: differences of getJointJacobian"),
+    (
+        "*KinematicHessian *KinematicHessians",
+        "second derivatives of kinematics: finite differences of getJointJacobian",
+    ),
     ("*KinematicRegressor", "regressors of placement errors: columns of getJointJacobian, moved by SE3.actInv"),
     ("CONCRETE ICE METAL PLASTIC WOOD", _GEOMETRY),
     ("AUTOMATIC MANUAL CONSTANT LINEAR OSQP SPECTRAL", _CONSTRAINTS),
-    ("JointData?*", "one class of joint data for all kinds: JointData"),
+    ("JointData?*", "one class for all kinds: JointData"),
     ("StdVec_Data StdVec_Model StdVec_JointDataVector StdVec_JointModelVector", _CONTAINER),
     ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
-    ("sharedMemory", "a switch for the binding's arrays: results are copies, fields of Data live"),
+    ("sharedMemory", "a switch of the binding's arrays: results are copies, fields of Data are written in place"),
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
     ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
-    ("romeo_wrapper windows_dll_manager derivative", "parts of the wheel that are no interface"),
+    ("romeo_wrapper windows_dll_manager derivative", "internals of the wheel"),
     ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
     ("boost_type_index std_type_index map_indexing_suite_*", _CONTAINER),
     ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
@@ -77,21 +80,21 @@ MEMBERS = {"saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit", "vis
 
 
 class OutOfScopeError(SpatialDynError, NotImplementedError):
-    """A name of Pinocchio that the face does not have on purpose."""
+    """A name of Pinocchio that is out of scope."""
 
 
 class OutOfScopeAttributeError(OutOfScopeError, AttributeError):
-    """The same of an attribute; hasattr is False."""
+    """An attribute that is out of scope; hasattr is False."""
 
 
 class OutOfScopeImportError(OutOfScopeError, ImportError):
-    """The same of an import; Python would put an error of its own, without advice, in place of an AttributeError."""
+    """An import that is out of scope; of an AttributeError Python would drop the message."""
 
 
 class Entry(NamedTuple):
-    """What the face makes of a name: ``supported``, ``supported with a difference``, ``out of scope``, and why.
+    """Status of a name: ``supported``, ``supported with a difference``, ``out of scope``, with a note that says why.
 
-    A name that Pinocchio 4.1 does not have either is ``unknown``.
+    A name that Pinocchio 4.1 does not have is ``unknown``.
     """
 
     name: str
@@ -99,13 +102,13 @@ class Entry(NamedTuple):
     note: str = ""
 
 
-def face() -> types.ModuleType:
-    """The package itself, imported when asked for: it imports this module."""
+def compat_package() -> types.ModuleType:
+    """The package compat.pinocchio, imported late: it imports this module."""
     return importlib.import_module(__package__.rpartition(".")[0])
 
 
 def instead(name: str) -> str:
-    """What to use in place of a name that is out of scope; empty if none is."""
+    """Advice for a name that is out of scope; "" for other names."""
     for patterns, what in INSTEAD:
         if any(fnmatchcase(name, pattern) for pattern in patterns.split()):
             return what
@@ -113,7 +116,7 @@ def instead(name: str) -> str:
 
 
 def coverage() -> dict[str, Entry]:
-    """Every public name of Pinocchio 4.1, and what the face makes of it.
+    """Every public name of Pinocchio 4.1 with its status here.
 
     >>> import spatialdyn.compat.pinocchio as pin
     >>> pin.coverage()["rnea"].status
@@ -125,13 +128,13 @@ def coverage() -> dict[str, Entry]:
 
 
 def entry(name: str) -> Entry:
-    """What the face makes of one name, dotted for a module's or a class's own."""
+    """Status of one name; dotted for a member of a module or class."""
     first, *rest = name.split(".")
-    package = face()
+    package = compat_package()
     if first in vars(package):
         at = getattr(package, first)
         for k, member in enumerate(rest):
-            if not _there(at, member):
+            if not _has(at, member):
                 where = ("a " if isinstance(at, type) else "") + ".".join([first, *rest[:k]])
                 note = getattr(at, "_instead", {}).get(member) or f"{where} has no {member}"
                 return Entry(name, OUT_OF_SCOPE, note)
@@ -142,12 +145,12 @@ def entry(name: str) -> Entry:
     if note:
         return Entry(name, OUT_OF_SCOPE, note)
     if first in NAMES:
-        return Entry(name, OUT_OF_SCOPE, "not written yet")
-    return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _meant(first))
+        return Entry(name, OUT_OF_SCOPE, "not implemented yet")
+    return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _suggestion(first))
 
 
-def _there(at: Any, member: str) -> bool:
-    """Whether something has a member; of a class that is enough which a fresh object of it has."""
+def _has(at: Any, member: str) -> bool:
+    """Whether an object has a member; a class also if a new object of it does."""
     if hasattr(at, member) or not isinstance(at, type):
         return hasattr(at, member)
     try:
@@ -157,41 +160,41 @@ def _there(at: Any, member: str) -> bool:
 
 
 def missing(name: str) -> NoReturn:
-    """What the package raises for a name it does not have.
+    """Raise the package's error for a missing name.
 
-    Raises OutOfScopeError for one of Pinocchio's, AttributeError for any other
+    Raises OutOfScopeError for a name of Pinocchio's, AttributeError for any other
     """
     if name in NAMES or instead(name):
         kind = OutOfScopeImportError if _imported() else OutOfScopeAttributeError
         raise kind(f"pinocchio.{name} is not supported: {entry(name).note}")
-    raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_meant(name)}")
+    raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_suggestion(name)}")
 
 
 def missing_module(name: str) -> NoReturn:
-    """What a module raises that stands for one of Pinocchio's, ``pinocchio.visualize`` say. Raises OutOfScopeError."""
+    """Raise OutOfScopeError with advice, for a module of Pinocchio's that is out of scope."""
     last = name.rpartition(".")[2]
     raise OutOfScopeImportError(f"pinocchio.{last} is not supported: {instead(last)}")
 
 
 def _imported() -> bool:
-    """Whether a package's ``__getattr__``, which asks ``missing``, was called for ``from package import name``."""
+    """Whether the package's ``__getattr__``, the caller of ``missing``, runs for ``from package import name``."""
     caller = sys._getframe(3).f_code
     return caller.co_name == "_handle_fromlist" and "importlib" in caller.co_filename
 
 
-def _meant(name: str) -> str:
+def _suggestion(name: str) -> str:
     near = difflib.get_close_matches(name, NAMES, n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def difference(name: str) -> str:
-    """What is different about a name, or a dotted one's last part; empty if nothing is."""
+    """The differences of a name, or of a dotted name's last part; "" if none."""
     return _differences().get(name) or _differences().get(name.rpartition(".")[2], "")
 
 
 @cache
 def _differences() -> dict[str, str]:
-    """What is different about names that the table of differences mentions, unless strict mode makes it so."""
+    """The differences by name, without those of strict mode alone."""
     found: dict[str, list[str]] = {}
     for x in DIFFERENCES:
         if x.switched:

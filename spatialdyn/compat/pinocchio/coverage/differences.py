@@ -1,7 +1,7 @@
-"""Where this face differs from Pinocchio on purpose.
+"""Table of the differences from Pinocchio on purpose.
 
-Those with ``switched`` are Pinocchio's way unless ``strict(True)`` was called or the environment variable
-SPATIALDYN_STRICT is 1; the others hold always.
+Rows with ``switched`` hold in strict mode alone (``strict(True)`` or the environment variable SPATIALDYN_STRICT=1), the
+others always.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Difference(NamedTuple):
-    """What is concerned, what Pinocchio does, what this face does, and whether it does so in strict mode only."""
+    """A subject, what Pinocchio does, what this package does, and whether it does so in strict mode alone."""
 
     what: str
     pinocchio: str
@@ -22,11 +22,11 @@ DIFFERENCES = (
     Difference(
         "getFrameId, getBodyId, getJointId of a name that is not there",
         "the number of frames or joints",
-        "an error that names what is like it",
+        "an error that names similar ones",
         True,
     ),
     Difference(
-        "aba, computeMinverse with a joint that moves no inertia",
+        "aba, computeMinverse of a joint with zero articulated inertia",
         "NaN or infinite entries",
         "InertiaError naming the joint",
     ),
@@ -40,13 +40,13 @@ DIFFERENCES = (
     ),
     Difference(
         "models whose joints are not depth first",
-        "wrong mass matrices, without a word",
+        "wrong mass matrices, silently",
         "ModelError naming the joint at the first call",
     ),
     Difference(
         "crba where joints of several freedoms stand between a mimic joint and its leader",
-        "not the mass matrix that its rnea has",
-        "that of rnea",
+        "a mass matrix that contradicts its rnea",
+        "the mass matrix of rnea",
     ),
     Difference(
         "GeometryModel, GeometryData, GeometryObject, CollisionPair: what takes a collision library",
@@ -54,16 +54,21 @@ DIFFERENCES = (
         "OutOfScopeError, a NotImplementedError and AttributeError",
     ),
     Difference(
-        "RigidConstraintModel, RigidConstraintData: what takes a constraint solver",
-        "Jacobians, errors, forces",
+        "RigidConstraintModel, RigidConstraintData: what takes a constraint solver (calc, jacobian, compliances, "
+        "m_baumgarte_parameters; lambdas_joint1, extended_motion_propagators_joint1 and _joint2)",
+        "Jacobians, errors, forces, its own scratch",
         "OutOfScopeError, a NotImplementedError",
     ),
     Difference(
-        "visualize, visualize.BaseVisualizer, visualize.MeshcatVisualizer, visualize.GepettoVisualizer, "
-        "visualize.ViserVisualizer, visualize.RVizVisualizer, visualize.Panda3dVisualizer, RobotWrapper.initViewer, "
-        "RobotWrapper.loadViewerModel, RobotWrapper.display, RobotWrapper.play",
+        "visualize.BaseVisualizer, visualize.GepettoVisualizer, visualize.RVizVisualizer, visualize.Panda3dVisualizer",
         "a picture",
         "nothing, and one warning",
+    ),
+    Difference(
+        "visualize, visualize.MeshcatVisualizer, visualize.ViserVisualizer, RobotWrapper.initViewer, "
+        "RobotWrapper.loadViewerModel, RobotWrapper.display, RobotWrapper.play",
+        "a picture in MeshCat or viser",
+        "a picture in viser, of the file's geometry or else of the inertias; without viser nothing, and one warning",
     ),
     Difference(
         "joint indices that are not there (appendBodyToJoint, addFrame)",
@@ -73,7 +78,7 @@ DIFFERENCES = (
     Difference(
         "computeCentroidalMapTimeVariation",
         "no derivative of Ag: the motion of the centre of mass is left out",
-        "it is",
+        "the derivative of Ag",
     ),
     Difference(
         "dJ, dAg, C of models with composite or universal joints or ZYX angles, dJ and C with mimic joints",
@@ -81,66 +86,88 @@ DIFFERENCES = (
         "derivatives of J and Ag, and a C with dM/dt = C + Cᵀ",
     ),
     Difference(
-        "computeKineticEnergy with armature on a JointModelRevoluteUnaligned", "that rotor is left out", "it counts"
+        "computeKineticEnergy with armature on a JointModelRevoluteUnaligned, JointModelHelicalUnaligned",
+        "the rotor is left out",
+        "the rotor counts",
     ),
+    Difference("JointModelHX, JointModelHY, JointModelHZ, JointModelHelicalUnaligned without a pitch", "any", "0"),
+    Difference("JointModelHX, JointModelHY, JointModelHZ that differ in pitch", "equal", "not equal"),
+    Difference("hasConfigurationLimit of helical joints", "[True, True], with nq = 1", "[True]"),
     Difference(
-        "models with mimic joints: aba, computeMinverse, computeAllTerms, energies, dccrba", "an error", "the answer"
+        "models with mimic joints: aba, computeMinverse, computeAllTerms, energies, dccrba", "an error", "the result"
     ),
-    Difference("computeJointJacobians, data.J with mimic joints", "a column for each follower as well", "(6, nv)"),
+    Difference("computeJointJacobians, data.J with mimic joints", "a column for each mimic joint too", "(6, nv)"),
     Difference(
         "data: a after aba, com, vcom, acom, mass, J, Ag, h, f where a call leaves intermediate results",
-        "those",
-        "what the name says, or as before",
+        "intermediate results",
+        "the quantity of that name, or the value before the call",
     ),
     Difference(
-        "data.dhg, data.f of a second computeAllTerms with one data", "added to what was there", "as after the first"
+        "data.dhg, data.f of a second computeAllTerms with one data",
+        "added to the first call's",
+        "as after the first call",
     ),
     Difference("centres of mass of joints that carry no mass", "NaN", "the joint's origin, at rest"),
-    Difference("data fields that are scratch: Yaba, Fcrb, U, D, joints ...", "there", "AttributeError saying so"),
+    Difference("data fields that are scratch: Yaba, Fcrb, U, D, joints ...", "present", "AttributeError saying so"),
     Difference(
-        "getFrameJacobian, getJointJacobian before computeJointJacobians", "zeros", "an error that names what to call"
+        "getFrameJacobian, getJointJacobian before computeJointJacobians",
+        "zeros",
+        "an error that names the call to make first",
     ),
     Difference(
-        "getFrameJacobian after forwardKinematics at another q", "a mixture of both", "the Jacobian where data.J is"
+        "getFrameJacobian after forwardKinematics at another q", "a mixture of both", "the Jacobian at the q of data.J"
     ),
     Difference("indices of joints and frames that are not there, in getters", "a crash or memory", "RangeError"),
     Difference(
-        "quaternions and (cos, sin) pairs off their unit norm by more than 1e-6", "taken", "ConfigurationError", True
+        "quaternions and (cos, sin) pairs off their unit norm by more than 1e-6", "accepted", "ConfigurationError", True
     ),
     Difference(
         "configurations off their unit norm, not strict: difference, interpolate, distance where Pinocchio has NaN, as "
         "to the limits of a free flyer",
         "NaN or infinite entries",
-        "finite: of joints with several coordinates those beyond 1e30 count as that",
+        "finite: coordinates of joints with several are clipped to 1e30",
     ),
     Difference(
         "configurations off their unit norm, not strict: dDifference, what Pinocchio computes in the world's axes or "
-        "with inertias it turns: crba, computeMinverse, computeCoriolisMatrix, aba in WORLD, computeAllTerms, ccrba, "
+        "with rotated inertias: crba, computeMinverse, computeCoriolisMatrix, aba in WORLD, computeAllTerms, ccrba, "
         "dccrba, computeJointTorqueRegressor, and derivatives",
-        "numbers that contradict its rnea and aba, for the matrix of such a q is no rotation",
-        "those of the same matrix by this face's formulas, or InertiaError",
+        "numbers that contradict its rnea and aba, for the matrix of such a q is not a rotation",
+        "results of the same matrix by the formulas here, or InertiaError",
     ),
-    Difference("arrays of the other byte order", "read as they stand", "read as what they are"),
-    Difference("aba with too few external forces", "memory behind them", "ShapeError"),
+    Difference(
+        "configurations off their unit norm, not strict: getFrameJacobian, getJointJacobian, and computeFrameJacobian "
+        "in WORLD and LOCAL_WORLD_ALIGNED",
+        "columns of data.J, in LOCAL taken back by inverses of rotations, which such matrices are not",
+        "columns of the LOCAL computeFrameJacobian, in WORLD and LOCAL_WORLD_ALIGNED as oMf moves and turns them",
+    ),
+    Difference(
+        "configurations off their unit norm, not strict: computeJointJacobiansTimeVariation, "
+        "getFrameJacobianTimeVariation, getJointJacobianTimeVariation, computeCentroidalMap, "
+        "computeCentroidalMomentum, computeCentroidalMomentumTimeVariation, and data.vcom, data.acom of centerOfMass",
+        "sums of motions and inertias turned into the world's axes by matrices that are no rotations",
+        "sums by this package's formulas, with the same matrices",
+    ),
+    Difference("arrays of the other byte order", "bytes are read unswapped", "read correctly"),
+    Difference("aba with too few external forces", "memory after them is read", "ShapeError"),
     Difference("compactTangentMap of a joint of more than six velocities", "memory is overwritten", "ShapeError"),
     Difference("frame Jacobians of a model without freedoms", "a crash", "an array (6, 0)"),
-    Difference("axes of unaligned joints that are not of unit length", "wrong joints", "normalised; an error if null"),
+    Difference("axes of unaligned joints that are not unit vectors", "wrong joints", "normalised; an error if zero"),
     Difference("gravity with an angular part", "an angular acceleration of the world", "ModelError"),
     Difference(
         "assigning an array of the wrong size to a limit or an armature", "accepted", "ShapeError naming the attribute"
     ),
-    Difference("inertias no body can have in a URDF", "kept", "kept, and named in a warning"),
+    Difference("inertias that no body can have in a URDF", "accepted", "accepted, and named in a warning"),
     Difference("a planar joint of a URDF whose axis is not z", "its axis is ignored", "ignored too, with a warning"),
     Difference("a revolute joint of a URDF without limits", "an error", "an unlimited joint"),
     Difference(
-        "broken or half-read URDF", "what urdfdom makes of it", "UrdfError naming file, line, element and attribute"
+        "broken or half-read URDF", "the part that urdfdom reads", "UrdfError naming file, line, element and attribute"
     ),
-    Difference("negative effort or velocity limits of a URDF", "kept", "no limit"),
+    Difference("negative effort or velocity limits of a URDF", "accepted", "no limit"),
     Difference("appendModel: gravity, name and armature", "defaults", "gravity and name of A, armature of both"),
-    Difference("buildReducedModel: parent frame of a locked joint's frame", "the frame itself", "the frame before it"),
+    Difference("buildReducedModel: parent frame of a locked joint's frame", "the frame itself", "the parent frame"),
     Difference(
         "forwardDynamics, impulseDynamics with constraints that depend on each other, undamped",
-        "what rounding makes of it",
+        "rounding errors",
         "ConstraintError naming the rank",
     ),
     Difference(
@@ -149,11 +176,11 @@ DIFFERENCES = (
         "ConstraintError",
     ),
     Difference(
-        "data.M behind forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse",
-        "its lower triangle holds what was there before",
+        "data.M after forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse",
+        "its lower triangle is not written",
         "both triangles are filled",
     ),
-    Difference("GeometryModel, buildModelsFromUrdf", "the shapes of the URDF", "what stands for them and is empty"),
+    Difference("GeometryModel, buildModelsFromUrdf", "the shapes of the URDF", "empty"),
     Difference("cholesky.solve, cholesky.computeMinv before cholesky.decompose", "zeros", "InertiaError"),
     Difference(
         "computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic joints",
@@ -161,17 +188,19 @@ DIFFERENCES = (
         "columns for each joint, rows for the independent velocities",
     ),
     Difference(
-        "jointBodyRegressor, frameBodyRegressor of an index that is not there", "memory is read", "ModelError naming it"
+        "jointBodyRegressor, frameBodyRegressor of an index that is not there",
+        "memory is read",
+        "ModelError naming the index",
     ),
     Difference(
         "appendModel where the name of a frame's parent is that of several frames",
         "an error",
-        "the answer: frames are known by their index",
+        "the result: frames are identified by index",
     ),
     Difference(
-        "computeJointJacobian, computeFrameJacobian: the joints and frames that do not carry the one asked for",
-        "liMi, oMi, oMf stay as they were",
-        "they are placed at q as well",
+        "computeJointJacobian, computeFrameJacobian: joints and frames that do not carry the given one",
+        "liMi, oMi, oMf are not written",
+        "liMi, oMi, oMf are written at q",
     ),
     Difference(
         "framesForwardKinematics, updateFramePlacements with a data made before a frame was added",
@@ -179,53 +208,55 @@ DIFFERENCES = (
         "ShapeError",
     ),
     Difference(
-        "writing into data what a later call starts from: J, dJ before getFrameJacobian, v before computeKineticEnergy",
-        "what was written counts",
-        "what the last call was given counts; oMi, liMi, v, a count where frames, velocities, accelerations are read",
+        "writing data fields that a later call reads: J, dJ before getFrameJacobian, v before computeKineticEnergy",
+        "the written values count",
+        "the last call's inputs count; written oMi, liMi, v, a count in getters of frames and motions",
     ),
     Difference("loadRotorParameters called twice", "adds the rotors to the armature twice", "once"),
     Difference(
-        "saveToText, saveToXML, saveToBinary", "Boost archives", "files of this face, which Pinocchio does not read"
+        "saveToText, saveToXML, saveToBinary", "Boost archives", "files of this package, which Pinocchio does not read"
     ),
-    Difference(
-        "setIndexes, joint axes: what model.joints[i] gives", "a JointModel that holds any kind", "the joint itself"
-    ),
+    Difference("setIndexes, joint axes: the type of model.joints[i]", "a JointModel variant", "the joint's own class"),
     Difference(
         "Jexp6, Jlog6, log6 near the identity, log3, log6 near half a turn",
         "up to 1e-7 off at angles of 1e-3, and 4e-14 off near half a turn",
         "exact to rounding at every angle",
     ),
     Difference("Hlog3 at the identity", "NaN", "half the cross product, its limit"),
-    Difference("SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis()", "what memory held", "identity or zero"),
-    Difference("an Inertia less a heavier one", "a centre of mass divided by 2e-16", "the body that adds up again"),
+    Difference("SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis()", "uninitialized memory", "identity or zero"),
+    Difference(
+        "an Inertia less a heavier one",
+        "a centre of mass divided by 2e-16",
+        "the body that, added again, gives the first",
+    ),
     Difference("Inertia.FromDynamicParameters, Inertia.inverse without mass", "NaN or infinite", "InertiaError"),
     Difference("Quaternion.FromTwoVectors of a null vector", "no rotation", "an error"),
     Difference("Symmetric3.inverse, Symmetric3.rhsMult", "write to a copy", "write to the array given"),
     Difference("Symmetric3.vxs, Symmetric3.svx, isOrthonormal, orthonormalization", "refuse every array", "work"),
     Difference("pickling Quaternion, AngleAxis, Symmetric3", "refused", "works"),
-    Difference("rpy.matrixToRpy at a right angle of pitch", "some roll and yaw that fit", "roll 0"),
+    Difference("rpy.matrixToRpy at a right angle of pitch", "some roll and yaw of that rotation", "roll 0"),
     Difference("operations of a LieGroup on arrays of a wrong size", "memory is overwritten", "ShapeError"),
     Difference(
         "derivatives of models with composite or universal joints or ZYX angles",
-        "wrong by what their axes turn",
-        "right",
+        "wrong by the rotation of their axes",
+        "correct",
     ),
     Difference(
-        "getJointAccelerationDerivatives, getFrameAccelerationDerivatives by q in WORLD, of what spherical and planar "
-        "joints carry that hang on others",
+        "getJointAccelerationDerivatives, getFrameAccelerationDerivatives by q in WORLD, of bodies on spherical "
+        "and planar joints that are not on the universe",
         "not the derivatives of its own accelerations",
-        "those",
+        "the derivatives of the accelerations",
     ),
     Difference(
         "derivatives of frames, centroidal dynamics and centres of mass without the call that has to come before",
-        "zeros, or what was before",
+        "zeros, or earlier results",
         "an error that names the call",
     ),
-    Difference("utils.mprint", "prints", "NotImplementedError; nothing here writes to the terminal"),
+    Difference("utils.mprint", "prints", "NotImplementedError: the library never prints"),
     Difference(
         "RobotWrapper.com() before forwardKinematics",
         "the centre of mass with every joint placed at the origin",
-        "an error that names what to call",
+        "an error that names the call to make first",
     ),
     Difference(
         "computeRNEADerivatives, computeABADerivatives, computeForwardKinematicsDerivatives, "
@@ -236,7 +267,7 @@ DIFFERENCES = (
     Difference(
         "computeMinverse(model, data), computeABADerivatives(model, data) after aba in its LOCAL convention",
         "wrong numbers",
-        "those at what aba was given",
+        "results at the inputs of aba",
     ),
     Difference(
         "computeMinverse(model, data), computeABADerivatives(model, data) without an aba before",
@@ -244,14 +275,14 @@ DIFFERENCES = (
         "an error that says so",
     ),
     Difference(
-        "buildReducedModel of joint 0 or of one that is not there",
-        "left out of the list, without a word",
+        "buildReducedModel of joint 0 or of one that does not exist",
+        "ignored, silently",
         "ModelError naming the index",
     ),
     Difference(
         "the first call after an edit of a model",
-        "costs what any call does",
-        "makes the library's model anew first, which takes some 2 ms at nine joints",
+        "costs as any call",
+        "assembles the library's model again, some 2 ms with nine joints",
     ),
     Difference(
         "np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where x is Model.armature or an "
@@ -260,14 +291,14 @@ DIFFERENCES = (
         "an error: x is read-only to them; x[0] = 1 or Model.armature = y write",
     ),
     Difference(
-        "what is held of Model.armature across addJoint, or of a frame or joint across its replacement",
-        "memory that was freed, or the new one",
-        "the old one, no longer the model's; read it from the model again",
+        "references to Model.armature after addJoint, or to a frame or joint after its replacement",
+        "freed memory, or the new object",
+        "the old object, no longer the model's; read it from the model again",
     ),
     Difference("Random, setRandom, sample models", "Eigen's random numbers", "NumPy's; pin.seed starts them"),
 )
 
 
 def differences() -> tuple[Difference, ...]:
-    """Where this face differs from Pinocchio on purpose."""
+    """The differences from Pinocchio on purpose."""
     return DIFFERENCES

@@ -1,4 +1,4 @@
-"""The public names of Pinocchio 4.1's Python module: what the face has to answer for."""
+"""The public names of Pinocchio 4.1's Python module."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a script uses of Pinocchio, read off its source by ``ast``: nothing of it is run.
+"""The names of Pinocchio that a script uses, read from its syntax tree: no code of it runs.
 
-Names are found behind ``import pinocchio as pin`` in any of its forms. Of variables only the obvious is known: what
-was made by buildModelFrom..., createData, RobotWrapper or a class is one of those, and its members are looked up too.
+Names are found after ``import pinocchio as pin`` in any of its forms. Of variables only the plain cases are known:
+results of buildModelFrom..., createData, RobotWrapper or a class of Pinocchio, whose members are looked up too.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import ast
 from typing import NamedTuple
 
 from ....errors import SpatialDynError
-from .coverage import OUT_OF_SCOPE, SUPPORTED, UNKNOWN, entry, face
+from .coverage import OUT_OF_SCOPE, SUPPORTED, UNKNOWN, compat_package, entry
 from .pinocchio_names import NAMES
 
 ROOT = "pinocchio"
-MAKERS = {  # what calls of these names make
+MAKERS = {  # function -> class of its result
     "buildModelFromUrdf": "Model",
     "buildModelFromXML": "Model",
     "buildReducedModel": "Model",
@@ -26,14 +26,14 @@ MAKERS = {  # what calls of these names make
     "BuildFromURDF": "RobotWrapper",
     "buildReducedRobot": "RobotWrapper",
 }
-FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # the first of what calls of these names make
+FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # function -> class of its first result
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
-STATIC = {"", "Identity", "Random", "Zero"}  # what a class makes objects of itself by; "" is calling it
+STATIC = {"", "Identity", "Random", "Zero"}  # members of a class that return an object of it; "" is its constructor
 CLASSES = {"Model", "Data", "RobotWrapper", "SE3", "Motion", "Force", "Inertia", "Symmetric3", "Quaternion", "Frame"}
 
 
 class Use(NamedTuple):
-    """A name of Pinocchio's in a script: the lines on which it stands, and what the face makes of it."""
+    """A name of Pinocchio in a script: the lines that use it, its status here and why."""
 
     name: str
     lines: tuple[int, ...]
@@ -42,10 +42,10 @@ class Use(NamedTuple):
 
 
 def uses(source: str) -> list[Use]:
-    """The names of Pinocchio's that a script uses, sorted: those that are missing first.
+    """The names of Pinocchio that a script uses, missing ones first.
 
     source  text of the script
-    Raises SpatialDynError naming the line if it is no Python
+    Raises SpatialDynError naming the line of a syntax error
     """
     try:
         tree = ast.parse(source)
@@ -64,13 +64,13 @@ def uses(source: str) -> list[Use]:
 
 
 class _Reader(ast.NodeVisitor):
-    """Goes through a script and keeps what its names stand for: ``aliases`` modules and names, ``kinds`` objects."""
+    """Visits a script and tracks its names: ``aliases`` of modules and names, ``kinds`` of objects."""
 
     def __init__(self) -> None:
         self.found: dict[str, list[int]] = {}
         self.aliases: dict[str, str] = {}  # a name or attribute, as text -> dotted name, "" for the package
-        self.assigned: set[str] = set()  # those of them that an assignment made
-        self.kinds: dict[str, str] = {}  # a variable or attribute, as text -> class of what it holds
+        self.assigned: set[str] = set()  # aliases made by an assignment
+        self.kinds: dict[str, str] = {}  # a variable or attribute, as text -> class of its value
 
     def note(self, name: str, line: int) -> None:
         if name:
@@ -94,7 +94,7 @@ class _Reader(ast.NodeVisitor):
                 self.aliases |= {name: name for name in NAMES} if not inside else {}
                 self.note(inside, node.lineno)
                 continue
-            # a name of a file of the package is the package's own, except where that is no part of the face
+            # a name in a submodule is the package's unless the package does not have it
             own = alias.name if alias.name in NAMES or not inside else f"{inside}.{alias.name}"
             self.aliases[alias.asname or alias.name] = own
             self.note(own, node.lineno)
@@ -102,7 +102,7 @@ class _Reader(ast.NodeVisitor):
     # -- names
 
     def dotted(self, node: ast.expr) -> str | None:
-        """What an expression names in Pinocchio; "" for the package, None for nothing of it."""
+        """The dotted name in Pinocchio of an expression; "" for the package, None for other things."""
         if not isinstance(node, (ast.Name, ast.Attribute)):
             return None
         alias = self.aliases.get(ast.unparse(node))
@@ -112,7 +112,7 @@ class _Reader(ast.NodeVisitor):
         return None if inside is None else _own(f"{inside}.{node.attr}".lstrip("."))
 
     def kind(self, node: ast.expr) -> str | None:
-        """The class of what an expression gives, where that is plain."""
+        """The class of an expression's value in plain cases, else None."""
         if isinstance(node, (ast.Name, ast.Attribute)):
             known = self.kinds.get(ast.unparse(node))
             if known is None and isinstance(node, ast.Attribute):
@@ -142,9 +142,9 @@ class _Reader(ast.NodeVisitor):
             self.hold(node.target, self.dotted(node.value), self.kind(node.value))
 
     def hold(self, target: ast.expr, alias: str | None, kind: str | None) -> None:
-        """Keep what a variable or attribute is from here on: a name of Pinocchio's, or an object of one of its classes.
+        """Record what a variable or attribute is from here on: an alias, or an object of a class.
 
-        What was imported stays so, for ``except ImportError: pin = None``.
+        Imported names keep their alias, for ``except ImportError: pin = None``.
         """
         if not isinstance(target, (ast.Name, ast.Attribute)):
             return
@@ -167,7 +167,7 @@ class _Reader(ast.NodeVisitor):
     def visit_Attribute(self, node: ast.Attribute) -> None:
         name = self.dotted(node)
         if name is not None:
-            self.note(_shown(name), node.lineno)
+            self.note(_checked_name(name), node.lineno)
             return
         of = self.kind(node.value)
         if of is not None:
@@ -176,14 +176,14 @@ class _Reader(ast.NodeVisitor):
 
 
 def _own(name: str) -> str:
-    """A dotted name without the module where that only shows what is the package's own."""
+    """A dotted name without its submodule if the package has the same object at its root."""
     module, _, rest = name.partition(".")
     first = rest.partition(".")[0]
-    there = vars(face())
+    there = vars(compat_package())
     shown = first in NAMES and first in there and getattr(there.get(module), first, None) is there[first]
     return rest if shown else name
 
 
-def _shown(name: str) -> str:
-    """A dotted name as far as the face has to answer for it: a module's or class's own member, not the member's."""
+def _checked_name(name: str) -> str:
+    """The first two parts of a dotted name: a member of a module or class, not members of that."""
     return ".".join(name.split(".")[:2])

@@ -1,4 +1,4 @@
-"""The one switch between Pinocchio's answers and errors: what ``differences`` marks as switched goes by it."""
+"""Strict mode: the switch of the rows of ``differences`` that are marked ``switched``."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from ....errors import SpatialDynError
 
 VARIABLE = "SPATIALDYN_STRICT"
-MODELS: weakref.WeakSet[Any] = weakref.WeakSet()  # those whose ``_made`` depends on the switch
+MODELS: weakref.WeakSet[Any] = weakref.WeakSet()  # models whose LibraryModel depends on the switch
 
 
 def _start() -> bool:
-    """What the environment says. Raises SpatialDynError for another word than 0 and 1."""
+    """Whether the environment turns strict mode on. Raises SpatialDynError unless it is empty, 0 or 1."""
     word = os.environ.get(VARIABLE, "")
     if word not in ("", "0", "1"):
         raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
@@ -27,11 +27,11 @@ class Switch:
         self.on = _start()
 
     def turn(self, on: bool) -> None:
-        """Turn it on or off; what was made of models under the other mode is forgotten."""
+        """Turn strict mode on or off; cached LibraryModels of the other mode are dropped."""
         if on is not self.on:
             self.on = on
             for model in list(MODELS):
-                model._made = None
+                model._library = None
 
 
 _SWITCH = Switch()
@@ -42,8 +42,8 @@ def strict(on: bool | None = None) -> bool:
 
     on  True, False, or None to change nothing
 
-    In strict mode names that are not there, and quaternions and (cos, sin) pairs whose norm is not within 1e-6 of 1,
-    raise an error. It is off unless the environment variable SPATIALDYN_STRICT is 1.
+    In strict mode missing names, and quaternions and (cos, sin) pairs whose norm is not within 1e-6 of 1, are errors.
+    It is off unless the environment variable SPATIALDYN_STRICT is 1.
 
     >>> import spatialdyn.compat.pinocchio as pin
     >>> pin.Model().getFrameId("hand")

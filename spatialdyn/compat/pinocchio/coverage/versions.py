@@ -1,6 +1,12 @@
-"""The version of Pinocchio whose names and conventions these are, and what of it is built in."""
+"""The version of Pinocchio whose names and conventions this package has, and its build options."""
 
 from __future__ import annotations
+
+__all__ = [
+    "PINOCCHIO_MAJOR_VERSION", "PINOCCHIO_MINOR_VERSION", "PINOCCHIO_PATCH_VERSION", "WITH_COLLISION", "WITH_CPPAD",
+    "WITH_HPP_FCL", "WITH_HPP_FCL_BINDINGS", "WITH_OPENMP", "WITH_SDFORMAT", "WITH_URDFDOM", "ScalarType",
+    "__raw_version__", "__version__", "checkVersionAtLeast", "printVersion",
+]  # fmt: skip
 
 PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VERSION = 4, 1, 0
 VERSION = (PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VERSION)

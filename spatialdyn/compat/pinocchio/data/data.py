@@ -1,8 +1,8 @@
-"""Data: where calls leave their results.
+"""Data: the results of calls.
 
-Each call notes what it was given in a Run; a field is computed from the latest Run that fills it when it is first
-read. Arrays and lists, once read, are live as in Pinocchio: the next call that fills them changes them in place, and
-what is written to them stays until then.
+Each call records its inputs in a Run; a field is computed at its first read, from the latest Run that fills it. From
+then on its array is held, as in Pinocchio: the next call that fills the field writes it in place, and what the caller
+writes into it stays until then.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import ShapeError
-from ..model.library_model import Made, made
+from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..model.serialization_format import Stored, fill, state
 from ..types.arguments import ArgumentError, described
@@ -23,6 +23,8 @@ from ..types.inertia import Inertia
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
 from .last_call import Run, clock
+
+__all__ = ["Data"]
 
 Array = NDArray[np.float64]
 
@@ -38,13 +40,13 @@ Size = str | int | Callable[[Any], int]
 _WIDTH: dict[Any, tuple[int, ...]] = {SE3: (4, 4), Motion: (6,), Force: (6,), Inertia: (10,)}
 
 
-def _parameters(model: Any) -> int:
+def _parameters(model: Model) -> int:
     """Ten for each joint below the universe."""
     return 10 * (int(model.njoints) - 1)
 
 
-# field -> sizes as attributes of a model, numbers or functions of a model, and what shows it: None for an array, a type
-# for one value of it, a list of a type (or of None, for vectors and numbers) for a list
+# field -> sizes (attributes of a model, numbers, or functions of a model), and the type that views its array: None for
+# a plain array, a type for one value of it, [a type] for a list of values, [None] for a list of vectors or numbers
 FIELDS: dict[str, tuple[tuple[Size, ...], Any]] = {
     **{name: (("njoints", *_WIDTH[kind]), [kind]) for kind, names in _JOINTS.items() for name in names.split()},
     "oMf": (("nframes", 4, 4), [SE3]),
@@ -67,8 +69,8 @@ FIELDS: dict[str, tuple[tuple[Size, ...], Any]] = {
 }
 
 
-def _initial(model: Any, name: str) -> Array:
-    """What a field holds before any call: zeros, identities, and masses of -1, as in Pinocchio."""
+def _initial(model: Model, name: str) -> Array:
+    """A field before any call: zeros, identity poses, masses of -1, as in Pinocchio."""
     sizes, kind = FIELDS[name]
     x = np.zeros([getattr(model, n) if isinstance(n, str) else n if isinstance(n, int) else n(model) for n in sizes])
     if kind == [SE3]:
@@ -87,14 +89,13 @@ def _initial(model: Any, name: str) -> Array:
 class Data(Stored):
     """Results of the algorithms for a Model; ``model.createData()`` makes one. One for each thread.
 
-    Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... Scratch of Pinocchio's algorithms is no
-    result, and is not here.
+    Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... but for the scratch of its algorithms.
     """
 
-    model: Any
+    model: Model
     _format = "spatialdyn.compat.pinocchio data 1"
 
-    def __init__(self, model: Any = None) -> None:
+    def __init__(self, model: Model | None = None) -> None:
         if model is None:
             model = Model()
         own = self.__dict__
@@ -102,110 +103,110 @@ class Data(Stored):
         own["_sizes"] = (model.nq, model.nv, model.njoints)
         own["_nframes"] = model.nframes
         own["_runs"] = {}  # kind -> Run
-        own["_filling"] = {}  # field -> the runs that fill it
-        own["_given"] = {}  # field -> (stamp, array), of fields written whole by a call or by a user
-        own["_shown"] = {}  # field -> array, of fields that were read: the next call that fills them has to
-        own["_bound"] = {}  # builtins about the arrays of fields, by who made them
+        own["_filled_by"] = {}  # field -> the Runs that fill it
+        own["_assigned"] = {}  # field -> (stamp, array), of fields assigned whole by a call or the user
+        own["_held"] = {}  # field -> array, of fields that were read: calls write it in place
+        own["_bound"] = {}  # builtins that read or write held arrays, by the call that bound them
 
-    def run_of(self, name: str, model: Any, compiled: Made, shape: tuple[int, ...] | None = None) -> Run:
-        """The Run of a kind, to be written. Raises ShapeError if the data was made for a model of another size."""
+    def run_of(self, name: str, model: Model, library: LibraryModel, shape: tuple[int, ...] | None = None) -> Run:
+        """The Run of a kind for this model, new if the model changed. Raises ShapeError for a model of another size."""
         sizes = (model.nq, model.nv, model.njoints)
         if sizes != self._sizes:
             raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
         run: Run | None = self._runs.get(name)
-        if run is not None and run.made is not compiled and run.made.places is compiled.places:
-            run.edited(compiled)
-            run.bodies = compiled.given.inertias
+        if run is not None and run.library is not library and run.library.joint_map is library.joint_map:
+            run.use_library(library)
+            run.bodies = library.numbers.inertias
             self._bound.clear()
-        if run is None or run.made is not compiled or (shape is not None and run.result.shape != shape):
+        if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
-            run = Run(name, compiled, np.array(model.parents, np.intp), shape)
-            run.bodies = compiled.given.inertias
+            run = Run(name, library, np.array(model.parents, np.intp), shape)
+            run.bodies = library.numbers.inertias
             run.stamp = stamp
             self._runs[name] = run
             self._bound.clear()
-            run.show(self._shown, self._refreshed)
-            self.__dict__["_filling"] = {
+            run.hold(self._held, self._recompute_field)
+            self.__dict__["_filled_by"] = {
                 field: [run for run in self._runs.values() if field in run.kind.fills] for field in FIELDS
             }
         return run
 
-    def check_frames(self, model: Any) -> None:
+    def check_frames(self, model: Model) -> None:
         """Raise ShapeError if the data was made for a model of another number of frames."""
         if model.nframes != self._nframes:
             raise ShapeError(f"data was made for a model of {self._nframes} frames, expected {model.nframes}")
 
-    def ran(self, run: Run) -> None:
-        """Note that a call was made just now."""
+    def note_call(self, run: Run) -> None:
+        """Stamp a Run that was computed just now, and recompute the held fields that it fills."""
         run.stamp = clock()
-        if self._shown:
-            self.refresh(run)
+        if self._held:
+            self.recompute_held(run)
 
-    def redo(self, run: Run) -> None:
-        """Note that a builtin was called just now, and write the fields that it fills and that somebody holds."""
+    def note_builtin_call(self, run: Run) -> None:
+        """Stamp a Run whose builtin was called just now, and recompute the held fields by their builtins."""
         run.stamp = clock()
-        for again in run.again:
-            if again() is None:
-                self.refresh(run)
+        for recompute in run.recompute:
+            if recompute() is None:
+                self.recompute_held(run)
 
-    def refresh(self, run: Run) -> None:
-        """Write the fields that a call fills and that somebody holds, whatever it was given."""
-        for name in [*self._shown]:
+    def recompute_held(self, run: Run) -> None:
+        """Recompute the held fields that a Run fills by their recipes."""
+        for name in [*self._held]:
             if name in run.kind.fills:
-                self._refreshed(run, name)
+                self._recompute_field(run, name)
 
-    def _refreshed(self, run: Run, name: str) -> bool:
-        """Write one of them."""
-        found, shown = run.kind.fills[name](run), self._shown.get(name)
-        if shown is None or found is shown:
+    def _recompute_field(self, run: Run, name: str) -> bool:
+        """Recompute one held field in place."""
+        found, held = run.kind.fills[name](run), self._held.get(name)
+        if held is None or found is held:
             return True
-        if np.shape(found) == shown.shape:
-            shown[...] = found
-        else:  # of no fixed size: a new array when it is next read
-            del self._shown[name], self.__dict__[name]
-            self._attach()
+        if np.shape(found) == held.shape:
+            held[...] = found
+        else:  # its size changed: the next read makes a new array
+            del self._held[name], self.__dict__[name]
+            self._bind_held()
         return True
 
-    def live(self, name: str) -> Array:
-        """The array of a field that calls fill in place from now on."""
-        found: Array | None = self._shown.get(name)
+    def hold(self, name: str) -> Array:
+        """The held array of a field, which calls write in place from now on."""
+        found: Array | None = self._held.get(name)
         if found is None:
-            # a view: it cannot be resized under those that fill it
-            found = self._shown[name] = np.array(self.array(name))[...]
-            self._attach()
+            # a view cannot be resized, so builtins may keep its address
+            found = self._held[name] = np.array(self.array(name))[...]
+            self._bind_held()
         return found
 
-    def _attach(self) -> None:
-        """Tell the runs which fields they have to fill at once."""
+    def _bind_held(self) -> None:
+        """Have every Run write the held fields; builtins on other arrays are dropped."""
         self._bound.clear()
         for run in self._runs.values():
-            run.show(self._shown, self._refreshed)
+            run.hold(self._held, self._recompute_field)
 
     def put(self, name: str, value: Any) -> None:
-        """Fill a field whole; one of no fixed size becomes a new array."""
-        shown = self._shown.get(name)
-        if shown is not None and shown.shape == np.shape(value):
-            shown[...] = value
+        """Assign a field whole: in place if its array is held and of that shape, else as a new array."""
+        held = self._held.get(name)
+        if held is not None and held.shape == np.shape(value):
+            held[...] = value
         else:
-            self._given[name] = clock(), np.array(value, float)
+            self._assigned[name] = clock(), np.array(value, float)
             self.__dict__.pop(name, None)
-            if self._shown.pop(name, None) is not None:
-                self._attach()
+            if self._held.pop(name, None) is not None:
+                self._bind_held()
 
     def latest(self, name: str) -> Run | None:
-        """The last call that filled a field, if any."""
+        """The latest Run that filled a field, if any."""
         found, stamp = None, 0
-        for run in self._filling.get(name, ()):
+        for run in self._filled_by.get(name, ()):
             if run.stamp > stamp:
                 found, stamp = run, run.stamp
         return found
 
     def array(self, name: str) -> Array:
-        """A field as an array, to be read only."""
-        shown: Array | None = self._shown.get(name)
-        if shown is not None:
-            return shown
-        run, given = self.latest(name), self._given.get(name)
+        """A field as an array that the caller must not write."""
+        held: Array | None = self._held.get(name)
+        if held is not None:
+            return held
+        run, given = self.latest(name), self._assigned.get(name)
         if run is not None and (given is None or given[0] < run.stamp):
             cached = run.cache.get(name)
             if cached is None or cached[0] != run.stamp:
@@ -219,10 +220,10 @@ class Data(Stored):
         kind = FIELDS[name][1]
         if kind is float:
             return float(self.array(name).ravel()[0])
-        x = self.live(name)
-        shown = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
-        self.__dict__[name] = shown
-        return shown
+        x = self.hold(name)
+        view = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
+        self.__dict__[name] = view
+        return view
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name not in FIELDS:
@@ -239,26 +240,26 @@ class Data(Stored):
             getattr(self, name)._x[...] = value._x
 
     def copy(self) -> Data:
-        """An equal Data of its own, for the same model."""
-        made_ = Data(self.model)
+        """An independent copy, for the same model."""
+        copied = Data(self.model)
         for name in FIELDS:
-            if name in self._shown or name in self._given or self.latest(name) is not None:
-                made_._given[name] = clock(), np.array(self.array(name))
-        return made_
+            if name in self._held or name in self._assigned or self.latest(name) is not None:
+                copied._assigned[name] = clock(), np.array(self.array(name))
+        return copied
 
     def _state(self) -> dict[str, Any]:
-        fields = {name: x.tolist() for name, (_, x) in self.copy()._given.items()}
+        fields = {name: x.tolist() for name, (_, x) in self.copy()._assigned.items()}
         return {"format": self._format, "model": state(self.model), "fields": fields}
 
     def _become(self, given: Mapping[str, Any]) -> None:
-        """Hold the fields of a state and nothing else; its model is made anew unless it is this one's."""
+        """Take over the fields of a state; the model is read too unless it equals this one's."""
         if state(self.model) != given["model"]:
             model = Model()
             fill(model, given["model"])
             self.__dict__.clear()
             Data.__init__(self, model)
-        self.__dict__.update(_runs={}, _filling={}, _given={}, _bound={})
-        for name, x in self._shown.items():
+        self.__dict__.update(_runs={}, _filled_by={}, _assigned={}, _bound={})
+        for name, x in self._held.items():
             if name not in given["fields"]:
                 x[...] = _initial(self.model, name)
         for name, listed in given["fields"].items():
@@ -271,7 +272,7 @@ class Data(Stored):
         return self.copy()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        fields = {name: x for name, (_, x) in self.copy()._given.items()}
+        fields = {name: x for name, (_, x) in self.copy()._assigned.items()}
         return _restored, (self.model, fields)
 
     def __eq__(self, other: object) -> bool:
@@ -285,7 +286,7 @@ class Data(Stored):
         return sorted({*super().__dir__(), *FIELDS})
 
 
-def _restored(model: Any, fields: dict[str, Array]) -> Data:
+def _restored(model: Model, fields: dict[str, Array]) -> Data:
     data = Data(model)
     for name, x in fields.items():
         data.put(name, x)
@@ -307,13 +308,13 @@ def _missing(name: str) -> str:
     return f"data has no field {name!r}"
 
 
-def prepared(model: Any, data: Any) -> Made:
-    """What the model is to the library. Raises ArgumentError for what is no Model or no Data."""
+def library_of(model: Model, data: Data) -> LibraryModel:
+    """The LibraryModel of a Model, both arguments checked. Raises ArgumentError for what is no Model or no Data."""
     if not isinstance(model, Model):
         raise ArgumentError(f"model is {described(model)}, expected a Model")
     if not isinstance(data, Data):
         raise ArgumentError(f"data is {described(data)}, expected a Data")
-    return made(model)
+    return library_model(model)
 
 
 def _created(self: Model) -> Data:

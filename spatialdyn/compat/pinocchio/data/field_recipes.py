@@ -1,7 +1,7 @@
-"""Which fields of a Data each call fills, and how they follow from what the call was given.
+"""The kinds of calls: which fields of Data each fills, and how a field follows from its inputs.
 
-A call computes its own result at once and keeps its inputs; the other fields that Pinocchio would fill are computed
-here when somebody reads them. Every recipe is a function of a Run, and no more than the library's calls put together.
+A call computes its own result at once and records its inputs; the other fields that Pinocchio would fill are computed
+here at their first read. A recipe is a function of a Run, made of the library's calls.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ Fills = dict[str, Recipe]
 class Kind:
     """A kind of call.
 
-    call    the library's call that gives its result; "" if it has none of its own
-    inputs  names of what is kept of its arguments, the call's own first
-    fills   field of Data -> recipe
-    more    how many of the inputs the library's call does not take
-    stays   the face's function does not return the result: it is in the data, or nobody asks for it
+    call            name of the library's call that gives its result; "" if several or none do
+    inputs          names of the inputs that are recorded, those of ``call`` first
+    fills           field of Data -> recipe
+    unused_inputs   how many of the inputs ``call`` does not take
+    result_in_data  no array is returned: the result is read from the Run or the data
     """
 
     call: str
     inputs: str
     fills: Mapping[str, Recipe] = field(default_factory=dict)
-    more: int = 0
-    stays: bool = False
+    unused_inputs: int = 0
+    result_in_data: bool = False
 
 
 @dataclass(frozen=True)
-class Called:
-    """A recipe that is no more than a call of the library on inputs of the run.
+class CallRecipe:
+    """A recipe that is one call of the library on inputs of the run: a builtin can recompute it.
 
-    joints  the result has a row for each joint
+    joints  its result has a row for each joint
     """
 
     call: str
@@ -51,37 +51,37 @@ class Called:
     joints: bool = False
 
     def __call__(self, run: Any) -> Array:
-        """The result, with rows for the joints of the face's model."""
+        """The result, with one row for each joint of the Model if ``joints``."""
         inputs = [getattr(run, x) for x in self.inputs]
-        return (of_joints if self.joints else called)(self.call, run, *inputs)
+        return (call_by_joint if self.joints else call_library)(self.call, run, *inputs)
 
 
-def called(name: str, run: Any, *inputs: Any) -> Array:
-    """A call of the library on the model of a run, with rows for the joints of the face's model."""
-    found: Array = dynamics.calls[name](run.made.model, *inputs)
+def call_library(name: str, run: Any, *inputs: Any) -> Array:
+    """A call of the library on the model of a run."""
+    found: Array = dynamics.table_call(name, run.library.model, *inputs)
     return found
 
 
-def of_joints(name: str, run: Any, *inputs: Any) -> Array:
-    """The same for a call whose result has a row for each joint."""
-    found = called(name, run, *inputs)
-    return found if run.made.joints is None else found[run.made.joints]
+def call_by_joint(name: str, run: Any, *inputs: Any) -> Array:
+    """A call whose result has a row for each joint, as rows for the joints of the Model."""
+    found = call_library(name, run, *inputs)
+    return found if run.library.joints is None else found[run.library.joints]
 
 
 # --- places and velocities -------------------------------------------------------------------------------
 
 
 def result(run: Any) -> Array:
-    """What the call returned."""
+    """Result of the call."""
     found: Array = run.result
     return found
 
 
 def oMi(run: Any) -> Array:
     """Poses of the joints in the world."""
-    if run.kind.call == "forward_kinematics" and not run.shared:
-        return result(run) if run.made.joints is None else result(run)[run.made.joints]
-    return placed(run)
+    if run.kind.call == "forward_kinematics" and not run.result_is_held:
+        return result(run) if run.library.joints is None else result(run)[run.library.joints]
+    return joint_placements(run)
 
 
 def oMf(run: Any) -> Array:
@@ -94,7 +94,7 @@ def oMf(run: Any) -> Array:
 def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = np.ascontiguousarray(oMi(run))
-    if run.made.off_norm(run.q):  # no rotations: their transposes undo nothing
+    if run.library.off_norm(run.q):  # not rotations: their transposes are no inverses
         return _undone(X[run.parents], X)
     out = np.empty_like(X)
     recorded_calls.relative_all(X, run.parents, X, out)
@@ -102,7 +102,7 @@ def liMi(run: Any) -> Array:
 
 
 def _undone(A: Array, X: Array) -> Array:
-    """A⁻¹ X, what is least where some A have no inverse."""
+    """A⁻¹ X; the least-squares solution if an A is singular."""
     try:
         out: Array = np.asarray(np.linalg.solve(A, X), np.float64)
     except np.linalg.LinAlgError:
@@ -111,18 +111,18 @@ def _undone(A: Array, X: Array) -> Array:
     return out
 
 
-placed = Called("forward_kinematics", ("q",), True)
-v = Called("joint_velocities", ("q", "v"), True)  # in the joints' frames
-a = Called("joint_accelerations", ("q", "v", "a"), True)  # in the joints' frames
+joint_placements = CallRecipe("forward_kinematics", ("q",), True)
+v = CallRecipe("joint_velocities", ("q", "v"), True)  # in the joints' frames
+a = CallRecipe("joint_accelerations", ("q", "v", "a"), True)  # in the joints' frames
 
 
 def a_gf(run: Any) -> Array:
-    """The same, seen by someone who falls."""
+    """Accelerations less that of gravity, in the joints' frames."""
     found = a(run)
     weight = np.zeros((1, 6))
-    weight[0, :3] = run.made.model.gravity
+    weight[0, :3] = run.library.model.gravity
     out = np.empty_like(found)
-    recorded_calls.motions_down(
+    recorded_calls.motions_to_child(
         np.ascontiguousarray(oMi(run)), np.arange(len(out)), np.repeat(weight, len(out), 0), out
     )
     found -= out
@@ -130,12 +130,12 @@ def a_gf(run: Any) -> Array:
 
 
 def f(run: Any) -> Array:
-    """Forces that the joints transmit, in their frames."""
-    return of_joints("joint_forces", run, run.q, run.v, run.a, *(() if run.fext is None else (run.fext,)))
+    """Forces that the joints transmit, in the joints' frames."""
+    return call_by_joint("joint_forces", run, run.q, run.v, run.a, *(() if run.fext is None else (run.fext,)))
 
 
 def h(run: Any) -> Array:
-    """Momenta of the bodies, in their joints' frames."""
+    """Momenta of the bodies, in the joints' frames."""
     velocities = v(run)
     out = np.empty_like(velocities)
     recorded_calls.momenta(run.bodies, np.arange(len(out)), velocities, out)
@@ -143,8 +143,8 @@ def h(run: Any) -> Array:
     return out
 
 
-def up(operator: Callable[..., None], recipe: Recipe) -> Recipe:
-    """What a recipe gives in the joints' frames, in the world."""
+def in_world(operator: Callable[..., None], recipe: Recipe) -> Recipe:
+    """A recipe whose rows are in the joints' frames, with rows in the world."""
 
     def recipe_in_world(run: Any) -> Array:
         here: Array = recipe(run)
@@ -155,8 +155,10 @@ def up(operator: Callable[..., None], recipe: Recipe) -> Recipe:
     return recipe_in_world
 
 
-def subtrees(recipe: Recipe, shift: Callable[..., None], add: Callable[..., None], world: bool = True) -> Recipe:
-    """What a recipe gives for bodies, for all that each joint carries; for the world itself if asked for."""
+def summed_over_subtrees(
+    recipe: Recipe, shift: Callable[..., None], add: Callable[..., None], world: bool = True
+) -> Recipe:
+    """A recipe that gives a row for each body, summed over each joint's subtree; row 0 only if ``world``."""
 
     def recipe_for_subtrees(run: Any) -> Array:
         here, X, there = np.array(recipe(run)), liMi(run), None
@@ -171,14 +173,14 @@ def subtrees(recipe: Recipe, shift: Callable[..., None], add: Callable[..., None
 
 
 def bodies(run: Any) -> Array:
-    """Inertias of the bodies; that of the world counts as none."""
+    """Inertias of the bodies, the universe's zero."""
     found: Array = run.bodies.copy()
     found[0] = 0.0
     return found
 
 
-def zeroed(recipe: Recipe) -> Recipe:
-    """A recipe without the world's row."""
+def without_universe(recipe: Recipe) -> Recipe:
+    """A recipe with row 0 set to zero."""
 
     def recipe_but_world(run: Any) -> Array:
         found: Array = recipe(run)
@@ -191,7 +193,7 @@ def zeroed(recipe: Recipe) -> Recipe:
 # --- under constraints -----------------------------------------------------------------------------------
 
 
-def forces_of_constraints(run: Any) -> Array:
+def constraint_forces(run: Any) -> Array:
     """Forces or impulses of the constraints."""
     return np.array(run.contact.force)
 
@@ -222,8 +224,8 @@ def unit_upper(L: Array) -> Array:
 
 
 def columns(run: Any) -> Array:
-    """Those of the joints below the universe, side by side; a new array."""
-    Y, joints = run.result, run.made.joints
+    """A regressor's columns for the joints after the universe, side by side; a new array."""
+    Y, joints = run.result, run.library.joints
     found = Y[..., 1:, :] if joints is None else Y[..., joints[1:], :]
     return np.array(found.reshape((*Y.shape[:-2], found.shape[-2] * found.shape[-1])), order="C")
 
@@ -231,24 +233,24 @@ def columns(run: Any) -> Array:
 # --- the robot as a whole --------------------------------------------------------------------------------
 
 
-com = Called("subtree_centers_of_mass", ("q",), True)  # of all that each joint carries, in its frame
-vcom = Called("subtree_com_velocities", ("q", "v"), True)
-acom = Called("subtree_com_accelerations", ("q", "v", "a"), True)
+com = CallRecipe("subtree_centers_of_mass", ("q",), True)  # of each joint's subtree, in its frame
+vcom = CallRecipe("subtree_com_velocities", ("q", "v"), True)
+acom = CallRecipe("subtree_com_accelerations", ("q", "v", "a"), True)
 
 
-def com_in_world(run: Any) -> Array:
-    """The same in the world."""
+def world_com(run: Any) -> Array:
+    """Centres of mass of each joint's subtree, in the world."""
     c, X = com(run), oMi(run)
     return np.asarray(np.einsum("kij,kj->ki", X[:, :3, :3], c) + X[:, :3, 3])
 
 
 def mass(run: Any) -> Array:
-    """Masses of all that each joint carries."""
+    """Mass of each joint's subtree."""
     return subtree_masses(run.bodies, run.parents)
 
 
 def subtree_masses(inertias: Array, parents: NDArray[np.intp]) -> Array:
-    """The same, of inertias and parents."""
+    """Mass of each joint's subtree, from inertias (njoints, 10) and parents."""
     m: Array = inertias[:, 0].copy()
     m[0] = 0.0
     for k in range(len(m) - 1, 0, -1):
@@ -265,22 +267,22 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    return float(called("kinetic_energy", run, run.q, run.v) + called("potential_energy", run, run.q))
+    return float(call_library("kinetic_energy", run, run.q, run.v) + call_library("potential_energy", run, run.q))
 
 
-def force_and_weight(run: Any) -> Array:
-    """What Pinocchio's computeAllTerms leaves in dhg: the rate of momentum at a = 0, and what bears the weight."""
-    dh = called("centroidal_momentum_rate", run, run.q, run.v, run.a)
-    dh[:3] -= run.made.model.total_mass * run.made.model.gravity
+def centroidal_rate_and_weight(run: Any) -> Array:
+    """dhg of Pinocchio's computeAllTerms: the rate of momentum at a = 0, less the weight."""
+    dh = call_library("centroidal_momentum_rate", run, run.q, run.v, run.a)
+    dh[:3] -= run.library.model.total_mass * run.library.model.gravity
     return dh
 
 
 def net_forces(run: Any) -> Array:
-    """Forces that the joints would transmit without gravity, the world's row their sum."""
+    """Joint forces without gravity; row 0 is their sum at the universe."""
     found = f(run)
-    X, c, m = oMi(run), com_in_world(run), mass(run)
+    X, c, m = oMi(run), world_com(run), mass(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = m[:, None] * run.made.model.gravity
+    weight[:, :3] = m[:, None] * run.library.model.gravity
     weight[:, 3:] = np.cross(c, weight[:, :3])
     weight = np.array([_force_in(T, w) for T, w in zip(X, weight, strict=True)])
     return summed_at_world(run, found + weight)
@@ -293,12 +295,12 @@ def _force_in(X: Array, force: Array) -> Array:
 
 
 def forces_and_sum(run: Any) -> Array:
-    """Forces that the joints transmit, the world's row their sum."""
+    """Joint forces; row 0 is their sum at the universe."""
     return summed_at_world(run, f(run))
 
 
 def summed_at_world(run: Any, forces: Array) -> Array:
-    """The forces, the world's row what the joints on it transmit."""
+    """Joint forces with row 0 set to the sum of those on the universe, in the world."""
     X, part = oMi(run), np.empty(6)
     forces[0] = 0.0
     for k in np.flatnonzero(run.parents[1:] == 0) + 1:
@@ -307,73 +309,77 @@ def summed_at_world(run: Any, forces: Array) -> Array:
     return forces
 
 
-def by(name: str, *inputs: str) -> Recipe:
-    """A call of the library on inputs of the run."""
-    return Called(name, inputs)
+def from_call(name: str, *inputs: str) -> Recipe:
+    """A recipe: a call of the library on inputs of the run."""
+    return CallRecipe(name, inputs)
 
 
 def part(k: int) -> Recipe:
-    """One of the arrays that the call returned."""
+    """A recipe: one of the arrays that the call returned."""
     return lambda run: result(run)[k]
 
 
-def forces_of(run: Any) -> tuple[Array, ...]:
-    """External forces as a last argument, if the call was given some."""
+def external_forces(run: Any) -> tuple[Array, ...]:
+    """External forces as a last argument, () if the call had none."""
     return () if run.fext is None else (run.fext,)
 
 
 def ddq(run: Any) -> Array:
-    """Accelerations that the torques cause."""
-    return called("aba", run, run.q, run.v, run.tau, *forces_of(run))
+    """Accelerations by forward dynamics."""
+    return call_library("aba", run, run.q, run.v, run.tau, *external_forces(run))
 
 
-def at_ddq(k: int) -> Recipe:
-    """A derivative of the torques at those."""
-    return lambda run: called("rnea_derivatives", run, run.q, run.v, ddq(run), *forces_of(run))[k]
+def rnea_derivative_at_ddq(k: int) -> Recipe:
+    """A recipe: a derivative of inverse dynamics at these accelerations."""
+    return lambda run: call_library("rnea_derivatives", run, run.q, run.v, ddq(run), *external_forces(run))[k]
 
 
 def tau(run: Any) -> Array:
-    """Torques."""
-    return called("rnea", run, run.q, run.v, run.a, *forces_of(run))
+    """Torques by inverse dynamics."""
+    return call_library("rnea", run, run.q, run.v, run.a, *external_forces(run))
 
 
 def tau_without_weight(run: Any) -> Array:
-    """Torques that move the bodies alone: without gravity and rotors."""
-    weight = called("generalized_gravity", run, run.q)
-    found: Array = tau(run) - weight - run.made.model.armature * run.a
+    """Torques without those of gravity and of rotor inertia."""
+    weight = call_library("generalized_gravity", run, run.q)
+    found: Array = tau(run) - weight - run.library.model.armature * run.a
     return found
 
 
-h_of_subtrees = subtrees(h, operator_kernels.force_to_parent, np.add)
-Ycrb = subtrees(bodies, operator_kernels.body_to_parent, operator_kernels.add_body, world=False)
-_with_world = subtrees(bodies, operator_kernels.body_to_parent, operator_kernels.add_body)
-oYcrb = up(recorded_calls.bodies_up, _with_world)
-ov, oa, oa_gf = up(recorded_calls.motions_up, v), up(recorded_calls.motions_up, a), up(recorded_calls.motions_up, a_gf)
-of, oh = up(recorded_calls.forces_up, f), up(recorded_calls.forces_up, h)
-J, dJ = by("joint_jacobians", "q"), by("joint_jacobians_dot", "q", "v")
-hg = by("centroidal_momentum", "q", "v")
+subtree_momenta = summed_over_subtrees(h, operator_kernels.force_to_parent, np.add)
+Ycrb = summed_over_subtrees(bodies, operator_kernels.body_to_parent, operator_kernels.add_body, world=False)
+_subtrees_and_universe = summed_over_subtrees(bodies, operator_kernels.body_to_parent, operator_kernels.add_body)
+oYcrb = in_world(recorded_calls.bodies_to_parent, _subtrees_and_universe)
+ov, oa, oa_gf = (
+    in_world(recorded_calls.motions_to_parent, v),
+    in_world(recorded_calls.motions_to_parent, a),
+    in_world(recorded_calls.motions_to_parent, a_gf),
+)
+of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.forces_to_parent, h)
+J, dJ = from_call("joint_jacobians", "q"), from_call("joint_jacobians_dot", "q", "v")
+hg = from_call("centroidal_momentum", "q", "v")
 
 CHAIN: Fills = {"liMi": liMi}
 PLACES: Fills = {"liMi": liMi, "oMi": oMi}
 MASSES: Fills = {**PLACES, "com": com, "mass": mass}
-MAP: Fills = {**PLACES, "Ag": by("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
-MAP_DOT: Fills = {**MAP, "dAg": by("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
+MAP: Fills = {**PLACES, "Ag": from_call("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
+MAP_DOT: Fills = {**MAP, "dAg": from_call("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
 ENERGIES: Fills = {
-    "kinetic_energy": by("kinetic_energy", "q", "v"),
-    "potential_energy": by("potential_energy", "q"),
+    "kinetic_energy": from_call("kinetic_energy", "q", "v"),
+    "potential_energy": from_call("potential_energy", "q"),
     "mechanical_energy": mechanical_energy,
 }
 MOVING: Fills = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
 ACCELERATED: Fills = {**MOVING, "a": a, "oa": oa}
-KINDS: dict[str, Kind] = {
+CALL_KINDS: dict[str, Kind] = {
     "rnea": Kind("rnea", "q v a", {**CHAIN, "tau": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
     "aba": Kind("aba", "q v tau", {**CHAIN, "ddq": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
     "aba_world": Kind(
         "aba",
         "q v tau",
         {
-            **PLACES, "ddq": result, "J": J, "oYcrb": up(recorded_calls.bodies_up, bodies), "oa": oa, "oa_gf": oa_gf,
-            "of": of, "oh": oh, "ov": ov,
+            **PLACES, "ddq": result, "J": J, "oYcrb": in_world(recorded_calls.bodies_to_parent, bodies), "oa": oa,
+            "oa_gf": oa_gf, "of": of, "oh": oh, "ov": ov,
         },
     ),
     "crba": Kind("crba", "q", {**CHAIN, "M": result, "Ycrb": Ycrb}),
@@ -384,24 +390,25 @@ KINDS: dict[str, Kind] = {
     "coriolis": Kind(
         "coriolis_matrix",
         "q v",
-        {**PLACES, "C": result, "J": J, "dJ": dJ, "v": v, "ov": ov, "oh": oh, "oYcrb": zeroed(oYcrb)},
+        {**PLACES, "C": result, "J": J, "dJ": dJ, "v": v, "ov": ov, "oh": oh, "oYcrb": without_universe(oYcrb)},
     ),
     "minverse": Kind(
-        "minverse", "q", {**PLACES, "Minv": result, "J": J, "oYcrb": up(recorded_calls.bodies_up, bodies)}
+        "minverse", "q", {**PLACES, "Minv": result, "J": J, "oYcrb": in_world(recorded_calls.bodies_to_parent, bodies)}
     ),
     "all": Kind(
         "nonlinear_effects",
         "q v",
         {
-            **MASSES, **MAP_DOT, **ENERGIES, "nle": result, "M": by("crba", "q"), "g": by("generalized_gravity", "q"),
-            "Jcom": by("com_jacobian", "q"), "Ig": Ig, "a": a, "a_gf": a_gf, "f": forces_and_sum, "v": v,
-            "h": h_of_subtrees, "hg": hg, "dhg": force_and_weight, "vcom": vcom,
+            **MASSES, **MAP_DOT, **ENERGIES, "nle": result, "M": from_call("crba", "q"),
+            "g": from_call("generalized_gravity", "q"), "Jcom": from_call("com_jacobian", "q"), "Ig": Ig, "a": a,
+            "a_gf": a_gf, "f": forces_and_sum, "v": v, "h": subtree_momenta, "hg": hg,
+            "dhg": centroidal_rate_and_weight, "vcom": vcom,
         },
-        stays=True,
+        result_in_data=True,
     ),
-    "kinematics0": Kind("forward_kinematics", "q", PLACES, stays=True),
-    "kinematics1": Kind("forward_kinematics", "q v", {**PLACES, "v": v}, 1, stays=True),
-    "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2, stays=True),
+    "kinematics0": Kind("forward_kinematics", "q", PLACES, result_in_data=True),
+    "kinematics1": Kind("forward_kinematics", "q v", {**PLACES, "v": v}, 1, result_in_data=True),
+    "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2, result_in_data=True),
     "frames": Kind("", "", {"oMf": result}),
     "global_placements": Kind("", "q", {"oMi": result}),
     "frame_jacobian_local": Kind("", "q", CHAIN),
@@ -412,53 +419,55 @@ KINDS: dict[str, Kind] = {
     "com0": Kind("center_of_mass", "q", MASSES),
     "com1": Kind("center_of_mass", "q v", {**MASSES, "v": v, "vcom": vcom}, 1),
     "com2": Kind("center_of_mass", "q v a", {**MASSES, "v": v, "vcom": vcom, "a": a, "acom": acom}, 2),
-    "com_jacobian": Kind("com_jacobian", "q", {**MASSES, "Jcom": result, "J": J, "com": com_in_world}),
+    "com_jacobian": Kind("com_jacobian", "q", {**MASSES, "Jcom": result, "J": J, "com": world_com}),
     "ccrba": Kind("centroidal_map", "q v", {**MAP, "Ag": result, "Ig": Ig, "hg": hg}, 1),
     "dccrba": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "Ig": Ig, "hg": hg, "v": v, "vcom": vcom}),
     "map": Kind("centroidal_map", "q", {**MAP, "Ag": result}),
     "map_dot": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "v": v}),
-    "momentum": Kind("centroidal_momentum", "q v", {**MASSES, "hg": result, "h": h_of_subtrees, "v": v, "vcom": vcom}),
+    "momentum": Kind(
+        "centroidal_momentum", "q v", {**MASSES, "hg": result, "h": subtree_momenta, "v": v, "vcom": vcom}
+    ),
     "momentum_dot": Kind(
         "centroidal_momentum_rate",
         "q v a",
-        {**MASSES, "dhg": result, "hg": hg, "h": h_of_subtrees, "v": v, "vcom": vcom, "a": a, "f": net_forces},
+        {**MASSES, "dhg": result, "hg": hg, "h": subtree_momenta, "v": v, "vcom": vcom, "a": a, "f": net_forces},
     ),
     "rnea_derivatives": Kind(
         "rnea_derivatives",
         "q v a",
         {
             **ACCELERATED, "dtau_dq": part(0), "dtau_dv": part(1), "M": part(2), "tau": tau, "oa_gf": oa_gf,
-            "of": of, "oYcrb": zeroed(oYcrb),
+            "of": of, "oYcrb": without_universe(oYcrb),
         },
     ),
     "aba_derivatives": Kind(
         "aba_derivatives",
         "q v tau",
         {
-            **PLACES, "ddq_dq": part(0), "ddq_dv": part(1), "Minv": part(2), "ddq": ddq, "dtau_dq": at_ddq(0),
-            "dtau_dv": at_ddq(1), "J": J, "dJ": dJ, "ov": ov,
+            **PLACES, "ddq_dq": part(0), "ddq_dv": part(1), "Minv": part(2), "ddq": ddq,
+            "dtau_dq": rnea_derivative_at_ddq(0), "dtau_dv": rnea_derivative_at_ddq(1), "J": J, "dJ": dJ, "ov": ov,
         },
     ),
     "gravity_derivatives": Kind(
-        "generalized_gravity_derivatives", "q", {**PLACES, "g": by("generalized_gravity", "q"), "J": J}
+        "generalized_gravity_derivatives", "q", {**PLACES, "g": from_call("generalized_gravity", "q"), "J": J}
     ),
     "static_derivatives": Kind("static_torque_derivatives", "q", {**PLACES, "tau": tau, "J": J}),
-    "kinematics_derivatives1": Kind("forward_kinematics", "q v", MOVING, 1, stays=True),
-    "kinematics_derivatives2": Kind("forward_kinematics", "q v a", ACCELERATED, 2, stays=True),
+    "kinematics_derivatives1": Kind("forward_kinematics", "q v", MOVING, 1, result_in_data=True),
+    "kinematics_derivatives2": Kind("forward_kinematics", "q v a", ACCELERATED, 2, result_in_data=True),
     "centroidal_derivatives": Kind(
         "centroidal_dynamics_derivatives",
         "q v a",
         {
-            **ACCELERATED, "Ag": part(3), "hg": hg, "dhg": by("centroidal_momentum_rate", "q", "v", "a"), "Ig": Ig,
-            "com": com, "mass": mass, "tau": tau_without_weight,
+            **ACCELERATED, "Ag": part(3), "hg": hg, "dhg": from_call("centroidal_momentum_rate", "q", "v", "a"),
+            "Ig": Ig, "com": com, "mass": mass, "tau": tau_without_weight,
         },
     ),
-    "constrained": Kind("", "", {"ddq": result, "lambda_c": forces_of_constraints, "D": D, "U": U}),
-    "impact": Kind("", "", {"dq_after": result, "impulse_c": forces_of_constraints, "D": D, "U": U}),
+    "constrained": Kind("", "", {"ddq": result, "lambda_c": constraint_forces, "D": D, "U": U}),
+    "impact": Kind("", "", {"dq_after": result, "impulse_c": constraint_forces, "D": D, "U": U}),
     "bordered": Kind("", "", {"D": D, "U": U}),
-    "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}, stays=True),
-    "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}, stays=True),
-    "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}, stays=True),
+    "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}, result_in_data=True),
+    "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}, result_in_data=True),
+    "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}, result_in_data=True),
     "total_mass": Kind("", "", {"mass": mass}),
     "torque_regressor": Kind(
         "joint_torque_regressor", "q v a", {**CHAIN, "jointTorqueRegressor": columns, "v": v, "a_gf": a_gf}

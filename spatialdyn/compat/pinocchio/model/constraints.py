@@ -1,4 +1,4 @@
-"""The names of contacts for scripts that make them: solving is left to ``forwardDynamics`` and ``impulseDynamics``."""
+"""Contact models as records: ``forwardDynamics`` and ``impulseDynamics`` solve constraints, these classes do not."""
 
 from __future__ import annotations
 
@@ -15,11 +15,18 @@ from ..types.motion import Force, Motion
 from ..types.se3 import SE3
 from .model import Model
 
+__all__ = ["ContactType", "RigidConstraintData", "RigidConstraintModel"]
+
+_MOTIONS = (  # of the data, zero at rest
+    "contact_placement_error", "contact_velocity_error", "contact_acceleration", "contact_acceleration_desired",
+    "contact_acceleration_deviation", "contact_acceleration_error", "contact1_velocity", "contact1_acceleration_drift",
+    "contact2_velocity", "contact2_acceleration_drift",
+)  # fmt: skip
 _ADVICE = "forwardDynamics and impulseDynamics take the constraint's Jacobian, getFrameJacobian of the contact say"
 
 
 class ContactType(Enum):
-    """What a contact holds: a point, or a frame."""
+    """Whether a contact constrains a point or a frame."""
 
     CONTACT_3D = 0
     CONTACT_6D = 1
@@ -27,10 +34,10 @@ class ContactType(Enum):
 
 
 class RigidConstraintModel:
-    """A contact between two joints, as numbers: nothing here solves for its forces.
+    """A contact between two joints, as a record: nothing here solves for its forces.
 
     ``(contact_type, model, joint1_id[, joint1_placement[, joint2_id, joint2_placement]][, reference_frame])`` or a
-    copy. Raises ModelError for a joint that is not there.
+    copy. Raises ModelError for a joint that does not exist.
 
     type                                ContactType
     joint1_id, joint2_id                indices; 0 is the world
@@ -82,8 +89,12 @@ class RigidConstraintModel:
         return RigidConstraintData(self)
 
     def copy(self) -> RigidConstraintModel:
-        """An equal one of its own."""
+        """An independent copy."""
         return RigidConstraintModel(self)
+
+    def cast(self) -> RigidConstraintModel:
+        """An independent copy."""
+        return self.copy()
 
     def calc(self, *arguments: Any) -> Any:
         """Raises OutOfScopeError."""
@@ -102,13 +113,32 @@ class RigidConstraintModel:
 
 
 class RigidConstraintData:
-    """Of a contact: contact_force, contact_placement_error, contact_velocity_error, oMc1, oMc2, c1Mc2, at rest.
+    """Of a contact at rest: its force, placements oMc1, oMc2, c1Mc2, errors, velocities and accelerations.
 
-    Nothing here fills them.
+    Nothing here fills them. What a solver keeps for itself raises OutOfScopeError.
     """
+
+    contact_placement_error: Motion
+    contact_velocity_error: Motion
+    contact_acceleration: Motion
+    contact_acceleration_desired: Motion
+    contact_acceleration_deviation: Motion
+    contact_acceleration_error: Motion
+    contact1_velocity: Motion
+    contact1_acceleration_drift: Motion
+    contact2_velocity: Motion
+    contact2_acceleration_drift: Motion
 
     def __init__(self, contact_model: RigidConstraintModel) -> None:
         expected(contact_model, RigidConstraintModel, "contact_model")
         self.contact_force = Force.Zero()
-        self.contact_placement_error, self.contact_velocity_error = Motion.Zero(), Motion.Zero()
+        for name in _MOTIONS:
+            setattr(self, name, Motion.Zero())
         self.oMc1, self.oMc2, self.c1Mc2 = SE3.Identity(), SE3.Identity(), SE3.Identity()
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"):
+            raise OutOfScopeAttributeError(
+                f"RigidConstraintData.{name}: spatialdyn has no constraint solver, {_ADVICE}"
+            )
+        raise AttributeError(f"a RigidConstraintData has no attribute {name!r}")

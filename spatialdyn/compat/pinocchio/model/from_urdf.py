@@ -1,7 +1,7 @@
 """Models from URDF: ``buildModelFromUrdf``, ``buildModelFromXML``, ``buildModelsFromUrdf``.
 
-The library reads and checks the file; here its robot is written down as Pinocchio does: joints depth first in byte
-order of their names, a fixed joint as a frame whose inertia goes to the joint that carries it.
+The library reads and checks the file; here its robot becomes a Model as in Pinocchio: joints depth first in byte order
+of their names, each fixed joint a frame whose inertia is added to the joint that carries it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ....bodies.kinds import kind_of
 from ....errors import ModelError
-from ....model.robot import Joint, Link, Robot
+from ....model.robot import Link, Robot, RobotJoint
 from ....urdf.load import read_urdf
 from ..types.arguments import ArgumentError, described, expected
 from ..types.frame import BODY, FIXED_JOINT, Frame
@@ -38,9 +39,11 @@ from .joints_one_axis import (
 )
 from .model import Model
 
+__all__ = ["buildModelFromUrdf", "buildModelFromXML"]
+
 ROOT_NAME = "root_joint"
-UNIT_BOUND = 1.01  # the limits Pinocchio writes for entries of quaternions and (cos, sin) pairs
-ALONG = 1e-12  # an axis this close to x, y or z is that, as in Pinocchio
+UNIT_BOUND = 1.01  # Pinocchio's limits of quaternion and (cos, sin) entries
+ALONG = 1e-12  # an axis this close to x, y or z becomes that axis, as in Pinocchio
 ALIGNED: dict[str, dict[Vector, type[JointModel]]] = {
     "revolute": {X: JointModelRX, Y: JointModelRY, Z: JointModelRZ},
     "continuous": {X: JointModelRUBX, Y: JointModelRUBY, Z: JointModelRUBZ},
@@ -59,8 +62,8 @@ def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Mod
     urdf_filename    str or Path
     root_joint       joint model between the universe and the root link; without it the root link is fixed
     root_joint_name  its name, "root_joint" by default
-    model            a Model to append the robot to, which is returned
-    mimic            True: joints that mimic others have no coordinates
+    model            a Model that the robot is appended to and that is returned
+    mimic            True: mimic joints have no coordinates
 
     Raises UrdfError naming file, line, element and value; ModelError.
     """
@@ -70,7 +73,7 @@ def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Mod
 
 
 def buildModelFromXML(urdf_xml_stream: str, *arguments: Any, **named: Any) -> Model:
-    """The Model of URDF text; the other arguments, and the errors, are those of ``buildModelFromUrdf``."""
+    """The Model of URDF text; other arguments and errors as of ``buildModelFromUrdf``."""
     text = expected(urdf_xml_stream, str, "urdf_xml_stream")
     if not text.lstrip("\ufeff \t\r\n").startswith("<"):
         raise ModelError(f"urdf_xml_stream is {text[:40]!r}, expected URDF text")
@@ -80,7 +83,7 @@ def buildModelFromXML(urdf_xml_stream: str, *arguments: Any, **named: Any) -> Mo
 def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Model:
     given: dict[str, Any] = {"root_joint": None, "root_joint_name": ROOT_NAME, "model": None, "mimic": False}
     kinds = {"root_joint": JointModel, "root_joint_name": str, "model": Model, "mimic": bool}
-    for value in arguments:  # each is known by its type, and they come in this order
+    for value in arguments:  # positional arguments are told apart by type, in this order
         name = next((name for name, kind in kinds.items() if isinstance(value, kind)), None)
         if name is None:
             raise ArgumentError(f"{call} got {described(value)}, expected joint, name, Model or bool, in this order")
@@ -102,7 +105,7 @@ def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, 
 def append(model: Model, robot: Robot, root_joint: JointModel | None, root_name: str, mimic: bool) -> None:
     """Add a robot's joints, bodies and frames to a model.
 
-    Raises ModelError for a mimic joint whose leader is not there, or not before it.
+    Raises ModelError for a mimic joint whose leader is missing or comes later.
     """
     model.name = robot.name
     links, children = {link.name: link for link in robot.links}, robot.children
@@ -112,7 +115,7 @@ def append(model: Model, robot: Robot, root_joint: JointModel | None, root_name:
     else:
         index = model.addJoint(0, root_joint, SE3.Identity(), root_name)
         at = _body(model, index, model.addJointFrame(index, 0), root)
-    # what is still to be walked: a joint, and the frame of the link it leaves
+    # joints still to visit, each with the frame of its parent link
     stack = [(joint, at) for joint in reversed(children[robot.root])]
     while stack:
         joint, before = stack.pop()
@@ -120,8 +123,8 @@ def append(model: Model, robot: Robot, root_joint: JointModel | None, root_name:
         stack += [(below, at) for below in reversed(children[joint.child])]
 
 
-def _joint(model: Model, robot: str, joint: Joint, before: int, link: Link, mimic: bool) -> int:
-    """Add a joint and the link behind it; returns the link's frame."""
+def _joint(model: Model, robot: str, joint: RobotJoint, before: int, link: Link, mimic: bool) -> int:
+    """Add a joint and its child link; returns the link's frame."""
     carrier = model.frames[before]
     placement = carrier.placement * SE3(np.reshape(joint.placement, (4, 4)))
     if joint.kind == "fixed":
@@ -142,7 +145,7 @@ def _joint(model: Model, robot: str, joint: Joint, before: int, link: Link, mimi
 
 
 def _body(model: Model, joint: int, frame: int, link: Link) -> int:
-    """Hang a link on a joint; returns its frame."""
+    """Add a link to a joint; returns its frame."""
     if link.mass or any(link.inertia):
         model.appendBodyToJoint(joint, _inertia(link), SE3.Identity())
     return model.addBodyFrame(link.name, joint, SE3.Identity(), frame)
@@ -150,12 +153,12 @@ def _body(model: Model, joint: int, frame: int, link: Link) -> int:
 
 def _inertia(link: Link) -> Inertia:
     xx, xy, xz, _, yy, yz, _, _, zz = link.inertia
-    # by its numbers, for files hold inertias that no body has, and Inertia refuses those
+    # not by the constructor, which refuses the impossible inertias of some files
     return Inertia.over(np.array([link.mass, *link.com, xx, xy, yy, xz, yz, zz]))
 
 
-def joint_model(joint: Joint) -> JointModel:
-    """The joint model of a joint of a robot. A plane is that of x and y, whatever its axis: said by a warning."""
+def joint_model(joint: RobotJoint) -> JointModel:
+    """The joint model of a robot's joint. A planar joint ignores its axis, with a warning if that is not z."""
     if joint.kind in ALIGNED:
         for axis, aligned in ALIGNED[joint.kind].items():
             if math.dist(axis, joint.axis) <= ALONG:
@@ -176,13 +179,13 @@ def joint_model(joint: Joint) -> JointModel:
     raise ModelError(f'joint "{joint.name}" is {joint.kind}, expected a revolute, prismatic, floating or planar joint')
 
 
-def _limits(joint: Joint, made: JointModel) -> dict[str, Any]:
-    """The arguments of ``addJoint`` behind the name, as Pinocchio's parser gives them."""
+def _limits(joint: RobotJoint, made: JointModel) -> dict[str, Any]:
+    """The limit arguments of ``addJoint``, as Pinocchio's parser sets them."""
     nq, nv = made.nq, made.nv
     if joint.kind in ("revolute", "prismatic"):
         lower, upper = np.full(nq, joint.lower), np.full(nq, joint.upper)
     else:
-        free = {"floating": 3, "planar": 2}.get(joint.kind, 0)
+        free = kind_of(joint.kind).lengths
         upper = np.array([math.inf] * free + [UNIT_BOUND] * (nq - free))
         lower = -upper
     one = joint.kind not in ("floating", "planar")

@@ -1,4 +1,4 @@
-"""Shapes and pairs of them by name and number: nothing here reads a mesh or computes with a shape."""
+"""Geometry models as records of names and indices: nothing here reads a mesh or computes with a shape."""
 
 from __future__ import annotations
 
@@ -16,9 +16,23 @@ from ..types.se3 import SE3
 from .from_urdf import buildModelFromUrdf
 from .model import Model
 
+__all__ = [
+    "COLLISION",
+    "VISUAL",
+    "CollisionPair",
+    "GeometryData",
+    "GeometryModel",
+    "GeometryNoMaterial",
+    "GeometryObject",
+    "GeometryPhongMaterial",
+    "GeometryType",
+    "buildModelsFromUrdf",
+    "createDatas",
+]  # fmt: skip
+
 
 class GeometryType(Enum):
-    """What a geometry is for."""
+    """Purpose of a geometry."""
 
     VISUAL = 0
     COLLISION = 1
@@ -31,9 +45,9 @@ _ADVICE = "coal or trimesh, placed by forwardKinematics and updateFramePlacement
 
 
 class _Bookkeeping:
-    """What has names and numbers of shapes, and no library that computes with them."""
+    """A record about shapes; members that need a collision library raise."""
 
-    _beyond: ClassVar[str] = ""  # what takes such a library
+    _beyond: ClassVar[str] = ""  # members that need a collision library
 
     def __getattr__(self, name: str) -> Any:
         if name in self._beyond.split():
@@ -43,11 +57,11 @@ class _Bookkeeping:
         raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
 
     def copy(self) -> Any:
-        """An equal one of its own."""
+        """An independent copy."""
         return copy.deepcopy(self)
 
     def clone(self) -> Any:
-        """An equal one of its own."""
+        """An independent copy."""
         return copy.deepcopy(self)
 
 
@@ -72,9 +86,9 @@ class GeometryObject(_Bookkeeping):
     """A shape on a joint: ``(name, parent_joint, [parent_frame,] placement, collision_geometry, ...)``, or a copy.
 
     name                     str
-    parentJoint, parentFrame indices; of the frame the largest number if it was not given
+    parentJoint, parentFrame indices; parentFrame is the largest number if not given
     placement                SE3 in the joint's frame
-    geometry                 the shape of a collision library, any object, passed on as it is
+    geometry                 a shape of a collision library: any object, passed on unchanged
     meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
     """
 
@@ -120,7 +134,7 @@ class CollisionPair:
             raise ModelError(f"a collision pair has geometry {self.first} twice, expected two of them")
 
     def copy(self) -> CollisionPair:
-        """An equal one of its own."""
+        """An independent copy."""
         return copy.copy(self)
 
     def __eq__(self, other: object) -> bool:
@@ -134,7 +148,9 @@ class CollisionPair:
 
 
 class GeometryModel(_Bookkeeping):
-    """Shapes on a model's joints, and which pairs of them may collide; empty as buildModelsFromUrdf returns it.
+    """Shapes on a model's joints, and the pairs that may collide; empty as buildModelsFromUrdf returns it.
+
+    Visualizers read the shapes of the file that buildModelsFromUrdf was given.
 
     geometryObjects  list of GeometryObject
     collisionPairs   list of CollisionPair
@@ -146,6 +162,7 @@ class GeometryModel(_Bookkeeping):
     def __init__(self, other: GeometryModel | None = None) -> None:
         self.geometryObjects: list[GeometryObject] = []
         self.collisionPairs: list[CollisionPair] = []
+        self._file: tuple[Any, tuple[Any, ...]] | None = None  # the URDF that it stands for, and package_dirs
         if other is not None:
             self.__dict__.update(copy.deepcopy(expected(other, GeometryModel, "other")).__dict__)
 
@@ -159,7 +176,7 @@ class GeometryModel(_Bookkeeping):
         return GeometryData(self)
 
     def addGeometryObject(self, geometry_object: GeometryObject, model: Model | None = None) -> int:
-        """Add an object, on the joint of its frame if a model is given; returns its index."""
+        """Append an object, on the joint of its frame if a model is given; returns its index."""
         given = expected(geometry_object, GeometryObject, "geometry_object")
         if model is not None and given.parentFrame < model.nframes:
             given.parentJoint = model.frames[given.parentFrame].parentJoint
@@ -167,7 +184,7 @@ class GeometryModel(_Bookkeeping):
         return self.ngeoms - 1
 
     def removeGeometryObject(self, name: str) -> None:
-        """Remove an object, the pairs it is in, and move the indices behind it. Raises ModelError if there is none."""
+        """Remove an object and its pairs; later indices decrease. Raises ModelError if there is none."""
         at = self.getGeometryId(name)
         if at == self.ngeoms:
             raise ModelError(f'there is no geometry "{name}" to remove')
@@ -176,7 +193,7 @@ class GeometryModel(_Bookkeeping):
         self.collisionPairs[:] = [CollisionPair(a - (a > at), b - (b > at)) for a, b in kept]
 
     def getGeometryId(self, name: str) -> int:
-        """Index of the object of that name, ngeoms if there is none."""
+        """Index of the object of that name; ngeoms if there is none."""
         return next((k for k, x in enumerate(self.geometryObjects) if x.name == name), self.ngeoms)
 
     def existGeometryName(self, name: str) -> bool:
@@ -184,7 +201,7 @@ class GeometryModel(_Bookkeeping):
         return self.getGeometryId(name) < self.ngeoms
 
     def addCollisionPair(self, pair: CollisionPair) -> None:
-        """Add a pair, unless it is there. Raises ModelError for indices that are not there."""
+        """Add a pair unless it exists. Raises ModelError for an index out of range."""
         for at in (expected(pair, CollisionPair, "pair").first, pair.second):
             if not 0 <= at < self.ngeoms:
                 raise ModelError(f"a collision pair has geometry {at}, expected 0 to {self.ngeoms - 1}")
@@ -192,14 +209,14 @@ class GeometryModel(_Bookkeeping):
             self.collisionPairs.append(pair)
 
     def addAllCollisionPairs(self) -> None:
-        """Have every pair of objects that are on different joints."""
+        """Replace the pairs by all pairs of objects on different joints."""
         objects = list(enumerate(self.geometryObjects))
         self.collisionPairs[:] = [
             CollisionPair(i, j) for i, x in objects for j, y in objects[i + 1 :] if x.parentJoint != y.parentJoint
         ]
 
     def removeCollisionPair(self, pair: CollisionPair) -> None:
-        """Remove a pair, if it is there."""
+        """Remove a pair if it exists."""
         self.collisionPairs[:] = [x for x in self.collisionPairs if x != pair]
 
     def removeAllCollisionPairs(self) -> None:
@@ -207,16 +224,16 @@ class GeometryModel(_Bookkeeping):
         self.collisionPairs.clear()
 
     def existCollisionPair(self, pair: CollisionPair) -> bool:
-        """Whether a pair is there."""
+        """Whether a pair exists."""
         return pair in self.collisionPairs
 
     def findCollisionPair(self, pair: CollisionPair) -> int:
-        """Index of a pair, their number if it is not there."""
+        """Index of a pair; the number of pairs if it does not exist."""
         return self.collisionPairs.index(pair) if pair in self.collisionPairs else len(self.collisionPairs)
 
 
 class GeometryData(_Bookkeeping):
-    """Of a GeometryModel: oMg, where its objects are, the identity throughout; activeCollisionPairs, flags."""
+    """Data of a GeometryModel: oMg, the identity for every object; activeCollisionPairs, flags."""
 
     _beyond = """collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
         contact_patch_functors distanceRequests distanceResults distance_functors fillInnerOuterObjectMaps radius
@@ -229,29 +246,29 @@ class GeometryData(_Bookkeeping):
         self.activeCollisionPairs = [True for _ in geometry_model.collisionPairs]
 
     def activateCollisionPair(self, pair_id: int) -> None:
-        """Take a pair into account."""
+        """Activate a pair."""
         self.activeCollisionPairs[pair_id] = True
 
     def deactivateCollisionPair(self, pair_id: int) -> None:
-        """Leave a pair out of account."""
+        """Deactivate a pair."""
         self.activeCollisionPairs[pair_id] = False
 
     def deactivateAllCollisionPairs(self) -> None:
-        """Leave all pairs out of account."""
+        """Deactivate all pairs."""
         self.activeCollisionPairs[:] = [False] * len(self.activeCollisionPairs)
 
 
 def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[Any, ...]:
-    """The Model of a URDF file, and empty GeometryModels: its shapes are not read.
+    """The Model of a URDF file, and empty GeometryModels, whose shapes visualizers read when they draw.
 
     filename         str or Path
-    package_dirs     not looked at
+    package_dirs     a folder or several that hold the packages of ``package://`` names, for visualizers
     root_joint       joint model between the universe and the root link; without it the root link is fixed
-    root_joint_name  its name, "root_joint" by default; may be left out in a call by position
-    verbose          without effect
-    meshLoader       not looked at
-    geometry_types   as many GeometryModels are returned; by default two, for collisions and for looks
-    mimic            True: joints that mimic others have no coordinates
+    root_joint_name  its name, "root_joint" by default; optional in a call by position
+    verbose          ignored
+    meshLoader       ignored
+    geometry_types   one GeometryModel is returned for each; by default COLLISION and VISUAL
+    mimic            True: mimic joints have no coordinates
 
     Raises what ``buildModelFromUrdf`` does.
     """
@@ -267,7 +284,14 @@ def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[A
     kinds = (COLLISION, VISUAL) if kinds is None else kinds if isinstance(kinds, Iterable) else [kinds]
     passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}
     model = buildModelFromUrdf(filename, mimic=bool(given.get("mimic", False)), **passed)
-    return model, *(GeometryModel() for _ in kinds)
+    folders = given.get("package_dirs") or ()
+    made = [GeometryModel() for _ in kinds]
+    for geometry in made:
+        geometry._file = (
+            filename,
+            (folders,) if isinstance(folders, str) or hasattr(folders, "__fspath__") else tuple(folders),
+        )
+    return model, *made
 
 
 def createDatas(*models: Model | GeometryModel | None) -> tuple[Any, ...]:

@@ -1,6 +1,6 @@
-"""JointModel: which motion a joint allows, and where its numbers stand in q and v.
+"""JointModel: the motion that a joint allows, and its indices in q and v.
 
-Every joint is a chain of the library's own joints, its ``steps()``: one for most, two for a universal joint, three for
+Every joint is a chain of the library's joints, its ``steps()``: one for most, two for a universal joint, three for
 a translation or angles about z, y, x, and the steps of its parts for a composite.
 """
 
@@ -11,39 +11,37 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ....bodies.kinds import kind_of
 from ....model.assembly import IDENTITY
 from ..types.arguments import ArgumentError
 from .joint_data import JointData
 
+__all__ = ["JointModel"]
+
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
-NOWHERE = 2**64 - 1  # index of a joint that is in no model
-NEUTRAL = {
-    "continuous": (1.0, 0.0),
-    "spherical": (0.0, 0.0, 0.0, 1.0),
-    "floating": (0.0,) * 6 + (1.0,),
-    "planar": (0.0, 0.0, 1.0, 0.0),
-}
+NOWHERE = 2**64 - 1  # id of a joint that is in no model
 X, Y, Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Step(NamedTuple):
-    """A joint of the library's: its kind, its axis, and its placement behind the step before it, row by row."""
+    """A joint of the library: its kind, axis and pitch, and its placement after the previous step, row by row."""
 
     kind: str
     axis: Vector = Z
     placement: tuple[float, ...] = IDENTITY
+    pitch: float = 0.0
 
 
 class _Variant(type):
-    def __call__(cls, *arguments: Any) -> Any:
-        """``JointModel(other)`` is a copy of whatever joint the other is, ``JointModel()`` one about x."""
+    def __call__(cls, *arguments: Any, **named: Any) -> Any:
+        """``JointModel(other)`` is a copy of a joint of any kind, ``JointModel()`` a revolute joint about x."""
         if cls is not JointModel:
-            return super().__call__(*arguments)
+            return super().__call__(*arguments, **named)
         if len(arguments) == 1 and isinstance(arguments[0], JointModel):
             return arguments[0].copy()
-        if arguments:
-            raise ArgumentError(f"JointModel got {arguments!r}, expected a joint model or nothing")
+        if arguments or named:
+            raise ArgumentError(f"JointModel got {arguments or named!r}, expected a joint model or nothing")
         return kinds()["JointModelRX"]()
 
 
@@ -51,13 +49,13 @@ class JointModel(metaclass=_Variant):
     """A joint of any kind.
 
     id             index in its model
-    idx_q, nq      place and number of its coordinates in q
-    idx_v, nv      place and number of its velocities in v
+    idx_q, nq      first index and number of its coordinates in q
+    idx_v, nv      first index and number of its velocities in v
     """
 
     __slots__ = ("_owner", "id", "idx_q", "idx_v", "idx_vExtended")
-    lieGroup: Any  # given by the module of Lie groups, which stands on this one
-    _nq, _nv, _unlimited = 1, 1, (1, 1)  # behind so many coordinates, velocities none has a limit
+    lieGroup: Any  # set by liegroups, which imports this module
+    _nq, _nv, _unlimited = 1, 1, (1, 1)  # the first coordinates and velocities that can have a limit
 
     def __init__(self) -> None:
         self._owner: Any = None
@@ -76,33 +74,33 @@ class JointModel(metaclass=_Variant):
 
     @property
     def leader(self) -> int | None:
-        """Index of the joint that is followed; None for all but mimic joints."""
+        """Index of the leader of a mimic joint; None for others."""
         return None
 
     @property
     def nvExtended(self) -> int:
-        """Number of velocities the joint would have if it mimicked no other."""
+        """Number of velocities that the joint would have without mimicking."""
         return self.nv
 
     def steps(self) -> tuple[Step, ...]:
-        """The library's joints that make this one."""
+        """The library's joints that make up this one."""
         raise NotImplementedError
 
     def neutral(self) -> list[float]:
-        """The coordinates (nq,) at which the joint's frames coincide."""
-        return [x for step in self.steps() for x in NEUTRAL.get(step.kind, (0.0,))]
+        """Coordinates (nq,) at which the joint's two frames coincide."""
+        return [x for step in self.steps() for x in kind_of(step.kind, "cos_sin").undisplaced]
 
     def parameters(self) -> tuple[Any, ...]:
-        """What the constructor takes to make an equal joint."""
+        """Constructor arguments that make an equal joint."""
         return ()
 
     def shortname(self) -> str:
-        """The kind of joint."""
+        """Name of the kind of joint."""
         return type(self).__name__
 
     @classmethod
     def classname(cls) -> str:
-        """The kind of joint."""
+        """Name of the kind of joint."""
         return cls.__name__
 
     def extract(self) -> JointModel:
@@ -114,37 +112,37 @@ class JointModel(metaclass=_Variant):
         return JointData(self)
 
     def calc(self, data: JointData, q: Any, v: Any = None) -> None:
-        """Write pose M, subspace S, and with v velocity v and bias c, at q, v of the whole model, to the data."""
+        """Write pose M, subspace S, and with v velocity v and bias c, at the model's q, v, into the data."""
         data.calc(self, q, v)
 
     def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
-        """Say where the joint stands in its model."""
+        """Set the joint's indices in its model."""
         self.id, self.idx_q, self.idx_v = int(id), int(q), int(v)
         self.idx_vExtended = int(v if vExtended is None else vExtended)
         self.changed()
 
     def hasSameIndexes(self, other: JointModel) -> bool:
-        """Whether both stand at the same place."""
+        """Whether both have the same indices."""
         return self._indexes() == other._indexes()
 
     @property
     def hasConfigurationLimit(self) -> list[bool]:
-        """For each coordinate whether it can have a limit."""
+        """Whether each coordinate can have a limit."""
         return [k < self._unlimited[0] for k in range(self.nq)]
 
     @property
     def hasConfigurationLimitInTangent(self) -> list[bool]:
-        """For each velocity whether its coordinate can have a limit."""
+        """Whether the coordinate of each velocity can have a limit."""
         return [k < self._unlimited[1] for k in range(self.nv)]
 
     def copy(self) -> JointModel:
-        """An equal joint that belongs to no model's list."""
+        """An independent copy that belongs to no model."""
         made: JointModel = type(self)(*self.parameters())
         made.id, made.idx_q, made.idx_v, made.idx_vExtended = self._indexes()
         return made
 
     def changed(self) -> None:
-        """Tell whoever owns the joint that it is not what it was."""
+        """Notify the owner, if any, of a change."""
         if self._owner is not None:
             self._owner.changed()
 
@@ -191,7 +189,7 @@ def _restored(kind: type, parameters: tuple[Any, ...], indexes: tuple[int, int, 
 
 
 def kinds(of: type[JointModel] = JointModel) -> dict[str, type[JointModel]]:
-    """The kinds of joints by name."""
+    """Joint model classes by name."""
     found = {kind.__name__: kind for kind in of.__subclasses__() if kind.__name__.startswith("JointModel")}
     for kind in of.__subclasses__():
         found |= kinds(kind)

@@ -18,24 +18,26 @@ from ....algebra.spatial import (
     scale_motion,
     zero_motion,
 )
+from ....bodies.kinds import kind_of
 from ....errors import ShapeError
-from ....model.joint_rows import joint_transform, matrix, pose, subspace
+from ....model.joint_rows import joint_transform, matrix_from_pose, pose_from_matrix, subspace
 from ..types.arguments import ArgumentError, described
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
+__all__ = ["JointData"]
+
 Array = NDArray[np.float64]
-COORDINATES = {"spherical": 4, "floating": 7, "continuous": 2, "planar": 4}
 
 
 class JointData:
-    """What ``joint.calc(data, q[, v])`` writes.
+    """Results of ``joint.calc(data, q[, v])``.
 
-    M                pose of the joint's frame behind it, in the one before it
-    S                (6, nv) motion subspace, (6,) of a joint of one freedom
-    v, c             Motion: velocity, and the acceleration that remains where that of the joint is 0
+    M                pose of the frame after the joint in the frame before it
+    S                (6, nv) motion subspace, (6,) of a joint with one velocity
+    v, c             Motion: velocity, and acceleration at zero joint acceleration
     joint_q, joint_v the joint's own coordinates and velocities
-    U, Dinv, UDinv   articulated inertia times S and its products; zero, for algorithms keep their own
+    U, Dinv, UDinv   articulated inertia times S and its products; zero, for no algorithm writes them
     """
 
     def __init__(self, joint: Any) -> None:
@@ -48,11 +50,11 @@ class JointData:
         self.joint_q, self.joint_v = np.zeros(_coordinates(joint)), np.zeros(n)
 
     def shortname(self) -> str:
-        """The kind of joint it is for."""
+        """Name of the kind of joint data."""
         return self._kind.replace("JointModel", "JointData")
 
     def calc(self, joint: Any, q: Any, v: Any = None) -> None:
-        """Write the results for a joint at q, v of the whole model."""
+        """Write the results of a joint at the model's q, v."""
         self.joint_q[:] = _own("q", q, joint.idx_q, _coordinates(joint))
         self.joint_v[:] = 0.0 if v is None else _own("v", v, joint.idx_v, len(self.joint_v))
         if joint.leader is not None:
@@ -62,10 +64,11 @@ class JointData:
         columns: list[Twist] = []
         at, n = 0, 0
         for step in joint.steps():
-            nq = COORDINATES.get(step.kind, 1)
-            moved = pose(joint_transform(step.kind, step.axis, self.joint_q[at : at + nq], "cos_sin"))
-            moved = compose(pose(step.placement), moved)
-            S = [Twist(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis).tolist()]
+            nq = kind_of(step.kind, "cos_sin").nq
+            q_step = self.joint_q[at : at + nq]
+            moved = pose_from_matrix(joint_transform(step.kind, step.axis, q_step, "cos_sin", step.pitch))
+            moved = compose(pose_from_matrix(step.placement), moved)
+            S = [Twist(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis, step.pitch).tolist()]
             own = zero_motion()
             for s in S:
                 own = add_motion(own, scale_motion(float(self.joint_v[n]), s))
@@ -75,7 +78,7 @@ class JointData:
             bias = add_motion(motion_to_child(moved, bias), cross_motion(twist, own))
             columns = [motion_to_child(moved, s) for s in columns] + S
             at += nq
-        self.M = SE3.over(np.array(matrix(X)))
+        self.M = SE3.over(np.array(matrix_from_pose(X)))
         self.S[...] = np.array([_linear_first(s) for s in columns]).T.reshape(self.S.shape)
         if v is not None:
             self.v, self.c = Motion.over(_linear_first(twist)), Motion.over(_linear_first(bias))
@@ -89,12 +92,12 @@ def _linear_first(m: Twist) -> Array:
 
 
 def _coordinates(joint: Any) -> int:
-    """How many coordinates the joint's motion has, whosever they are."""
-    return sum(COORDINATES.get(step.kind, 1) for step in joint.steps())
+    """Number of coordinates of the joint's motion, its own or its leader's."""
+    return sum(kind_of(step.kind, "cos_sin").nq for step in joint.steps())
 
 
 def _own(name: str, value: Any, at: int, n: int) -> Array:
-    """A joint's part of a vector of the whole model; of a joint in no model, the vector's first numbers."""
+    """A joint's entries of a vector of the model; for a joint in no model, the first entries."""
     if not isinstance(value, np.ndarray):
         raise ArgumentError(f"{name} is {described(value)}, expected an array")
     first = max(at, 0)

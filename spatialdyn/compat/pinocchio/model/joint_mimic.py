@@ -1,4 +1,4 @@
-"""The joint model that follows another joint."""
+"""JointModelMimic: a joint that follows another joint."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from ..types.arguments import expected
 from .joint import NOWHERE, JointModel, Step
 from .joints_one_axis import JointModelRX
 
+__all__ = ["JointModelMimic"]
+
 
 class JointModelMimic(JointModel):
-    """A joint that follows one of the model's: ``(joint of a model, scaling, offset)``, q = scaling q' + offset.
+    """A joint that follows another: ``(joint of a model, scaling, offset)``, q = scaling q' + offset.
 
-    It has the motion of the joint given, and no coordinates of its own.
+    It has the motion of that joint and no coordinates of its own.
     """
 
     __slots__ = ("_leader", "_motion", "_offset", "_scaling")
@@ -27,7 +29,7 @@ class JointModelMimic(JointModel):
 
     @classmethod
     def of(cls, motion: JointModel, leader: JointModel, scaling: float, offset: float) -> JointModelMimic:
-        """A joint with the motion of one and the coordinates of another."""
+        """A joint with the motion of ``motion`` and the coordinates of ``leader``."""
         made: JointModelMimic = cls()
         made._follow(motion, leader, scaling, offset)
         return made
@@ -45,12 +47,12 @@ class JointModelMimic(JointModel):
 
     @property
     def leader(self) -> int:
-        """Index of the joint that is followed."""
+        """Index of the leader."""
         return self._leader
 
     @property
     def scaling(self) -> float:
-        """How far the joint moves for each unit of the one it follows."""
+        """Ratio of the joint's coordinate to its leader's."""
         return self._scaling
 
     @scaling.setter
@@ -60,7 +62,7 @@ class JointModelMimic(JointModel):
 
     @property
     def offset(self) -> float:
-        """Where the joint is when the one it follows is at 0."""
+        """Coordinate of the joint where its leader's is 0."""
         return self._offset
 
     @offset.setter

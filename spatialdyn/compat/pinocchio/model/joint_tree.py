@@ -1,4 +1,4 @@
-"""The joints of a Model: what each is, where it hangs, what it carries, where its numbers stand."""
+"""The joints of a Model: kinds, parents, bodies, and indices of their coordinates and velocities."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..types.arguments import expected
 from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
-from ..types.tracked_list import Owned, owned
+from ..types.tracked_list import OwnedList, owned_copy
 from .joint import JointModel
 from .joint_mimic import JointModelMimic
 from .joints_one_axis import JointModelRX
@@ -32,7 +32,7 @@ class Indices(list[int]):
 
 
 class Listener:
-    """Forgets what was made of a model when ``changed()``."""
+    """The owner of a model's values: ``changed()`` sets cached attributes of the model to None."""
 
     __slots__ = ("_attributes", "_model")
 
@@ -40,7 +40,7 @@ class Listener:
         self._model, self._attributes = model, attributes
 
     def changed(self) -> None:
-        """Forget it."""
+        """Set the attributes to None."""
         for attribute in self._attributes:
             setattr(self._model, attribute, None)
 
@@ -48,8 +48,8 @@ class Listener:
 class Tree:
     """The part of a Model that concerns joints; index 0 is the universe.
 
-    parents, joints, names, jointPlacements, inertias   (njoints,) lists; what is written takes effect at the next call
-    idx_qs, nqs, idx_vs, nvs                            (njoints,) where each joint's numbers stand, and how many
+    parents, joints, names, jointPlacements, inertias   (njoints,) lists; an edit takes effect at the next call
+    idx_qs, nqs, idx_vs, nvs                            (njoints,) first index and number of each joint's q, v
     supports, subtrees, children                        (njoints,) lists of indices
     gravity                                             Motion
     """
@@ -58,32 +58,32 @@ class Tree:
     gravity981.flags.writeable = False
 
     def __init__(self) -> None:
-        self._made: Any = None  # what `compiled.made` made of the model, None once any of it is written
-        self._placed: Any = None  # what `compiled.placed` made of the frames
-        self._before: Any = None  # the last _made, None once more than numbers were written
-        self._edited = Listener(self, "_made")
+        self._library: Any = None  # LibraryModel, None from an edit on
+        self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
+        self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
+        self._on_edit = Listener(self, "_library")
         MODELS.add(self)
-        rehung = Listener(self, "_made", "_placed", "_before")
+        on_tree_edit = Listener(self, "_library", "_frame_placements", "_library_before")
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
         self.nbodies = 1
-        self.names: list[str] = Owned(rehung, str, ["universe"])
-        self.parents: list[int] = Owned(rehung, (int, np.integer), [0])
+        self.names: list[str] = OwnedList(on_tree_edit, str, ["universe"])
+        self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
         universe = JointModelRX()
-        self.joints: list[JointModel] = Owned(rehung, JointModel, [universe])
-        self.jointPlacements: list[SE3] = Owned(self._edited, SE3, [SE3.Identity()])
-        self.inertias: list[Inertia] = Owned(self._edited, Inertia, [Inertia.Zero()])
+        self.joints: list[JointModel] = OwnedList(on_tree_edit, JointModel, [universe])
+        self.jointPlacements: list[SE3] = OwnedList(self._on_edit, SE3, [SE3.Identity()])
+        self.inertias: list[Inertia] = OwnedList(self._on_edit, Inertia, [Inertia.Zero()])
         self.idx_qs, self.nqs = Indices([0]), Indices([0])
         self.idx_vs, self.nvs = Indices([0]), Indices([0])
         self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])
         self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
         self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
         self.mimic_joint_supports = [Indices([0])]
-        self._gravity: Motion = owned(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), self._edited)
+        self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), self._on_edit)
 
     @property
     def njoints(self) -> int:
-        """Number of joints, the universe counted."""
+        """Number of joints, with the universe."""
         return len(self.joints)
 
     @property
@@ -94,7 +94,7 @@ class Tree:
     @gravity.setter
     def gravity(self, value: Motion) -> None:
         self._gravity._x[...] = expected(value, Motion, "gravity")._x
-        self._made = None
+        self._library = None
 
     def _check_joint(self, index: Any) -> int:
         at = int(index)
@@ -102,10 +102,10 @@ class Tree:
             raise ModelError(f"joint index is {at}, expected one from 0 to {self.njoints - 1}")
         return at
 
-    def _hang(self, parent: int, joint: JointModel, placement: SE3, name: str) -> int:
-        """Add a copy of a joint behind the others; returns its index."""
+    def _append_joint(self, parent: int, joint: JointModel, placement: SE3, name: str) -> int:
+        """Append a copy of a joint; returns its index."""
         index, joint = self.njoints, joint.copy()
-        self._give_places(index, joint, name)
+        self._assign_indices(index, joint, name)
         self.joints.append(joint)
         self.names.append(name)
         self.parents.append(parent)
@@ -121,8 +121,8 @@ class Tree:
         self.mimic_joint_supports.append(Indices([*self.mimic_joint_supports[parent], *follows]))
         return index
 
-    def _give_places(self, index: int, joint: JointModel, name: str) -> None:
-        """Say where the numbers of a new joint stand: behind all others, or where its leader's do."""
+    def _assign_indices(self, index: int, joint: JointModel, name: str) -> None:
+        """Set the indices of a new joint in q and v: after all others, or its leader's."""
         leader, q, v = joint.leader, self.nq, self.nv
         if isinstance(joint, JointModelMimic):
             if leader is None or not 0 < leader < index:
@@ -142,18 +142,18 @@ class Tree:
             vars(self)[total] += getattr(joint, total)
 
     def appendBodyToJoint(self, joint_id: int, body_inertia: Inertia, body_placement: SE3 | None = None) -> None:
-        """Add a body's inertia, given at a placement in the joint's frame, to what the joint carries.
+        """Add a body, at a placement in the joint's frame, to the inertia of a joint.
 
-        Raises ModelError for an index that is no joint's.
+        Raises ModelError for an index that is not a joint's.
         """
         at = self._check_joint(joint_id)
         expected(body_inertia, Inertia, "body_inertia")
         if body_placement is not None:
             expected(body_placement, SE3, "body_placement")
-        self._load(at, body_inertia, body_placement)
+        self._add_inertia(at, body_inertia, body_placement)
         vars(self)["nbodies"] += 1
 
-    def _load(self, joint: int, inertia: Inertia, placement: SE3 | None) -> None:
+    def _add_inertia(self, joint: int, inertia: Inertia, placement: SE3 | None) -> None:
         self.inertias[joint] = self.inertias[joint] + (inertia if placement is None else placement.act(inertia))
 
     def getJointId(self, name: str) -> int:
@@ -172,7 +172,7 @@ class Tree:
 
     @property
     def span_indexes_vector(self) -> list[Indices]:
-        """For each joint the places in v of those that move it."""
+        """For each joint the indices of v that move it."""
         own = [
             range(at, at + max(n, joint.nvExtended > n))
             for at, n, joint in zip(self.idx_vs, self.nvs, self.joints, strict=True)
@@ -182,12 +182,12 @@ class Tree:
 
     @property
     def sparsity_pattern_vector(self) -> list[NDArray[np.bool_]]:
-        """For each joint an array (nv,) of which velocities move it."""
+        """For each joint an array (nv,): whether a velocity moves it."""
         made = np.zeros((self.njoints, self.nv), bool)
         for row, span in zip(made, self.span_indexes_vector, strict=True):
             row[span] = True
         return list(made)
 
     def getChildJoints(self) -> list[int]:
-        """The joints on which no other hangs."""
+        """The joints without children."""
         return Indices(k for k in range(1, self.njoints) if not self.children[k])

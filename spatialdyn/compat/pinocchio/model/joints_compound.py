@@ -1,4 +1,4 @@
-"""Joint models of several freedoms, and of several joints."""
+"""Joint models with several velocities, and chains of joint models."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 from ....errors import ModelError
 from ..types.arguments import ArgumentError
 from ..types.se3 import SE3
-from ..types.tracked_list import Owned
+from ..types.tracked_list import OwnedList
 from .joint import NOWHERE, JointModel, Step, Vector, X, Y, Z
 from .joints_one_axis import unit
+
+__all__ = [
+    "JointModelComposite", "JointModelFreeFlyer", "JointModelPlanar", "JointModelSpherical",
+    "JointModelSphericalZYX", "JointModelTranslation", "JointModelUniversal",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -29,7 +34,7 @@ class JointModelSpherical(JointModel):
 
 
 class JointModelSphericalZYX(JointModel):
-    """A rotation by three angles, about z, the new y, the newest x; v = their rates."""
+    """A rotation by three angles, about z, the rotated y, the rotated x; v = their rates."""
 
     __slots__ = ()
     _nq, _nv, _unlimited = 3, 3, (3, 3)
@@ -59,7 +64,7 @@ class JointModelPlanar(JointModel):
 
 
 class JointModelFreeFlyer(JointModel):
-    """Six freedoms: q = x y z, quaternion x y z w; v in the body's axes, linear first."""
+    """Any motion: q = x y z, quaternion x y z w; v in the body's axes, linear first."""
 
     __slots__ = ()
     _nq, _nv, _unlimited = 7, 6, (3, 3)
@@ -69,7 +74,7 @@ class JointModelFreeFlyer(JointModel):
 
 
 class JointModelUniversal(JointModel):
-    """Two rotations, about ``axis1`` and an axis that it turns: ``(axis1 (3,), axis2 (3,))`` or six numbers."""
+    """Two rotations, about ``axis1`` and the rotated ``axis2``: ``(axis1 (3,), axis2 (3,))`` or six numbers."""
 
     __slots__ = ("_axis1", "_axis2")
     _nq, _nv, _unlimited = 2, 2, (2, 2)
@@ -110,17 +115,17 @@ class JointModelUniversal(JointModel):
 
 
 class JointModelComposite(JointModel):
-    """Joints one behind the other that count as one: ``(size)`` or ``(joint[, placement[, name]])``, then ``addJoint``.
+    """A chain of joints that counts as one: ``(size)`` or ``(joint[, placement[, name]])``, then ``addJoint``.
 
-    joints, jointPlacements   the parts, and where each stands behind the one before it
+    joints, jointPlacements   the parts, and the placement of each after the one before it
     """
 
     __slots__ = ("_joints", "_names", "_placements")
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__()
-        self._joints: list[JointModel] = Owned(self, JointModel)
-        self._placements: list[SE3] = Owned(self, SE3)
+        self._joints: list[JointModel] = OwnedList(self, JointModel)
+        self._placements: list[SE3] = OwnedList(self, SE3)
         self._names: list[str] = []
         if arguments and not isinstance(arguments[0], int):
             self.addJoint(*arguments)
@@ -145,11 +150,11 @@ class JointModelComposite(JointModel):
 
     @property
     def jointPlacements(self) -> list[SE3]:
-        """Where each part stands behind the one before it."""
+        """Placement of each part after the one before it."""
         return self._placements
 
     def addJoint(self, joint: JointModel, placement: SE3 | None = None, name: str = "") -> JointModelComposite:
-        """Add a part behind the last; returns the joint."""
+        """Append a part; returns the composite."""
         if self.id != NOWHERE:
             raise ModelError(f"the composite is joint {self.id} of a model, expected one that is in none yet")
         self._joints.append(joint)
@@ -158,7 +163,7 @@ class JointModelComposite(JointModel):
         return self
 
     def getJointId(self, name: str) -> int:
-        """Index of the part of that name; their number if there is none."""
+        """Index of the part of that name; njoints if there is none."""
         return self._names.index(name) if name in self._names else len(self._names)
 
     @property

@@ -1,7 +1,6 @@
-"""The library's Model behind a Model of this face, made when it is first asked for after an edit.
+"""The library's Model behind a Model of this package, assembled at the first call after an edit.
 
-``model._made`` and ``model._placed`` are None from an edit on until ``made`` and ``placed`` are called; callers in a
-hurry write ``model._made or made(model)``.
+``model._library`` and ``model._frame_placements`` cache it; an edit sets them to None.
 """
 
 from __future__ import annotations
@@ -14,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....bodies.joints import ROUNDING
+from ....bodies.kinds import kind_of, unit_part
 from ....calls.arguments import core_shape
-from ....calls.failures import unit_part
-from ....engines.compiled.cpython import READY, refused
+from ....engines.compiled.cpython import READY, unavailable
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import Options
-from ....model.model import Model as Compiled
-from ....model.robot import Joint as RobotJoint
-from ....model.robot import Link, Mimic, Robot, make_joint, make_link
+from ....model.model import Model as SdModel
+from ....model.robot import Link, Mimic, Robot, RobotJoint, clear_rounding, make_joint, make_link
 from ....model.update import edited
 from ....recursions import SPECS
 from ...native import recorded_calls
@@ -32,12 +30,12 @@ from .joint_mimic import JointModelMimic
 from .model import Model
 
 Array = NDArray[np.float64]
-Places = NDArray[np.intp]
+Indices = NDArray[np.intp]
 ROOT = "universe"
 
 
-class Given(NamedTuple):
-    """What of a Model a Made depends on: inertias, placements, armature, gravity; and whether norms are checked."""
+class ModelNumbers(NamedTuple):
+    """The numbers of a Model that a LibraryModel is assembled from, and whether norms are checked."""
 
     inertias: Array
     placements: Array
@@ -46,102 +44,104 @@ class Given(NamedTuple):
     strict: bool
 
 
-class Made:
-    """What a Model is to the library.
+class LibraryModel:
+    """The library's Model behind a Model.
 
     model   the library's Model: same q, v and armature, ``continuous="cos_sin"``
-    rows    (njoints,) row of its table that carries each joint's body; 0 for the universe
-    joints  None if its joints are one to one this model's; else (njoints,) which of them carries each joint's body
+    rows    (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
+    joints  None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
-    Calls of the library for one sample are attributes, as builtins: ``made.integrate(q, v)``, None if it has to be
-    asked in another way.
+    Calls of the library for one sample are attributes, as builtins: ``library.integrate(q, v)``, which returns None if
+    not applicable.
     """
 
-    def __init__(self, model: Compiled, places: Places, given: Given) -> None:
-        """Of the library's model, which of its joints carries each joint's body, and what it was made from."""
-        self.model, self.given = model, given
-        self.places = places
-        self.rows = np.array([model.joints[k].row for k in places], np.intp)
-        self.joints = None if model.njoints == len(places) else places
-        self.frames: Placed | None = None  # of joints_as_frames
+    def __init__(self, model: SdModel, joint_map: Indices, numbers: ModelNumbers) -> None:
+        """From the library's model, its joint that carries each joint's body, and the numbers it was assembled from."""
+        self.model, self.numbers = model, numbers
+        self.joint_map = joint_map
+        self.rows = np.array([model.joints[k].row for k in joint_map], np.intp)
+        self.joints = None if model.njoints == len(joint_map) else joint_map
+        self.frames: FramePlacements | None = None  # of joints_as_frames
         firsts = [(joint, model.bodies[joint.row - joint.nv + 1]) for joint in model.joints[1:]]
         parts = [unit_part(int(first["kind"]), joint.idx_q) for joint, first in firsts]
-        self.units = [part for part in parts if part is not None]  # quaternions and pairs in q
+        self.unit_parts = [part for part in parts if part is not None]  # slices of q: quaternions and (cos, sin) pairs
 
-    def edited(self, model: Compiled, given: Given) -> Made:
-        """The same for a model of the same tree."""
-        found = Made.__new__(Made)
-        found.__dict__.update({name: self.__dict__[name] for name in ("places", "rows", "joints", "frames", "units")})
-        found.model, found.given = model, given
+    def with_numbers(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
+        """The LibraryModel of the same tree with other numbers."""
+        found = LibraryModel.__new__(LibraryModel)
+        found.__dict__.update(
+            {name: self.__dict__[name] for name in ("joint_map", "rows", "joints", "frames", "unit_parts")}
+        )
+        found.model, found.numbers = model, numbers
         return found
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in SPECS:
             raise AttributeError(f"no call {name!r}")
-        call: Callable[..., Any] = refused
-        if self.whole:
+        call: Callable[..., Any] = unavailable
+        if self.has_builtins:
             axes = {f"axis{k}": n for k, n in enumerate(core_shape(self.model, SPECS[name].output) or (1,))}
-            call = recorded_calls.made(name).bind(self.model, **self.words, **axes)
+            call = recorded_calls.call_builtin(name).bind(self.model, **self.words, **axes)
         self.__dict__[name] = call
         return call
 
     def off_norm(self, q: Array) -> bool:
-        """Whether a quaternion or pair of q is off its unit norm by more than rounding, and is taken so."""
+        """Whether norms are not checked and a quaternion or (cos, sin) pair of q is off its unit norm."""
         return self.model.options.any_norm and any(
-            abs(part @ part - 1.0) > ROUNDING for part in (q[unit] for unit in self.units)
+            abs(part @ part - 1.0) > ROUNDING for part in (q[unit] for unit in self.unit_parts)
         )
 
     @property
-    def whole(self) -> bool:
-        """Whether compiled code can be given the arrays of its users as they are."""
+    def has_builtins(self) -> bool:
+        """Whether builtins apply: not with mimic joints, nor where compiled code is off."""
         return READY and self.model.mimic_matrix is None
 
     @property
     def words(self) -> dict[str, int]:
-        """What the plan of a builtin has to say of the model."""
+        """Words of a builtin's plan about the model."""
         model = self.model
         return {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
 
-class Placed(NamedTuple):
-    """Frames of a Model, or its joints as frames.
+class FramePlacements(NamedTuple):
+    """Placements of the frames of a Model on their joints.
 
     joints      (nframes,) parent joints
-    rows        (nframes,) the rows of the table that carry those
+    rows        (nframes,) rows of the table of bodies that carry them
     placements  (nframes, 4, 4) in the parent joints' frames
     """
 
-    joints: Places
-    rows: Places
+    joints: Indices
+    rows: Indices
     placements: Array
 
     def words(self, rows: bool = False) -> dict[str, int]:
-        """What the plan of a builtin has to say of them, by their joints or by the rows of those."""
+        """Words of a builtin's plan about the frames; ``rows``: their rows of the table in place of their joints."""
         joints = self.rows if rows else self.joints
         places = {"joints": joints.ctypes.data, "placements": self.placements.ctypes.data}
         return {"frames": len(joints), **places}
 
 
-def made(model: Model) -> Made:
-    """What the model is to the library, made again if it was written since.
+def library_model(model: Model) -> LibraryModel:
+    """The LibraryModel of a Model, assembled again if the Model was edited.
 
-    Raises ModelError for joints that are not depth first, gravity with an angular part, and what else cannot be.
+    Raises ModelError for joints that are not depth first, gravity with an angular part, and other impossible models.
     """
-    found: Made | None = model._made
+    found: LibraryModel | None = model._library
     if found is None:
-        before: Made | None = model._before
-        found = None if before is None else _edited(model, before)
+        before: LibraryModel | None = model._library_before
+        found = None if before is None else _updated(model, before)
         if found is None:
-            found = _made(model)
-            model._placed = None
-        model._made = model._before = found
+            found = _assembled(model)
+            model._frame_placements = None
+        model._library = model._library_before = found
     return found
 
 
-def placed(model: Model) -> Placed:
-    """The model's frames, gathered again if one was written since. Raises ModelError for one on no joint."""
-    rows = made(model).rows
-    found: Placed | None = model._placed
+def frame_placements(model: Model) -> FramePlacements:
+    """The FramePlacements of a Model, gathered again if a frame was edited. Raises ModelError for one on no joint."""
+    rows = library_model(model).rows
+    found: FramePlacements | None = model._frame_placements
     if found is None:
         for frame in model.frames:
             if not 0 <= frame.parentJoint < model.njoints:
@@ -150,32 +150,32 @@ def placed(model: Model) -> Placed:
                 )
         joints = np.array([frame.parentJoint for frame in model.frames], np.intp)
         placements = np.array([frame.placement._x for frame in model.frames]).reshape(-1, 4, 4)
-        found = model._placed = Placed(joints, rows[joints], placements)
+        found = model._frame_placements = FramePlacements(joints, rows[joints], placements)
     return found
 
 
-def joints_as_frames(model: Model) -> Placed:
-    """The joints, each as a frame where it stands itself."""
-    compiled = made(model)
+def joints_as_frames(model: Model) -> FramePlacements:
+    """The joints as frames: each at the identity on itself."""
+    compiled = library_model(model)
     if compiled.frames is None:
         joints = np.arange(model.njoints)
-        compiled.frames = Placed(joints, compiled.rows, np.tile(np.eye(4), (len(joints), 1, 1)))
+        compiled.frames = FramePlacements(joints, compiled.rows, np.tile(np.eye(4), (len(joints), 1, 1)))
     return compiled.frames
 
 
-def _given(model: Model) -> Given:
+def _numbers_of(model: Model) -> ModelNumbers:
     inertias = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
     placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
-    return Given(inertias, placements, model._arrays["armature"].copy(), model.gravity._x.copy(), strict())
+    return ModelNumbers(inertias, placements, model._arrays["armature"].copy(), model.gravity._x.copy(), strict())
 
 
-def _made(model: Model) -> Made:
+def _assembled(model: Model) -> LibraryModel:
     check_depth_first(model)
     _check_gravity(model)
     links, joints = [_link(ROOT, model.inertias[0])], []
     names = {ROOT}
     ends = [ROOT]  # the link of each joint of the model
-    last = [0]  # the library's joint of each
+    last = [0]  # of each, the library's joint that carries its body
     mimics = False
     for k in range(1, model.njoints):
         joint, parent = model.joints[k], ends[model.parents[k]]
@@ -191,24 +191,25 @@ def _made(model: Model) -> Made:
             X = np.reshape(step.placement, (4, 4))
             if n == 0:
                 X = model.jointPlacements[k].homogeneous @ X
-            freedoms = {"spherical": 3, "floating": 6, "planar": 3}.get(step.kind, 1)
+            freedoms = kind_of(step.kind).nv
             rotor = 0.0 if mimic is not None else _rotor(model.armature[at : at + freedoms])
             at += freedoms
-            made = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, armature=rotor, mimic=mimic)
-            joints.append(make_joint(made))
+            own: dict[str, Any] = {"armature": rotor, "mimic": mimic, "pitch": step.pitch}
+            robot_joint = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, **own)
+            joints.append(make_joint(robot_joint))
             links.append(_link(name, model.inertias[k] if n == len(steps) - 1 else None))
             parent = name
         ends.append(parent)
         last.append(len(joints))
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
     gravity = tuple(model.gravity.linear.tolist())
-    compiled = Compiled(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
-    return Made(compiled, np.array(last, np.intp), _given(model))
+    compiled = SdModel(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
+    return LibraryModel(compiled, np.array(last, np.intp), _numbers_of(model))
 
 
-def _edited(model: Model, before: Made) -> Made | None:
-    """What is made of a model of which only numbers were written since; None if that takes making it anew."""
-    now, then, compiled = _given(model), before.given, before.model
+def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
+    """The LibraryModel after an edit of numbers alone; None if it has to be assembled again."""
+    now, then, compiled = _numbers_of(model), before.numbers, before.model
     if before.joints is not None or compiled.mimic_matrix is not None:
         return None
     _check_gravity(model)
@@ -224,16 +225,16 @@ def _edited(model: Model, before: Made) -> Made | None:
     for k in map(int, np.flatnonzero(moved[1:])):
         joint = model.joints[k + 1]
         rotor = _rotor(now.armature[joint.idx_v : joint.idx_v + joint.nv])
-        given = replace(robot.joints[k], armature=rotor)
+        edited_joint = replace(robot.joints[k], armature=rotor)
         if (now.placements[k + 1] != then.placements[k + 1]).any():
             X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
-            given = replace(given, placement=_pose(X))
-        joints[k] = make_joint(given)
+            edited_joint = replace(edited_joint, placement=_pose(X))
+        joints[k] = make_joint(edited_joint)
     gravity = None if (now.gravity == then.gravity).all() else tuple(now.gravity[:3].tolist())
     norms = None if now.strict == then.strict else not now.strict
     if not links and not joints and gravity is None and norms is None:
         return before
-    return before.edited(edited(compiled, links, joints, gravity, norms), now)
+    return before.with_numbers(edited(compiled, links, joints, gravity, norms), now)
 
 
 def _check_gravity(model: Model) -> None:
@@ -242,7 +243,7 @@ def _check_gravity(model: Model) -> None:
 
 
 def _rotor(armature: Array) -> float | tuple[float, ...]:
-    """Armatures of a joint: one number if they are alike."""
+    """Armatures of a joint: one number if all are equal."""
     rotors = tuple(armature.tolist())
     return rotors[0] if len({*rotors}) == 1 else rotors
 
@@ -254,7 +255,7 @@ def _link(name: str, inertia: Inertia | None) -> Link:
 
 
 def _pose(X: Array) -> tuple[float, ...]:
-    """A placement row by row; rotation entries below 1e-15 are zero."""
+    """A placement row by row; rotation entries below 1e-15 become zero."""
     X = np.array(X)
-    X[:3, :3][abs(X[:3, :3]) < 1e-15] = 0.0
+    clear_rounding(X[:3, :3])
     return tuple(X.ravel().tolist())

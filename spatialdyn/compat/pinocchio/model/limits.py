@@ -1,4 +1,4 @@
-"""The arrays of a Model: limits of its joints, armature, and what else there is a number for each freedom of."""
+"""The arrays of a Model with an entry for each coordinate or velocity: limits, armature, friction ..."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ....errors import ShapeError
 from ..types.arguments import ArgumentError, described
-from ..types.tracked_array import live
+from ..types.tracked_array import tracked
 from .joint import JointModel
 
 Array = NDArray[np.float64]
-NO_LIMIT = float(np.finfo(float).max)  # what Pinocchio writes where addJoint is given no limits
+NO_LIMIT = float(np.finfo(float).max)  # Pinocchio's value for "no limit"
 
-# name -> what addJoint puts there, for each coordinate or velocity
+# name -> default of addJoint, for each coordinate or velocity
 POSITIONS = {"lowerPositionLimit": -NO_LIMIT, "upperPositionLimit": NO_LIMIT, "positionLimitMargin": 0.0}
 VELOCITIES = {
     "lowerEffortLimit": -NO_LIMIT,
@@ -33,13 +33,13 @@ VELOCITIES = {
 ARRAYS = {**POSITIONS, **VELOCITIES}
 FRICTION = ("min_friction", "max_friction", "damping")
 BOTH = ("min_effort", "max_effort", "min_velocity", "max_velocity", "min_config", "max_config")
-LIMITS = {  # the arguments of addJoint behind the name, by how many there are
+LIMITS = {  # limit arguments of addJoint, by their number
     0: (),
     4: ("max_effort", "max_velocity", "min_config", "max_config"),
     9: (*BOTH, *FRICTION),
     10: (*BOTH, "config_limit_margin", *FRICTION),
 }
-PLACES = {
+LIMIT_ARRAYS = {
     "min_config": "lowerPositionLimit",
     "max_config": "upperPositionLimit",
     "config_limit_margin": "positionLimitMargin",
@@ -54,11 +54,11 @@ PLACES = {
 
 
 def _array(name: str, meaning: str) -> Any:
-    """An attribute that is an array of the model's; assigning copies."""
+    """A property for an array of the model; assignment copies."""
 
     def read(self: Arrays) -> Array:
         found: Array = self._arrays[name]
-        return live(found, self._edited) if name == "armature" else found
+        return tracked(found, self._on_edit) if name == "armature" else found
 
     def write(self: Arrays, value: Any) -> None:
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
@@ -66,24 +66,24 @@ def _array(name: str, meaning: str) -> Any:
         n = self.nq if name in POSITIONS else self.nv
         if value.shape not in ((n,), (n, 1)):
             raise ShapeError(f"{name} has shape {value.shape}, expected ({n},)")
-        self._arrays[name][...] = np.asarray(value).reshape(n)  # where those stand who hold it, as in Pinocchio
+        self._arrays[name][...] = np.asarray(value).reshape(n)  # in place: held arrays see it, as in Pinocchio
         if name == "armature":
-            self._made = None
+            self._library = None
 
     return property(read, write, doc=meaning)
 
 
 class Arrays:
-    """The arrays as attributes, and how they grow with a joint."""
+    """The arrays as attributes; a joint appends its entries."""
 
     nq: int
     nv: int
     _arrays: dict[str, Array]
-    _edited: Any
-    _made: Any
+    _on_edit: Any
+    _library: Any
     lowerPositionLimit = _array("lowerPositionLimit", "(nq,) least coordinates.")
     upperPositionLimit = _array("upperPositionLimit", "(nq,) largest coordinates.")
-    positionLimitMargin = _array("positionLimitMargin", "(nq,) distance kept from the limits; without effect.")
+    positionLimitMargin = _array("positionLimitMargin", "(nq,) margin to the limits; without effect.")
     lowerEffortLimit = _array("lowerEffortLimit", "(nv,) least forces of the joints.")
     upperEffortLimit = _array("upperEffortLimit", "(nv,) largest forces of the joints.")
     lowerVelocityLimit = _array("lowerVelocityLimit", "(nv,) least velocities.")
@@ -99,14 +99,14 @@ class Arrays:
     friction = upperDryFrictionLimit
 
     def _extend(self, joint: JointModel, values: Mapping[str, Array]) -> None:
-        """Add the entries of a joint, given by name; for the others what ``addJoint`` puts there."""
+        """Append the entries of a joint, from ``values`` by name, else the defaults."""
         for array, default in ARRAYS.items():
             n = joint.nq if array in POSITIONS else joint.nv
             self._arrays[array] = np.concatenate([self._arrays[array], values.get(array, np.full(n, default))])
 
 
 def limit(joint: str, name: str, value: Any, model: JointModel) -> Array:
-    """A limit of a joint as nq or nv numbers."""
+    """A limit of a joint as (nq,) or (nv,) numbers."""
     if not isinstance(value, np.ndarray):
         raise ArgumentError(f'{name} of joint "{joint}" is {described(value)}, expected an array')
     n = model.nq if "config" in name else model.nv

@@ -15,14 +15,16 @@ from ..types.arguments import ArgumentError, expected
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
-from ..types.tracked_list import Owned
+from ..types.tracked_list import OwnedList
 from .joint import JointModel
 from .joint_tree import Listener, Tree
-from .limits import ARRAYS, LIMITS, PLACES, Arrays, limit
+from .limits import ARRAYS, LIMIT_ARRAYS, LIMITS, Arrays, limit
 from .serialization_format import FORMAT, Stored, fill, state
 
+__all__ = ["Model"]
+
 Array = NDArray[np.float64]
-FIXED = {  # attributes that follow from others, or are lists to be written into
+FIXED = {  # attributes derived from others, and lists whose entries alone are assigned
     "nq", "nv", "nvExtended", "nbodies", "inertias", "joints", "names", "parents", "children", "nqs", "nvs", "idx_qs",
     "idx_vs", "idx_vExtendeds", "nvExtendeds", "mimicking_joints", "mimicked_joints", "mimic_joint_supports",
     "supports", "subtrees",
@@ -30,7 +32,7 @@ FIXED = {  # attributes that follow from others, or are lists to be written into
 
 
 class Configuration(NamedTuple):
-    """An entry of ``referenceConfigurations``, as iterating gives it."""
+    """An entry of ``referenceConfigurations``, as iteration yields it."""
 
     name: str
     q: Array
@@ -45,7 +47,7 @@ class Configuration(NamedTuple):
 
 
 class Configurations(StdMap_String_VectorXd):
-    """Configurations by name; iterating gives pairs, as Pinocchio's map does."""
+    """Configurations by name; iteration yields pairs, as with Pinocchio's map."""
 
     def __iter__(self) -> Iterator[Any]:
         return (Configuration(name, q) for name, q in self.items())
@@ -55,26 +57,26 @@ class Model(Tree, Arrays, Stored):
     """A robot as Pinocchio's Model holds it; see ``Tree`` for its joints.
 
     frames                   list of Frame
-    nframes, nbodies         numbers of frames, and of bodies appended with the universe
+    nframes, nbodies         numbers of frames, and of appended bodies with the universe
     referenceConfigurations  configurations by name
 
-    A model may be edited at any time, and the next call knows: ``model.armature[0] = 1``, ``model.armature = x``,
-    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Its arrays are read-only to what
-    would write past them, such as ``np.asarray(model.armature)[0] = 1``: write to a copy and assign that. What was read
-    before ``addJoint``, and a frame or a joint that was replaced, is no longer the model's: read it again.
+    A model may be edited at any time; the next call sees it: ``model.armature[0] = 1``, ``model.armature = x``,
+    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Writes that bypass the model, as
+    ``np.asarray(model.armature)[0] = 1``, raise ValueError: write to a copy and assign it. Arrays read before
+    ``addJoint``, and frames or joints that were replaced, no longer belong to the model: read them again.
     """
 
     _format = FORMAT
-    createData: Any  # given by the module of Data, which stands on this one
+    createData: Any  # set by data.data, which imports this module
 
     def __init__(self, clone: Model | None = None) -> None:
-        """A model of nothing but the universe, or a copy of another."""
+        """A model with the universe alone, or a copy of another."""
         vars(self).pop("_sealed", None)
         super().__init__()
         self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
-        self._named: dict[str, list[int]] | None = None  # indices of frames by name, None once one is written
-        self.frames: list[Frame] = Owned(Listener(self, "_placed", "_named"), Frame, [universe])
+        self._frames_by_name: dict[str, list[int]] | None = None  # frame indices; None after an edit
+        self.frames: list[Frame] = OwnedList(Listener(self, "_frame_placements", "_frames_by_name"), Frame, [universe])
         self.referenceConfigurations: dict[str, Array] = Configurations()
         self._sealed = True
         if clone is not None:
@@ -85,9 +87,11 @@ class Model(Tree, Arrays, Stored):
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
         if name in ("jointPlacements", "frames") and "_sealed" in vars(self):
             owner, kind = (
-                (self._edited, SE3) if name == "jointPlacements" else (Listener(self, "_placed", "_named"), Frame)
+                (self._on_edit, SE3)
+                if name == "jointPlacements"
+                else (Listener(self, "_frame_placements", "_frames_by_name"), Frame)
             )
-            value = Owned(owner, kind, value)
+            value = OwnedList(owner, kind, value)
             owner.changed()
         super().__setattr__(name, value)
 
@@ -103,14 +107,14 @@ class Model(Tree, Arrays, Stored):
     ) -> int:
         """Add a joint; returns its index.
 
-        parent_id        index of the joint that carries it
-        joint_model      of which a copy is kept
+        parent_id        index of the parent joint
+        joint_model      copied
         joint_placement  SE3 in the parent's frame
-        limits           nothing; max_effort, max_velocity, min_config, max_config; or min_effort, max_effort,
+        limits           none; max_effort, max_velocity, min_config, max_config; or min_effort, max_effort,
                          min_velocity, max_velocity, min_config, max_config, [config_limit_margin,] min_friction,
                          max_friction, damping: arrays of the joint's nq or nv numbers
 
-        Raises ModelError for an index that is no joint's, ShapeError naming a limit, ArgumentError.
+        Raises ModelError for an index that is not a joint's, ShapeError naming a limit, ArgumentError.
         """
         parent = self._check_joint(parent_id)
         expected(joint_model, JointModel, "joint_model")
@@ -120,21 +124,21 @@ class Model(Tree, Arrays, Stored):
         if names is None or not {*names[len(limits) :]} >= {*named}:
             raise ArgumentError(f"addJoint got {len(limits) + len(named)} limits, expected 0, 4, 9 or 10")
         given = {**dict(zip(names, limits, strict=False)), **named}
-        values = {PLACES[name]: limit(joint_name, name, value, joint_model) for name, value in given.items()}
-        if len(given) == 4:  # Pinocchio writes the largest velocity for the least, too
+        values = {LIMIT_ARRAYS[name]: limit(joint_name, name, value, joint_model) for name, value in given.items()}
+        if len(given) == 4:  # Pinocchio writes lowerVelocityLimit = upperVelocityLimit
             values |= {f"lower{kind}Limit": -values[f"upper{kind}Limit"] for kind in ("Effort", "Velocity")}
         return self._add(parent, joint_model, joint_placement, joint_name, values)
 
     def _add(self, parent: int, joint: JointModel, placement: SE3, name: str, values: Mapping[str, Array]) -> int:
-        """Add a joint whose entries of the model's arrays are given by name; returns its index."""
-        index = self._hang(parent, joint, placement, name)
+        """Add a joint with its entries of the model's arrays by name; returns its index."""
+        index = self._append_joint(parent, joint, placement, name)
         self._extend(joint, values)
         return index
 
     def addFrame(self, frame: Frame, append_inertia: bool = True) -> int:
-        """Add a frame, and its inertia to what its joint carries; returns its index.
+        """Add a frame, and its inertia to its joint's; returns its index.
 
-        A frame of the same name and type is not added again. Raises ModelError for a parent that is not there.
+        A frame of the same name and type is not added again. Raises ModelError for a parent that does not exist.
         """
         expected(frame, Frame, "frame")
         joint = self._check_joint(frame.parentJoint)
@@ -146,18 +150,18 @@ class Model(Tree, Arrays, Stored):
         if found is not None:
             return found
         if append_inertia:
-            self._load(joint, frame.inertia, frame.placement)
+            self._add_inertia(joint, frame.inertia, frame.placement)
         self.frames.append(frame)
         return self.nframes - 1
 
     def addJointFrame(self, joint_id: int, frame_id: int = 0) -> int:
-        """Add the frame of a joint, behind a frame (-1: the frame of the joint's parent); returns its index."""
+        """Add a joint's frame with a parent frame (-1: that of the parent joint); returns its index."""
         joint = self._check_joint(joint_id)
         before = frame_id if frame_id >= 0 else self._frame_of(self.parents[joint])
         return self.addFrame(Frame(self.names[joint], joint, before, SE3.Identity(), JOINT))
 
     def addBodyFrame(self, body_name: str, parentJoint: int, body_placement: SE3, previous_frame: int = -1) -> int:
-        """Add the frame of a body on a joint, behind a frame (-1: the joint's); returns its index."""
+        """Add a body's frame on a joint with a parent frame (-1: the joint's); returns its index."""
         joint = self._check_joint(parentJoint)
         before = previous_frame if previous_frame >= 0 else self._frame_of(joint)
         return self.addFrame(Frame(body_name, joint, before, body_placement, BODY))
@@ -171,9 +175,9 @@ class Model(Tree, Arrays, Stored):
     # --- names ---------------------------------------------------------------------------------------------
 
     def _frames(self, name: str, kinds: int) -> list[int]:
-        named = self._named
+        named = self._frames_by_name
         if named is None:
-            named = self._named = {}
+            named = self._frames_by_name = {}
             for k, frame in enumerate(self.frames):
                 named.setdefault(frame.name, []).append(k)
         frames = self.frames
@@ -189,8 +193,8 @@ class Model(Tree, Arrays, Stored):
     def getFrameId(self, name: str, type: int = ANY_FRAME) -> int:
         """Index of the frame of that name and type.
 
-        nframes if there is none. Raises ModelError, a ValueError, if there are several, and in strict mode if there is
-        none.
+        Returns nframes if there is none. Raises ModelError, a ValueError, if there are several, and in strict mode if
+        there is none.
         """
         found = self._frame(expected(name, str, "frame name"), type)
         if found is None and strict():
@@ -227,19 +231,19 @@ class Model(Tree, Arrays, Stored):
         return bool(data.model is self or (len(data.oMi), len(data.oMf)) == (self.njoints, self.nframes))
 
     def hasConfigurationLimit(self) -> list[bool]:
-        """For each coordinate whether it can have a limit."""
+        """Whether each coordinate can have a limit."""
         return [has for joint in self.joints[1:] for has in joint.hasConfigurationLimit]
 
     def hasConfigurationLimitInTangent(self) -> list[bool]:
-        """For each velocity whether its coordinate can have a limit."""
+        """Whether the coordinate of each velocity can have a limit."""
         return [has for joint in self.joints[1:] for has in joint.hasConfigurationLimitInTangent]
 
     def copy(self) -> Model:
-        """An equal model of its own."""
+        """An independent copy."""
         return Model(self)
 
     def cast(self) -> Model:
-        """A copy: there is one type of number."""
+        """A copy: the only scalar type is float64."""
         return Model(self)
 
     def __copy__(self) -> Model:
@@ -263,7 +267,7 @@ class Model(Tree, Arrays, Stored):
 
 
 def _restored(given: Mapping[str, Any]) -> Model:
-    """The model of a state."""
+    """The Model of a serialized state."""
     model = Model()
     fill(model, given)
     return model

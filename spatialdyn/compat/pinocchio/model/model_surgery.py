@@ -1,4 +1,4 @@
-"""Models made of models: ``buildReducedModel``, ``transformJointIntoMimic``, ``appendModel``."""
+"""Models built from models: ``buildReducedModel``, ``transformJointIntoMimic``, ``appendModel``."""
 
 from __future__ import annotations
 
@@ -17,17 +17,19 @@ from .joint_mimic import JointModelMimic
 from .limits import POSITIONS
 from .model import Model
 
+__all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]
+
 Array = NDArray[np.float64]
 
 
 def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
-    """A model with some joints frozen: what they carry hangs on the joint before them, their frames stay.
+    """A model with some joints locked: their bodies move to the parent joint, their frames stay.
 
-    geom_model               a GeometryModel or a list of them, which is then returned with the model; may be left out
+    geom_model               optional GeometryModel or list of them, returned with the model
     list_of_joints_to_lock   indices of joints
-    reference_configuration  (nq,) where they are frozen
+    reference_configuration  (nq,) at which they are locked
 
-    Raises ModelError for an index that is no joint's or stands twice, or of a joint that another one mimics;
+    Raises ModelError for an index that is not a joint's or occurs twice, or of a joint that another one mimics;
     ShapeError.
     """
     names = ["list_of_joints_to_lock", "reference_configuration"]
@@ -70,7 +72,7 @@ def transformJointIntoMimic(
 ) -> Model:
     """A model in which one joint follows another: q = scaling q' + offset.
 
-    Raises ModelError unless both have one coordinate and the one that is followed comes first.
+    Raises ModelError unless both have one coordinate and the leader comes first.
     """
     expected(input_model, Model, "input_model")
     leader, follower = input_model._check_joint(index_mimicked), input_model._check_joint(index_mimicking)
@@ -85,10 +87,10 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
     """A model in which the universe of B is fixed to a frame of A.
 
     frame_in_modelA  index of the frame
-    aMb              SE3, where B's universe stands in it
+    aMb              SE3, pose of B's universe in it
 
-    B's joints stand behind those that the frame's joint carries, so that all are depth first. Gravity is that of A.
-    Raises ModelError for a frame that is not there, or a name that both have.
+    B's joints come after the subtree of the frame's joint, so that all are depth first. Gravity is that of A.
+    Raises ModelError for a missing frame, or a name that both have.
     """
     expected(modelA, Model, "modelA")
     expected(modelB, Model, "modelB")
@@ -98,27 +100,27 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
     _check_names(modelA, modelB)
     at = modelA.frames[int(frame_in_modelA)]
     last = max([at.parentJoint, *modelA.subtrees[at.parentJoint]])
-    whole = _like(modelA)
+    whole = _empty_like(modelA)
     A, B = _Part(modelA), _Part(modelB)
-    whole._load(0, modelA.inertias[0], None)
-    _take_frames(whole, A, 0)
+    whole._add_inertia(0, modelA.inertias[0], None)
+    _copy_frames(whole, A, 0)
     for k in range(modelA.njoints):
         if k:
-            _take(whole, A, k)
+            _copy_joint(whole, A, k)
         if k == last:
             carrier = A.carriers[at.parentJoint]
             B.carriers[0] = _Carrier(carrier.joint, carrier.placement * at.placement * aMb)
             B.frames[0] = A.frames[int(frame_in_modelA)]
-            whole._load(carrier.joint, modelB.inertias[0], B.carriers[0].placement)
-            _take_frames(whole, B, 0)
+            whole._add_inertia(carrier.joint, modelB.inertias[0], B.carriers[0].placement)
+            _copy_frames(whole, B, 0)
             for j in range(1, modelB.njoints):
-                _take(whole, B, j)
+                _copy_joint(whole, B, j)
     vars(whole)["nbodies"] = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
     for name in dict.fromkeys([*modelA.referenceConfigurations.keys(), *modelB.referenceConfigurations.keys()]):
         q = np.array([x for joint in whole.joints[1:] for x in joint.neutral()])
         for part in (A, B):
             if name in part.model.referenceConfigurations:
-                _place(whole, part, q, part.model.referenceConfigurations[name])
+                _copy_coordinates(whole, part, q, part.model.referenceConfigurations[name])
         whole.referenceConfigurations[name] = q
     return whole
 
@@ -127,14 +129,14 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
 
 
 class _Carrier(NamedTuple):
-    """What carries a joint's body in the new model, and where its frame stands there."""
+    """The joint that carries a body in the new model, and the body's placement on it."""
 
     joint: int
     placement: SE3
 
 
 class _Part:
-    """A model that is being copied: what carries each joint's body by now, and what its frames have become."""
+    """A model that is being copied: old joint -> carrier, old frame -> new index."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -142,15 +144,15 @@ class _Part:
         self.frames = {0: 0}
 
 
-def _like(model: Model) -> Model:
-    """A model of nothing, with the name and gravity of another."""
+def _empty_like(model: Model) -> Model:
+    """An empty model with the name and gravity of another."""
     made = Model()
     made.name, made.gravity = model.name, model.gravity
     return made
 
 
-def _take(whole: Model, part: _Part, k: int, joint: JointModel | None = None) -> None:
-    """Copy joint k, or another in its place, with its inertia and its frames."""
+def _copy_joint(whole: Model, part: _Part, k: int, joint: JointModel | None = None) -> None:
+    """Copy joint k, or its replacement, with its inertia and frames."""
     model, given = part.model, part.model.joints[k]
     carrier = part.carriers[model.parents[k]]
     new = given if joint is None else joint
@@ -162,11 +164,11 @@ def _take(whole: Model, part: _Part, k: int, joint: JointModel | None = None) ->
     index = whole._add(carrier.joint, new, carrier.placement * model.jointPlacements[k], model.names[k], values)
     whole.inertias[index] = model.inertias[k]
     part.carriers[k] = _Carrier(index, SE3.Identity())
-    _take_frames(whole, part, k)
+    _copy_frames(whole, part, k)
 
 
-def _take_frames(whole: Model, part: _Part, k: int) -> None:
-    """Copy the frames of joint k but for the universe's, whose inertias its body has already."""
+def _copy_frames(whole: Model, part: _Part, k: int) -> None:
+    """Copy the frames of joint k but the universe's; the joint's inertia contains theirs already."""
     carrier = part.carriers[k]
     for at, frame in enumerate(part.model.frames):
         if frame.parentJoint == k and at:
@@ -177,8 +179,8 @@ def _take_frames(whole: Model, part: _Part, k: int) -> None:
             )
 
 
-def _place(whole: Model, part: _Part, q: Array, given: Array) -> None:
-    """Write the coordinates of a model that was copied to their places in the whole's."""
+def _copy_coordinates(whole: Model, part: _Part, q: Array, given: Array) -> None:
+    """Copy a part's configuration to its entries of the whole's."""
     for k in range(1, part.model.njoints):
         old, new = part.model.joints[k], whole.joints[part.carriers[k].joint]
         q[new.idx_q : new.idx_q + new.nq] = given[old.idx_q : old.idx_q + new.nq]
@@ -195,18 +197,18 @@ def _check_names(A: Model, B: Model) -> None:
 
 
 def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, JointModel]) -> Model:
-    """A model with some joints frozen at a pose, others replaced; frames keep their indices."""
-    whole, part = _like(model), _Part(model)
-    whole._load(0, model.inertias[0], None)
+    """A model with some joints locked at a pose, others replaced; frames keep their indices."""
+    whole, part = _empty_like(model), _Part(model)
+    whole._add_inertia(0, model.inertias[0], None)
     kept = [k for k in range(1, model.njoints) if k not in locked]
     for k in range(1, model.njoints):
         if k in locked:
             carrier = part.carriers[model.parents[k]]
             X = carrier.placement * model.jointPlacements[k] * locked[k]
             part.carriers[k] = _Carrier(carrier.joint, X)
-            whole._load(carrier.joint, model.inertias[k], X)
+            whole._add_inertia(carrier.joint, model.inertias[k], X)
         else:
-            _take(whole, part, k, replaced.get(k))
+            _copy_joint(whole, part, k, replaced.get(k))
     del whole.frames[1:]
     for frame in model.frames[1:]:
         carrier, X = part.carriers[frame.parentJoint], part.carriers[frame.parentJoint].placement * frame.placement

@@ -1,4 +1,4 @@
-"""The sample models: a manipulator, a humanoid of five of them, and a humanoid of random shape."""
+"""The sample models: a manipulator, a humanoid, and a humanoid with random bodies."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from .joints_compound import (
 from .joints_one_axis import JointModelRX, JointModelRY, JointModelRZ
 from .model import Model
 
+__all__ = ["buildSampleModelHumanoid", "buildSampleModelHumanoidRandom", "buildSampleModelManipulator"]
+
 ANGLE, MOST = 3.14, 10.0  # limits of angles, and of torques and velocities
 SCALING, OFFSET = 2.5, 0.75  # of the joint that mimics
 SMALL = (0.1, 0.0, 0.01)  # mass, height of the centre of mass, moments
@@ -35,7 +37,7 @@ def buildSampleModelManipulator(mimic: bool = False) -> Model:
 
 
 def buildSampleModelHumanoid(using_free_flyer: bool = True) -> Model:
-    """A humanoid of 28 joints behind its root, which is a free flyer or a translation and three angles."""
+    """A humanoid of 28 joints and its root, a free flyer or a translation and three angles."""
     model = Model()
     root = _root(model, using_free_flyer)
     model.appendBodyToJoint(root, _body(SMALL), SE3.Identity())
@@ -53,7 +55,7 @@ def buildSampleModelHumanoid(using_free_flyer: bool = True) -> Model:
 
 
 def buildSampleModelHumanoidRandom(using_free_flyer: bool = True, mimic: bool = False) -> Model:
-    """A humanoid of 26 joints behind its root with random placements, bodies and limits; see ``seed``."""
+    """A humanoid of 26 joints and its root with random placements, bodies and limits; see ``seed``."""
     model = Model()
     root = _root(model, using_free_flyer)
     if using_free_flyer:
@@ -97,7 +99,7 @@ def _root(model: Model, free_flyer: bool) -> int:
 
 
 def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = False) -> None:
-    """A shoulder of three joints, an elbow, and a wrist of two."""
+    """Add a shoulder of three joints, an elbow, and a wrist of two."""
     at = _link(model, parent, JointModelRX(), f"{prefix}shoulder1", placement, SMALL)
     at = _link(model, at, JointModelRY(), f"{prefix}shoulder2", SE3.Identity(), SMALL)
     at = _link(model, at, JointModelRZ(), f"{prefix}shoulder3", SE3.Identity(), None)
@@ -115,7 +117,7 @@ def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = F
 def _link(
     model: Model, parent: int, joint: JointModel, name: str, placement: SE3, body: tuple[float, float, float] | None
 ) -> int:
-    """A joint with its frame, a body frame and perhaps a body."""
+    """Add a joint, its frame, a body frame and, if given, a body; returns the joint."""
     most, angle = np.full(joint.nv, MOST), np.full(joint.nq, ANGLE)
     index = model.addJoint(parent, joint, placement, f"{name}_joint", most, most, -angle, angle)
     model.addJointFrame(index, -1)
@@ -126,7 +128,7 @@ def _link(
 
 
 def _bar(model: Model, joint: int, name: str) -> None:
-    """A body of 1 kg along a joint's z axis, and its frame."""
+    """Add a body of 1 kg along a joint's z axis, and its frame."""
     model.appendBodyToJoint(joint, _body(LARGE), SE3.Identity())
     before = model.getFrameId(model.names[joint])
     model.addFrame(Frame(f"{name}_body", joint, before, SE3.Identity(), BODY))

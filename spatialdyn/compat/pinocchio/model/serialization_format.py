@@ -1,7 +1,6 @@
-"""Models and data as text and back: the library's own format, which is JSON; XML and binary files wrap it.
+"""Models and data as text and back, in a JSON format of this library; XML and binary files wrap it.
 
-What is stored are plain numbers and names, and reading them runs nothing that they contain. Pinocchio's archives are
-not read.
+Files hold plain numbers and names; reading one runs no code. Pinocchio's archives are not read.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ FORMAT = "spatialdyn.compat.pinocchio model 1"
 
 
 def state(model: Any) -> dict[str, Any]:
-    """All that makes a model, as lists of numbers and names."""
+    """A model as lists of numbers and names."""
     return {
         "format": FORMAT,
         "name": model.name,
@@ -64,14 +63,14 @@ def state(model: Any) -> dict[str, Any]:
 
 
 def fill(model: Any, given: Mapping[str, Any]) -> None:
-    """Make a model what a state says."""
+    """Set a model to a state."""
     model.__init__()
     model.name = given["name"]
     model.gravity = _value(Motion, given["gravity"])
     for k, entry in enumerate(given["joints"]):
         if k:
             made = _joint(entry["joint"])
-            model._hang(entry["parent"], made, _value(SE3, entry["placement"]), entry["name"])
+            model._append_joint(entry["parent"], made, _value(SE3, entry["placement"]), entry["name"])
         model.names[k] = entry["name"]
         model.jointPlacements[k] = _value(SE3, entry["placement"])
         model.inertias[k] = _value(Inertia, entry["inertia"])
@@ -136,9 +135,9 @@ def _joint(given: Mapping[str, Any]) -> JointModel:
 
 
 class Stored:
-    """The methods of a Model or a Data that store it and read it again.
+    """Save and load methods of Model and Data.
 
-    It says what it is by ``_state()``, a dict with a ``"format"`` of its own, and becomes that again by ``_become``.
+    ``_state()`` gives a dict with a ``"format"``, ``_become(state)`` takes one over.
     """
 
     _format: str
@@ -146,28 +145,28 @@ class Stored:
     _become: Any
 
     def saveToString(self) -> str:
-        """All of it as text."""
+        """The state as text."""
         return json.dumps(self._state())
 
     def loadFromString(self, string: str) -> None:
-        """Become what a text says. Raises SpatialDynError if that is none of its kind."""
+        """Take over the state in a text. Raises SpatialDynError if it holds none of this kind."""
         _load(self, string, "the text")
 
     def saveToText(self, filename: str | os.PathLike[str]) -> None:
-        """Write it to a text file."""
+        """Write the state to a text file."""
         Path(filename).write_text(self.saveToString(), encoding="utf-8")
 
     def loadFromText(self, filename: str | os.PathLike[str]) -> None:
-        """Become what a text file says. Raises SpatialDynError if that is none of its kind."""
+        """Take over the state in a text file. Raises SpatialDynError if it holds none of this kind."""
         _load(self, _read(filename).decode("utf-8", errors="replace"), filename)
 
     def saveToXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
-        """Write it to an XML file of one element."""
+        """Write the state to an XML file of one element."""
         text = f'<?xml version="1.0" encoding="utf-8"?>\n<{tag_name}>{escape(self.saveToString())}</{tag_name}>\n'
         Path(filename).write_text(text, encoding="utf-8")
 
     def loadFromXML(self, filename: str | os.PathLike[str], tag_name: str) -> None:
-        """Become what an XML file's element says. Raises SpatialDynError if that is none of its kind."""
+        """Take over the state in an XML file. Raises SpatialDynError if it holds none of this kind."""
         text = _read(filename).decode("utf-8", errors="replace")
         _, found, rest = text.partition(f"<{tag_name}>")
         if not found:
@@ -175,11 +174,11 @@ class Stored:
         _load(self, unescape(rest.partition(f"</{tag_name}>")[0]), filename)
 
     def saveToBinary(self, filename: str | os.PathLike[str]) -> None:
-        """Write it to a binary file."""
+        """Write the state to a binary file."""
         Path(_path(filename)).write_bytes(zlib.compress(self.saveToString().encode()))
 
     def loadFromBinary(self, filename: str | os.PathLike[str]) -> None:
-        """Become what a binary file says. Raises SpatialDynError if that is none of its kind."""
+        """Take over the state in a binary file. Raises SpatialDynError if it holds none of this kind."""
         try:
             text = zlib.decompress(_read(_path(filename))).decode()
         except (zlib.error, UnicodeDecodeError):
@@ -203,7 +202,7 @@ def _read(filename: Any) -> bytes:
 
 
 def _load(one: Any, text: str, source: Any) -> None:
-    """Become what a text says, or stay as it was."""
+    """Take over the state in a text; unchanged if that fails."""
     kind = one._format.split()[-2]
     try:
         given = json.loads(text)

@@ -1,4 +1,4 @@
-"""What an SRDF file adds to a model: reference configurations and the rotors of the motors.
+"""SRDF files: reference configurations and rotor parameters of a model.
 
 lxml is imported inside the function that parses.
 """
@@ -18,14 +18,16 @@ from ..types.arguments import ArgumentError, described, expected
 from .joint import JointModel
 from .model import Model
 
+__all__ = ["loadReferenceConfigurations", "loadReferenceConfigurationsFromXML", "loadRotorParameters"]
+
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
 def loadReferenceConfigurations(model: Model, srdf_filename: Any, verbose: bool = False) -> None:
     """Read the configurations of an SRDF file into ``model.referenceConfigurations``.
 
-    A joint of the file that the model has not is left out, as the file may serve several models; one of the model that
-    the file leaves out is neutral. Nothing is printed whatever ``verbose``.
+    Joints of the file that the model does not have are ignored, for a file may serve several models; joints of the
+    model that the file does not name are neutral. ``verbose`` has no effect.
 
     Raises UrdfError naming file, line and value.
     """
@@ -33,15 +35,15 @@ def loadReferenceConfigurations(model: Model, srdf_filename: Any, verbose: bool 
 
 
 def loadReferenceConfigurationsFromXML(model: Model, srdf_xml_stream: str, verbose: bool = False) -> None:
-    """Read the configurations of SRDF text; see ``loadReferenceConfigurations``."""
+    """Read the configurations of SRDF text, as ``loadReferenceConfigurations`` does."""
     _configurations(model, "<text>", expected(srdf_xml_stream, str, "srdf_xml_stream").encode())
 
 
 def loadRotorParameters(model: Model, srdf_filename: Any, verbose: bool = False) -> bool:
     """Read the rotors of an SRDF file into ``rotorInertia``, ``rotorGearRatio`` and ``armature``.
 
-    A rotor adds its inertia times the square of its ratio to the armature of its joint; one that the model had before
-    goes, so that reading a file twice changes nothing. Returns True.
+    A rotor adds its inertia times its squared ratio to the armature of its joint, in place of the rotor that the model
+    had before: reading a file twice changes nothing. Returns True.
 
     Raises UrdfError naming file, line and value, or a file without rotors.
     """
@@ -100,7 +102,7 @@ def _configurations(model: Model, label: str, text: bytes) -> None:
 
 
 def _joints(model: Model, element: Any) -> Iterator[JointModel]:
-    """The model's joint of an element's name, if there is one with coordinates."""
+    """The joint that an element names, if the model has it and it has coordinates."""
     name = element.get("name")
     if name in model.names[1:]:
         joint = model.joints[model.names.index(name)]

@@ -1,4 +1,4 @@
-"""What the constructors and methods of the face take: arrays of given sizes, and the errors if they are not."""
+"""Argument checks of constructors and methods, and their errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NUMBERS = "fiub"  # kinds of dtype that become float64
 
 
 class ArgumentError(SpatialDynError, TypeError):
-    """An argument of a type or size that the call does not take; Boost.Python's is a TypeError."""
+    """An argument of a wrong type or size; a TypeError, as from Boost.Python."""
 
 
 class ValueRuntimeError(SpatialDynError, RuntimeError):
@@ -27,10 +27,10 @@ class RangeError(SpatialDynError, IndexError, OverflowError):
 
 
 def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
-    """A new float64 array of that shape; a column (n, 1) passes for (n,)."""
+    """A new float64 array of that shape; a column (n, 1) is taken for (n,)."""
     if isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS and not masked(value):
         made = np.empty(shape)
-        value = np.asarray(value)  # an np.matrix keeps two axes whatever is taken of it
+        value = np.asarray(value)  # a slice of an np.matrix keeps two axes
         if value.shape == shape:
             made[...] = value
             return made
@@ -41,7 +41,7 @@ def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
 
 
 def described(value: Any) -> str:
-    """A value in few words."""
+    """A value by type, shape and dtype, for error messages."""
     if isinstance(value, np.ndarray):
         if masked(value):
             return "a masked array, whose mask would be lost"
@@ -50,14 +50,14 @@ def described(value: Any) -> str:
 
 
 def expected(value: Any, kind: type, what: str) -> Any:
-    """The value, which has to be of that type."""
+    """The value itself. Raises ArgumentError if it is not of that type."""
     if not isinstance(value, kind):
         raise ArgumentError(f"{what} is {described(value)}, expected {kind.__name__}")
     return value
 
 
 def number(value: Any, what: str) -> float:
-    """A real number as Boost.Python takes one: int, float and what derives from them."""
+    """A real number as Boost.Python takes one: int, float and their subclasses."""
     if not isinstance(value, (int, float, np.floating, np.integer)):
         raise ArgumentError(f"{what} is {described(value)}, expected a number")
     return float(value)

@@ -1,4 +1,4 @@
-"""Lists whose entries are the rows of one array: what a Data shows of its joints and frames."""
+"""Lists whose entries are views of the rows of one array: Data's fields of joints and frames."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Array = NDArray[np.float64]
 
 
 class Rows(Sequence[Any]):
-    """A list of values that are views of the rows of an array; writing an entry copies into its row.
+    """A list whose entries are views of the rows of an array; assigning an entry copies into its row.
 
     kind  SE3, Motion, Force or Inertia; None for plain arrays, which are numbers if the array has one axis
     """
 
-    __slots__ = ("_kind", "_made", "array")
+    __slots__ = ("_kind", "_views", "array")
 
     def __init__(self, array: Array, kind: Any = None) -> None:
         self.array, self._kind = array, kind
-        self._made: list[Any] = [None] * len(array)  # the values that were asked for: views stay what they are
+        self._views: list[Any] = [None] * len(array)  # views of rows, made at the first read
 
     def __len__(self) -> int:
         return len(self.array)
@@ -31,9 +31,9 @@ class Rows(Sequence[Any]):
             return [self[k] for k in range(*at.indices(len(self)))]
         if self._kind is None:
             return self.array[at]
-        found = self._made[at]
+        found = self._views[at]
         if found is None:
-            found = self._made[at] = self._kind.over(self.array[at])
+            found = self._views[at] = self._kind.over(self.array[at])
         return found
 
     def __setitem__(self, at: int, value: Any) -> None:
@@ -43,7 +43,7 @@ class Rows(Sequence[Any]):
         return (self[k] for k in range(len(self.array)))
 
     def write(self, values: Iterable[Any]) -> None:
-        """Copy other values into all rows."""
+        """Copy values into all rows."""
         given = list(values)
         if len(given) != len(self.array):
             raise ValueError(f"{len(given)} values were given for a list of {len(self.array)}")
@@ -59,7 +59,7 @@ class Rows(Sequence[Any]):
         return [x if isinstance(x, float) else x.copy() for x in self]
 
     def id(self) -> int:
-        """A number that tells this list from others."""
+        """The identity of this object."""
         return id(self)
 
     def __eq__(self, other: object) -> Any:

@@ -1,4 +1,4 @@
-"""Lists of one type, as Pinocchio's vectors of C++: what is put in is copied, what is read can be written in place."""
+"""Lists of one type, as Pinocchio's std::vector bindings: values put in are copied, entries can be written in place."""
 
 from __future__ import annotations
 
@@ -13,20 +13,28 @@ from .inertia import Inertia
 from .motion import Force, Motion
 from .se3 import SE3
 from .symmetric import Symmetric3
-from .tracked_list import Owned
+from .tracked_list import OwnedList
+
+__all__ = [
+    "StdMap_String_VectorXd", "StdVec_Bool", "StdVec_BooleanVector", "StdVec_Double", "StdVec_EigenIndex",
+    "StdVec_EigenIndexVector", "StdVec_Force", "StdVec_Frame", "StdVec_Index", "StdVec_IndexVector",
+    "StdVec_Inertia", "StdVec_Matrix6", "StdVec_Matrix6x", "StdVec_MatrixXs", "StdVec_Motion", "StdVec_SE3",
+    "StdVec_Scalar", "StdVec_StdString", "StdVec_StdVec_Int", "StdVec_Symmetric3", "StdVec_Vec3s", "StdVec_Vector3",
+    "StdVec_int",
+]  # fmt: skip
 
 
-class _Nobody:
-    """The owner of lists that belong to nobody."""
+class _NoOwner:
+    """The owner of lists without an owner."""
 
     def changed(self) -> None:
-        """Nobody to tell."""
+        """Do nothing."""
 
 
-NOBODY = _Nobody()
+NO_OWNER = _NoOwner()
 
 
-class StdVec(Owned[Any]):
+class StdVec(OwnedList[Any]):
     """A list of values of one type: ``StdVec_Force(values)``, ``StdVec_Force(count, value)``, ``StdVec_Force()``."""
 
     kind: type | tuple[type, ...] = object
@@ -36,7 +44,7 @@ class StdVec(Owned[Any]):
             values = [self._default() if value is None else value for _ in range(values)]
         elif not isinstance(values, Iterable):
             raise ArgumentError(f"values is a {type(values).__name__}, expected values or how many")
-        super().__init__(NOBODY, self.kind, values)
+        super().__init__(NO_OWNER, self.kind, values)
 
     @classmethod
     def _default(cls) -> Any:
@@ -60,7 +68,7 @@ class StdVec(Owned[Any]):
         return self.copy()
 
     def tolist(self, deep_copy: bool = False) -> list[Any]:
-        """The entries, or copies of them, as a plain list."""
+        """The entries, or their copies, as a plain list."""
         return list(self.copy() if deep_copy else self)
 
     def __reduce__(self) -> tuple[Any, ...]:

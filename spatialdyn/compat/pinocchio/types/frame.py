@@ -8,11 +8,17 @@ from typing import Any
 from .arguments import ArgumentError, expected
 from .inertia import Inertia
 from .se3 import SE3
-from .tracked_list import owned
+from .tracked_list import owned_copy
+
+__all__ = [
+    "ACCELERATION", "ARG0", "ARG1", "ARG2", "ARG3", "ARG4", "BODY", "FIXED_JOINT", "JOINT", "LOCAL",
+    "LOCAL_WORLD_ALIGNED", "OP_FRAME", "POSITION", "SENSOR", "VELOCITY", "WORLD", "ArgumentPosition", "Convention",
+    "Frame", "FrameType", "KinematicLevel", "ReferenceFrame",
+]  # fmt: skip
 
 
 class _Members(EnumMeta):
-    """What Boost.Python's enumerations know of their members."""
+    """``names`` and ``values``, as Boost.Python's enumerations have them."""
 
     @property
     def names(cls) -> dict[str, Any]:
@@ -28,7 +34,7 @@ class _Members(EnumMeta):
 
 
 class Enum(IntEnum, metaclass=_Members):
-    """Members print as their name, and combine with | to a plain number."""
+    """An enumeration whose members print as their names; | gives a plain int."""
 
     def __str__(self) -> str:
         return self.name
@@ -38,7 +44,7 @@ class Enum(IntEnum, metaclass=_Members):
 
 
 class FrameType(Enum):
-    """What a frame stands for; values combine to masks: ``FrameType.JOINT | FrameType.FIXED_JOINT``."""
+    """Kind of a frame; values combine to masks: ``FrameType.JOINT | FrameType.FIXED_JOINT``."""
 
     OP_FRAME = 1
     JOINT = 2
@@ -56,7 +62,7 @@ class ReferenceFrame(Enum):
 
 
 class KinematicLevel(Enum):
-    """How many derivatives of the position take part."""
+    """Highest derivative of the position that is computed."""
 
     POSITION = 0
     VELOCITY = 1
@@ -64,14 +70,14 @@ class KinematicLevel(Enum):
 
 
 class Convention(Enum):
-    """The frame in which Pinocchio runs a recursion; results are the same."""
+    """The frame in which Pinocchio runs a recursion; it does not change results."""
 
     WORLD = 0
     LOCAL = 1
 
 
 class ArgumentPosition(Enum):
-    """Which argument of a function of a Lie group is meant."""
+    """An argument of a function, by position."""
 
     ARG0 = 0
     ARG1 = 1
@@ -90,11 +96,11 @@ ARG0, ARG1, ARG2, ARG3, ARG4 = ArgumentPosition
 class Frame:
     """A named frame fixed to the body of a joint.
 
-    name, type    what it is called and stands for
+    name, type    str, FrameType
     parentJoint   index of the joint that carries it
-    parentFrame   index of the frame before it in the tree
+    parentFrame   index of the parent frame
     placement     SE3 in the parent joint's frame
-    inertia       of the body that came with it, in the frame
+    inertia       of the frame's body, in the frame
     """
 
     __slots__ = ("_inertia", "_name", "_owner", "_parent", "_placement", "parentFrame", "type")
@@ -127,17 +133,17 @@ class Frame:
         self._parent = int(arguments[1])
         self.parentFrame = int(arguments[2])
         self.type = FrameType(arguments[4])
-        self._placement = owned(arguments[3], self)
-        self._inertia = owned(arguments[5], self)
+        self._placement = owned_copy(arguments[3], self)
+        self._inertia = owned_copy(arguments[5], self)
 
     def changed(self) -> None:
-        """Tell the model that the frame is not what it was."""
+        """Notify the model of a change."""
         if self._owner is not None:
             self._owner.changed()
 
     @property
     def name(self) -> str:
-        """What the frame is called."""
+        """Name of the frame."""
         return self._name
 
     @name.setter
@@ -152,17 +158,17 @@ class Frame:
 
     @placement.setter
     def placement(self, value: SE3) -> None:
-        self._placement = owned(expected(value, SE3, "placement"), self)
+        self._placement = owned_copy(expected(value, SE3, "placement"), self)
         self.changed()
 
     @property
     def inertia(self) -> Inertia:
-        """Of the body that came with the frame, in the frame."""
+        """Inertia of the frame's body, in the frame."""
         return self._inertia
 
     @inertia.setter
     def inertia(self, value: Inertia) -> None:
-        self._inertia = owned(expected(value, Inertia, "inertia"), self)
+        self._inertia = owned_copy(expected(value, Inertia, "inertia"), self)
 
     @property
     def parentJoint(self) -> int:
@@ -174,19 +180,19 @@ class Frame:
         self._parent = int(value)
         self.changed()
 
-    parent = parentJoint  # as Pinocchio 2 and 3 call it
+    parent = parentJoint  # its name in Pinocchio 2 and 3
 
     @property
     def previousFrame(self) -> int:
-        """Index of the frame before it, as Pinocchio 2 called it."""
+        """Index of the parent frame, by its name in Pinocchio 2."""
         return self.parentFrame
 
     def copy(self) -> Frame:
-        """An equal frame that belongs to no model."""
+        """An independent copy that belongs to no model."""
         return Frame(self)
 
     def cast(self) -> Frame:
-        """A copy: there is one type of number."""
+        """A copy: the only scalar type is float64."""
         return Frame(self)
 
     def _content(self) -> tuple[Any, ...]:

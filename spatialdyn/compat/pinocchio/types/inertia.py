@@ -1,4 +1,4 @@
-"""Inertia: a rigid body, kept as mass, centre of mass and rotational inertia about it."""
+"""Inertia: a rigid body as mass, centre of mass and rotational inertia about it."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from .se3 import SE3
 from .symmetric import PLACES
 from .tracked_array import Value
 
+__all__ = ["Inertia"]
+
 Array = NDArray[np.float64]
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 _empty = np.empty
 _add, _sub, _momentum = operator_kernels.add_body, operator_kernels.sub_body, operator_kernels.momentum
-_up, _down, _body = operator_kernels.body_to_parent, operator_kernels.body_to_child, operator_kernels.made_body
+_up, _down, _body = operator_kernels.body_to_parent, operator_kernels.body_to_child, operator_kernels.write_body
 
 
 class Inertia(Value):
     """A rigid body: ``Inertia(mass [kg], lever (3,) [m], inertia (3, 3) [kg m²])``, lever the centre of mass and
     inertia the rotational inertia about it; ``Inertia(other)``.
 
-    ``I + J`` is two bodies made one, ``I * v`` the momentum of a Motion, a Force. ``lever`` is a view that can be
-    written, ``inertia`` a copy. ``Inertia()`` is no body.
+    ``I + J`` is both bodies as one, ``I * v`` the momentum of a Motion, a Force. ``lever`` is a writable view,
+    ``inertia`` a copy. ``Inertia()`` is zero.
     """
 
     __slots__ = ()
@@ -41,7 +43,7 @@ class Inertia(Value):
             self._x = x = _empty(10)
             try:
                 status = _body()(x, mass, lever, inertia)
-            except TypeError:  # not arrays of float64; they may still pass
+            except TypeError:  # not arrays of float64: check and convert below
                 status = operator_kernels.SIZE
             if status:
                 x[:] = _checked(number(mass, "mass"), array(lever, (3,), "lever"), array(inertia, (3, 3), "inertia"))
@@ -56,7 +58,7 @@ class Inertia(Value):
 
     @classmethod
     def Zero(cls) -> Inertia:
-        """No body."""
+        """Zero: mass, lever and inertia."""
         return Inertia.over(np.zeros(10))
 
     @classmethod
@@ -66,7 +68,7 @@ class Inertia(Value):
 
     @classmethod
     def Random(cls) -> Inertia:
-        """A body that can be: 1 to 2 kg spread over a box of up to 2 m, centred within ±1 m, turned at random."""
+        """A random physical body: a box of 1 to 2 kg and up to 2 m a side, centred within ±1 m, in any orientation."""
         made = Inertia.FromBox(1.0 + GENERATOR.random(), *(0.1 + 1.9 * GENERATOR.random(3)))
         return made._to_parent(SE3.Random()._x)
 
@@ -83,13 +85,13 @@ class Inertia(Value):
 
     @staticmethod
     def FromEllipsoid(mass: float, length_x: float, length_y: float, length_z: float) -> Inertia:
-        """An ellipsoid about the origin, given by its half axes."""
+        """An ellipsoid about the origin, by its half axes."""
         xx, yy, zz = (0.2 * mass * length * length for length in (length_x, length_y, length_z))
         return Inertia._at_centre(mass, yy + zz, xx + zz, xx + yy)
 
     @staticmethod
     def FromBox(mass: float, length_x: float, length_y: float, length_z: float) -> Inertia:
-        """A box about the origin, given by its sides."""
+        """A box about the origin, by its sides."""
         xx, yy, zz = (mass * length * length / 12.0 for length in (length_x, length_y, length_z))
         return Inertia._at_centre(mass, yy + zz, xx + zz, xx + yy)
 
@@ -104,7 +106,7 @@ class Inertia(Value):
         """A cylinder of that height along z about the origin, with half a ball at each end."""
         r2 = radius * radius
         tube = mass * height / (height + 4.0 / 3.0 * radius)
-        ends = mass - tube  # the ball that both make
+        ends = mass - tube  # both half balls
         across = tube * (height * height / 12.0 + 0.25 * r2)
         across += ends * (0.4 * r2 + 0.25 * height * height + 0.375 * height * radius)
         return Inertia._at_centre(mass, across, across, r2 * (0.5 * tube + 0.4 * ends))
@@ -124,7 +126,7 @@ class Inertia(Value):
     @property
     def lever(self) -> Array:
         """The centre of mass (3,) [m], a view."""
-        return self._shown(self._x[1:4])
+        return self._view(self._x[1:4])
 
     @lever.setter
     def lever(self, value: Any) -> None:
@@ -183,14 +185,14 @@ class Inertia(Value):
         return made
 
     def vxiv(self, v: Motion) -> Force:
-        """v ×* I v: what keeps a freely moving body on its way."""
+        """v ×* I v: the bias force of a body."""
         out = _empty(6)
-        operator_kernels.pull(self._x, expected(v, Motion, "v")._x, out)
+        operator_kernels.bias_force(self._x, expected(v, Motion, "v")._x, out)
         return Force.over(out)
 
     def vtiv(self, v: Motion) -> float:
         """vᵀ I v: twice the kinetic energy [J]."""
-        return operator_kernels.twice(self._x, expected(v, Motion, "v")._x)  # type: ignore[no-any-return]
+        return operator_kernels.twice_kinetic_energy(self._x, expected(v, Motion, "v")._x)  # type: ignore[no-any-return]
 
     def vxi(self, v: Motion) -> Array:
         """The matrix (6, 6) of v ×* I ·."""
@@ -201,7 +203,7 @@ class Inertia(Value):
         return self.matrix() @ expected(v, Motion, "v").action  # type: ignore[no-any-return]
 
     def variation(self, v: Motion) -> Array:
-        """The rate of change (6, 6) of the matrix of a body that moves with v."""
+        """Rate of change (6, 6) of the matrix of a body that moves with v."""
         return self.vxi(v) - self.ivx(v)
 
     # --- frames --------------------------------------------------------------------------------------------
@@ -219,17 +221,17 @@ class Inertia(Value):
         return made
 
     def se3Action(self, M: SE3) -> Inertia:
-        """The body in the frame M, seen from M's reference: ``M.act(self)``."""
+        """The inertia from the frame M in M's reference frame: ``M.act(self)``."""
         return self._to_parent(expected(M, SE3, "M")._x)
 
     def se3ActionInverse(self, M: SE3) -> Inertia:
-        """The body in M's reference, seen from the frame M: ``M.actInv(self)``."""
+        """The inertia from M's reference frame in the frame M: ``M.actInv(self)``."""
         return self._to_child(expected(M, SE3, "M")._x)
 
     # --- other forms ---------------------------------------------------------------------------------------
 
     def matrix(self) -> Array:
-        """The matrix (6, 6) that makes momenta of motions, about the origin."""
+        """The matrix (6, 6) that maps motions to momenta, about the origin."""
         out = _empty((6, 6))
         operator_kernels.body_matrix(self._x, out)
         return out
@@ -286,25 +288,25 @@ class Inertia(Value):
     # --- the whole -----------------------------------------------------------------------------------------
 
     def setZero(self) -> None:
-        """Make it no body."""
+        """Set it to zero."""
         self._write(0.0)
 
     def setIdentity(self) -> None:
-        """Make it mass 1 at the origin, with rotational inertia 1."""
+        """Set it to mass 1 at the origin with rotational inertia 1."""
         self._write(UNIT)
 
     def setRandom(self) -> None:
-        """Make it a random one; see ``Random``."""
+        """Set it to a random body; see ``Random``."""
         self._write(Inertia.Random()._x)
 
     def isApprox(self, other: Inertia, prec: float = 1e-12) -> bool:
-        """Whether masses, levers and inertias differ by at most prec of their norms."""
+        """Whether masses, levers and inertias each agree to prec of their norms."""
         a, b = self._x, expected(other, Inertia, "other")._x
         parts = ((a[:1], b[:1]), (a[1:4], b[1:4]), (a[4:], b[4:]))
         return all(near(x, y, prec) for x, y in parts)
 
     def isZero(self, prec: float = 1e-12) -> bool:
-        """Whether no number is larger than prec."""
+        """Whether no entry exceeds prec."""
         return bool((abs(self._x) <= prec).all())
 
     def __getinitargs__(self) -> tuple[float, Array, Array]:
@@ -326,7 +328,7 @@ def _restored(x: Array) -> Inertia:
 
 
 def _checked(mass: float, lever: Array, inertia: Array) -> Array:
-    """The ten numbers of a body. Raises if the rotational inertia is not symmetric, or negative."""
+    """The ten numbers of a body. Raises ValueRuntimeError for an inertia not symmetric or negative."""
     x = _empty(10)
     status = _body()(x, mass, lever, inertia)
     if status == operator_kernels.SYMMETRY:

@@ -13,16 +13,18 @@ from .random import uniform
 from .se3 import SE3
 from .tracked_array import Value
 
+__all__ = ["Force", "Motion"]
+
 Array = NDArray[np.float64]
 Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)
-_empty, _vector, _power = np.empty, operator_kernels.made_vector, operator_kernels.power
+_empty, _vector, _power = np.empty, operator_kernels.write_vector, operator_kernels.power
 _cross_motion, _cross_force = operator_kernels.cross_motion, operator_kernels.cross_force
 
 
 class Spatial(Value):
-    """What Motion and Force share: six numbers, sums and multiples."""
+    """Base of Motion and Force: six numbers, sums and multiples."""
 
     __slots__ = ()
     _letters: ClassVar[tuple[str, str]] = ("", "")
@@ -36,7 +38,7 @@ class Spatial(Value):
                 if not _vector()(x, linear, angular):
                     return
             except TypeError:
-                pass  # not arrays of float64; they may still pass below
+                pass  # not arrays of float64: check and convert below
         elif type(linear) is np.ndarray and linear.shape == (6,) and linear.dtype == FLOAT:
             x[:] = linear
             return
@@ -55,12 +57,12 @@ class Spatial(Value):
 
     @classmethod
     def Zero(cls: type[Vector]) -> Vector:
-        """The null vector."""
+        """Zero."""
         return cls.over(np.zeros(6))
 
     @classmethod
     def Random(cls: type[Vector]) -> Vector:
-        """Six numbers in ±1."""
+        """Six random numbers in ±1."""
         return cls.over(uniform(6))
 
     # --- parts ---------------------------------------------------------------------------------------------
@@ -68,7 +70,7 @@ class Spatial(Value):
     @property
     def linear(self) -> Array:
         """The linear part (3,), a view."""
-        return self._shown(self._x[:3])
+        return self._view(self._x[:3])
 
     @linear.setter
     def linear(self, value: Any) -> None:
@@ -78,7 +80,7 @@ class Spatial(Value):
     @property
     def angular(self) -> Array:
         """The angular part (3,), a view."""
-        return self._shown(self._x[3:])
+        return self._view(self._x[3:])
 
     @angular.setter
     def angular(self, value: Any) -> None:
@@ -88,7 +90,7 @@ class Spatial(Value):
     @property
     def vector(self) -> Array:
         """All six numbers, linear first, a view."""
-        return self._shown(self._x[:])
+        return self._view(self._x[:])
 
     @vector.setter
     def vector(self, value: Any) -> None:
@@ -97,7 +99,7 @@ class Spatial(Value):
     @property
     def np(self) -> Array:
         """As ``vector``."""
-        return self._shown(self._x[:])
+        return self._view(self._x[:])
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> Array:
         return self._x.copy() if dtype is None else self._x.astype(dtype)
@@ -170,13 +172,13 @@ class Spatial(Value):
         return made
 
     def se3Action(self: Vector, M: SE3) -> Vector:
-        """The vector of the frame M, seen from M's reference: ``M.act(self)``."""
+        """The vector from the frame M in M's reference frame: ``M.act(self)``."""
         if not isinstance(M, SE3):
             raise ArgumentError(f"M is {described(M)}, expected SE3")
         return self._to_parent(M._x)
 
     def se3ActionInverse(self: Vector, M: SE3) -> Vector:
-        """The vector of M's reference, seen from the frame M: ``M.actInv(self)``."""
+        """The vector from M's reference frame in the frame M: ``M.actInv(self)``."""
         if not isinstance(M, SE3):
             raise ArgumentError(f"M is {described(M)}, expected SE3")
         return self._to_child(M._x)
@@ -184,21 +186,21 @@ class Spatial(Value):
     # --- the whole -----------------------------------------------------------------------------------------
 
     def setZero(self) -> None:
-        """Make it the null vector."""
+        """Set it to zero."""
         self._write(0.0)
 
     def setRandom(self) -> None:
-        """Make it six numbers in ±1."""
+        """Set it to six random numbers in ±1."""
         self._write(uniform(6))
 
     def isApprox(self: Vector, other: Vector, prec: float = 1e-12) -> bool:
-        """Whether both differ by at most prec of their norms."""
+        """Whether both agree to prec of their norms."""
         if not isinstance(other, type(self)):
             raise ArgumentError(f"other is {described(other)}, expected {type(self).__name__}")
         return near(self._x, other._x, prec)
 
     def isZero(self, prec: float = 1e-12) -> bool:
-        """Whether no entry is larger than prec."""
+        """Whether no entry exceeds prec."""
         return bool((abs(self._x) <= prec).all())
 
     def __getinitargs__(self) -> tuple[Array, Array]:

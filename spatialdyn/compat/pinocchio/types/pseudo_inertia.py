@@ -13,17 +13,19 @@ from .rotations import skewSquare
 from .symmetric import PLACES, six
 from .tracked_array import Value
 
+__all__ = ["LogCholeskyParameters", "PseudoInertia"]
+
 Array = NDArray[np.float64]
 
 
 def parameters_of(body: Array) -> Array:
-    """m, m c and the rotational inertia about the origin (10,), of mass, centre and inertia about it (10,)."""
+    """Dynamic parameters (10,): m, m c, inertia about the origin; of a body (10,): m, c, inertia about c."""
     m, c = body[0], body[1:4]
     return np.concatenate([body[:1], m * c, body[4:] - m * six(skewSquare(c, c))])
 
 
 def body_of(parameters: Any) -> Array:
-    """The way back. Raises InertiaError if there is no mass."""
+    """A body (10,) from dynamic parameters (10,). Raises InertiaError for zero mass."""
     p = _ten(parameters)
     if p[0] == 0.0:
         raise InertiaError("mass is 0, expected one that has a centre")
@@ -45,7 +47,7 @@ class PseudoInertia(Value):
     """
 
     __slots__ = ()
-    _body: ClassVar[Any]  # Inertia, which is built upon this module and sets it
+    _body: ClassVar[Any]  # Inertia; set by its module, which imports this one
 
     def __init__(self, mass: Any, h: Any = None, sigma: Any = None) -> None:
         if isinstance(mass, PseudoInertia):
@@ -85,19 +87,19 @@ class PseudoInertia(Value):
 
     @staticmethod
     def FromMatrix(pseudo_inertia_matrix: Any) -> PseudoInertia:
-        """From the matrix (4, 4)."""
+        """The PseudoInertia of a matrix (4, 4)."""
         return PseudoInertia.over(array(pseudo_inertia_matrix, (4, 4), "pseudo_inertia_matrix"))
 
     @staticmethod
     def FromDynamicParameters(dynamic_params: Any) -> PseudoInertia:
-        """From ten parameters as ``Inertia.toDynamicParameters`` gives them."""
+        """The PseudoInertia of ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
         p = _ten(dynamic_params)
         J = p[4:][PLACES]
         return PseudoInertia(float(p[0]), p[1:4], 0.5 * np.trace(J) * np.eye(3) - J)
 
     @staticmethod
     def FromInertia(inertia: Any) -> PseudoInertia:
-        """From an Inertia."""
+        """The PseudoInertia of an Inertia."""
         if not hasattr(inertia, "toDynamicParameters"):
             raise ArgumentError(f"inertia is {described(inertia)}, expected Inertia")
         return PseudoInertia.FromDynamicParameters(inertia.toDynamicParameters())
@@ -110,12 +112,12 @@ class PseudoInertia(Value):
         return self._x.copy() if dtype is None else self._x.astype(dtype)
 
     def toDynamicParameters(self) -> Array:
-        """The ten parameters, as ``Inertia.toDynamicParameters`` gives them."""
+        """The ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
         S = self.sigma
         return np.concatenate([[self.mass], self.h, six(np.trace(S) * np.eye(3) - S)])
 
     def toInertia(self) -> Any:
-        """As an Inertia."""
+        """The Inertia of these parameters."""
         return self._body.FromPseudoInertia(self)
 
     def __getinitargs__(self) -> tuple[float, Array, Array]:
@@ -126,7 +128,7 @@ class PseudoInertia(Value):
 
 
 class LogCholeskyParameters(Value):
-    """Ten numbers without constraint that stand for a physical body: α, d₁, d₂, d₃, s₁₂, s₂₃, s₁₃, t₁, t₂, t₃.
+    """Ten unconstrained numbers of a physical body: α, d₁, d₂, d₃, s₁₂, s₂₃, s₁₃, t₁, t₂, t₃.
 
     The pseudo inertia is e^2α U Uᵀ with U = [e^d₁ s₁₂ s₁₃ t₁; 0 e^d₂ s₂₃ t₂; 0 0 e^d₃ t₃; 0 0 0 1].
     Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia (2022).
@@ -168,20 +170,20 @@ class LogCholeskyParameters(Value):
         return float(np.exp(2.0 * alpha)), U, turned
 
     def toPseudoInertia(self) -> PseudoInertia:
-        """As a PseudoInertia."""
+        """The PseudoInertia of these parameters."""
         scale, U, _ = self._factor()
         return PseudoInertia.over(scale * (U @ U.T))
 
     def toDynamicParameters(self) -> Array:
-        """The ten parameters, as ``Inertia.toDynamicParameters`` gives them."""
+        """The ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
         return self.toPseudoInertia().toDynamicParameters()
 
     def toInertia(self) -> Any:
-        """As an Inertia."""
+        """The Inertia of these parameters."""
         return self._body.FromDynamicParameters(self.toDynamicParameters())
 
     def calculateJacobian(self) -> Array:
-        """The derivatives (10, 10) of the dynamic parameters by the ten numbers."""
+        """Derivatives (10, 10) of the dynamic parameters by the ten numbers."""
         scale, U, turned = self._factor()
         columns = [2.0 * U @ U.T, *(D @ U.T + U @ D.T for D in turned)]
         return np.stack([PseudoInertia.over(scale * P).toDynamicParameters() for P in columns], axis=1)

@@ -9,23 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....algebra.euclidean import Vec, cross
+from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
 from ...native import operator_kernels
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, near, number, row
 from .tracked_array import Value
 
+__all__ = ["AngleAxis", "Quaternion", "XAxis", "YAxis", "ZAxis", "skew", "skewSquare", "unSkew"]
+
 Array = NDArray[np.float64]
-EPS = 2.220446049250313e-16
-OPPOSITE = 1e-12  # directions whose cosine is so near -1 have no plane of their own
+OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
 
 class Quaternion(Value):
     """A quaternion: ``Quaternion(w, x, y, z)``, ``Quaternion(coefficients x y z w (4,))``,
-    ``Quaternion(rotation (3, 3))``, ``Quaternion(angle_axis)``, ``Quaternion(u, v)`` that turns u
+    ``Quaternion(rotation (3, 3))``, ``Quaternion(angle_axis)``, ``Quaternion(u, v)`` that rotates u
     to v, ``Quaternion(other)``.
 
-    ``q * p`` is the rotation p followed by q, ``q * x`` turns a vector (3,). ``Quaternion()`` is the identity.
+    ``q * p`` is the rotation p followed by q, ``q * x`` rotates a vector (3,). ``Quaternion()`` is the identity.
     """
 
     __slots__ = ()
@@ -48,16 +50,16 @@ class Quaternion(Value):
 
     @classmethod
     def Identity(cls) -> Quaternion:
-        """The rotation that turns nothing."""
+        """The identity rotation."""
         return Quaternion()
 
     @staticmethod
     def FromTwoVectors(a: Any, b: Any) -> Quaternion:
-        """The shortest rotation that turns the direction a (3,) to b (3,)."""
+        """The shortest rotation from direction a (3,) to b (3,)."""
         return Quaternion().setFromTwoVectors(a, b)
 
     def setFromTwoVectors(self, a: Any, b: Any) -> Quaternion:
-        """Make it the shortest rotation that turns the direction a (3,) to b (3,); returns it."""
+        """Set it to the shortest rotation from direction a (3,) to b (3,); returns self."""
         a, b = _direction(a, "a"), _direction(b, "b")
         c = float(a @ b)
         if c < OPPOSITE - 1.0:  # half a turn about any normal
@@ -131,49 +133,49 @@ class Quaternion(Value):
         return self
 
     def _transformVector(self, vector: Any) -> Array:
-        """The vector (3,) turned."""
+        """The rotated vector (3,)."""
         return self.matrix() @ array(vector, (3,), "vector")
 
     def conjugate(self) -> Quaternion:
-        """The opposite rotation, of the same norm."""
+        """The conjugate: the inverse rotation, of the same norm."""
         return Quaternion.over(self._x * (-1.0, -1.0, -1.0, 1.0))
 
     def inverse(self) -> Quaternion:
-        """The quaternion whose product with this one is 1; the null quaternion for the null quaternion."""
+        """The inverse quaternion; zero for zero."""
         n = self.squaredNorm()
         return Quaternion.over(self.conjugate()._x / n if n > 0.0 else np.zeros(4))
 
     def dot(self, other: Quaternion) -> float:
-        """The sum of the products of coefficients."""
+        """Dot product of the coefficients."""
         return float(self._x @ expected(other, Quaternion, "other")._x)
 
     def squaredNorm(self) -> float:
-        """The sum of squares of the coefficients."""
+        """Squared norm."""
         return float(self._x @ self._x)
 
     def norm(self) -> float:
-        """The root of the sum of squares of the coefficients."""
+        """Euclidean norm."""
         return math.sqrt(self._x @ self._x)
 
     __abs__ = norm
 
     def normalize(self) -> Quaternion:
-        """Make its norm 1; returns it."""
+        """Set its norm to 1; returns self."""
         self._write(self.normalized()._x)
         return self
 
     def normalized(self) -> Quaternion:
-        """The quaternion of norm 1 in the same direction."""
+        """The quaternion divided by its norm."""
         n = self.norm()
         return Quaternion.over(self._x / n if n > 0.0 else self._x.copy())
 
     def angularDistance(self, other: Quaternion) -> float:
-        """The angle between two rotations [rad]."""
+        """Angle between two rotations [rad]."""
         *v, w = (self * expected(other, Quaternion, "other").conjugate())._x.tolist()
         return 2.0 * math.atan2(math.hypot(*v), abs(w))
 
     def slerp(self, t: float, other: Quaternion) -> Quaternion:
-        """From this rotation (t 0) to the other (1) at a constant rate, the shorter way."""
+        """Spherical interpolation from this rotation (t = 0) to the other (t = 1) by the shorter way."""
         d = self.dot(other)
         if abs(d) >= 1.0 - EPS:
             a, b = 1.0 - t, t
@@ -185,23 +187,23 @@ class Quaternion(Value):
     # --- the whole -----------------------------------------------------------------------------------------
 
     def assign(self, other: Any) -> Quaternion:
-        """Make it equal to a Quaternion or AngleAxis; returns it."""
+        """Set it to a Quaternion or AngleAxis; returns self."""
         if not isinstance(other, (Quaternion, AngleAxis)):
             raise ArgumentError(f"other is {described(other)}, expected Quaternion or AngleAxis")
         self._write(_coefficients(other))
         return self
 
     def setIdentity(self) -> Quaternion:
-        """Make it the identity; returns it."""
+        """Set it to the identity; returns self."""
         self._write((0.0, 0.0, 0.0, 1.0))
         return self
 
     def isApprox(self, other: Quaternion, prec: float = 1e-12) -> bool:
-        """Whether the coefficients differ by at most prec of their norms; q and -q do."""
+        """Whether the coefficients agree to prec of their norms; q and -q do not."""
         return near(self._x, expected(other, Quaternion, "other")._x, prec)
 
     def id(self) -> int:
-        """A number that tells this object from others."""
+        """The identity of this object."""
         return id(self)
 
     def __getinitargs__(self) -> tuple[Array]:
@@ -215,7 +217,7 @@ class AngleAxis(Value):
     """A rotation by an angle [rad] about a unit axis: ``AngleAxis(angle, axis (3,))``, ``AngleAxis(rotation (3, 3))``,
     ``AngleAxis(quaternion)``, ``AngleAxis(other)``.
 
-    Products are Quaternions; ``a * x`` turns a vector (3,). ``AngleAxis()`` is the rotation by 0 about x.
+    Products are Quaternions; ``a * x`` rotates a vector (3,). ``AngleAxis()`` is the rotation by 0 about x.
     """
 
     __slots__ = ()
@@ -244,7 +246,7 @@ class AngleAxis(Value):
     @property
     def axis(self) -> Array:
         """The axis (3,), a view."""
-        return self._shown(self._x[1:])
+        return self._view(self._x[1:])
 
     @axis.setter
     def axis(self, value: Any) -> None:
@@ -259,12 +261,12 @@ class AngleAxis(Value):
     toRotationMatrix = matrix
 
     def fromRotationMatrix(self, R: Any) -> AngleAxis:
-        """Make it the rotation of a matrix (3, 3); returns it."""
+        """Set it to the rotation of a matrix (3, 3); returns self."""
         self._write(_angle_axis(_coefficients(array(R, (3, 3), "rotation"))))
         return self
 
     def inverse(self) -> AngleAxis:
-        """The opposite rotation."""
+        """The inverse rotation."""
         return AngleAxis.over(self._x * (-1.0, 1.0, 1.0, 1.0))
 
     def __mul__(self, other: Any) -> Any:
@@ -275,12 +277,12 @@ class AngleAxis(Value):
         return NotImplemented
 
     def isApprox(self, other: AngleAxis, prec: float = 1e-12) -> bool:
-        """Whether angles and axes differ by at most prec of their norms."""
+        """Whether angles and axes each agree to prec of their norms."""
         a, b = self._x, expected(other, AngleAxis, "other")._x
         return near(a[:1], b[:1], prec) and near(a[1:], b[1:], prec)
 
     def id(self) -> int:
-        """A number that tells this object from others."""
+        """The identity of this object."""
         return id(self)
 
     def __getinitargs__(self) -> tuple[float, Array]:
@@ -291,7 +293,7 @@ class AngleAxis(Value):
 
 
 def _coefficients(given: Any, *shapes: tuple[int, ...]) -> Any:
-    """The coefficients x y z w of a rotation given in any form; of arrays in these shapes, (3, 3) and (4,) if none."""
+    """Coefficients x y z w of a rotation in any form; arrays may have these shapes, by default (3, 3) and (4,)."""
     if isinstance(given, Quaternion):
         return given._x
     if isinstance(given, AngleAxis):
@@ -327,20 +329,20 @@ def _angle_axis(coefficients: Any) -> list[float]:
 
 
 def skew(u: Any) -> Array:
-    """The matrix (3, 3) of u × for a vector u (3,)."""
+    """The matrix (3, 3) of u × for u (3,)."""
     out = np.empty((3, 3))
     operator_kernels.cross_matrix(array(u, (3,), "u"), out)
     return out
 
 
 def unSkew(U: Any) -> Array:
-    """The vector (3,) whose cross product has the antisymmetric part of a matrix (3, 3)."""
+    """The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3)."""
     M = array(U, (3, 3), "U")
     return 0.5 * np.array([M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]])
 
 
 def skewSquare(u: Any, v: Any) -> Array:
-    """The matrix (3, 3) of u × (v × ·) for vectors u, v (3,)."""
+    """The matrix (3, 3) of u × (v × ·) for u, v (3,)."""
     u, v = array(u, (3,), "u"), array(v, (3,), "v")
     made: Array = np.outer(v, u) - (u @ v) * np.eye(3)
     return made

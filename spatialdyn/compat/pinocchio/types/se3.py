@@ -1,4 +1,4 @@
-"""SE3: a rigid displacement, kept as its 4 x 4 homogeneous matrix."""
+"""SE3: a rigid displacement, stored as its 4 x 4 homogeneous matrix."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from .random import direction, uniform
 from .rotations import Quaternion
 from .tracked_array import Value
 
+__all__ = ["SE3"]
+
 Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
 _compose, _inverse, _relative = operator_kernels.compose, operator_kernels.inverse, operator_kernels.relative
 _frame, _point_to_parent, _point_to_child = (
-    operator_kernels.made_pose,
+    operator_kernels.write_pose,
     operator_kernels.point_to_parent,
     operator_kernels.point_to_child,
 )
@@ -26,11 +28,11 @@ _empty, _ndarray = np.empty, np.ndarray
 
 
 class SE3(Value):
-    """A frame seen from another: ``SE3(rotation (3, 3), translation (3,))``, ``SE3(quaternion, translation)``,
-    ``SE3(homogeneous (4, 4))``, ``SE3(other)``, ``SE3(1)`` for the identity.
+    """The pose of a frame in a reference frame: ``SE3(rotation (3, 3), translation (3,))``,
+    ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, ``SE3(1)`` for the identity.
 
-    ``A * B`` composes, ``A * x`` takes a point (3,), Motion, Force or Inertia from the frame to the other, and
-    ``A.actInv(x)`` back. ``rotation`` and ``translation`` are views that can be written. ``SE3()`` is the identity.
+    ``A * B`` composes, ``A * x`` takes a point (3,), Motion, Force or Inertia from the frame to the reference frame,
+    ``A.actInv(x)`` takes it back. ``rotation`` and ``translation`` are writable views. ``SE3()`` is the identity.
     """
 
     __slots__ = ()
@@ -50,25 +52,25 @@ class SE3(Value):
                 if not _frame()(x, rotation, translation):
                     return
             except TypeError:
-                pass  # not arrays of float64; they may still pass below
+                pass  # not arrays of float64: check and convert below
         given = [x for x in (rotation, quat, array, clone) if x is not None]
         self._x = _made(given[0] if given else None, translation)
 
     @classmethod
     def Identity(cls) -> SE3:
-        """The displacement that changes nothing."""
+        """The identity."""
         return SE3.over(IDENTITY.copy())
 
     @classmethod
     def Random(cls) -> SE3:
-        """A rotation, all alike, and a translation within ±1 m."""
+        """A uniform random rotation and a random translation within ±1 m."""
         made = SE3.over(_empty((4, 4)))
         made.setRandom()
         return made
 
     @staticmethod
     def Interpolate(A: SE3, B: SE3, alpha: float) -> SE3:
-        """From A (alpha 0) to B (1) along the constant motion between them: A exp(alpha log(A⁻¹ B))."""
+        """A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion."""
         made, twist = _empty((4, 4)), _empty(6)
         _relative(A._x, B._x, made)
         operator_kernels.log6(made, twist)
@@ -81,7 +83,7 @@ class SE3(Value):
     @property
     def rotation(self) -> Array:
         """The rotation matrix (3, 3), a view."""
-        return self._shown(self._x[:3, :3])
+        return self._view(self._x[:3, :3])
 
     @rotation.setter
     def rotation(self, value: Any) -> None:
@@ -91,7 +93,7 @@ class SE3(Value):
     @property
     def translation(self) -> Array:
         """The translation (3,) [m], a view."""
-        return self._shown(self._x[:3, 3])
+        return self._view(self._x[:3, 3])
 
     @translation.setter
     def translation(self, value: Any) -> None:
@@ -110,21 +112,21 @@ class SE3(Value):
 
     @property
     def action(self) -> Array:
-        """The matrix (6, 6) that takes Motion vectors from the frame to the other."""
+        """The matrix (6, 6) that takes Motion vectors from the frame to the reference frame."""
         out = _empty((6, 6))
         operator_kernels.action(self._x, out)
         return out
 
     @property
     def actionInverse(self) -> Array:
-        """The matrix (6, 6) that takes Motion vectors back."""
+        """The inverse of ``action``."""
         out = _empty((6, 6))
         operator_kernels.action_inverse(self._x, out)
         return out
 
     @property
     def dualAction(self) -> Array:
-        """The matrix (6, 6) that takes Force vectors from the frame to the other."""
+        """The matrix (6, 6) that takes Force vectors from the frame to the reference frame."""
         return self.actionInverse.T.copy()
 
     def toActionMatrix(self) -> Array:
@@ -167,7 +169,7 @@ class SE3(Value):
         return SE3.over(out)
 
     def act(self, other: Any) -> Any:
-        """A point (3,), SE3, Motion, Force or Inertia of the frame, seen from the other."""
+        """A point (3,), SE3, Motion, Force or Inertia from the frame to the reference frame."""
         move = getattr(type(other), "_to_parent", None)
         if move is not None:
             return move(other, self._x)
@@ -176,12 +178,12 @@ class SE3(Value):
             if not _point_to_parent()(out, self._x, other):
                 return out
         except TypeError:
-            pass  # no array of float64; it may still pass below
+            pass  # no array of float64: check and convert below
         _point_to_parent()(out, self._x, array(other, (3,), "point"))
         return out
 
     def actInv(self, other: Any) -> Any:
-        """A point (3,), SE3, Motion, Force or Inertia of the other frame, seen from this one."""
+        """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
         move = getattr(type(other), "_to_child", None)
         if move is not None:
             return move(other, self._x)
@@ -190,12 +192,12 @@ class SE3(Value):
             if not _point_to_child()(out, self._x, other):
                 return out
         except TypeError:
-            pass  # no array of float64; it may still pass below
+            pass  # no array of float64: check and convert below
         _point_to_child()(out, self._x, array(other, (3,), "point"))
         return out
 
     def inverse(self) -> SE3:
-        """The other frame seen from this one."""
+        """The pose of the reference frame in the frame."""
         out = _empty((4, 4))
         _inverse(self._x, out)
         made = _new(SE3)
@@ -207,17 +209,17 @@ class SE3(Value):
     # --- the whole -----------------------------------------------------------------------------------------
 
     def setIdentity(self) -> None:
-        """Make it the identity."""
+        """Set it to the identity."""
         self._write(IDENTITY)
 
     def setRandom(self) -> None:
-        """Make it a random one; see ``Random``."""
+        """Set it to a random pose; see ``Random``."""
         out = _empty((4, 4))
-        operator_kernels.from_seven(np.concatenate([uniform(3), direction(4)]), out)
+        operator_kernels.from_xyzquat(np.concatenate([uniform(3), direction(4)]), out)
         self._write(out)
 
     def isApprox(self, other: SE3, prec: float = 1e-12) -> bool:
-        """Whether rotations and translations differ by at most prec of their norms."""
+        """Whether rotations and translations each agree to prec of their norms."""
         if not isinstance(other, SE3):
             raise ArgumentError(f"other is {described(other)}, expected SE3")
         a, b = self._x, other._x
@@ -242,12 +244,12 @@ _new = SE3.__new__
 
 
 def _made(first: Any, translation: Any) -> Array:
-    """The homogeneous matrix of what the constructor is given."""
+    """The homogeneous matrix of the constructor's arguments."""
     x = IDENTITY.copy()
     if translation is not None:
         p = array(translation, (3,), "translation")
         if isinstance(first, Quaternion):
-            operator_kernels.from_seven(np.concatenate([p, first._x]), x)
+            operator_kernels.from_xyzquat(np.concatenate([p, first._x]), x)
         else:
             x[:3, :3], x[:3, 3] = array(first, (3, 3), "rotation"), p
     elif isinstance(first, SE3):

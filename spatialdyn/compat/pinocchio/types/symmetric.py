@@ -12,8 +12,10 @@ from .random import uniform
 from .rotations import skew
 from .tracked_array import Value
 
+__all__ = ["Symmetric3"]
+
 Array = NDArray[np.float64]
-PLACES = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # of the entries of the matrix in the six numbers
+PLACES = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # of the matrix entries in the six numbers
 ONE = (1.0, 0.0, 1.0, 0.0, 0.0, 1.0)
 
 
@@ -50,7 +52,7 @@ class Symmetric3(Value):
 
     @classmethod
     def Zero(cls) -> Symmetric3:
-        """The null matrix."""
+        """Zero."""
         return Symmetric3()
 
     @classmethod
@@ -60,7 +62,7 @@ class Symmetric3(Value):
 
     @classmethod
     def Random(cls) -> Symmetric3:
-        """Six numbers in ±1."""
+        """Six random numbers in ±1."""
         return Symmetric3(uniform(6))
 
     @property
@@ -121,7 +123,7 @@ class Symmetric3(Value):
 
     @staticmethod
     def rhsMult(S3: Symmetric3, vin: Any, vout: Array) -> None:
-        """Write S v to vout (3,)."""
+        """S v, written in place to vout (3,)."""
         vout[...] = np.reshape(S3 * array(vin, (3,), "vin"), vout.shape)
 
     def vtiv(self, v: Any) -> float:
@@ -147,7 +149,7 @@ class Symmetric3(Value):
         return Symmetric3.over(six(R @ self.matrix() @ R.T))
 
     def inverse(self, res: Array) -> None:
-        """Write the inverse matrix to res (3, 3)."""
+        """The inverse matrix, written in place to res (3, 3)."""
         res[...] = np.linalg.inv(self.matrix())
 
     def decomposeltI(self) -> Any:
@@ -157,32 +159,32 @@ class Symmetric3(Value):
     # --- the whole -----------------------------------------------------------------------------------------
 
     def setZero(self) -> None:
-        """Make it zero."""
+        """Set it to zero."""
         self._write(0.0)
 
     def setIdentity(self) -> None:
-        """Make it the identity."""
+        """Set it to the identity."""
         self._write(ONE)
 
     def setRandom(self) -> None:
-        """Make it six numbers in ±1."""
+        """Set it to six random numbers in ±1."""
         self._write(uniform(6))
 
     def setDiagonal(self, diag: Any) -> None:
-        """Write the diagonal (3,)."""
+        """Set the diagonal (3,)."""
         self._x[[0, 2, 5]] = array(diag, (3,), "diag")
         self.changed()
 
     def fill(self, value: float) -> None:
-        """Write one number to all entries."""
+        """Set all entries to one number."""
         self._write(number(value, "value"))
 
     def isApprox(self, other: Symmetric3, prec: float = 1e-12) -> bool:
-        """Whether the six numbers differ by at most prec of their norms."""
+        """Whether the six numbers agree to prec of their norms."""
         return near(self._x, expected(other, Symmetric3, "other")._x, prec)
 
     def isZero(self, prec: float = 1e-12) -> bool:
-        """Whether no entry is larger than prec."""
+        """Whether no entry exceeds prec."""
         return bool((abs(self._x) <= prec).all())
 
     def __getinitargs__(self) -> tuple[Array]:

@@ -1,9 +1,9 @@
-"""Arrays that tell when they are written, and values that are kept in one array.
+"""Arrays that notify an owner of writes, and values that view an array.
 
-A ``Live`` array calls ``changed()`` of its owner after every write through it or a view of it: item assignment,
-in-place operators, ``out=``, ``np.copyto`` and its like, methods such as ``fill``. What is computed from one is a plain
-array. Towards everything else it is read-only, so that a write that its owner would not hear of raises ValueError:
-``np.asarray(x)[0] = 1``, a memoryview, ``np.nditer``, ``out=`` of a method or of a generator of random numbers.
+A ``TrackedArray`` calls ``changed()`` of its owner after every write through it or a view of it: item assignment,
+in-place operators, ``out=``, ``np.copyto`` and its like, methods such as ``fill``. Results computed from it are plain
+arrays. Writes that cannot notify the owner raise ValueError, for the array is read-only to them:
+``np.asarray(x)[0] = 1``, a memoryview, ``np.nditer``, ``out=`` of a method or of a random generator.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ Self = TypeVar("Self", bound="Value")
 WRITERS = {np.copyto, np.put, np.place, np.putmask, np.fill_diagonal, np.put_along_axis}
 
 
-class Live(np.ndarray):
-    """An array whose owner hears of every write."""
+class TrackedArray(np.ndarray):
+    """An array that notifies its owner of every write."""
 
     _owner: Any = None
 
     def __array_finalize__(self, source: Any) -> None:
         owner = getattr(source, "_owner", None)
-        if owner is not None and self.base is not None:  # a view writes where its source stands; a copy does not
+        if owner is not None and self.base is not None:  # a view writes its source's memory; a copy does not
             self._owner = owner
 
     def _changed(self) -> None:
@@ -34,56 +34,56 @@ class Live(np.ndarray):
             self._owner.changed()
 
     def __setitem__(self, at: Any, value: Any) -> None:
-        _writable(self)[at] = bare(value)
+        _writable(self)[at] = plain(value)
         self._changed()
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
-        """Compute on plain arrays; what was written with ``out=`` or in place tells its owner."""
+        """Compute on plain arrays; outputs written with ``out=`` or in place notify their owner."""
         if out is not None:
             options["out"] = tuple(_writable(x) for x in out)
-        given = [bare(x) for x in inputs]
+        given = [plain(x) for x in inputs]
         if method == "at":
             given[0] = _writable(inputs[0])
         result = getattr(ufunc, method)(*given, **options)
         written = out if out is not None else inputs[:1] if method == "at" else ()
         for x in written:
-            if isinstance(x, Live):
+            if isinstance(x, TrackedArray):
                 x._changed()
         return out[0] if out is not None and len(out) == 1 else result
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
-        """NumPy's functions on plain arrays."""
+        """Call a NumPy function on plain arrays; arrays that it wrote notify their owner."""
         out = options.get("out")
         written = list(arguments[:1]) if function in WRITERS else []
-        given = [_writable(x) for x in written] + [_bare(x) for x in arguments[len(written) :]]
-        named = {key: _bare(x) for key, x in options.items()}
+        given = [_writable(x) for x in written] + [_plain(x) for x in arguments[len(written) :]]
+        named = {key: _plain(x) for key, x in options.items()}
         if out is not None:
             named["out"] = tuple(_writable(x) for x in out) if isinstance(out, tuple) else _writable(out)
         result = function(*given, **named)
         for x in [*written, *(out if isinstance(out, tuple) else (out,))]:
-            if isinstance(x, Live):
+            if isinstance(x, TrackedArray):
                 x._changed()
-        if isinstance(out, Live):
+        if isinstance(out, TrackedArray):
             return out
         for x in arguments if type(result) is np.ndarray else ():
-            if isinstance(x, Live) and np.may_share_memory(result, bare(x)):  # np.reshape and its like
-                return live(result, x._owner)
+            if isinstance(x, TrackedArray) and np.may_share_memory(result, plain(x)):  # a view, as of np.reshape
+                return tracked(result, x._owner)
         return result
 
     def __repr__(self) -> str:
-        return repr(bare(self))
+        return repr(plain(self))
 
     def astype(self, *arguments: Any, **options: Any) -> Any:
         """As ``numpy.ndarray.astype``, a plain array."""
-        return np.array(bare(self).astype(*arguments, **options))
+        return np.array(plain(self).astype(*arguments, **options))
 
     def flatten(self, order: Any = "C") -> Any:
         """As ``numpy.ndarray.flatten``, a plain array."""
-        return bare(self).flatten(order)
+        return plain(self).flatten(order)
 
     def copy(self, order: Any = "C") -> Any:
         """A plain array of the same numbers."""
-        return np.array(bare(self), order=order)
+        return np.array(plain(self), order=order)
 
     __copy__ = copy
 
@@ -98,7 +98,7 @@ class Live(np.ndarray):
 
     @property
     def flat(self) -> Any:
-        """An iterator that can write; the owner counts it as a write."""
+        """A writable iterator; the owner is notified as of a write."""
         self._changed()
         return _writable(self).flat
 
@@ -109,10 +109,10 @@ class Live(np.ndarray):
 
 
 def _writing(name: str) -> Any:
-    plain = getattr(np.ndarray, name)
+    method_of_ndarray = getattr(np.ndarray, name)
 
-    def method(self: Live, *arguments: Any, **options: Any) -> Any:
-        result = plain(_writable(self), *arguments, **options)
+    def method(self: TrackedArray, *arguments: Any, **options: Any) -> Any:
+        result = method_of_ndarray(_writable(self), *arguments, **options)
         self._changed()
         return result
 
@@ -122,44 +122,44 @@ def _writing(name: str) -> Any:
 
 
 for _name in ("fill", "sort", "partition", "put", "setfield"):
-    setattr(Live, _name, _writing(_name))
+    setattr(TrackedArray, _name, _writing(_name))
 
 
-def live(x: Array, owner: Any) -> Array:
-    """A view of an array that tells the owner of writes; the array itself if there is no owner."""
+def tracked(x: Array, owner: Any) -> Array:
+    """A view of an array that notifies the owner of writes; the array itself if there is no owner."""
     if owner is None:
         return x
-    view = x.view(Live)
+    view = x.view(TrackedArray)
     view.flags.writeable = False
     view._owner = owner
     return view
 
 
-def bare(x: Any) -> Any:
-    """A plain view of a Live array, to be read; anything else as it is."""
-    return x.view(np.ndarray) if isinstance(x, Live) else x
+def plain(x: Any) -> Any:
+    """A plain read-only view of a TrackedArray; other values unchanged."""
+    return x.view(np.ndarray) if isinstance(x, TrackedArray) else x
 
 
 def _writable(x: Any) -> Any:
-    """A plain view of a Live array, to be written; anything else as it is."""
-    if not isinstance(x, Live):
+    """A plain writable view of a TrackedArray; other values unchanged."""
+    if not isinstance(x, TrackedArray):
         return x
     view = x.view(np.ndarray)
-    view.flags.writeable = True  # as what it is a view of
+    view.flags.writeable = True  # as its base is
     return view
 
 
-def _bare(x: Any) -> Any:
-    """The same within tuples and lists of arguments."""
+def _plain(x: Any) -> Any:
+    """``plain``, also of the entries of tuples and lists."""
     if isinstance(x, (tuple, list)):
-        return type(x)(_bare(y) for y in x) if type(x) in (tuple, list) else x
-    return bare(x)
+        return type(x)(_plain(y) for y in x) if type(x) in (tuple, list) else x
+    return plain(x)
 
 
 class Value:
-    """An SE3, a Motion and their like: numbers in one array ``_x``, and an owner who hears when they are written.
+    """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
 
-    ``_x`` is float64, C-ordered and writable; it may be part of a larger array, and then the object is a view of it.
+    ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
     """
 
     __slots__ = ("__dict__", "__weakref__", "_x")
@@ -168,7 +168,7 @@ class Value:
 
     @classmethod
     def over(cls: type[Self], x: Array, owner: Any = None) -> Self:
-        """The object that an array is, as a view of it."""
+        """The object whose numbers are an array, as a view of it."""
         made = cls.__new__(cls)
         made._x = x
         if owner is not None:
@@ -176,7 +176,7 @@ class Value:
         return made
 
     def changed(self) -> None:
-        """Tell the owner, if there is one, that something was written."""
+        """Notify the owner, if any, of a write."""
         if self._owner is not None:
             self._owner.changed()
 
@@ -185,16 +185,16 @@ class Value:
         if self._owner is not None:
             self._owner.changed()
 
-    def _shown(self, x: Array) -> Array:
+    def _view(self, x: Array) -> Array:
         """A writable view of ``_x`` or a part of it, for the caller."""
-        return x if self._owner is None else live(x, self._owner)
+        return x if self._owner is None else tracked(x, self._owner)
 
     def copy(self: Self) -> Self:
-        """An equal object of its own."""
+        """An independent copy."""
         return self.over(self._x.copy())
 
     def cast(self: Self) -> Self:
-        """A copy: there is one type of number."""
+        """A copy: the only scalar type is float64."""
         return self.copy()
 
     def __copy__(self: Self) -> Self:
@@ -204,7 +204,7 @@ class Value:
         return self.copy()
 
     def __getinitargs__(self) -> tuple[Any, ...]:
-        """What the constructor takes to make an equal object."""
+        """Constructor arguments that make an equal object."""
         raise NotImplementedError
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -1,7 +1,7 @@
-"""Values and lists that belong to something: the owner's ``changed()`` is called whenever one of them is written.
+"""Lists and copies of values that notify an owner of writes by its ``changed()``.
 
-SE3, Motion, Force, Inertia, Frame and joint models have a slot ``_owner``, None while they belong to nobody; each
-method that writes one ends with ``if self._owner is not None: self._owner.changed()``.
+SE3, Motion, Force, Inertia, Frame and joint models have a slot ``_owner``, None without an owner; each method that
+writes one ends with ``if self._owner is not None: self._owner.changed()``.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from .tracked_array import Value as Numbers
 Value = TypeVar("Value")
 
 
-def owned(value: Value, owner: Any) -> Value:
-    """A copy of a value, which tells the owner when it is written."""
+def owned_copy(value: Value, owner: Any) -> Value:
+    """A copy of a value that notifies the owner of writes."""
     copy: Any = value.copy()  # type: ignore[attr-defined]
     copy._owner = owner
     return copy  # type: ignore[no-any-return]
 
 
-class Owned(list[Value]):
-    """A list of values of one type that belong to an owner; what is put in is copied.
+class OwnedList(list[Value]):
+    """A list of values of one type that belong to an owner; values put in are copied.
 
-    ``changed()`` of the owner is called when an entry is replaced, added, or written in place.
+    It calls ``changed()`` of the owner when an entry is replaced, added, or written in place.
     """
 
     def __init__(self, owner: Any, kind: type | tuple[type, ...], values: Iterable[Value] = ()) -> None:
@@ -41,7 +41,7 @@ class Owned(list[Value]):
             raise ArgumentError(
                 f"a {type(value).__name__} was given, expected {' or '.join(kind.__name__ for kind in kinds)}"
             )
-        return owned(value, self._owner) if hasattr(value, "_owner") else value
+        return owned_copy(value, self._owner) if hasattr(value, "_owner") else value
 
     def __setitem__(self, at: Any, value: Any) -> None:
         if isinstance(at, slice):
@@ -51,7 +51,7 @@ class Owned(list[Value]):
         self._owner.changed()
 
     def _replace(self, at: Any, value: Any) -> None:
-        """Put a value in place of another: into it if it is a Value, so that those who hold it go on holding it."""
+        """Replace an entry; a Value is written in place, so that references to it see the new numbers."""
         there = self[at]
         if isinstance(there, Numbers) and type(there) is type(value):
             there._x[...] = value._x
@@ -79,12 +79,12 @@ class Owned(list[Value]):
         return list(self)
 
     def reserve(self, size: int) -> None:
-        """Nothing: a list grows by itself."""
+        """Do nothing: a list grows by itself."""
 
     def copy(self) -> list[Value]:
         """A plain list of copies."""
         return [x.copy() if hasattr(x, "copy") else x for x in self]
 
     def id(self) -> int:
-        """A number that tells this list from others."""
+        """The identity of this object."""
         return id(self)

@@ -1,0 +1,60 @@
+"""The Spec of a public call, and the values of its static inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..errors import ModelError, SpatialDynError
+from ..model.model import Frame, Model
+from ..recursions import SPECS
+from ..recursions.spec import Spec
+from .arguments import REFERENCES, as_flag, frame_row_and_placement, reference_code
+from .dynamics import calls as public
+
+
+def spec_of(call: Any) -> Spec | None:
+    """The spec of a public call. Returns None if not applicable."""
+    return next((SPECS[name] for name, function in public.items() if function is call), None)
+
+
+def specs_of(calls: Any) -> tuple[Spec, ...]:
+    """The specs of a public call or several. Raises SpatialDynError for anything else."""
+    listed = [calls] if callable(calls) else calls
+    if not isinstance(listed, (list, tuple)) or not listed:
+        raise SpatialDynError(f"calls is {calls!r}, expected a public call such as spatialdyn.rnea or a list of such")
+    specs: list[Spec] = []
+    for function in listed:
+        spec = spec_of(function)
+        if spec is None:
+            name = getattr(function, "__name__", repr(function))
+            raise SpatialDynError(f"calls has {name}, expected public calls such as spatialdyn.rnea")
+        if spec in specs:
+            raise SpatialDynError(f"calls has {spec.name} twice, expected it once")
+        specs.append(spec)
+    return tuple(specs)
+
+
+def static_of(
+    model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
+) -> dict[str, Any]:
+    """Values of the static inputs (row, placement, reference, classical). Raises if one is given that no call takes."""
+    values: dict[str, Any] = {}
+    names = set(names)
+    if "row" in names:
+        if frame is None:
+            raise ModelError("frame is None, expected the name of one: a call takes it")
+        values["row"], values["placement"] = frame_row_and_placement(model, frame)
+    elif frame is not None:
+        raise SpatialDynError(f"frame is {frame!r}, expected None: no call takes one")
+    code = reference_code(reference)
+    if "reference" in names:
+        values["reference"] = code
+    elif code != REFERENCES["local"]:
+        raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
+    classical = as_flag("classical", classical)
+    if "classical" in names:
+        values["classical"] = int(classical)
+    elif classical:
+        raise SpatialDynError("classical is True, expected the default: no call takes it")
+    return values

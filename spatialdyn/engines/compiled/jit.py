@@ -1,0 +1,156 @@
+"""Numba's part of the compiled kernels: the only module that makes Numba functions.
+
+Importing it imports Numba, which takes 0.2 s, so other modules import it in the function that compiles. A function is
+compiled after ``register`` has handed Numba all that it may call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numba import carray, njit, types  # type: ignore[attr-defined]
+from numba.core import cgutils
+from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import intrinsic
+
+from ...algebra.scalars import compiled_as, inline, register
+from ...bodies.table import BODIES
+from ..interrupt import interruptible
+from .numba_cache import NumbaCache
+from .numba_settings import PLAIN
+
+FLAGS: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
+}  # fmt: skip
+
+
+# --- functions of compiled code -----------------------------------------------------------------------------
+
+
+def _pointer_at(typing_context: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(address), generate
+
+
+pointer: Any = intrinsic(_pointer_at)
+
+
+@inline
+def table_at(address: int) -> Any:
+    """The table of bodies at an address; ``last_row`` of row 0 is the number of rows that follow it."""
+    world = carray(pointer(address), (1,), BODIES)
+    return carray(pointer(address), (world[0].last_row + 1,), BODIES)
+
+
+def number(x: Any) -> Any:
+    """The value of a float, or of an array without axes."""
+    return x
+
+
+@compiled_as(number)
+def _number_of(x):  # type: ignore[no-untyped-def]
+    return (lambda x: x[()]) if isinstance(x, types.Array) else (lambda x: x)
+
+
+# --- functions and signatures --------------------------------------------------------------------------------
+
+
+def numba_jit(
+    function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True
+) -> Callable[..., Any]:
+    """A function made by ``kernel_from_text``, compiled at its first call of each type, and cached on disk if ``keep``.
+
+    from_c    with an entry that C can call
+    contract  whether LLVM may fuse multiplications and additions
+    """
+    register()
+    flags = {name: x for name, x in FLAGS.items() if contract or name != "fastmath"}
+    dispatcher: Any = njit(**{**flags, "nogil": nogil, "no_cfunc_wrapper": not from_c})(function)
+    if keep and not PLAIN:
+        dispatcher._cache = NumbaCache(function)
+    return compile_aside(dispatcher)
+
+
+def compile_aside(dispatcher: Any) -> Callable[..., Any]:
+    """A dispatcher that compiles on another thread than the main one, which so hears Ctrl-C."""
+    if not PLAIN:
+        dispatcher._compile_for_args = partial(_aside, dispatcher._compile_for_args)
+    made: Callable[..., Any] = dispatcher
+    return made
+
+
+def _aside(compiled: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    """``interruptible``, unless Numba is compiling in this thread, whose lock another thread would wait for."""
+    lock: Any = global_compiler_lock
+    if lock.is_locked():
+        return compiled(*arguments, **named)
+    return interruptible(partial(compiled, *arguments, **named))
+
+
+def compile_signature(
+    function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True
+) -> Callable[..., Any]:
+    """A function compiled for one signature only: arguments that do not match raise TypeError at once."""
+    if PLAIN:
+        return _plain(function, signature)
+    dispatcher: Any = numba_jit(function, nogil)
+    _aside(dispatcher.compile, signature)
+    dispatcher.disable_compile()
+    for strided in (False, True):
+        for writable in (False, True):
+            dispatcher._search_new_conversions(*(_sample(t, strided, writable) for t in signature))
+    # Other arguments raise at once; by default Numba searches 0.4 ms for a conversion.
+    dispatcher._search_new_conversions = _no_conversion
+    dispatcher._explain_matching_error = _no_match
+    made: Callable[..., Any] = dispatcher
+    return made
+
+
+def accept(function: Callable[..., Any], *samples: Any) -> None:
+    """Have a function made by ``compile_signature`` also convert arguments of the samples' types."""
+    if not PLAIN:
+        type(function)._search_new_conversions(function, *samples)  # type: ignore[attr-defined]
+
+
+def _plain(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
+    """The function in plain Python, raising TypeError where its compiled form would."""
+
+    @np.errstate(all="ignore")
+    def checked(table: Any, *arguments: Any) -> Any:
+        for x, kind in zip(arguments, signature[1:], strict=True):
+            if isinstance(kind, types.Array) and (
+                type(x) is not np.ndarray
+                or x.ndim != kind.ndim
+                or x.dtype != (np.int8 if kind.dtype == types.int8 else np.float64)
+                or (kind.mutable and not (x.flags.writeable and x.flags.c_contiguous))
+            ):
+                raise TypeError("no such signature")
+            if kind == types.float64 and isinstance(x, np.ndarray):
+                raise TypeError("no such signature")
+        return function(table, *arguments)
+
+    return checked
+
+
+def _sample(kind: Any, strided: bool, writable: bool) -> Any:
+    """A value of that type, from which Numba finds the conversion."""
+    if not isinstance(kind, types.Array):
+        return 0.0 if kind == types.float64 else 0
+    x = np.zeros((4,) * kind.ndim, str(kind.dtype))
+    if strided and kind.layout == "A":
+        x = x[(slice(None, None, 2),) * kind.ndim]
+    x.flags.writeable = writable or kind.mutable
+    return x
+
+
+def _no_conversion(*arguments: Any, **named: Any) -> bool:
+    return False
+
+
+def _no_match(*arguments: Any, **named: Any) -> None:
+    raise TypeError("no such signature")

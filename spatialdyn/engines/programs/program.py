@@ -1,0 +1,145 @@
+"""Programs: the operations of one model in a straight line, made of a tape, with its dead operations dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .operations import ADD, CONST, FMA, FMS, FNMA, FORMS, INPUT, MUL, SUB, Operation, operands, signed
+from .tracer import Line, Tape
+
+
+class Program:
+    """The operations of one traced run, in a straight line.
+
+    lines    operations in order; operands are lines, or -line - 1 for a negated one where the operation allows it
+    outputs  (line, whether negated) of each output
+    inputs   number of inputs
+    """
+
+    def __init__(self, tape: Tape, outputs: Sequence[Any], inputs: int, fuse: bool = True) -> None:
+        """The lines of a tape that the outputs need."""
+        marked = [tape.number(x) for x in outputs]
+        lines, roots, uses = _eliminate_dead(tape.lines, [x.line for x in marked])
+        if fuse:
+            lines, roots, _ = _eliminate_dead(_fuse_products(lines, uses), roots)
+        self.lines: list[Operation] = list(map(Operation._make, lines))
+        self.outputs: list[tuple[int, bool]] = [(r, x.minus) for r, x in zip(roots, marked, strict=True)]
+        self.inputs = inputs
+
+    def only(self, outputs: Iterable[int]) -> Program:
+        """The program of some of its outputs, by their indices."""
+        chosen = [self.outputs[k] for k in outputs]
+        made = copy(self)
+        lines, roots, _ = _eliminate_dead(self.lines, [line for line, _ in chosen])
+        made.lines = list(map(Operation._make, lines))
+        made.outputs = [(line, minus) for line, (_, minus) in zip(roots, chosen, strict=True)]
+        return made
+
+    @property
+    def operations(self) -> dict[str, int]:
+        """Counts of mul, add, div, sqrt and sincos (a fused multiply-add is one of each, a sign is free), and depth."""
+        count = dict.fromkeys((what for form in FORMS.values() for what in form.counts), 0)
+        depth: list[int] = []
+        angles = set()
+        for op in self.lines:
+            depth.append(max((depth[k] for k in operands(op)), default=-1) + 1)
+            form = FORMS.get(op.code)
+            if form and not (form.angle and op.a in angles):  # sin and cos of an angle are one
+                for what in form.counts:
+                    count[what] += 1
+                if form.angle:
+                    angles.add(op.a)
+        return {**count, "depth": max(depth, default=0)}
+
+    def listing(self) -> str:
+        """The program as text, one operation per line."""
+        text = []
+        for k, op in enumerate(self.lines):
+            if op.code == INPUT:
+                what = f"input[{op.a}]"
+            elif op.code == CONST:
+                what = repr(op.value)
+            else:
+                form, names = FORMS[op.code], [f"x{i}" if i >= 0 else f"-x{-i - 1}" for i in signed(op)]
+                sign = not form.name.isalnum()
+                what = f" {form.name} ".join(names) if sign else f"{form.name}({', '.join(names)})"
+            text.append(f"x{k} = {what}")
+        text += [f"output[{k}] = {'-' if minus else ''}x{line}" for k, (line, minus) in enumerate(self.outputs)]
+        return "\n".join(text)
+
+    def run(self, inputs: Sequence[Any] | NDArray[Any]) -> list[Any]:
+        """Run on NumPy arrays or floats, one per input; one result per output: the oracle of compiled programs."""
+        x: list[Any] = []
+
+        def at(k: int) -> Any:
+            return x[k] if k >= 0 else -x[-k - 1]
+
+        with np.errstate(all="ignore"):
+            for op in self.lines:
+                if op.code == INPUT:
+                    x.append(inputs[op.a])
+                elif op.code == CONST:
+                    x.append(op.value)
+                else:
+                    x.append(FORMS[op.code].numpy(*map(at, signed(op))))
+            return [-x[k] if minus else x[k] for k, minus in self.outputs]
+
+
+def _eliminate_dead(lines: Sequence[Line], roots: Iterable[int]) -> tuple[list[Line], list[int], list[int]]:
+    """Dead-code elimination: the lines that the roots need, renumbered in the same order; the roots; how often each
+    line is read, by others and as a root.
+    """
+    arities = {INPUT: 0, CONST: 0, **{code: form.arity for code, form in FORMS.items()}}
+    roots = list(roots)
+    count = max(roots, default=-1) + 1
+    uses = [0] * count
+    for k in roots:
+        uses[k] += 1
+    for k in range(count - 1, -1, -1):  # a line reads earlier ones: its readers come first here
+        if uses[k]:
+            code, a, b, c, _ = lines[k]
+            arity = arities[code]
+            if arity:
+                uses[a if a >= 0 else -a - 1] += 1
+                if arity > 1:
+                    uses[b if b >= 0 else -b - 1] += 1
+                    if arity > 2:
+                        uses[c if c >= 0 else -c - 1] += 1
+    number = [0] * count
+    kept: list[Line] = []
+    for k, used in enumerate(uses):
+        if not used:
+            continue
+        number[k] = len(kept)
+        op = lines[k]
+        code, a, b, c, value = op
+        arity = arities[code]
+        if arity:
+            a = number[a] if a >= 0 else -number[-a - 1] - 1
+            if arity > 1:
+                b = number[b] if b >= 0 else -number[-b - 1] - 1
+                if arity > 2:
+                    c = number[c] if c >= 0 else -number[-c - 1] - 1
+            op = (code, a, b, c, value)
+        kept.append(op)
+    return kept, [number[k] for k in roots], [used for used in uses if used]
+
+
+def _fuse_products(lines: Sequence[Line], uses: Sequence[int]) -> list[Line]:
+    """Fuse products that one sum alone reads: decided here, so that every machine rounds alike."""
+    made = list(lines)
+    for k, (code, a, b, _, _) in enumerate(lines):
+        if code not in (ADD, SUB) or a == b:
+            continue
+        # the later product first: the earlier one is ready by then
+        for product, other in ((b, a), (a, b)) if a < b else ((a, b), (b, a)):
+            if uses[product] == 1 and made[product][0] == MUL:
+                fused = FMA if code == ADD else FMS if product == a else FNMA
+                made[k] = (fused, made[product][1], made[product][2], other, 0.0)
+                break
+    return made

@@ -1,0 +1,227 @@
+"""Calls on one table of bodies recorded as one program: its constants, inputs, outputs and checks."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algebra.scalars import EPS
+from ...bodies.joints import pitch_of
+from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
+from ...errors import SpatialDynError
+from ...recursions.spec import Argument, Spec
+from . import float32_range, host_cpu
+from .constants import constant
+from .kernel_layout import KernelLayout
+from .move_origins import move_origins
+from .parameters import Parameter, put, withdraw
+from .parameters import shape as parameter_shape
+from .program import Program
+from .regroup import regroup
+from .to_double_double import to_double_double
+from .tracer import Number, Tape, evaluate, table
+
+MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
+MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+POSITION = "rad | m"  # unit of the inputs that are positions
+
+
+class Recording(NamedTuple):
+    """A program, and what its kernel reads, writes and checks."""
+
+    program: Program
+    layout: KernelLayout
+
+
+class ProgramOptions(NamedTuple):
+    """Constant inputs, parameters and wanted outputs of some calls: hashable, and text by ``repr``.
+
+    fixed          (input, its entries, flat: NaN for those that are no constants) for each input with constant entries
+    parameters     of the table, which become inputs, after the others
+    outputs        for each call the flat indices of the wanted entries of its output; empty for all of all calls
+    ranged         reject samples whose result may depend on numbers below or above float32's range
+    double_double  in double-double, on the table without regrouping: its numbers are exact
+    """
+
+    fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    outputs: tuple[tuple[int, ...], ...] = ()
+    ranged: bool = False
+    double_double: bool = False
+
+
+ALL = ProgramOptions()
+
+
+@contextmanager
+def _collector_off() -> Iterator[None]:
+    """Python's garbage collector, if it is on, is off within."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+@_collector_off()
+def record(
+    specs: Sequence[Spec],
+    bodies: NDArray[Any],
+    static: Sequence[Any] = (),
+    options: ProgramOptions = ALL,
+    dtype: Any = np.float64,
+) -> Recording:
+    """Some calls on one table of bodies as one program; an input of one name is one input.
+
+    static   values of the static inputs of the calls, in their order
+    options  constant inputs, parameters that are inputs, and wanted outputs
+    dtype    of the program, whose eps pivots are compared with
+
+    Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
+    cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
+    """
+    for spec in specs:
+        if not spec.traceable:
+            raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
+    fixed, known = iter(static), dict(options.fixed)
+    tape = Tape()
+    rows = table(bodies, tape.unfolded if options.double_double else constant)
+    vars(rows[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
+    taken = withdraw(rows, options.parameters)
+    if all(spec.regroup for spec in specs) and not options.double_double:
+        in_body = options.parameters or any(x.name == "fext" for spec in specs for x in spec.present)
+        if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
+            move_origins(rows)
+        regroup(rows, any(spec.pivots for spec in specs))
+    n, sizes = len(bodies) - 1, _sizes(bodies)
+
+    def shape(symbols: Sequence[str | int]) -> tuple[int, ...]:
+        return _shape(symbols, sizes)
+
+    given: dict[str, Any] = {}
+    widths, kinds, units, count, moves = [], [], [], 0, False
+    for spec in specs:
+        for x in spec.present:
+            if x.name in given:
+                continue
+            if x.static:
+                given[x.name] = next(fixed)
+                continue
+            entries = known.get(x.name, (math.nan,) * int(np.prod(shape(x.shape), dtype=int)))
+            order = itertools.count(count)
+            places_of = [next(order) if math.isnan(e) else None for e in entries]  # None: a constant
+            numbers = np.empty(len(entries), dtype=object)
+            numbers[:] = [e if at is None else tape.input(at) for e, at in zip(entries, places_of, strict=True)]
+            given[x.name] = numbers.reshape(shape(x.shape)) if x.shape else numbers[0]
+            if x.unit_norm:
+                parts = [tuple(places_of[k] for k in part) for part in unit_parts(bodies)]
+                units += [tuple(k for k in part if k is not None) for part in parts if None not in part]
+            width = next(order) - count
+            if width or not entries:
+                widths.append(width)
+                kinds.append(x.unit)
+            count += width
+            moves |= x.unit != POSITION and any(at is None and e for e, at in zip(entries, places_of, strict=True))
+    loads = []
+    for p in options.parameters:
+        widths.append(math.prod(parameter_shape(p, n)))
+        loads.append([tape.input(count + k) for k in range(widths[-1])])
+        count += widths[-1]
+    put(rows, options.parameters, loads, taken)
+    results: list[Any] = []
+    places, pivots, norms = [], [], []
+    for k, spec in enumerate(specs):
+        inner = np.zeros(n, dtype=object)
+        out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
+        wanted = out.ravel()[list(options.outputs[k])] if options.outputs else out.ravel()
+        places.append(tuple(range(len(results), len(results) + len(wanted))))
+        if spec.output.unit_norm:
+            chosen = options.outputs[k] if options.outputs else range(out.size)
+            at_of = {entry: len(results) + at for at, entry in enumerate(chosen)}
+            norms += [tuple(at_of[e] for e in part) for part in unit_parts(bodies) if set(part) <= set(at_of)]
+        results += wanted.tolist()
+        if spec.pivots:
+            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else float(np.finfo(dtype).eps))
+            pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
+            results += [margin for margin, _ in margins]
+    program, sizes_of = Program(tape, results, count, fuse=not options.double_double), None
+    if options.double_double:
+        program = to_double_double(program, host_cpu.host()[3])
+    if options.ranged:
+        driving = None if moves else [k for k, x in enumerate(kinds) if x != POSITION]
+        sizes_of, least = float32_range.ranges(bodies, driving)
+        pivots = [(place, max(bound, least)) for place, bound in pivots]
+    layout = KernelLayout(
+        tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of
+    )
+    return Recording(program, layout)
+
+
+def _sizes(bodies: NDArray[Any]) -> dict[str, int]:
+    """Values of the symbols in the shape of an argument."""
+    return {"nq": int(bodies[0]["q_index"]), "nv": len(bodies) - 1, "njoints": int(bodies[0]["dofs"])}
+
+
+def _shape(symbols: Sequence[str | int], sizes: dict[str, int]) -> tuple[int, ...]:
+    return tuple(sizes[s] if isinstance(s, str) else s for s in symbols)
+
+
+def shape_of(argument: Argument, bodies: NDArray[Any]) -> tuple[int, ...]:
+    """Shape of one sample of an argument on a table of bodies."""
+    return _shape(argument.shape, _sizes(bodies))
+
+
+def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
+    """(margin, least) of each D: margin > least says that D is above n eps of a bound on its composite inertia.
+
+    With t the sum of the m distances |x| that joints below the root have travelled, 2 b t <= a + c t², because
+    b² <= a c for the moments of any body, and t² <= m Σ x²: a polynomial, which a program can hold, and the same in
+    all units. Entries of ``rows`` that are Numbers go to the margin, floats to the least.
+    """
+    n = len(rows) - 1
+    moved: list[Any] = []
+    for row in rows[1:]:
+        if row.kind in SCREWS:
+            moved.append(pitch_of(row) * q[row.q_index])
+        elif row.parent > 0 or row.kind in SLIDES:
+            moved += [q[k] for k in range(row.q_index, row.q_index + LENGTHS[row.kind])]
+    squares: Any = 0.0
+    for x in moved:
+        squares = squares + x * x
+    margins = []
+    for row, D in zip(rows[1:], pivots, strict=True):
+        least, small = 0.0, n * eps
+        growth = (small * 2 * len(moved)) * row.inertia_bound.z * squares
+        for part in (
+            small * (row.armature + row.inertia_bound.x),
+            small * row.inertia_bound.x if moved else 0.0,
+            growth,
+        ):
+            if isinstance(part, Number):
+                D = D - part
+            else:
+                least += part
+        margins.append((D, float(least)))
+    return margins
+
+
+def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
+    """Whether calls on a table can be a program: none branches on values, and the program is not too long.
+
+    results  wanted numbers of one sample, if not all
+    """
+    if results is None:
+        sizes = _sizes(bodies)
+        shapes = [(spec.output.shape, spec.term_shape) for spec in specs]
+        results = sum(max(math.prod(_shape(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
+    short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
+    return short and all(spec.traceable for spec in specs)

@@ -1,0 +1,213 @@
+"""The thread pool that shares a batch, and slices of work between which Ctrl-C is handled."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import SpatialDynError
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
+
+SLICE_SECONDS = 0.05  # seconds of a slice, after which Ctrl-C is handled, for samples outside of programs
+FIRST_SLICE = 1 << 18  # rows² or rows times results, in all samples of the first slice: 2 to 30 ms
+
+PIECES = 4  # of a thread's share of a batch: a thread that comes late leaves its own to the others
+IDLE = 0.5  # of the time it works: a thread that waits longer for the others, or for a core, is on a busy machine
+PAUSE = 10.0  # times that wait, and at most MOST_PAUSE seconds, in which batches then run on one thread
+MOST_PAUSE = 1.0
+FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5  # 16 ms on Windows
+VARIABLE = "SPATIALDYN_NUM_THREADS"
+_V2 = "/sys/fs/cgroup/cpu.max", ""  # files of a control group's quota and its period
+_V1 = "/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "/sys/fs/cgroup/cpu/cpu.cfs_period_us"
+
+_lock = threading.Lock()
+
+
+class ThreadPool:
+    """The threads that share a batch, and their number."""
+
+    def __init__(self) -> None:
+        self._pools: dict[int, ThreadPoolExecutor] = {}
+        self._asked: int | None = None  # by ``ask``
+        self._found: tuple[int, bool] | None = None  # as of ``default_threads``
+        self._forked = False
+        self._pause = self._busy_until = 0.0
+
+    @property
+    def size(self) -> int:
+        """Threads of a batch that this thread computes: those asked for, else all cores for the main thread.
+
+        One while the machine is busy, and for other threads, which are as many as their program wants.
+        Raises SpatialDynError if the environment sets no number.
+        """
+        if self._asked is not None:
+            return self._asked
+        if self._found is None:
+            self._found = default_threads(self._forked)
+        n, asked = self._found
+        if n == 1 or asked:
+            return n
+        main = threading.get_ident() == threading.main_thread().ident
+        return n if main and time.perf_counter() >= self._busy_until else 1
+
+    def ask(self, n: int | None) -> None:
+        """Have every thread's batches run on n threads; None: the default."""
+        self._asked, self._busy_until = n, 0.0
+
+    def forked(self) -> None:
+        """In a forked child: the threads are gone, and it is a worker."""
+        self._pools.clear()
+        self._asked, self._found, self._forked = None, None, True
+
+    def pool(self, threads: int) -> ThreadPoolExecutor:
+        from concurrent.futures import ThreadPoolExecutor
+
+        with _lock:
+            if threads not in self._pools:
+                self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
+            return self._pools[threads]
+
+    def together(self, work: Callable[[], Any], threads: int) -> list[Any]:
+        """Call ``work`` in so many threads, this one among them; returns the results.
+
+        A thread that has not begun when this one is through is not waited for: ``work`` leaves nothing for it. All
+        others have ended when it returns or raises.
+        """
+        from concurrent.futures import wait
+
+        began, busy = time.perf_counter(), time.thread_time()
+        jobs = [self.pool(threads).submit(work) for _ in range(threads - 1)]
+        try:
+            made = [work()]
+        finally:
+            begun = [job for job in jobs if not job.cancel()]
+            wait(begun)
+        made += [job.result() for job in begun]
+        busy = time.thread_time() - busy
+        if FINE_CLOCK:
+            self._judge(busy, time.perf_counter() - began - busy if begun else busy)
+        return made
+
+    def run(self, parts: Sequence[Callable[[], Any]], threads: int | None = None) -> list[Any]:
+        """The results of parts, which so many threads, as many as parts by default, take in order as they are free.
+
+        All have ended when it returns; all that have begun, when it raises.
+        """
+        results: list[Any] = [None] * len(parts)
+        left = deque(range(len(parts)))
+
+        def work() -> None:
+            while left:
+                try:
+                    k = left.popleft()
+                except IndexError:  # another thread took it
+                    return
+                try:
+                    results[k] = parts[k]()
+                except BaseException:
+                    left.clear()
+                    raise
+
+        self.together(work, len(parts) if threads is None else threads)
+        return results
+
+    def _judge(self, worked: float, idle: float) -> None:
+        """Pause after a batch in which this thread was idle for long, twice as long if it was so before."""
+        if idle <= IDLE * worked:
+            self._pause = 0.0
+            return
+        self._pause = min(MOST_PAUSE, max(2.0 * self._pause, PAUSE * idle))
+        self._busy_until = time.perf_counter() + self._pause
+
+    def share(self, first: int, end: int, least: int, part: Callable[[int, int], int]) -> int:
+        """The sum of ``part(first, end)`` over samples cut among the threads, at least ``least`` in each piece."""
+        n = end - first
+        most = n // least
+        threads = max(1, min(self.size, most))
+        if threads == 1:
+            return part(first, end)
+        pieces = max(threads, min(most, PIECES * threads))
+        cuts = [first + n * k // pieces for k in range(pieces + 1)]
+        return sum(self.run([partial(part, *cut) for cut in pairwise(cuts)], threads))
+
+
+def default_threads(worker: bool = False) -> tuple[int, bool]:
+    """The number of threads that a process uses, and whether its environment sets it.
+
+    SPATIALDYN_NUM_THREADS if set; one in a ``worker``, as processes of multiprocessing, joblib and Dask are; else the
+    cores that it may use, by its affinity and the quota of its control group, or OMP_NUM_THREADS if less.
+
+    Raises SpatialDynError if SPATIALDYN_NUM_THREADS is no whole number of 1 at least.
+    """
+    own = os.environ.get(VARIABLE, "").strip()
+    if own:
+        if not (own.isdecimal() and int(own)):
+            raise SpatialDynError(f"{VARIABLE} is {own!r}, expected a whole number of threads, 1 at least")
+        return int(own), True
+    processes = sys.modules.get("multiprocessing.process")
+    if worker or (processes is not None and processes.parent_process() is not None):
+        return 1, False
+    others = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    cores = available_cores()
+    return (min(cores, int(others)) if others.isdecimal() and int(others) else cores), False
+
+
+def available_cores() -> int:
+    """How many cores this process may use: its affinity, and the quota of its control group, rounded up."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    for quota, period in (_V2, _V1):
+        with suppress(OSError, ValueError, IndexError):
+            words = " ".join(Path(name).read_text() for name in (quota, period) if name).split()
+            if words[0] not in ("max", "-1"):
+                return max(1, min(cores, math.ceil(int(words[0]) / int(words[1]))))
+    return cores
+
+
+def slices(n: int, rows: int, results: int, least: int = 1) -> Iterator[tuple[int, int]]:
+    """Slices (first, end) of n samples, sized so that each takes the caller some SLICE_SECONDS: Ctrl-C is handled
+    between them.
+
+    rows, results  rows of the table, and numbers of a result, which set the size of the first slice
+    least          least samples of a slice, of the last too, unless n is less
+    """
+    end, count = 0, max(least, FIRST_SLICE // (rows * max(rows, results)))
+    while end < n:
+        began, done = time.perf_counter(), end
+        end = done + count if n - done - count >= least else n
+        yield done, end
+        spent = max(time.perf_counter() - began, 1e-6)
+        count = max(least, int(min(10.0 * count, count * SLICE_SECONDS / spent)))
+
+
+thread_pool = ThreadPool()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=thread_pool.forked)
+
+
+def set_num_threads(n: int) -> None:
+    """Set the number of threads of later batches, of any thread. Results do not depend on it.
+
+    By default batches of the main thread that take longer than some 0.2 ms run on all cores the process may use
+    (affinity, control group; OMP_NUM_THREADS if less), while these are free; those of other threads, and of worker
+    processes (forked, multiprocessing, joblib, Dask), on one. The environment variable SPATIALDYN_NUM_THREADS sets
+    another number for a process and its workers; a forked child forgets the number set here.
+
+    Raises SpatialDynError unless n is a whole number, at least 1.
+    """
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
+        raise SpatialDynError(f"n is {n!r}, expected a whole number of threads, 1 at least")
+    thread_pool.ask(int(n))

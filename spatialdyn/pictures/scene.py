@@ -1,0 +1,531 @@
+"""``sd.view``: a robot in a browser, a notebook or a page to keep, at rest or in motion."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import weakref
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, check_model
+from ..calls.dynamics import calls
+from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..model.model import Frame, Model
+from ..simulation import Rollout, Trajectory
+from .inertia_shapes import bars, inertia_boxes, joint_axes, reach
+from .motions import Motion, frames, motion_of
+from .progress_bar import in_notebook
+from .shapes import KINDS, Color, Folder, Shape, urdf_shapes
+from .stage import HOST, PORT, Stage, has_screen, page_frame, warn_missing
+
+Array = NDArray[np.float64]
+SHAPES = (*KINDS, "inertia")
+FORCE: Color = (0.85, 0.15, 0.15, 1.0)
+MOMENT: Color = (0.55, 0.2, 0.75, 1.0)
+COM: Color = (0.95, 0.55, 0.05, 1.0)
+TRACES: tuple[Color, ...] = ((0.1, 0.45, 0.85, 1.0), (0.85, 0.35, 0.1, 1.0), (0.15, 0.6, 0.3, 1.0))
+ARROW = 0.25  # of the robot's size: length of the first force
+WAIT = 20.0  # seconds that ``play`` waits for a browser
+
+
+def view(
+    robot: Any,
+    q: Any = None,
+    dt: float | None = None,
+    *,
+    shapes: str = "visual",
+    urdf: Any = None,
+    package_dirs: Sequence[Folder] | Folder = (),
+    sample: int | None = None,
+    open: bool | None = None,
+    host: str = HOST,
+    port: int = PORT,
+) -> Scene:
+    """Show a robot, or a motion of one, in a browser or a notebook: ``view(model)``, ``view(trajectory)``.
+
+    robot         a Model; a Trajectory or a Rollout
+    q             (nq,) the pose of a Model, by default neutral within its limits [rad | m]; or its motion: (N, nq),
+                  (S, N, nq) of S samples, a Trajectory or a Rollout
+    dt            seconds from one configuration of a motion to the next, where the motion has no times
+    shapes        "visual" or "collision" geometry of the URDF, or "inertia": a box of even density for each inertia,
+                  red if no body can have it, centres of mass and joint axes. The last is drawn too where there is no
+                  geometry: for robots made by calls or from text, and for links whose meshes are not found
+    urdf          what ``load_urdf`` takes, to read the geometry from; by default the file that the model was read from
+    package_dirs  folders that hold the packages of ``package://`` names; searched before ROS_PACKAGE_PATH and the
+                  folders above the URDF
+    sample        index of the sample to show; None shows the first solid and the next 15 pale
+    open          whether to open a tab of the browser; None opens one for a Model, not in a notebook, where the scene
+                  shows itself, and not without a screen
+    host, port    where viser listens for the browser, or at the next free port
+
+    Returns a Scene. A motion is shown by ``play`` and ``save``.
+    A mesh that is not found or cannot be read is named in ``scene.missing`` and in a warning.
+    Raises  SpatialDynError without viser, naming what to install, or naming a bad argument; UrdfError for a urdf that
+            cannot be read; ShapeError, NonFiniteError for q.
+
+    >>> scene = view(model)                                                 # doctest: +SKIP
+    >>> scene.show(q)                                                       # doctest: +SKIP
+    >>> view(simulate(model, q, v, 5.0)).save("swing.html")                 # doctest: +SKIP
+    """
+    if isinstance(robot, (Trajectory, Rollout)):
+        model, given = getattr(robot, "model", None), robot
+        if model is None:
+            what = type(robot).__name__
+            raise ModelError(f"the {what} does not know its model, expected view(model, {what.lower()})")
+        if q is not None:
+            raise SpatialDynError(f"q is given beside a {type(robot).__name__}, expected one of them")
+    else:
+        model, given = check_model(robot), q
+    if shapes not in SHAPES:
+        raise SpatialDynError(f"shapes is {shapes!r}, expected one of {', '.join(SHAPES)}")
+    folders = (package_dirs,) if isinstance(package_dirs, (str, os.PathLike)) else tuple(package_dirs)
+    moves = isinstance(given, (Trajectory, Rollout)) or np.ndim(given) > 1
+    motion = motion_of(model, given, dt, sample) if moves else None
+    start: Any = motion.q[0, 0] if motion is not None else resting(model) if given is None else given
+    scene = Scene(model, start, motion, shapes, urdf, folders, host, port)
+    if open or (open is None and not moves and not in_notebook() and has_screen()):
+        scene.open_tab()
+    return scene
+
+
+def resting(model: Model) -> Array:
+    """The neutral configuration, coordinates of one number within their limits [rad | m]."""
+    q = np.array(calls["neutral"](model))
+    for joint in model.joints[1:]:
+        if joint.nq == 1 and joint.mimic is None:
+            q[joint.idx_q] = np.clip(q[joint.idx_q], model.lower[joint.idx_q], model.upper[joint.idx_q])
+    return q
+
+
+class Scene:
+    """A picture of a robot, as ``sd.view`` makes it.
+
+    model    the Model
+    q        (nq,) the configuration shown [rad | m]
+    size     of the robot [m], by which arrows and frames are drawn
+    missing  the meshes that are not drawn, a line each: the name in the URDF and why
+    server   viser's server: ``server.scene`` and ``server.gui`` take anything else that is to be drawn
+    stage    the bodies in it
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        q: ArrayLike,
+        motion: Motion | None,
+        shapes: str,
+        urdf: Any,
+        package_dirs: Sequence[Folder],
+        host: str,
+        port: int,
+    ) -> None:
+        """``view`` says what the arguments are."""
+        self.model, self.motion, self.size = model, motion, reach(model.robot)
+        self._kind, self._urdf, self._package_dirs = shapes, urdf, package_dirs
+        X = self._poses(q)
+        drawn, self.missing = self._shapes(shapes)
+        child = {joint.name: joint.child for joint in model.robot.joints}
+        names = [
+            child.get(joint.name, model.robot.root if joint.kind != "world" else "world") for joint in model.joints
+        ]
+        self.stage = Stage(names, host, port)
+        self.server = self.stage.server
+        self._stop = weakref.finalize(self, self.stage.stop)
+        self._layers: dict[str, list[Any]] = {shapes: [self._add(shape) for shape in drawn]}
+        if motion is not None:
+            by_body: dict[int, list[tuple[Array, Shape]]] = {}
+            for shape in drawn:
+                frame = model.frame(f"link:{shape.link}")
+                by_body.setdefault(frame.joint, []).append((frame.placement, shape))
+            for body, pairs in by_body.items():
+                self.stage.add_ghosts(body, pairs if body else [], len(motion.q) - 1)
+        self._newton = 0.0  # metres of arrow for a newton
+        self._com: Any = None
+        self._traces = 0
+        self._sliders: list[Any] = []
+        self._lock = threading.RLock()
+        self._playing = threading.Event()
+        self.q = np.zeros(model.nq)
+        self.show(q)
+        self._frame_camera(X)
+
+    # --- what is shown -------------------------------------------------------------------------------------
+
+    def show(self, q: ArrayLike) -> Scene:
+        """Show a configuration q (nq,) [rad | m]; returns the scene.
+
+        Raises  ShapeError; NonFiniteError if a pose is not finite; ConfigurationError for a quaternion off its norm.
+        """
+        X = self._poses(q)
+        with self._lock, self.stage.at_once():
+            self.q = np.array(as_array("q", q))
+            self.stage.pose(X)
+            self._place_com()
+            self._set_sliders()
+        return self
+
+    def frame(self, name: str | Frame, length: float | None = None) -> Scene:
+        """Draw the axes of a frame, x red, y green, z blue, which move with it; returns the scene.
+
+        name    as ``model.frame`` takes it
+        length  of the axes [m]; by default an eighth of the robot's size
+
+        Raises  ModelError for a frame that is not there.
+        """
+        frame = self.model.frame(name)
+        length = 0.125 * self.size if length is None else length
+        self.stage.add_axes(frame.joint, frame.placement, f"{frame.kind}:{frame.name}", length)
+        return self
+
+    def force(self, name: str | Frame, force: ArrayLike, scale: float | None = None) -> Scene:
+        """Draw a force at a frame, red, and its moment, violet, both of which move with the frame; returns the scene.
+
+        name   as ``model.frame`` takes it
+        force  (3,) force, or (6,) force and moment about the frame's origin, in the frame [N | N m]
+        scale  length of an arrow [m/N], [m/(N m)]; by default the first one drawn in the scene is a quarter of the
+               robot's size, and later ones are to the same scale
+
+        Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the force.
+        """
+        frame, f = self.model.frame(name), as_array("force", force)
+        if f.shape not in ((3,), (6,)):
+            raise ShapeError(f"force has shape {f.shape}, expected (3,) or (6,)")
+        if not np.isfinite(f).all():
+            raise NonFiniteError(f"force is {f.tolist()}, expected finite numbers")
+        largest = max(float(np.linalg.norm(part)) for part in (f[:3], f[3:]))
+        if scale is None:
+            self._newton = self._newton or (ARROW * self.size / largest if largest else 0.0)
+            scale = self._newton
+        X = frame.placement
+        for part, color, word in ((f[:3], FORCE, "force"), (f[3:], MOMENT, "moment")):
+            if part.any():
+                end = X[:3, 3] + scale * (X[:3, :3] @ part)
+                label = f"{word}_{frame.name}"
+                self.stage.add_arrow(frame.joint, X[:3, 3], end, label, color, 0.008 * self.size)
+        return self
+
+    def trace(self, name: str | Frame, motion: Any) -> Scene:
+        """Draw the path of a frame's origin; returns the scene.
+
+        name    as ``model.frame`` takes it
+        motion  Trajectory, Rollout or q (N, nq), (S, N, nq) [rad | m]: a line for each of its first 16 samples
+
+        Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the motion.
+        """
+        frame = self.model.frame(name)
+        for q in motion_of(self.model, motion, 1.0).q:
+            points = np.asarray(calls["frame_placement"](self.model, q, frame))[:, :3, 3]
+            color = TRACES[self._traces % len(TRACES)]
+            self._traces += 1
+            if len(points) > 1:
+                self.stage.add_line(points, f"trace_{self._traces}_{frame.name}", color, 0.004 * self.size)
+        return self
+
+    def com(self, q: ArrayLike | None = None) -> Scene:
+        """Mark the centre of mass with an orange ball; returns the scene.
+
+        q  (nq,) the configuration it is of [rad | m]; None: of the one shown, and it moves with it
+        """
+        if q is None:
+            if self._com is None:
+                self._com = self.stage.add_ball(np.zeros(3), "com", COM, 0.035 * self.size)
+            self._place_com()
+        else:
+            at = np.asarray(calls["center_of_mass"](self.model, as_array("q", q)))
+            if at.shape != (3,):
+                raise ShapeError(f"q has shape {np.shape(q)}, expected ({self.model.nq},)")
+            self.stage.add_ball(at, "com_of_q", COM, 0.035 * self.size)
+        return self
+
+    def look(self, position: ArrayLike, at: ArrayLike) -> Scene:
+        """Put the camera at a position (3,) and point it at another (3,) [m]; returns the scene."""
+        camera = self.server.initial_camera
+        camera.position, camera.look_at = as_array("position", position), as_array("at", at)
+        for client in self.server.get_clients().values():
+            client.camera.position, client.camera.look_at = camera.position, camera.look_at
+        return self
+
+    # --- where it is shown ---------------------------------------------------------------------------------
+
+    @property
+    def url(self) -> str:
+        """The address of the page, for a browser of this machine."""
+        return self.stage.url
+
+    def open_tab(self) -> Scene:
+        """Open a tab of the browser, with a slider for each joint or for the time; returns the scene."""
+        self._add_controls()
+        self.stage.open_tab()
+        return self
+
+    def wait(self) -> None:
+        """Keep the page alive until Ctrl-C, which raises KeyboardInterrupt as ever."""
+        self._add_controls()
+        while True:
+            time.sleep(0.2)
+
+    def play(self, speed: float = 1.0) -> Scene:
+        """Show the motion once from its start, in time, and return the scene at its end.
+
+        speed  1 for real time, 0.5 for half as fast
+
+        Opens a tab of the browser and waits up to 20 s for it. A notebook shows a player of its own in place of that.
+        Raises  SpatialDynError for a scene without motion, or a speed that is not positive.
+        """
+        motion = self._moving()
+        shown, times = frames(motion.t, 60.0, speed)
+        if in_notebook():
+            import_module("IPython.display").display(self)
+            return self
+        if not self.server.get_clients():
+            self.open_tab()
+            until = time.monotonic() + WAIT
+            while not self.server.get_clients() and time.monotonic() < until and has_screen():
+                time.sleep(0.05)
+        start = time.monotonic()
+        for moment, _ in zip(times, self._steps(shown), strict=True):
+            time.sleep(max(0.0, start + float(moment) - time.monotonic()))
+        return self
+
+    def html(self, fps: float = 60.0, speed: float = 1.0) -> str:
+        """The page that ``save`` writes, as text."""
+        if self.motion is None:
+            return self.stage.html()
+        shown, times = frames(self.motion.t, fps, speed)
+        before = self.q
+        text = self.stage.html(times, self._steps(shown))
+        self.show(before)
+        return text
+
+    def save(self, path: Folder, fps: float = 60.0, speed: float = 1.0) -> Path:
+        """Write a page that needs no network, with a play bar for a motion; returns its path.
+
+        path   a name that ends in .html
+        fps    frames a second; a motion recorded more often is thinned, none is interpolated
+        speed  1 for real time, 0.5 for half as fast
+
+        Raises  SpatialDynError for another ending, fps or speed, or if the file cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() not in (".html", ".htm"):
+            raise SpatialDynError(f"path is {str(path)!r}, expected a name that ends in .html")
+        text = self.html(fps, speed)
+        try:
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise SpatialDynError(f"path is {str(path)!r}: {error.strerror}, expected a file to write") from error
+        return path
+
+    def close(self) -> None:
+        """End viser's server; the page stops answering."""
+        self._playing.clear()
+        self._stop()
+
+    def __repr__(self) -> str:
+        what = "" if self.motion is None else f", {self.motion.t[-1]:g} s of motion"
+        lost = f", {len(self.missing)} meshes missing" if self.missing else ""
+        return f"<Scene of {self.model.name} at {self.url}{what}{lost}>"
+
+    def _repr_html_(self) -> str:
+        """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders."""
+        if self.motion is not None:
+            return page_frame(self.html())
+        self._add_controls()
+        return page_frame(self.url)
+
+    # --- inside --------------------------------------------------------------------------------------------
+
+    def _moving(self) -> Motion:
+        if self.motion is None:
+            raise SpatialDynError("the scene has no motion, expected view(trajectory) or view(model, q, dt)")
+        return self.motion
+
+    def _poses(self, q: ArrayLike) -> Array:
+        """Poses (..., njoints, 4, 4) of the joints' bodies. Raises ShapeError, NonFiniteError."""
+        x = as_array("q", q)
+        if x.ndim != 1:
+            raise ShapeError(f"q has shape {x.shape}, expected ({self.model.nq},)")
+        X = np.asarray(calls["forward_kinematics"](self.model, x))
+        if not np.isfinite(X).all():
+            raise NonFiniteError(f"q is {x.tolist()}, at which poses are not finite")
+        return X
+
+    def _shapes(self, kind: str) -> tuple[list[Shape], list[str]]:
+        """The shapes to draw, and what is missing; inertias stand for what has no geometry."""
+        robot, links = self.model.robot, {link.name for link in self.model.robot.links}
+        source = self._urdf if self._urdf is not None else robot.source
+        if kind == "inertia" or not source:
+            return self._inertia_shapes(), []
+        if self._urdf is None and not os.path.isfile(source):
+            missing = [f"{source} is not there any more"]
+            warn_missing(robot.name, missing)
+            return self._inertia_shapes(), missing
+        shapes, missing = urdf_shapes(source, kind, self._package_dirs)
+        shapes = [shape for shape in shapes if shape.link in links]
+        if missing:
+            warn_missing(robot.name, missing)
+        if not shapes:
+            return self._inertia_shapes(), missing
+        bare = links - {shape.link for shape in shapes}
+        boxes = inertia_boxes([link for link in robot.links if link.name in bare], self.size) if missing else []
+        return shapes + boxes, missing
+
+    def _inertia_shapes(self) -> list[Shape]:
+        robot = self.model.robot
+        return [*inertia_boxes(robot.links, self.size), *joint_axes(robot, self.size), *bars(robot, self.size)]
+
+    def _add(self, shape: Shape) -> Any:
+        frame = self.model.frame(f"link:{shape.link}")
+        return self.stage.add_shape(frame.joint, frame.placement, shape)
+
+    def _place_com(self) -> None:
+        if self._com is not None:
+            self._com.position = np.asarray(calls["center_of_mass"](self.model, self.q))
+
+    def _frame_camera(self, X: Array) -> None:
+        """Camera and floor for the pose, and for the motion where that stays within a few sizes of it."""
+        first = self.stage.bounds(X)
+        box, reachable = first.copy(), 4.0 * float(np.linalg.norm(first[1] - first[0]))
+        if self.motion is not None:
+            some = np.unique(np.linspace(0, len(self.motion.t) - 1, 12).astype(int))
+            for pose in np.asarray(calls["forward_kinematics"](self.model, self.motion.q[:, some])).reshape(
+                -1, *X.shape
+            ):
+                here = self.stage.bounds(pose)
+                whole = np.stack([np.minimum(box[0], here[0]), np.maximum(box[1], here[1])])
+                if np.linalg.norm(whole[1] - whole[0]) <= reachable:
+                    box = whole
+        self.stage.look_at(box, float(box[0, 2]))
+
+    def _steps(self, shown: NDArray[np.intp]) -> Iterator[None]:
+        """Shows one configuration of the motion after another."""
+        motion = self._moving()
+        X = np.asarray(calls["forward_kinematics"](self.model, motion.q[:, shown]))
+        for k, index in enumerate(shown):
+            with self._lock, self.stage.at_once():
+                self.q = motion.q[0, index]
+                self.stage.pose(X[0, k], X[1:, k])
+                self._place_com()
+            yield
+
+    # --- controls of the page ------------------------------------------------------------------------------
+
+    def _add_controls(self) -> None:
+        """Sliders, once: of the time for a motion, else one for each freedom; and what else can be shown."""
+        if self._layers.get("controls") is not None:
+            return
+        self._layers["controls"] = []
+        gui = self.server.gui
+        if self.motion is not None:
+            self._add_player(gui)
+        else:
+            self._add_sliders(gui)
+        with gui.add_folder("show", expand_by_default=False):
+            for layer in (*SHAPES, "frames", "centre of mass"):
+                box = gui.add_checkbox(layer, initial_value=layer == self._kind)
+                box.on_update(lambda event, layer=layer: self._switch(layer, event.target.value))
+
+    def _switch(self, layer: str, on: bool) -> None:
+        """Show a layer or hide it; it is drawn when it is first shown."""
+        with self._lock, self.stage.at_once():
+            if layer == "centre of mass":
+                self.com()
+                self._com.visible = on
+                return
+            if layer not in self._layers and on:
+                if layer == "frames":
+                    links = [frame for frame in self.model.frames if frame.kind == "link"]
+                    self._layers[layer] = [
+                        self.stage.add_axes(f.joint, f.placement, f"frame_{f.name}", 0.08 * self.size) for f in links
+                    ]
+                else:
+                    self._layers[layer] = [self._add(shape) for shape in self._shapes(layer)[0]]
+            for handle in self._layers.get(layer, []):
+                handle.visible = on
+
+    def _add_sliders(self, gui: Any) -> None:
+        """A slider for each freedom: the coordinate itself, or the motion from neutral for joints of several."""
+        model, u = self.model, self._displacement()
+        for joint in model.joints[1:]:
+            if joint.mimic is not None:
+                continue
+            for k in range(joint.nv):
+                at = joint.idx_v + k
+                low, high = slider_ends(model, joint, k)
+                label = joint.name if joint.nv == 1 else f"{joint.name}.{k}"
+                value = float(np.clip(u[at], low, high))
+                slider = gui.add_slider(label, low, high, (high - low) / 1000.0, value)
+                slider.on_update(self._slid)
+                self._sliders.append((at, slider))
+
+    def _slid(self, event: Any) -> None:
+        if event.client_id is None:  # set by ``show``, not by a hand
+            return
+        u = np.zeros(self.model.nv)
+        for at, slider in self._sliders:
+            u[at] = slider.value
+        self.show(calls["integrate"](self.model, calls["neutral"](self.model), u))
+
+    def _displacement(self) -> Array:
+        """The motion (nv,) that takes the neutral configuration to the one shown."""
+        return np.asarray(calls["difference"](self.model, calls["neutral"](self.model), self.q))
+
+    def _set_sliders(self) -> None:
+        if self._sliders:
+            u = self._displacement()
+            for at, slider in self._sliders:
+                slider.value = float(np.clip(u[at], slider.min, slider.max))
+
+    def _add_player(self, gui: Any) -> None:
+        """A time slider, a button that plays, and a speed."""
+        t = self._moving().t
+        at = gui.add_slider("time [s]", 0.0, max(float(t[-1]), 1e-9), max(float(t[-1]), 1e-9) / 1000.0, 0.0)
+        speed = gui.add_dropdown("speed", ("0.1", "0.25", "0.5", "1", "2", "5"), initial_value="1")
+        button = gui.add_button("play / pause")
+
+        def show_time() -> None:
+            nearest = np.array([int(np.argmin(abs(t - at.value)))])
+            next(self._steps(nearest))
+
+        def run() -> None:
+            now = 0.0 if at.value >= t[-1] else float(at.value)
+            while self._playing.is_set() and now < t[-1]:
+                begun = time.monotonic()
+                time.sleep(1.0 / 60.0)
+                now = min(now + float(speed.value) * (time.monotonic() - begun), float(t[-1]))
+                at.value = now
+                show_time()
+            self._playing.clear()
+
+        def slid(event: Any) -> None:
+            if event.client_id is not None:  # by a hand
+                show_time()
+
+        def pressed(event: Any) -> None:
+            if self._playing.is_set():
+                self._playing.clear()
+            else:
+                self._playing.set()
+                threading.Thread(target=run, daemon=True).start()
+
+        at.on_update(slid)
+        button.on_click(pressed)
+
+
+def slider_ends(model: Model, joint: Any, k: int) -> tuple[float, float]:
+    """The ends of the slider of a joint's freedom: its limits, else π or 1 m to both sides."""
+    slides = joint.kind == "prismatic" or (joint.kind in ("floating",) and k < 3) or (joint.kind == "planar" and k < 2)
+    reach_ = 1.0 if slides else np.pi
+    low, high = -reach_, reach_
+    if joint.nq == 1:
+        lower, upper = float(model.lower[joint.idx_q]), float(model.upper[joint.idx_q])
+        low = lower if np.isfinite(lower) else min(low, upper - reach_)
+        high = upper if np.isfinite(upper) else max(high, lower + reach_)
+    return (low, high) if high > low else (low - 1e-6, low + 1e-6)

@@ -1,0 +1,29 @@
+"""Steps that recursions share: a body's velocity from its parent's, and one step of a frame's walk to the world."""
+
+from __future__ import annotations
+
+from ..algebra.records import motion_of, pose_of
+from ..algebra.scalars import inline
+from ..algebra.spatial import Motion, Pose, add_motion, compose, motion_to_child
+from ..bodies.joints import joint_motion, place_joint
+from .signatures import Bodies, Config, Record, Vector, Work
+
+
+@inline
+def body_velocity(bodies: Bodies, work: Work, i: int, v: Vector) -> Motion:
+    """v_i = X v_λ + S q̇ of row i (RBDA eq. 5.7) from the X of its scratch row and the v of its parent's."""
+    here, parent = work[i], work[bodies[i].parent]
+    return add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), joint_motion(bodies, i, v))
+
+
+@inline
+def moved_by_joint(here: Record, parent: Record, vJ: Motion) -> Motion:
+    """The same v_i from vJ = S q̇, for recursions that also need vJ, as in v_i × vJ."""
+    return add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+
+
+@inline
+def seen_from_parent(bodies: Bodies, work: Work, i: int, q: Config, X: Pose) -> Pose:
+    """A pose in row i, taken to its parent; the row's own pose in its parent is written to its scratch row."""
+    place_joint(bodies, i, q, work[i].X)
+    return compose(pose_of(work[i].X), X)

@@ -1,0 +1,137 @@
+"""``inline`` functions: they compute what Python does, leave no machine code of their own, and may raise."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core import compiler
+
+import spatialdyn as sd
+from spatialdyn.algebra import numba_passes
+from spatialdyn.algebra.scalars import inline, inline_unoptimized, no_inline, register, sin
+from spatialdyn.engines.compiled import numba_kernels
+
+COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="about compiled code")
+
+
+@no_inline
+def apart(x: float) -> float:
+    """A ``no_inline`` function."""
+    made: float = sin(x) + 1.0
+    return made
+
+
+@inline
+def inside(x: Any, k: int) -> float:
+    """An ``inline`` function, as recursions are."""
+    return apart(x[k]) * 2.0
+
+
+@inline_unoptimized
+def between(x: Any) -> float:
+    """An ``inline_unoptimized`` function, which calls kernels."""
+    total = 0.0
+    for k in range(len(x)):
+        total += inside(x, k)
+        if total > 100.0:
+            raise ValueError("too much")
+    return total
+
+
+def outermost(x: Any) -> float:
+    """The caller, compiled by itself."""
+    return between(x)
+
+
+@pytest.fixture(autouse=True)
+def registered() -> None:
+    """Numba has the functions of this file."""
+    register()
+
+
+def test_inlined_functions_compute_what_python_does() -> None:
+    x = np.array([0.3, -1.2, 2.0])
+    expected = sum(2.0 * (math.sin(a) + 1.0) for a in x)
+    assert outermost(x) == expected
+    assert njit(outermost)(x) == pytest.approx(
+        expected, rel=4e-16, abs=0.0
+    )  # a sum of three, in another order of fusing
+
+
+def test_what_an_inlined_function_raises_arrives() -> None:
+    with pytest.raises(ValueError, match="too much"):
+        njit(outermost)(np.zeros(60))
+
+
+@COMPILED
+def test_inlined_functions_have_no_machine_code() -> None:
+    kernel: Any = njit(outermost)
+    kernel(np.ones(2))
+    (made,) = kernel.overloads.values()
+    defined = {name for name in made.library.codegen._engine._defined_symbols if "NumbaEnv" not in name}
+    assert any("outermost" in name for name in defined)
+    assert any("apart" in name and __name__ in name for name in defined)
+    assert not any(word in name and __name__ in name for name in defined for word in ("6inside", "7between"))
+
+
+def test_the_passes_left_out_are_numbas() -> None:
+    """A pass of another name in another version of Numba would run again, and no test would fail."""
+    state = compiler.StateDict()
+    flags: Any = compiler.Flags
+    state.flags, state.func_ir = flags(), None
+    builder: Any = compiler.DefaultPassBuilder
+    there = {found.__name__ for found, _ in builder.define_nopython_pipeline(state).passes}
+    assert there >= numba_passes._WITHOUT
+
+
+def run_without_passes(tmp_path: Path, lines: str) -> Any:
+    """What a fresh Python prints as JSON where Numba has the parts of ``numba_passes`` elsewhere."""
+    script = f'import sys\nsys.modules["spatialdyn.algebra.numba_passes"] = None\n{lines}'
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path)}
+    ran = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    return json.loads(ran.stdout)
+
+
+@COMPILED
+def test_without_the_passes_inlined_functions_compile_as_numba_has_them(tmp_path: Path) -> None:
+    lines = """
+from numba import njit
+from spatialdyn.algebra import scalars
+from spatialdyn.algebra.euclidean import Vec, cross
+from spatialdyn.algebra.scalars import inline_unoptimized
+try:
+    from spatialdyn.algebra import numba_passes
+    raise SystemExit("numba_passes can be imported")
+except ImportError:
+    pass
+
+@inline_unoptimized
+def of_cross(x):
+    a = cross(Vec(x, 2.0, 3.0), Vec(0.0, 1.0, scalars.sin(x)))
+    return a.x, a.y, a.z
+
+scalars.register()
+print(list(njit(lambda x: of_cross(x))(0.5)))
+"""
+    expected = np.cross([0.5, 2.0, 3.0], [0.0, 1.0, math.sin(0.5)])
+    np.testing.assert_allclose(run_without_passes(tmp_path, lines), expected, rtol=1e-15)
+
+
+@COMPILED
+@pytest.mark.slow(quick="test_without_the_passes_inlined_functions_compile_as_numba_has_them")
+def test_without_the_passes_recursions_compile_as_numba_has_them(tmp_path: Path) -> None:
+    lines = """
+import spatialdyn as sd
+print(sd.rnea(sd.load_urdf("two_link"), [0.3, 0.4], [1.0, 2.0], [0.0, 1.0]).tolist())
+"""
+    expected = sd.rnea(sd.load_urdf("two_link"), [0.3, 0.4], [1.0, 2.0], [0.0, 1.0])
+    np.testing.assert_allclose(run_without_passes(tmp_path, lines), expected, rtol=1e-14)

@@ -1,0 +1,150 @@
+"""Calls that record inputs and result, and operators on rows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from trees import random_state, random_tree
+
+import spatialdyn as sd
+from spatialdyn.calls.dynamics import table_call
+from spatialdyn.compat.native import operator_kernels, recorded_calls, recorded_constraints
+from spatialdyn.constraints.contact import solve
+from spatialdyn.engines.compiled import cpython
+
+
+@pytest.fixture(scope="module")
+def case() -> Any:
+    made = random_tree(2, 7, floating=True)
+    return made.model, random_state(made.tree, np.random.default_rng(0))
+
+
+compiled = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
+
+
+def bound(function: cpython.Builtin, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
+    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
+    words |= {name: x.ctypes.data for name, x in arrays.items()}
+    return function.bind(model, arrays, **words)
+
+
+@compiled
+def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
+    model, s = case
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
+    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    found = call(s.q, s.v, s.a)
+    np.testing.assert_array_equal(found, table_call("rnea", model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(tau, found)
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
+    assert not np.shares_memory(tau, found)
+
+
+@compiled
+def test_forces_are_a_last_vector(case: Any) -> None:
+    model, s = case
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
+    call = bound(
+        recorded_calls.recorded_call("rnea", forces=True), model, {"memory": memory, "result": tau}, axis0=model.nv
+    )
+    np.testing.assert_array_equal(call(s.q, s.v, s.a, s.fext.ravel()), table_call("rnea", model, s.q, s.v, s.a, s.fext))
+    assert call(s.q, s.v, s.a) is call(s.q, s.v, s.a, s.fext.ravel()[:-1]) is None
+
+
+@compiled
+def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
+    model, s = case
+    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv)
+    axes = {"axis0": model.njoints, "axis1": 4, "axis2": 4}
+    function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), False)
+    assert bound(function, model, {"memory": memory, "result": X}, **axes)(s.q, s.v, s.a) is True
+    np.testing.assert_array_equal(X, table_call("forward_kinematics", model, s.q))
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
+
+
+@compiled
+def test_an_input_that_runs_backwards_into_the_result_is_turned_away() -> None:
+    """Also one that is only recorded, after the result; inputs wholly before or after the result are accepted."""
+    model = random_tree(3, 5, ["revolute"]).model
+    n, count = model.nq, 16 * model.njoints
+    q, memory, axes = np.full(n, 0.1), np.empty(2 * n), {"axis0": model.njoints, "axis1": 4, "axis2": 4}
+    room = np.zeros(n + count + n)
+    X = room[n : n + count].reshape(model.njoints, 4, 4)
+    call = bound(
+        recorded_calls.recorded_call("forward_kinematics", ("v",), False),
+        model,
+        {"memory": memory, "result": X},
+        **axes,
+    )
+    for first in (n, n + 2, 2 * n - 2, n + count - 1, n + count, n + count + n - 2):
+        assert call(q, room[first : first - n : -1]) is None
+    for first, last in ((n - 1, None), (n + count + n - 1, n + count - 1)):
+        assert call(q, room[first:last:-1]) is True
+
+
+@compiled
+def test_a_failure_notes_nothing(case: Any) -> None:
+    model, s = case
+    tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv)
+    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    assert call(2.0 * s.q, s.v, s.a) is call(s.q, s.v, s.a * np.inf) is None
+    assert not memory.any()
+    assert not tau.any()
+
+
+@compiled
+def test_a_call_is_made_again_on_what_was_noted(case: Any) -> None:
+    model, s = case
+    out = np.empty((model.njoints, 6))
+    arrays = {"q_address": s.q, "v_address": s.v, "V_address": out}
+    output = sd.recursions.SPECS["joint_velocities"].output.name
+    arrays[f"{output}_address"] = arrays.pop("V_address")
+    assert bound(recorded_calls.recompute("joint_velocities"), model, arrays)() is True
+    np.testing.assert_array_equal(out, table_call("joint_velocities", model, s.q, s.v))
+
+
+@compiled
+def test_frames_are_placed_with_the_joints(case: Any) -> None:
+    model, s = case
+    frames = [f for f in model.frames if f.joint > 0]
+    joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
+    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq)
+    arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": placements}
+    assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
+    for frame, found in zip(frames, out, strict=True):
+        np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)
+    first = out.copy()
+    out[:] = 0.0
+    assert bound(recorded_calls.place_frames(False), model, arrays, frames=len(frames))() is True
+    np.testing.assert_array_equal(out, first)
+
+
+@compiled
+def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
+    model, s = case
+    m, n, rng = 3, model.nv, np.random.default_rng(3)
+    J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
+    arrays = {"memory": np.empty(model.nq + n), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
+    arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m)}
+    call = bound(recorded_constraints.dynamics(), model, arrays, m=m)
+    bias = table_call("nonlinear_effects", model, s.q, s.v)
+    expected = solve(model, table_call("crba", model, s.q), s.tau - bias, J, drift, 0.1)
+    np.testing.assert_array_equal(call(s.q, s.v, s.tau, J, drift, 0.1), expected.x)
+    np.testing.assert_array_equal(arrays["force"], expected.force)
+    J[1] = J[0]
+    assert call(s.q, s.v, s.tau, J, drift) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
+    np.testing.assert_array_equal(arrays["force"], expected.force)
+
+
+def test_a_listed_operator_is_the_operator_row_by_row() -> None:
+    rng = np.random.default_rng(1)
+    a, b = np.empty((3, 4, 4)), rng.normal(size=(5, 6))
+    for X in a:
+        operator_kernels.exp6(rng.normal(size=6), X)
+    places, out, one = np.array([2, 0, 0, 1, 2]), np.empty((5, 6)), np.empty(6)
+    recorded_calls.motions_to_parent(a, places, b, out)
+    for k, place in enumerate(places):
+        operator_kernels.motion_to_parent(a[place], b[k], one)
+        np.testing.assert_array_equal(out[k], one)

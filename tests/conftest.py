@@ -1,0 +1,18 @@
+"""What holds for all tests."""
+
+from __future__ import annotations
+
+import gc
+import signal
+
+
+def pytest_configure() -> None:
+    """Hear Ctrl-C also where the suite was started in the background, whose processes ignore it."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what was imported and collected, which lives to the end: saves 9 % of compiling."""
+    gc.collect()
+    gc.freeze()

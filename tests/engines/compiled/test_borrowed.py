@@ -1,0 +1,164 @@
+"""Private names of Numba, NumPy, CPython and mpmath are used in a few files only, and listed here.
+
+A new version of one of them may rename these: a name that is not listed, or in another file, fails.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import spatialdyn
+
+PACKAGE = Path(spatialdyn.__file__).parent
+COMPILED = "engines/compiled/"
+FOREIGN = {"numba", "numpy", "llvmlite", "ctypes"}
+PUBLIC = {
+    "numba",
+    "numba.extending",
+    "numpy",
+    "numpy.linalg",
+    "numpy.typing",
+    "numpy.lib.stride_tricks",
+    "llvmlite",
+    "llvmlite.binding",
+}
+OF_TUPLES = {"_asdict", "_replace", "_fields", "_make"}  # documented by named tuples
+
+# name -> the files that may use it
+BORROWED: dict[str, set[str]] = {
+    # how inlined functions are compiled
+    "numba.core.codegen.JITCodeLibrary": {"algebra/numba_passes.py"},
+    "numba.core.compiler.CompilerBase": {"algebra/numba_passes.py"},
+    "numba.core.compiler.DefaultPassBuilder": {"algebra/numba_passes.py"},
+    "numba.core.compiler_machinery.LoweringPass": {"algebra/numba_passes.py"},
+    "numba.core.compiler_machinery.register_pass": {"algebra/numba_passes.py"},
+    "numba.core.typed_passes.IRLegalization": {"algebra/numba_passes.py"},
+    "_finalize_dynamic_globals": {"algebra/numba_passes.py"},
+    # the cache of compiled functions
+    "numba.core.caching._Cache": {COMPILED + "numba_cache.py"},
+    "numba.core.compiler": {COMPILED + "numba_cache.py"},
+    "numba.core.serialize": {COMPILED + "numba_cache.py"},
+    "_rebuild": {COMPILED + "numba_cache.py"},
+    "_reduce": {COMPILED + "numba_cache.py"},
+    # a dispatcher without conversions of arguments and long error messages
+    "_cache": {COMPILED + "jit.py"},
+    "_compile_for_args": {COMPILED + "jit.py"},
+    "numba.core.compiler_lock.global_compiler_lock": {COMPILED + "jit.py"},
+    "_search_new_conversions": {COMPILED + "jit.py"},
+    "_explain_matching_error": {COMPILED + "jit.py"},
+    # addresses in compiled code
+    "numba.core.cgutils": {COMPILED + "jit.py"},
+    # CPython builtins that read NumPy's array objects
+    "ctypes": {
+        "engines/object_layout.py",
+        "engines/programs/batch_kernels.py",
+        "engines/programs/interpreter.py",
+        "engines/programs/single_call.py",
+        "engines/programs/time_loop.py",
+        "examples/c_export.py",
+    },
+    "ctypes.pythonapi": {"engines/object_layout.py"},
+    "_ARRAY_API": {"engines/object_layout.py"},
+    # the end of a process whose threads compile
+    "_exit": {"engines/interrupt.py"},
+    # how IPython shows a figure
+    "_repr_png_": {"pictures/figures.py"},
+    # mpmath's numbers as integers and exponents
+    "_mpf_": {"engines/numbers/multiprecision.py"},
+    # the caller's module, which the face's coverage reports
+    "_getframe": {"compat/pinocchio/coverage/coverage.py"},
+}
+OVERRIDDEN = {  # methods and attributes of Numba's classes that ours override
+    "_finalize_final_module": "algebra/numba_passes.py", "_optimize_final_module": "algebra/numba_passes.py",
+    "_finalized": "algebra/numba_passes.py",
+}  # fmt: skip
+
+
+def own_names(trees: list[ast.Module]) -> set[str]:
+    """Names that these modules define: functions, classes, arguments, variables, attributes of self, slots."""
+    found = set()
+    for tree in trees:
+        for node in ast.walk(tree):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                found.add(node.name)
+            elif isinstance(node, ast.arg):
+                found.add(node.arg)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                found.add(node.id)
+            elif isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
+                found.add(getattr(node.slice, "value", ""))  # an entry of __dict__
+            elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                if isinstance(node.value, ast.Name) and node.value.id in ("self", "cls"):
+                    found.add(node.attr)
+            elif isinstance(node, ast.Assign) and any(getattr(t, "id", "") == "__slots__" for t in node.targets):
+                found |= {x.value for x in ast.walk(node) if isinstance(x, ast.Constant)}
+    return found
+
+
+def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
+    """The private names of other packages that a module uses."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").split(".")[0] in FOREIGN:
+            for alias in node.names:
+                if node.module not in PUBLIC or alias.name.startswith("_"):
+                    yield f"{node.module}.{alias.name}"
+        elif isinstance(node, ast.Import):
+            yield from (a.name for a in node.names if a.name.split(".")[0] in FOREIGN and a.name not in PUBLIC)
+        elif isinstance(node, ast.Attribute):
+            name = ast.unparse(node)
+            if name == "ctypes.pythonapi" or name.startswith(("numba.core", "numba.np", "np.core", "np._core")):
+                yield name
+            if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in own | OF_TUPLES:
+                yield node.attr
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "setattr") and len(node.args) > 1:
+            name = getattr(node.args[1], "value", "")
+            if isinstance(name, str) and name.startswith("_") and not name.startswith("__") and name not in own:
+                yield name
+
+
+TREES = {
+    path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
+OWN = own_names(list(TREES.values()))
+
+
+def test_private_parts_of_other_packages_stand_in_the_files_named_for_them() -> None:
+    found: dict[str, set[str]] = {}
+    for file, tree in TREES.items():
+        for name in borrowed(tree, OWN):
+            found.setdefault(name, set()).add(file)
+    assert found == BORROWED
+
+
+def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
+    for name, file in OVERRIDDEN.items():
+        assert {
+            f
+            for f, tree in TREES.items()
+            if any(name in (getattr(n, "name", ""), getattr(n, "attr", "")) for n in ast.walk(tree))
+        } == {file}
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("from numba.core import types", "numba.core.types"),
+        ("from numba.core.caching import _Cache", "numba.core.caching._Cache"),
+        ("from numba import _dispatcher", "numba._dispatcher"),
+        ("import numba.core.registry", "numba.core.registry"),
+        ("import ctypes", "ctypes"),
+        ("from ctypes import pythonapi", "ctypes.pythonapi"),
+        ("from numpy._core import umath", "numpy._core.umath"),
+        ("x = np._core.umath", "np._core.umath"),
+        ("dispatcher._make_finalizer()", "_make_finalizer"),
+        ("dispatcher._can_compile = False", "_can_compile"),
+        ('getattr(dispatcher, "_compiler")', "_compiler"),
+    ],
+)
+def test_another_borrowed_name_is_found(line: str, name: str) -> None:
+    assert name in set(borrowed(ast.parse(line), OWN))

@@ -1,0 +1,167 @@
+"""CPython builtins: argument checks, results and reference counts."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+from trees import random_state, random_tree
+
+import spatialdyn as sd
+from spatialdyn.calls.dynamics import table_call
+from spatialdyn.compat.native import recorded_calls
+from spatialdyn.engines.compiled import cpython
+
+pytestmark = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
+
+
+@pytest.fixture(scope="module")
+def model() -> Any:
+    return random_tree(2, 7, floating=True).model
+
+
+@pytest.fixture(scope="module")
+def state() -> Any:
+    return random_state(random_tree(2, 7, floating=True).tree, np.random.default_rng(0))
+
+
+def bound(name: str, model: sd.Model, *axes: int) -> Any:
+    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+    return recorded_calls.call_builtin(name).bind(
+        model, table=model.address, **sizes, **{f"axis{k}": n for k, n in enumerate(axes)}
+    )
+
+
+def test_a_builtin_gives_the_bits_of_the_call(model: Any, state: Any) -> None:
+    s = state
+    found = bound("rnea", model, model.nv)(s.q, s.v, s.a)
+    np.testing.assert_array_equal(found, table_call("rnea", model, s.q, s.v, s.a))
+    assert type(found) is np.ndarray
+    assert found.flags.owndata
+    assert found.flags.writeable
+    M = bound("crba", model, model.nv, model.nv)(s.q)
+    np.testing.assert_array_equal(M, table_call("crba", model, s.q))
+    assert M.flags.c_contiguous
+
+
+def test_numbers_that_are_apart_are_read_where_they_are(model: Any, state: Any) -> None:
+    s = state
+    call, expected = bound("rnea", model, model.nv), table_call("rnea", model, s.q, s.v, s.a)
+    np.testing.assert_array_equal(call(s.q, np.stack([s.v, s.a], 1)[:, 0], s.a), expected)
+    np.testing.assert_array_equal(call(s.q, s.v[::-1].copy()[::-1], s.a), expected)
+    read_only = s.a.copy()
+    read_only.flags.writeable = False
+    np.testing.assert_array_equal(call(s.q, s.v, read_only), expected)
+
+
+def unaligned(x: Any) -> Any:
+    room = np.empty(x.nbytes + 1, np.uint8)[1:].view(np.float64)
+    room[:] = x
+    return room
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        list, tuple, np.float32, lambda x: x.astype(">f8"), lambda x: x[:-1], lambda x: x[:, None],
+        lambda x: None, lambda x: x.view(np.int64), lambda x: np.float64(1.0), unaligned, lambda x: x * np.nan,
+        lambda x: 3, lambda x: np.array(1.0), lambda x: x.view(type("Other", (np.ndarray,), {})),
+    ],
+)  # fmt: skip
+def test_other_arguments_are_rejected(model: Any, state: Any, wrong: Any) -> None:
+    s = state
+    assert bound("rnea", model, model.nv)(s.q, wrong(s.v), s.a) is None
+
+
+def test_the_number_of_arguments_is_checked(model: Any, state: Any) -> None:
+    call, s = bound("rnea", model, model.nv), state
+    assert call() is call(s.q, s.v) is call(s.q, s.v, s.a, s.a) is None
+
+
+def test_a_number_is_a_float(model: Any, state: Any) -> None:
+    call, s = bound("interpolate", model, model.nq), state
+    np.testing.assert_array_equal(call(s.q, s.q, 0.5), table_call("interpolate", model, s.q, s.q, 0.5))
+    assert call(s.q, s.q, 1) is call(s.q, s.q, np.float64(0.5)) is call(s.q, s.q, None) is None
+
+
+def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:
+    X, placements, joints = np.tile(np.eye(4), (3, 1, 1)), np.tile(np.eye(4), (2, 1, 1)), np.array([1, 2])
+    X[:, 0, 3], out = (0.0, 1.0, 2.0), np.zeros((2, 4, 4))
+    words = {"joints": joints, "placements": placements, "poses": X, "result": out}
+    call = recorded_calls.place_frame().bind(frames=2, **{name: x.ctypes.data for name, x in words.items()})
+    assert call(1) is True
+    assert out[:, 0, 3].tolist() == [0.0, 2.0]
+    for wrong in (-1, 2, 10**30, -(10**30), 1.0, True, np.int64(1), None, "1"):
+        assert call(wrong) is None
+
+
+def test_references_are_counted(model: Any, state: Any) -> None:
+    call, s = bound("rnea", model, model.nv), state
+    assert sys.getrefcount(call(s.q, s.v, s.a)) == sys.getrefcount(np.empty(1))
+    before = [sys.getrefcount(x) for x in (None, True, np.ndarray, s.q, np.dtype(float))]
+    for _ in range(10000):
+        call(s.q, s.v, s.a)
+        call(s.q, s.v)
+        call(s.q, s.v * np.nan, s.a)
+    after = [sys.getrefcount(x) for x in (None, True, np.ndarray, s.q, np.dtype(float))]
+    assert max(abs(a - b) for a, b in zip(after, before, strict=True)) < 100
+
+
+def test_no_memory_leaks(model: Any, state: Any) -> None:
+    call, s = bound("crba", model, model.nv, model.nv), state
+    bad = 2.0 * s.q
+    call(s.q)
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in range(1000):
+            call(s.q)
+            call(bad)
+        assert tracemalloc.get_traced_memory()[0] - before < 10 * model.nv**2 * 8
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_plan_has_the_words_it_says() -> None:
+    with pytest.raises(TypeError, match="no words"):
+        recorded_calls.place_frame().bind(poses=0, result=0, frames=0, joints=0, placements=0, more=1)
+
+
+def test_a_builtin_keeps_what_it_points_at(state: Any) -> None:
+    made = random_tree(2, 7, floating=True).model
+    s, call = state, bound("rnea", made, made.nv)
+    expected = table_call("rnea", made, s.q, s.v, s.a)
+    del made
+    np.testing.assert_array_equal(call(s.q, s.v, s.a), expected)
+
+
+def test_a_builtin_can_be_had_for_another_model_of_the_same_sizes(model: Any, state: Any) -> None:
+    other, s, call = model.with_(gravity=[1.0, 2.0, 3.0]), state, bound("rnea", model, model.nv)
+    cpython.retarget(call, other)
+    cpython.retarget(len, other)  # a function without a plan
+    np.testing.assert_array_equal(call(s.q, s.v, s.a), table_call("rnea", other, s.q, s.v, s.a))
+
+
+def test_functions_may_outlive_what_they_are_made_by() -> None:
+    """Garbage collected together, in any order: freed memory is overwritten, so a late access shows."""
+    script = """
+import gc
+from spatialdyn.engines.compiled.cpython import Builtin
+for k in range(3):
+    made = Builtin(f"nothing{k}", [], ["one"], ["return return_true(plan)"], {})
+    functions = [made.bind(one=1) for _ in range(20)]
+    assert all(f() for f in functions)
+    functions.append((functions, made))
+    made.functions = functions
+    del made, functions
+    gc.collect()
+print("done")
+"""
+    environment = {**os.environ, "PYTHONMALLOC": "malloc", "MALLOC_PERTURB_": "255"}
+    ran = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert ran.stdout == "done\n", ran.stderr

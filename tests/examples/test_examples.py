@@ -1,0 +1,266 @@
+"""The numbers of the examples, against closed forms, conservation, exact arithmetic or Pinocchio."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from example_runs import G, compiled, robots, run
+
+import spatialdyn as sd
+from spatialdyn.examples import gallery
+from spatialdyn.urdf.load import find_robot
+
+
+def gravity_of_two_links(q: np.ndarray) -> np.ndarray:
+    """Section 8.1 with l = m = 1."""
+    both = np.cos(q[..., 0] + q[..., 1])
+    return G * np.stack([2.0 * np.cos(q[..., 0]) + both, both], -1)
+
+
+def energy_of_two_links(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """T + V of two point masses, from their positions and velocities."""
+    angle, rate = np.stack([q[..., 0], q[..., 0] + q[..., 1]], -1), np.stack([v[..., 0], v[..., 0] + v[..., 1]], -1)
+    x, y = np.cumsum(-np.sin(angle) * rate, -1), np.cumsum(np.cos(angle) * rate, -1)
+    return np.sum(0.5 * (x**2 + y**2) + G * np.cumsum(np.sin(angle), -1), -1)
+
+
+def test_first_steps_by_hand_and_by_library_differ_by_rounding() -> None:
+    found = run("first_steps")
+    assert set(found) == {"M", "C", "C v + g", "g", "tau", "a", "T", "V"}
+    assert max(found.values()) < 2e-14
+
+
+def test_arms_in_symbols_have_the_chapters_entries_and_the_rotation_it_leaves_out() -> None:
+    sympy = pytest.importorskip("sympy")
+    found = run("arms_in_symbols")
+    l1, l2, m1, m2 = sympy.symbols("l_1 l_2", real=True) + sympy.symbols("m_1 m_2", positive=True)
+    q2, planar = found["planar"].q[1], found["planar"]
+    M11 = (m1 + m2) * l1**2 + m2 * l2**2 + 2 * m2 * l1 * l2 * sympy.cos(q2)
+    assert sympy.expand(planar.M()[0, 0] - M11) == 0
+    assert planar.C()[1, 0] == m2 * l1 * l2 * sympy.sin(q2) * planar.v[0]
+    m, l = sympy.symbols("m_1:4", positive=True), sympy.symbols("l_1:4", positive=True)
+    assert found["rods"].M()[2, 2] == m[2] * l[2] ** 2 / 3
+    assert found["points"].M()[2, 2] == m[2] * l[2] ** 2 / 4
+    assert found["missing"][1, 2] == m[2] * l[2] ** 2 / 12
+    at = dict.fromkeys((*m, *l), 1) | dict(zip(found["rods"].q, (0.5, 0.3, -0.2), strict=True))
+    thick = sd.load_urdf("three_link")
+    thin = np.array(found["rods"].M().subs(at), dtype=float)
+    # the file's rods are 5 cm thick: 0.00125 kg m² about their own axes, which the first row alone sees
+    np.testing.assert_allclose(sd.crba(thick, [0.5, 0.3, -0.2])[1:, 1:], thin[1:, 1:], atol=1e-14)
+
+
+@robots
+@compiled
+def test_gravity_compensation_holds_what_it_knows_and_equals_pinocchios() -> None:
+    found = run("gravity_compensation")
+    theirs = pin.buildModelFromUrdf(str(find_robot("panda")))
+    data = theirs.createData()
+    np.testing.assert_allclose(found["g"], pin.computeGeneralizedGravity(theirs, data, found["q"]), rtol=0, atol=1e-12)
+    # virtual work of 2 kg at 10 cm from the flange: Jᵀ m g
+    J = pin.computeFrameJacobian(theirs, data, found["q"], theirs.getFrameId("panda_link8"), pin.LOCAL_WORLD_ALIGNED)
+    R = pin.updateFramePlacement(theirs, data, theirs.getFrameId("panda_link8")).rotation
+    arm = R @ [0.0, 0.0, 0.1]
+    lever = J[2] + arm[1] * J[3] - arm[0] * J[4]  # the z row at the load: v + ω × r
+    np.testing.assert_allclose(found["loaded"] - found["g"], 2.0 * G * lever, rtol=0, atol=1e-12)
+    known, unknown, nothing = found["fall"]
+    assert abs(known) < 1e-9
+    assert 0.1 < unknown < nothing
+
+
+@robots
+def test_inverse_kinematics_reaches_the_pose_or_the_nearest_one() -> None:
+    found = run("inverse_kinematics")
+    theirs = pin.buildModelFromUrdf(str(find_robot("panda")))
+    frame = theirs.getFrameId("panda_link8")
+
+    def pose(q: np.ndarray) -> np.ndarray:
+        data = theirs.createData()
+        pin.framesForwardKinematics(theirs, data, q)
+        return np.array(data.oMf[frame].homogeneous)
+
+    start = gallery.module("inverse_kinematics").START
+    target = pose(start + 0.3)
+    for damping in ("0", "0.05", "0.5"):
+        assert abs(pose(found[f"within reach, λ = {damping}"][0]) - target).max() < 1e-11
+    _, errors, largest, slope = found["1.5 m away, λ = 0.5"]
+    assert abs(slope).max() < 1e-3
+    assert 0.5 < errors[-1] < 0.8
+    assert largest < 1.0
+    assert found["1.5 m away, λ = 0"][2] > 10.0
+    steps = [len(found[f"within reach, λ = {damping}"][1]) for damping in ("0", "0.05", "0.5")]
+    assert steps == sorted(steps)
+
+
+@compiled
+def test_pd_rests_where_springs_and_gravity_balance() -> None:
+    found, q_d = run("pd_with_gravity"), np.array([np.pi / 2, 0.3])
+    q = found["PD"]
+    np.testing.assert_allclose(60.0 * (q_d - q), gravity_of_two_links(q), atol=1e-8)
+    assert abs(q - q_d).max() > 0.1
+    for name in ("PD + g(q_d)", "PD + g(q), Kp 15"):
+        np.testing.assert_allclose(found[name], q_d, rtol=0, atol=1e-8)
+    q = found["PD + g(q_d), Kp 15"]
+    np.testing.assert_allclose(15.0 * (q_d - q) + gravity_of_two_links(q_d), gravity_of_two_links(q), atol=1e-6)
+    assert abs(q - q_d).max() > 1.0
+    h = 1e-5  # the slope of g: a central difference of the closed form
+    slope = [(gravity_of_two_links(q_d + h * e) - gravity_of_two_links(q_d - h * e)) / (2 * h) for e in np.eye(2)]
+    assert found["slope"] == pytest.approx(np.linalg.norm(slope, 2), rel=1e-8)
+    assert 15.0 < found["slope"] < 60.0
+
+
+@compiled
+def test_double_pendulum_bounded_where_symplectic_and_growing_where_not() -> None:
+    pytest.importorskip("scipy")
+    found = run("double_pendulum")
+    for errors in found.values():
+        assert list(errors) == list(sd.integrators)
+    smooth, violent = found.values()
+    for method, off in smooth.items():
+        if sd.integrators[method].symplectic:
+            assert off[-1] < 1.2 * off[2] + 1e-12, method
+    assert smooth["rk4"][-1] > 3.0 * smooth["rk4"][1]
+    assert smooth["explicit_euler"][-1] > 10.0 * smooth["explicit_euler"][1]
+    assert smooth["stormer_verlet"][-1] > 1000.0 * smooth["rk4"][-1]  # the chapter has it the other way round
+    assert violent["velocity_verlet"][-1] > violent["stormer_verlet"][-1] > violent["gauss4"][-1]
+    (q0, _), model = gallery.module("double_pendulum").STARTS.values(), sd.load_urdf("two_link")
+    motion = sd.simulate(model, q0, [0.0, 0.0], 10.0, 0.01, "rk4", record=1)
+    energy = energy_of_two_links(motion.q, motion.v)
+    assert abs(energy - energy[0]).max() == pytest.approx(smooth["rk4"][-1], rel=1e-4)
+
+
+@robots
+@compiled
+def test_falling_quadruped_keeps_momentum_and_turns() -> None:
+    found = run("falling_quadruped")
+    t, h, com = found["t"], found["h"], found["com"]
+    mass = pin.computeTotalMass(pin.buildModelFromUrdf(str(find_robot("solo12")), pin.JointModelFreeFlyer()))
+    np.testing.assert_allclose(h[:, 2], -mass * G * t, rtol=0, atol=1e-5)
+    assert abs(h[:, :2]).max() < 1e-5
+    assert abs(h[:, 3:]).max() < 1e-5 * found["swapped"]
+    np.testing.assert_allclose(com[:, 2] - com[0, 2], -0.5 * G * t**2, rtol=0, atol=1e-6)
+    assert found["turn"][-1] > 10.0
+
+
+@compiled
+def test_cart_pole_has_its_textbook_matrices_and_comes_up() -> None:
+    pytest.importorskip("scipy")
+    found, (M, m, l) = run("cart_pole_lqr"), (1.0, 0.2, 0.5)
+    A = np.zeros((4, 4))
+    A[:2, 2:] = np.eye(2)
+    A[2, 1], A[3, 1] = -m * G / M, (M + m) * G / (M * l)
+    np.testing.assert_allclose(found["A"], A, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found["B"][:, 0], [0.0, 0.0, 1.0 / M, -1.0 / (M * l)], rtol=0, atol=1e-12)
+    A, B, P = found["A"], found["B"], found["P"]
+    riccati = A.T @ P + P @ A - P @ B @ B.T @ P / 0.1 + np.diag([1.0, 1.0, 0.1, 0.1])
+    assert abs(riccati).max() < 1e-9 * abs(P).max()
+    assert found["poles"].real.max() < -1.0
+    for angle in (0.1, 0.4):
+        assert abs(found["runs"][angle].q[-1]).max() < 1e-2
+    assert abs(found["runs"][1.1].q[-1]).max() > 1.0
+
+
+@robots
+@compiled
+def test_payload_is_found_within_its_deviations() -> None:
+    found = run("payload_identification")
+    true = found["true"]
+    # by the parallel axis theorem, written out: Ixx + m (c_y² + c_z²), Ixy - m c_x c_y
+    assert true[4] == pytest.approx(4e-3 + 1.7 * (0.02**2 + 0.08**2), rel=1e-14)
+    assert true[5] == pytest.approx(1.7 * 0.03 * 0.02, rel=1e-14)
+    assert (found["rank at rest"], found["rank moving"]) == (4, 10)
+    assert (abs(found["moving"] - true) < 5.0 * found["deviation moving"]).all()
+    assert (found["deviation moving"] < 1e-3).all()
+    np.testing.assert_allclose(found["at rest"][:4], true[:4], rtol=0, atol=2e-3)
+    assert abs(found["at rest"][4:]).max() < 1e-12  # the least-norm solution has none of what is not seen
+
+
+@robots
+@compiled
+def test_payloads_on_lanes_equal_pinocchios_one_by_one() -> None:
+    found = run("payloads_on_lanes")
+    (q, v, a), n = found["state"], 5
+    whole = pin.buildModelFromUrdf(str(find_robot("panda")))
+    fingers = [whole.getJointId(f"panda_finger_joint{k}") for k in (1, 2)]
+    for load, tau in zip(found["loads"][:n], found["tau"][:n], strict=True):
+        theirs = pin.buildReducedModel(whole, fingers, pin.neutral(whole))
+        hand = theirs.frames[theirs.getFrameId("panda_hand")]
+        xx, xy, xz, yy, yz, zz = load[4:]
+        body = pin.Inertia(load[0], load[1:4], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        theirs.inertias[hand.parentJoint] += hand.placement.act(body)
+        np.testing.assert_allclose(tau, pin.rnea(theirs, theirs.createData(), q, v, a), rtol=0, atol=1e-11)
+    assert found["tau"].shape == (2000, 7)
+
+
+@compiled
+def test_price_of_a_digit_keeps_its_promises_in_new_states() -> None:
+    pytest.importorskip("mpmath")
+    found = run("price_of_a_digit", robot="two_link")
+    for tolerance in (1e-3, 1e-12):
+        option, error = found[f"{tolerance:g}"]
+        assert option.bound <= tolerance
+        assert 0.0 < error <= tolerance
+    assert found["table"].model == "two_link"
+
+
+@compiled
+def test_own_loop_flips_nothing_that_lacks_the_energy() -> None:
+    found = run("own_loop")
+    starts, flips = found["starts"], found["flips"]
+    lacking = 2 * np.cos(starts[:, 0]) + np.cos(starts[:, 1]) > 1.0
+    assert lacking.sum() > 100
+    assert not np.isfinite(flips[lacking]).any()
+    assert np.isfinite(flips[~lacking]).mean() > 0.5
+    mirrored = flips.reshape(24, 24)[::-1, ::-1].ravel()  # θ -> -θ is a symmetry; late flips are chaotic
+    early = flips < 2.0
+    assert early.sum() > 50
+    assert (abs(flips - mirrored)[early] < 0.03).all()
+
+
+@compiled
+def test_processes_and_cuts_change_no_bit() -> None:
+    found = run("many_processes")
+    assert found["here"] == found["there"]
+    assert len(found["here"]) == 6
+    assert 1 <= len(found["processes"]) <= 2
+    assert max(abs(energy) for energy, _ in found["here"]) < 1e-8
+
+
+@compiled
+def test_c_export_gives_the_librarys_torques() -> None:
+    found = run("c_export")
+    assert "void torque(const double *q, const double *v, const double *a, double *tau)" in found["code"]
+    if found["difference"] is None:
+        pytest.skip("no C compiler")
+    assert found["difference"] < 1e-13
+
+
+def test_ported_script_gives_pinocchios_numbers() -> None:
+    found = run("porting_a_pinocchio_script")
+    for name in ("tau", "M", "h", "C", "g"):
+        np.testing.assert_allclose(found["spatialdyn"][name], found["Pinocchio"][name], rtol=0, atol=1e-12)
+    assert {use.name for use in found["uses"]} >= {"rnea", "crba", "aba", "integrate"}
+    assert all(use.status.startswith("supported") for use in found["uses"])
+
+
+@compiled
+def test_vector_environment_steps_as_the_equations_say() -> None:
+    assert run("vector_environment")["linear"] == 0 < run("vector_environment")["random"]
+    environment = gallery.module("vector_environment").CartPoles(3, horizon=2)
+    x, info = environment.reset(seed=3)
+    assert x.shape == (3, 4)
+    assert info == {}
+    force = np.array([[0.5], [-1.0], [9.0]])  # the last is clipped to 1
+    observed, reward, terminated, truncated, _ = environment.step(force)
+    M, m, l = 1.0, 0.2, 0.5
+    s, c, F = np.sin(x[:, 1]), np.cos(x[:, 1]), 10.0 * np.clip(force[:, 0], -1.0, 1.0)
+    # cart and point mass: (M + m) ẍ + m l (c θ̈ - s θ̇²) = F, l θ̈ + c ẍ = G s
+    cart = (F + m * l * s * x[:, 3] ** 2 - m * G * s * c) / (M + m * s**2)
+    v = x[:, 2:] + 0.02 * np.stack([cart, (G * s - c * cart) / l], 1)
+    np.testing.assert_allclose(observed, np.concatenate([x[:, :2] + 0.02 * v, v], 1), rtol=0, atol=1e-13)
+    assert (reward == 1.0).all()
+    assert not terminated.any()
+    assert not truncated.any()
+    observed, _, _, truncated, info = environment.step(force)
+    assert truncated.all()
+    assert abs(observed).max() <= 0.05 < abs(info["final_obs"]).max()

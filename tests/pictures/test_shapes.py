@@ -1,0 +1,198 @@
+"""Geometry of URDFs: primitives, mesh files, colours, names that mean a file, and what is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+from spatialdyn.errors import InertiaError
+from spatialdyn.model.robot import Link, make_link
+from spatialdyn.pictures.inertia_shapes import BOX, WRONG, box_of, inertia_boxes, joint_axes, reach, turned_to
+from spatialdyn.pictures.shapes import find_mesh, mesh_shapes, primitive_shape, urdf_shapes
+
+trimesh = pytest.importorskip("trimesh")
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n"  # its normal is z
+MESH = '<visual><origin xyz="0 0 5"/><geometry><mesh filename="{name}"{more}/></geometry></visual>'
+
+
+def urdf(*visuals: str, materials: str = "") -> str:
+    """A robot of one link with visuals."""
+    return f'<robot name="r">{materials}<link name="a">{"".join(visuals)}</link></robot>'
+
+
+def primitive(geometry: str, rest: str = "") -> str:
+    return f"<visual>{rest}<geometry>{geometry}</geometry></visual>"
+
+
+def extent(shape: object) -> list[float]:
+    return np.ptp(shape.vertices, axis=0).tolist()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("geometry", "sides"),
+    [
+        ('<box size="1 2 3"/>', [1.0, 2.0, 3.0]),
+        ('<cylinder radius="1" length="3"/>', [2.0, 2.0, 3.0]),
+        ('<sphere radius="2"/>', [4.0, 4.0, 4.0]),
+    ],
+)
+def test_primitives_have_their_sizes(geometry: str, sides: list[float]) -> None:
+    (shape,), missing = urdf_shapes(urdf(primitive(geometry)))
+    assert missing == []
+    assert extent(shape) == pytest.approx(sides, rel=0.02)
+
+
+def test_an_origin_places_and_turns_what_it_is_of() -> None:
+    (shape,), _ = urdf_shapes(
+        urdf(primitive('<box size="1 2 3"/>', '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'))
+    )
+    assert extent(shape) == pytest.approx([2.0, 1.0, 3.0])
+    assert shape.vertices.mean(0) == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_colours_are_the_materials_own_or_by_name_and_one_colour_is_one_shape() -> None:
+    red, blue = '<color rgba="1 0 0 1"/>', '<color rgba="0 0 1 0.5"/>'
+    box = '<geometry><box size="1 1 1"/></geometry>'
+    shapes, _ = urdf_shapes(
+        urdf(
+            f'<visual>{box}<material name="mine">{red}</material></visual>',
+            f'<visual>{box}<material name="known"/></visual>',
+            f"<visual>{box}</visual>",
+            f'<visual><origin xyz="3 0 0"/>{box}<material name="known"/></visual>',
+            materials=f'<material name="known">{blue}</material>',
+        )
+    )
+    assert {shape.color: extent(shape)[0] for shape in shapes} == pytest.approx(
+        {(1.0, 0.0, 0.0, 1.0): 1.0, (0.0, 0.0, 1.0, 0.5): 4.0, (0.7, 0.7, 0.72, 1.0): 1.0}
+    )
+
+
+def test_collision_geometry_is_apart() -> None:
+    text = urdf("<collision><geometry><sphere radius='1'/></geometry></collision>")
+    assert urdf_shapes(text).shapes == []
+    assert len(urdf_shapes(text, "collision").shapes) == 1
+    with pytest.raises(sd.SpatialDynError, match="kind is 'both', expected one of visual, collision"):
+        urdf_shapes(text, "both")
+
+
+def test_a_mesh_is_read_scaled_and_placed(tmp_path: Path) -> None:
+    (tmp_path / "t.obj").write_text(TRIANGLE)
+    path = tmp_path / "r.urdf"
+    path.write_text(urdf(MESH.format(name="t.obj", more=' scale="1 -2 1"')))
+    (shape,), missing = urdf_shapes(path)
+    assert missing == []
+    assert sorted(shape.vertices.tolist()) == [[0.0, -4.0, 5.0], [0.0, 0.0, 5.0], [1.0, 0.0, 5.0]]
+    a, b, c = shape.vertices[shape.faces[0]]
+    assert np.cross(b - a, c - a)[2] > 0.0  # a mirrored mesh is not turned inside out
+
+
+@pytest.mark.parametrize("slashes", ["//", "///"])
+def test_packages_are_found_above_the_file_and_where_they_are_listed(
+    slashes: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    mesh = tmp_path / "ws" / "arm" / "meshes" / "t.obj"
+    mesh.parent.mkdir(parents=True)
+    (tmp_path / "ws" / "arm" / "urdf").mkdir()
+    mesh.write_text(TRIANGLE)
+    name = f"package:{slashes}arm/meshes/t.obj"
+    inside, outside = tmp_path / "ws" / "arm" / "urdf" / "r.urdf", tmp_path / "r.urdf"
+    assert find_mesh(name, inside) == mesh
+    assert find_mesh(name, outside) is None
+    assert find_mesh(name, outside, [tmp_path / "ws"]) == mesh
+    assert find_mesh(name, None, [tmp_path / "ws" / "arm"]) == mesh
+    assert find_mesh(name.replace("arm", "leg"), inside, [tmp_path / "ws"]) is None
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{tmp_path / 'ws'}")
+    assert find_mesh(name, outside) == mesh
+    assert find_mesh(f"file://{mesh}", None) == mesh
+    assert find_mesh("../meshes/t.obj", inside) == inside.parent / "../meshes/t.obj"
+    assert find_mesh("http://example.org/t.obj", inside) is None
+
+
+def test_meshes_that_are_missing_or_broken_are_named(tmp_path: Path) -> None:
+    (tmp_path / "bad.stl").write_text("no triangles")
+    path = tmp_path / "r.urdf"
+    lost = [MESH.format(name=name, more="") for name in ("package://x/y.stl", "package://x/y.stl", "bad.stl")]
+    path.write_text(urdf(*lost, primitive('<sphere radius="1"/>')))
+    shapes, missing = urdf_shapes(path)
+    assert len(shapes) == 1
+    assert missing[0] == "package://x/y.stl is not found"
+    assert missing[1].startswith("bad.stl ")
+    assert len(missing) == 2
+
+
+def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "t.obj"
+    path.write_text(TRIANGLE)
+    before, _ = mesh_shapes("a", str(path), 1.0)
+    path.write_text(TRIANGLE.replace("1 0 0", "7 0 0"))
+    after, _ = mesh_shapes("a", str(path), 1.0)
+    assert [extent(x[0])[0] for x in (before, after)] == [1.0, 7.0]
+    assert mesh_shapes("a", "nowhere.obj", 1.0) == ([], ["nowhere.obj is not found"])
+
+
+def test_units_of_collada_are_metres(tmp_path: Path) -> None:
+    pytest.importorskip("collada")
+    path = tmp_path / "t.dae"
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(path)
+    whole, _ = mesh_shapes("a", str(path), 1.0)
+    text = path.read_text()
+    assert "<unit" not in text
+    path.write_text(text.replace("</asset>", '<unit name="millimeter" meter="0.001"/></asset>'))
+    small, _ = mesh_shapes("a", str(path), 1.0)
+    assert extent(small[0]) == pytest.approx(np.multiply(extent(whole[0]), 1e-3))
+
+
+def test_sharp_edges_have_a_vertex_for_each_side_and_smooth_ones_share() -> None:
+    can = primitive_shape("a", type("Cylinder", (), {"radius": 1.0, "halfLength": 1.0}), (1.0, 1.0, 1.0, 1.0))
+    ball = primitive_shape("a", type("Sphere", (), {"radius": 1.0}), (1.0, 1.0, 1.0, 1.0))
+    assert can is not None
+    assert ball is not None
+    rim = np.isclose(np.linalg.norm(can.vertices[:, :2], axis=1), 1.0)
+    assert rim.sum() == 2 * len(np.unique(can.vertices[rim].round(9), axis=0))
+    assert len(ball.vertices) == len(np.unique(ball.vertices.round(9), axis=0))
+    assert primitive_shape("a", object(), (1.0, 1.0, 1.0, 1.0)) is None
+
+
+# --- inertias --------------------------------------------------------------------------------------------
+
+
+def solid(mass: float, sides: tuple[float, float, float], com: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Link:
+    """A box of even density."""
+    a, b, c = np.square(sides) * mass / 12.0
+    return make_link("a", (mass, com, np.diag([b + c, a + c, a + b])))
+
+
+def test_the_box_of_an_even_box_is_itself() -> None:
+    X, sides = box_of(solid(3.0, (1.0, 2.0, 4.0), (0.1, 0.2, 0.3)))
+    assert sorted(sides) == pytest.approx([1.0, 2.0, 4.0])
+    assert X[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
+    assert np.linalg.det(X[:3, :3]) == pytest.approx(1.0)
+
+
+def test_an_inertia_that_no_body_has_is_red() -> None:
+    wrong = make_link("b", (1.0, (0.0, 0.0, 0.0), np.diag([1.0, 1.0, 5.0])))
+    shapes = inertia_boxes([solid(1.0, (1.0, 1.0, 1.0)), wrong], 1.0)
+    assert next(shape.color for shape in shapes if shape.link == "a") == BOX
+    assert next(shape.color for shape in shapes if shape.link == "b") == WRONG
+    assert inertia_boxes([Link("c")], 1.0) == []
+    with pytest.raises(InertiaError):
+        make_link("d", (-1.0, (0.0, 0.0, 0.0), np.eye(3)))
+
+
+def test_axes_lie_along_joints() -> None:
+    axis = np.array([1.0, 2.0, -2.0]) / 3.0
+    assert turned_to(axis) @ [0.0, 0.0, 1.0] == pytest.approx(axis)
+    b = sd.ModelBuilder("r").add_body("x", joint="prismatic", axis=axis).add_body("y", "x", joint="spherical")
+    b.add_body("z", "y", joint="fixed", placement=(3.0, 4.0, 0.0))
+    robot = b.robot()
+    rod, ball = joint_axes(robot, 1.0)
+    assert abs(rod.vertices @ axis).max() == pytest.approx(0.08, rel=0.05)
+    assert (rod.link, ball.link) == ("x", "y")
+    assert reach(robot) == pytest.approx(5.0)
+    assert reach(sd.ModelBuilder("r").robot()) == 1.0
