@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections import OrderedDict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 import spatialdyn as sd
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions.spec import Argument, Spec
 
 Array = NDArray[np.float64]
@@ -60,6 +63,12 @@ def kernel_inputs(model: sd.Model, spec: Spec, values: list[Array]) -> list[Any]
         by_name |= {"row": model.joints[given["frame"].joint].row, "placement": given["frame"].placement}
     by_name |= {"reference": 1, "classical": 1}
     return [by_name[x.name] for x in spec.present]
+
+
+def empty_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No program and no machine code in memory, until the end of the test."""
+    for held in ("_programs", "_codes"):
+        monkeypatch.setattr(batch_kernels, held, OrderedDict())
 
 
 def run_python(code: str, *arguments: str, package: Path = PACKAGE, **environment: str) -> str:

@@ -70,7 +70,7 @@ DRAW: dict[str, set[str]] = {
 
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
 CHANGED = {
-    "engines.programs.batch_kernels": {"_programs"}, "engines.compiled.disk_cache": {"_done"},
+    "engines.programs.batch_kernels": {"_programs", "_codes"}, "engines.compiled.disk_cache": {"_done"},
     "algebra.scalars": {"_waiting"},
 }  # fmt: skip
 

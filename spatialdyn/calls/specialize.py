@@ -241,7 +241,8 @@ class Specialized:
         def checked(*given: Any, out: Any = None) -> Any:
             return self._checked_call(given, out)
 
-        program, given = (kernel.entry, 0, single_call.NO_LIMIT.ctypes.data), [x.shape for x in self._inputs]
+        program = kernel.code.entry, kernel.numbers.ctypes.data, single_call.NO_LIMIT.ctypes.data
+        given = [x.shape for x in self._inputs]
         plan = single_call.plan(program, self._shapes, given, self._request.several, kernel)
         call = single_call.bound(checked, [*parameters, Parameter("out", OUT, optional=True)], plan)
         type(self).__call__ = call  # type: ignore[method-assign]

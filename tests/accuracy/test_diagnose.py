@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dense import Array
+from inputs import empty_memory
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
@@ -507,7 +508,7 @@ def test_programs_are_judged_in_usual_states_too() -> None:
 
 def without_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     """No program is read or kept, for those made here are wrong."""
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+    empty_memory(monkeypatch)
     monkeypatch.setattr(batch_kernels, "_from_disk_cache", lambda *arguments: None)
     monkeypatch.setattr(batch_kernels.disk_cache, "write", lambda *arguments: None)
 

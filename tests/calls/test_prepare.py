@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from inputs import empty_memory
 
 import spatialdyn as sd
 from spatialdyn.calls.progress import Steps, check_progress, reporting
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import disk_cache, numba_kernels
-from spatialdyn.engines.programs import batch_kernels, host_cpu
+from spatialdyn.engines.programs import host_cpu
 from spatialdyn.recursions import SPECS
 
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing compiles")
@@ -95,7 +96,7 @@ def test_what_is_compiled_ahead_is_not_compiled_again(
 ) -> None:
     """Here and in a process with the same cache folder; the numbers are the same."""
     monkeypatch.setenv(disk_cache.VARIABLE, str(tmp_path))
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+    empty_memory(monkeypatch)
     run.forget_programs()
     q = np.random.default_rng(0).standard_normal((600, 2))
     try:
@@ -103,7 +104,7 @@ def test_what_is_compiled_ahead_is_not_compiled_again(
         assert list(tmp_path.glob("*" + disk_cache.PROGRAM))
         monkeypatch.setattr(host_cpu, "object_code", None)
         found = sd.potential_energy(arm, q)
-        monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+        empty_memory(monkeypatch)
         run.forget_programs()
         np.testing.assert_array_equal(sd.potential_energy(arm, q), found)
     finally:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from inputs import empty_memory
 from numpy.typing import NDArray
 from trees import random_inertia, random_tree
 
@@ -622,7 +623,7 @@ def three_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 
     monkeypatch.setattr(batch_kernels.Kernel, "_part", counted)
     monkeypatch.setattr(batch_kernels, "THREAD_BYTES", 1)
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())  # read at load
+    empty_memory(monkeypatch)  # read at load
     sd.set_num_threads(3)
     yield sizes
     sd.set_num_threads(1)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from inputs import empty_memory
 
 import spatialdyn as sd
 from spatialdyn.engines import interrupt
@@ -74,7 +75,7 @@ def test_compiling_leaves_the_main_thread_free(way: str, monkeypatch: pytest.Mon
     q = np.zeros((512, 2))
     if way == "program":
         monkeypatch.setattr(host_cpu, "LONG", 100)
-        monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+        empty_memory(monkeypatch)
         monkeypatch.setattr(batch_kernels, "_from_disk_cache", lambda *words: None)
         with monkeypatch.context() as patch:
             patch.setattr(host_cpu, "_object_code", waits)

@@ -33,7 +33,7 @@ from .numba_settings import setting
 
 VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, no cache if empty; Numba's variable names the folder above it
 MOST_FILES = 2048  # of each kind; some 0.1 MB each, and one version of the package makes up to 300 kernels
-PROGRAM, KERNEL = ".lanes", ".kernel"
+KINDS = PROGRAM, NUMBERS, KERNEL = ".lanes", ".numbers", ".kernel"
 PART = ".part"  # a file being written
 
 OWNED = hasattr(os, "geteuid")  # whether files have an owner and a mode that say who may write
@@ -256,7 +256,7 @@ def _warn(place: Path, fault: str) -> None:
 
 def _prune(files: _Files) -> None:
     """Remove all but the MOST_FILES last used files of each kind."""
-    for kind in (PROGRAM, KERNEL):
+    for kind in KINDS:
         found = []
         for name in files.names():
             with suppress(OSError):  # another process prunes too

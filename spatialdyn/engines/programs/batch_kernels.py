@@ -1,6 +1,8 @@
 """Programs compiled, cached by a digest of all they depend on, and run over the samples of a batch.
 
 ``kernel`` returns the program of some calls for one table of bodies: from memory, from the disk cache, or compiled.
+Machine code is of a program's structure, and shared by all tables of that structure; their numbers come by pointer. A
+file of the cache holds either a structure's code, or for a table its numbers and the digest of its structure.
 Calling it computes the valid samples and returns the indices of the others, to be recomputed by the table kernel,
 which handles sines of large angles, NaN and errors.
 """
@@ -13,7 +15,7 @@ import struct
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,55 +24,79 @@ from ...recursions.spec import Spec
 from ..compiled import disk_cache
 from ..compiled.numba_kernels import STAMP
 from ..threads import PIECES, thread_pool
-from . import host_cpu, simd
+from . import host_cpu, simd, structure
 from .batches import Batches, rejected
 from .kernel_layout import KernelLayout
 from .llvm_entry import DATA_OFFSET, buffer_size
+from .program import Program
 from .recording import ALL, ProgramOptions, Recording
 from .recording import record as record
 
-CACHE_SIZE = 128  # programs in memory
+Made = TypeVar("Made")
+CACHE_SIZE = 128  # programs in memory, and structures
 THREAD_BYTES = 16 << 20  # least bytes of machine code that a thread runs: some 100 µs
 SLICE_BYTES = 1 << 30  # bytes of machine code that a thread runs until Ctrl-C is handled: some 50 ms
 RESULT_COST = 64  # bytes of machine code for each byte of results: 0.3 ns of fresh memory, 10 in a machine without any
+DIGEST_SIZE = 64  # characters of a digest
 STREAM_BYTES = 16 << 20  # least bytes of an output that bypasses the CPU caches: half the time of crba of talos
 
 _lock = threading.RLock()
 _programs: OrderedDict[str, Kernel | None] = OrderedDict()
+_codes: OrderedDict[str, MachineCode] = OrderedDict()
+
+
+class MachineCode:
+    """The loaded machine code of a program's structure."""
+
+    def __init__(
+        self,
+        code: bytes,
+        workspace: int,
+        inputs: tuple[int, ...],
+        outputs: tuple[int, ...],
+        dtype: Any,
+        one: bool = False,
+    ) -> None:
+        """Load object code made by ``simd.compile_program``, for arrays of so many columns."""
+        self._loaded = host_cpu.LoadedCode(code)
+        self.dtype, self.lanes = np.dtype(dtype), 1 if one else host_cpu.lanes_of(dtype)
+        self.inputs, self.outputs, self.workspace, self.length = inputs, outputs, workspace, len(code)
+        self.address = self._loaded.address("kernel")
+        self.entry = self._loaded.address("one_entry") if one else 0  # as ``single_call`` calls it
+        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(inputs)
+        kinds += [ctypes.py_object] * (len(outputs) + 3)
+        kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64, ctypes.c_int64)
+        self.run: Callable[..., int] = kind(self._loaded.address("batch_entry"))
 
 
 class Kernel(Batches):
-    """A compiled program over batches."""
+    """A compiled program over batches: the machine code of its structure, and its numbers."""
 
-    def __init__(self, code: bytes, workspace: int, layout: KernelLayout, dtype: Any, one: bool = False) -> None:
-        """Load object code made by ``simd.compile_program`` from a program of that layout."""
-        self._loaded = host_cpu.LoadedCode(code)
-        self.dtype, self.lanes = np.dtype(dtype), 1 if one else host_cpu.lanes_of(dtype)
-        self.address, self.workspace = self._loaded.address("kernel"), workspace
-        self.entry = self._loaded.address("one_entry") if one else 0  # as ``single_call`` calls it
-        self.inputs, self.outputs = layout.inputs, tuple(map(len, layout.outputs))
-        self._buffer_size = buffer_size(self.inputs, self.outputs, workspace, self.lanes, self.dtype.itemsize)
-        self.share, self._length = max(1, THREAD_BYTES // len(code)), len(code)
-        self._results: int = self.lanes * self.dtype.itemsize * sum(self.outputs)
-        kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(self.inputs)
-        kinds += [ctypes.py_object] * (len(self.outputs) + 2)
-        kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64, ctypes.c_int64)
-        self._run: Callable[..., int] = kind(self._loaded.address("batch_entry"))
+    def __init__(self, code: MachineCode, numbers: NDArray[Any]) -> None:
+        """Of a structure's code and the numbers of one program of that structure, in its dtype."""
+        self.code, self.numbers = code, numbers
+        self.dtype, self.lanes = code.dtype, code.lanes
+        self.inputs, self.outputs = code.inputs, code.outputs
+        size = self.dtype.itemsize
+        self._buffer_size = buffer_size(self.inputs, self.outputs, code.workspace, self.lanes, size)
+        self.share = max(1, THREAD_BYTES // code.length)
+        self._results: int = self.lanes * size * sum(self.outputs)
 
     @property
     def reach(self) -> int:
-        return max(1, SLICE_BYTES // (self._length + RESULT_COST * self._results))
+        return max(1, SLICE_BYTES // (self.code.length + RESULT_COST * self._results))
 
     def _part(self, n: int, arguments: list[Any], threads: int) -> NDArray[np.intp] | None:
         tiles = -(-n // self.lanes)
         shared = np.zeros(8 + 2 * tiles, np.uint8)
         if threads == 1:
-            done = self._run(*arguments, shared, np.empty(self._buffer_size, np.uint8), n, tiles)
+            done = self.code.run(*arguments, self.numbers, shared, np.empty(self._buffer_size, np.uint8), n, tiles)
         else:
             piece = max(1, tiles // (PIECES * threads))
 
             def work() -> int:
-                return int(self._run(*arguments, shared, np.empty(self._buffer_size, np.uint8), n, piece))
+                buffer = np.empty(self._buffer_size, np.uint8)
+                return int(self.code.run(*arguments, self.numbers, shared, buffer, n, piece))
 
             done = min(thread_pool.together(work, threads))
         if not done:
@@ -100,27 +126,27 @@ def kernel(
         known, made = _at_hand(digest, dtype, one)
         if known:
             return made
-        return _keep(digest, _compile(specs, bodies, static, digest, dtype, options, one, stream, recorded))
+        try:
+            program, layout = recorded or record(specs, bodies, static, options, dtype)
+        except ZeroDivisionError:  # a joint with zero articulated inertia in every state
+            return _keep(_programs, digest, None)
+        of_code, numbers = _of_structure(program, layout, dtype, one, stream)
+        code = _code_at_hand(of_code, dtype, one)
+        if code is None:
+            objects, workspace = simd.compile_program(program, layout, dtype, stream, one)
+            disk_cache.write(of_code, _packed(objects, workspace, layout))
+            columns = tuple(map(len, layout.outputs))
+            code = _keep(_codes, of_code, MachineCode(objects, workspace, layout.inputs, columns, dtype, one))
+        disk_cache.write(digest, of_code.encode() + numbers.tobytes(), disk_cache.NUMBERS)
+        return _keep(_programs, digest, Kernel(code, numbers))
 
 
-def _compile(
-    specs: tuple[Spec, ...],
-    bodies: NDArray[Any],
-    static: Sequence[Any],
-    digest: str,
-    dtype: Any,
-    options: ProgramOptions,
-    one: bool,
-    stream: bool,
-    recorded: Recording | None,
-) -> Kernel | None:
-    try:
-        program, layout = recorded or record(specs, bodies, static, options, dtype)
-    except ZeroDivisionError:  # a joint with zero articulated inertia in every state
-        return None
-    code, workspace = simd.compile_program(program, layout, dtype, stream, one)
-    disk_cache.write(digest, _packed(code, workspace, layout))
-    return Kernel(code, workspace, layout, dtype, one)
+def compiled(program: Program, layout: KernelLayout, dtype: Any = np.float64, one: bool = False) -> Kernel:
+    """The kernel of a program, compiled in memory."""
+    code, workspace = simd.compile_program(program, layout, dtype, one=one)
+    columns = tuple(map(len, layout.outputs))
+    numbers = structure.Numbers(program, layout).values(dtype)
+    return Kernel(MachineCode(code, workspace, layout.inputs, columns, dtype, one), numbers)
 
 
 def cached(
@@ -136,18 +162,48 @@ def cached(
         return _at_hand(_digest(specs, key, static, np.float64, options, one, stream), np.float64, one)[1]
 
 
+def shared(recorded: Recording, one: bool = False, stream: bool = False) -> Kernel | None:
+    """The kernel of a recorded program in float64 if the code of its structure is in memory or on disk."""
+    with _lock:
+        of_code, numbers = _of_structure(*recorded, np.float64, one, stream)
+        code = _code_at_hand(of_code, np.float64, one)
+        return None if code is None else Kernel(code, numbers)
+
+
+def forget() -> None:
+    """Have programs and machine code be looked for on disk again."""
+    with _lock:
+        _programs.clear()
+        _codes.clear()
+
+
 def _digest(
     specs: Sequence[Spec], key: str, static: Sequence[Any], dtype: Any, options: ProgramOptions, one: bool, stream: bool
 ) -> str:
-    """A digest of all that the code of a kernel depends on."""
+    """A digest of all that a kernel depends on."""
     names = "|".join(f"{s.name}({','.join(x.name for x in s.present)})" for s in specs)
-    processor, features, _, _ = host_cpu.host()
     values = "|".join(x.tobytes().hex() if isinstance(x, np.ndarray) else str(x) for x in static)
     chosen = "" if options == ALL else repr(options)
-    dtype_name = np.dtype(dtype).name + (" one" if one else "") + (" stream" if stream else "")
-    host = (processor, features, host_cpu.llvm_version(), str(DATA_OFFSET))
-    text = "\n".join((key, names, values, chosen, dtype_name, STAMP, *host))
-    return hashlib.sha256(text.encode()).hexdigest()
+    return _hash(key, names, values, chosen, _machine(dtype, one, stream))
+
+
+def _of_structure(
+    program: Program, layout: KernelLayout, dtype: Any, one: bool, stream: bool
+) -> tuple[str, NDArray[Any]]:
+    """A digest of all that the machine code of a program depends on, and its numbers."""
+    digest = _hash(structure.digest(program, layout), _machine(dtype, one, stream))
+    return digest, structure.Numbers(program, layout).values(dtype)
+
+
+def _machine(dtype: Any, one: bool, stream: bool) -> str:
+    """What machine code depends on beside its program."""
+    processor, features, _, _ = host_cpu.host()
+    kind = np.dtype(dtype).name + (" one" if one else "") + (" stream" if stream else "")
+    return "\n".join((kind, STAMP, processor, features, host_cpu.llvm_version(), str(DATA_OFFSET)))
+
+
+def _hash(*parts: str) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _at_hand(digest: str, dtype: Any, one: bool) -> tuple[bool, Kernel | None]:
@@ -155,30 +211,42 @@ def _at_hand(digest: str, dtype: Any, one: bool) -> tuple[bool, Kernel | None]:
     if digest in _programs:
         _programs.move_to_end(digest)
         return True, _programs[digest]
-    made = _from_disk_cache(digest, dtype, one)
-    return made is not None, None if made is None else _keep(digest, made)
+    held = _from_disk_cache(digest, disk_cache.NUMBERS)
+    if held is None:
+        return False, None
+    code = _code_at_hand(held[:DIGEST_SIZE].decode(), dtype, one)
+    if code is None:
+        return False, None
+    return True, _keep(_programs, digest, Kernel(code, np.frombuffer(held[DIGEST_SIZE:], dtype)))
 
 
-def _keep(digest: str, made: Kernel | None) -> Kernel | None:
-    """A kernel, held in memory with the CACHE_SIZE last used."""
-    _programs[digest] = made
-    while len(_programs) > CACHE_SIZE:
-        _programs.popitem(last=False)
+def _code_at_hand(digest: str, dtype: Any, one: bool) -> MachineCode | None:
+    """The machine code of a structure if it is in memory or on disk."""
+    if digest in _codes:
+        _codes.move_to_end(digest)
+        return _codes[digest]
+    payload = _from_disk_cache(digest, disk_cache.PROGRAM)
+    if payload is None:
+        return None
+    (count,) = struct.unpack_from("<q", payload)
+    widths = struct.unpack_from(f"<{count}q", payload, 8)
+    inputs, outputs, workspace = widths[1 : 1 + widths[0]], widths[2 + widths[0] : -1], widths[-1]
+    return _keep(_codes, digest, MachineCode(payload[8 + 8 * count :], workspace, inputs, outputs, dtype, one))
+
+
+def _keep(held: OrderedDict[str, Made], digest: str, made: Made) -> Made:
+    """What is made, held in memory with the CACHE_SIZE last used."""
+    held[digest] = made
+    while len(held) > CACHE_SIZE:
+        held.popitem(last=False)
     return made
 
 
 def _packed(code: bytes, workspace: int, layout: KernelLayout) -> bytes:
-    """The bytes of a cache file: code, and of its layout the widths, which are all that a loaded kernel needs."""
+    """The bytes of a file of machine code: the code behind the widths of its arrays."""
     widths = [len(layout.inputs), *layout.inputs, len(layout.outputs), *(len(o) for o in layout.outputs), workspace]
     return struct.pack(f"<q{len(widths)}q", len(widths), *widths) + code
 
 
-def _from_disk_cache(digest: str, dtype: Any, one: bool) -> Kernel | None:
-    payload = disk_cache.read(digest)
-    if payload is None:
-        return None
-    (count,) = struct.unpack_from("<q", payload)
-    numbers = list(struct.unpack_from(f"<{count}q", payload, 8))
-    inputs = tuple(numbers[1 : 1 + numbers[0]])
-    outputs = tuple(tuple(range(k)) for k in numbers[2 + numbers[0] : -1])
-    return Kernel(payload[8 + 8 * count :], numbers[-1], KernelLayout(inputs, outputs), dtype, one)
+def _from_disk_cache(digest: str, kind: str) -> bytes | None:
+    return disk_cache.read(digest, kind)

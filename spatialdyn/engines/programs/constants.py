@@ -13,6 +13,7 @@ from typing import Any
 
 SPLITTER = 134217729.0  # 2^27 + 1
 REAL = (float, int)
+_new = float.__new__
 
 
 class Constant(float):
@@ -21,17 +22,18 @@ class Constant(float):
     Comparisons, and functions of floats, use the float alone.
     """
 
-    __slots__ = ("low",)
+    __slots__ = ("high", "low")
+    high: float
     low: float
 
     def __new__(cls, high: float, low: float = 0.0) -> Constant:
         """The sum of two floats without overlap."""
-        made = super().__new__(cls, high)
-        made.low = low
+        made = _new(cls, high)
+        made.high, made.low = high, low
         return made
 
     def __neg__(self) -> Constant:
-        return Constant(-float(self), -self.low)
+        return Constant(-self.high, -self.low)
 
     def __abs__(self) -> Constant:
         return -self if self < 0.0 else self
@@ -65,7 +67,7 @@ def constant(x: float) -> float:
 
 
 def _parts(x: float) -> tuple[float, float]:
-    return float(x), x.low if isinstance(x, Constant) else 0.0
+    return (x.high, x.low) if type(x) is Constant else (float(x), 0.0)
 
 
 def _fast_two_sum(high: float, low: float) -> Constant:

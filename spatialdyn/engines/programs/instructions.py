@@ -7,7 +7,6 @@ interpreted program rejects the samples that the compiled one rejects.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -89,14 +88,13 @@ class _Encoder:
         self.program, self.layout = program, layout
         self.columns = sum(layout.inputs)
         n = len(program.lines)
-        flat = np.fromiter(chain.from_iterable(program.lines), np.float64, 5 * n).reshape(n, 5)
-        self.table = flat[:, :4].astype(np.int64)
+        self.table = program.table
         self.number = np.arange(n + self.columns + 1)  # of a line's value; NONE's last
         given = np.flatnonzero(self.table[:, 0] == INPUT)
         self.number[given] = n + self.table[given, 1]
         self.number[-1] = NONE
         self.constant_at = np.flatnonzero(self.table[:, 0] == CONST)
-        self.constants: list[float] = flat[self.constant_at, 4].tolist()
+        self.constants: list[float] = program.constants.tolist()
         self.extra: dict[str, int] = {}  # further constants, by ``float.hex``: number of the value
         self.count = n + self.columns
         self.negated: dict[int, int] = {}

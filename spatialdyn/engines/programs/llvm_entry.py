@@ -33,11 +33,12 @@ def _data(code: Body, array: str) -> str:
 
 
 def batch_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> str:
-    """``batch_entry(*(input, rows), *outputs, shared, buffer, n, piece) -> 1``, or 0, nothing done, if an output
-    overlaps an array. Threads may call it at once with the same arrays: each takes pieces until none is left.
+    """``batch_entry(*(input, rows), *outputs, numbers, shared, buffer, n, piece) -> 1``, or 0, nothing done, if an
+    output overlaps an array. Threads may call it at once with the same arrays: each takes pieces until none is left.
 
     inputs, outputs  columns of the arrays, which are in C order
     rows             n, or 1 for an input that is for all samples
+    numbers          those of the program
     shared           the next tile that no thread has taken, 8 bytes, at first 0; then a bit per sample, 16 bits a tile
     buffer           the thread's own, of ``buffer_size`` bytes
     piece            tiles that a thread takes at once
@@ -53,9 +54,9 @@ def batch_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, l
 
     def call(tiles: str | int, at: dict[str, str], steps: dict[str, str], bits: str) -> None:
         passed = "".join(f"ptr {at[x]}, i64 {steps[x]}, " for x in ins) + "".join(f"ptr {at[y]}, " for y in outs)
-        code.do(f"call void @kernel(i64 {tiles}, {passed}ptr {bits}, ptr {work})")
+        code.do(f"call void @kernel(i64 {tiles}, {passed}ptr {bits}, ptr {work}, ptr {data['numbers']})")
 
-    data = {x: _data(code, f"%{x}") for x in [*rows, "shared", "buffer"]}
+    data = {x: _data(code, f"%{x}") for x in [*rows, "numbers", "shared", "buffer"]}
     count = {x: f"%{x}.rows" if x in ins else "%n" for x in rows}
     end = {x: byte(data[x], times(count[x], rows[x])) for x in rows}
     disjoint = "true"
@@ -100,13 +101,15 @@ def batch_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, l
     code.jump("next", then="done")
     code.do("ret i64 1")
     given = "".join(f"ptr %{x}, i64 %{x}.rows, " for x in ins) + "".join(f"ptr %{y}, " for y in outs)
-    return _COPY + code.function(f"define i64 @batch_entry({given}ptr %shared, ptr %buffer, i64 %n, i64 %piece)")
+    return _COPY + code.function(
+        f"define i64 @batch_entry({given}ptr %numbers, ptr %shared, ptr %buffer, i64 %n, i64 %piece)"
+    )
 
 
 def one_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int) -> str:
-    """``one_entry(context, inputs, outputs) -> 1``, or 0 if the sample is rejected: a program on one lane.
+    """``one_entry(numbers, inputs, outputs) -> 1``, or 0 if the sample is rejected: a program on one lane.
 
-    context          not used
+    numbers          address of those of the program
     inputs, outputs  addresses of the arrays of one sample
     """
     code = Body()
@@ -116,19 +119,20 @@ def one_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int) -> 
     ins = [code.load("ptr", code.at("ptr", "%inputs", k)) for k in range(len(inputs))]
     outs = [code.load("ptr", code.at("ptr", "%outputs", k)) for k in range(len(outputs))]
     passed = "".join(f"ptr {x}, i64 0, " for x in ins) + "".join(f"ptr {y}, " for y in outs)
-    code.do(f"call void @kernel(i64 1, {passed}ptr {bits}, ptr {work})")
+    code.do(f"call void @kernel(i64 1, {passed}ptr {bits}, ptr {work}, ptr %numbers)")
     valid = code.put(f"zext i16 {code.load('i16', bits)} to i64")
     code.do(f"ret i64 {valid}")
-    return code.function("define i64 @one_entry(ptr %context, ptr %inputs, ptr %outputs)")
+    return code.function("define i64 @one_entry(ptr %numbers, ptr %inputs, ptr %outputs)")
 
 
 def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: int) -> str:
-    """``time_loop_entry(kernel, *states, *(input, sample, time), *records, *ends, buffer, *numbers)``: tile by
+    """``time_loop_entry(kernel, numbers, *states, *(input, sample, time), *records, *ends, buffer, *numbers)``: tile by
     tile, all steps of a program whose outputs are the first inputs of the next step; the numbers are first, end, n,
     steps, every, recorded.
 
     states        columns of the states, arrays (n, columns) in C order
     kernel        the program's address; its inputs are the states, then the others
+    numbers       those of the program, an array
     sample, time  strides of an input to the next sample and the next step, in numbers
     records       arrays (n, recorded, columns), or views from a row on: the states after every ``every`` steps
     ends          arrays (n, columns): the states after all steps
@@ -140,6 +144,7 @@ def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: i
     code = Body()
     code.label("start")
     put, byte, times = code.put, code.byte, code.times
+    constants = _data(code, "%numbers")
     start = [_data(code, f"%s{k}") for k in range(len(states))]
     data = [_data(code, x) for x in xs]
     records = [_data(code, f"%r{k}") for k in range(len(states))]
@@ -171,7 +176,7 @@ def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: i
     for x, b in zip(xs, base, strict=True):
         passed += f"ptr {byte(b, times(times('%t', f'{x}.time'), size))}, i64 {x}.sample, "
     passed += "".join(f"ptr %b{k}, " for k in range(len(states)))
-    code.do(f"call void %kernel(i64 1, {passed}ptr {flag}, ptr {work})")
+    code.do(f"call void %kernel(i64 1, {passed}ptr {flag}, ptr {work}, ptr {constants})")
     code.do(f"%valid.next = and i16 %valid, {code.load('i16', flag)}")
     code.do("%t.next = add i64 %t, 1")
     code.do("%record.next = sdiv i64 %t.next, %every")
@@ -193,7 +198,9 @@ def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: i
     given += "".join(f"ptr {x}, i64 {x}.sample, i64 {x}.time, " for x in xs)
     given += "".join(f"ptr %{x}{k}, " for x in "re" for k in range(len(states)))
     numbers = ", ".join(f"i64 %{x}" for x in ("first", "end", "n", "steps", "every", "recorded"))
-    return _COPY + code.function(f"define void @time_loop_entry(ptr %kernel, {given}ptr %buffer, {numbers})")
+    return _COPY + code.function(
+        f"define void @time_loop_entry(ptr %kernel, ptr %numbers, {given}ptr %buffer, {numbers})"
+    )
 
 
 _COPY = "\ndeclare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)\n"

@@ -12,10 +12,10 @@ BLOCK_STORES = 128  # most stores of one block
 
 
 def module(main: Vectors, functions: Sequence[str], layout: KernelLayout, workspace: int, stream: bool) -> str:
-    """``kernel(tiles, *(in, step), *outs, bits, ws)``, which runs ``main`` for each tile, ``batch_entry``,
+    """``kernel(tiles, *(in, step), *outs, bits, ws, numbers)``, which runs ``main`` for each tile, ``batch_entry``,
     and on one lane ``one_entry``.
 
-    main       the body of a tile, on %tile, %first (its first sample), %in0, %step0, %out0, %bits and %ws
+    main       the body of a tile, on %tile, %first (its first sample), %in0, %step0, %out0, %bits, %ws and %numbers
     functions  functions that it calls
     stream     whether results bypass the CPU caches
     """
@@ -34,7 +34,7 @@ declare {v} @llvm.sqrt.{suffix}({v})
 declare {v} @llvm.copysign.{suffix}({v}, {v})
 {streaming}
 {"".join(functions)}
-define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws) #0 {{
+define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws, ptr noalias %numbers) #0 {{
 entry:
   %any = icmp sgt i64 %tiles, 0
   br i1 %any, label %loop, label %done

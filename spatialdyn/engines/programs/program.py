@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from copy import copy
+from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -24,21 +25,34 @@ class Program:
     def __init__(self, tape: Tape, outputs: Sequence[Any], inputs: int, fuse: bool = True) -> None:
         """The lines of a tape that the outputs need."""
         marked = [tape.number(x) for x in outputs]
-        lines, roots, uses = _eliminate_dead(tape.lines, [x.line for x in marked])
-        if fuse:
-            lines, roots, _ = _eliminate_dead(_fuse_products(lines, uses), roots)
-        self.lines: list[Operation] = list(map(Operation._make, lines))
+        self.lines: list[Operation]
+        self.lines, roots = _eliminate_dead(tape.lines, [x.line for x in marked], fuse)
         self.outputs: list[tuple[int, bool]] = [(r, x.minus) for r, x in zip(roots, marked, strict=True)]
         self.inputs = inputs
 
     def only(self, outputs: Iterable[int]) -> Program:
         """The program of some of its outputs, by their indices."""
         chosen = [self.outputs[k] for k in outputs]
-        made = copy(self)
-        lines, roots, _ = _eliminate_dead(self.lines, [line for line, _ in chosen])
-        made.lines = list(map(Operation._make, lines))
+        made = Program.__new__(Program)
+        made.inputs = self.inputs
+        made.lines, roots = _eliminate_dead(self.lines, [line for line, _ in chosen], fuse=False)
         made.outputs = [(line, minus) for line, (_, minus) in zip(roots, chosen, strict=True)]
         return made
+
+    @cached_property
+    def table(self) -> NDArray[np.int64]:
+        """(lines, 4): the code and the operands of each line."""
+        return self._numbers[:, :4].astype(np.int64)
+
+    @cached_property
+    def constants(self) -> NDArray[np.float64]:
+        """The values of the lines that are constants, in order."""
+        values: NDArray[np.float64] = self._numbers[self.table[:, 0] == CONST, 4]
+        return values
+
+    @cached_property
+    def _numbers(self) -> NDArray[np.float64]:
+        return np.fromiter(chain.from_iterable(self.lines), np.float64, 5 * len(self.lines)).reshape(-1, 5)
 
     @property
     def operations(self) -> dict[str, int]:
@@ -90,14 +104,45 @@ class Program:
             return [-x[k] if minus else x[k] for k, minus in self.outputs]
 
 
-def _eliminate_dead(lines: Sequence[Line], roots: Iterable[int]) -> tuple[list[Line], list[int], list[int]]:
-    """Dead-code elimination: the lines that the roots need, renumbered in the same order; the roots; how often each
-    line is read, by others and as a root.
+def _arities() -> dict[int, int]:
+    """How many operands each operation has."""
+    return {INPUT: 0, CONST: 0, **{code: form.arity for code, form in FORMS.items()}}
+
+
+def _eliminate_dead(lines: Sequence[Line], roots: Sequence[int], fuse: bool) -> tuple[list[Operation], list[int]]:
+    """Dead-code elimination: the lines that the roots need, renumbered in the same order; the roots.
+
+    fuse  fuse products that one sum alone reads
     """
-    arities = {INPUT: 0, CONST: 0, **{code: form.arity for code, form in FORMS.items()}}
-    roots = list(roots)
+    uses = _uses(lines, roots)
+    fused = _fuse_products(lines, uses) if fuse else {}
+    for _, product, _ in fused.values():
+        uses[product] = 0
+    arities, number = _arities(), [0] * len(uses)
+    kept: list[Operation] = []
+    for k, used in enumerate(uses):
+        if not used:
+            continue
+        number[k] = len(kept)
+        code, a, b, c, value = lines[k]
+        if k in fused:
+            code, product, c = fused[k]
+            _, a, b, _, _ = lines[product]
+        arity = arities[code]
+        if arity:
+            a = number[a] if a >= 0 else -number[-a - 1] - 1
+            if arity > 1:
+                b = number[b] if b >= 0 else -number[-b - 1] - 1
+                if arity > 2:
+                    c = number[c] if c >= 0 else -number[-c - 1] - 1
+        kept.append(Operation(code, a, b, c, value))
+    return kept, [number[k] for k in roots]
+
+
+def _uses(lines: Sequence[Line], roots: Sequence[int]) -> list[int]:
+    """How often each line is read, by lines that the roots need and as a root."""
     count = max(roots, default=-1) + 1
-    uses = [0] * count
+    arities, uses = _arities(), [0] * count
     for k in roots:
         uses[k] += 1
     for k in range(count - 1, -1, -1):  # a line reads earlier ones: its readers come first here
@@ -110,36 +155,21 @@ def _eliminate_dead(lines: Sequence[Line], roots: Iterable[int]) -> tuple[list[L
                     uses[b if b >= 0 else -b - 1] += 1
                     if arity > 2:
                         uses[c if c >= 0 else -c - 1] += 1
-    number = [0] * count
-    kept: list[Line] = []
+    return uses
+
+
+def _fuse_products(lines: Sequence[Line], uses: Sequence[int]) -> dict[int, tuple[int, int, int]]:
+    """Sums into which a product is fused that they alone read, as (fused code, product, other term): decided here, so
+    that every machine rounds alike.
+    """
+    made: dict[int, tuple[int, int, int]] = {}
     for k, used in enumerate(uses):
-        if not used:
-            continue
-        number[k] = len(kept)
-        op = lines[k]
-        code, a, b, c, value = op
-        arity = arities[code]
-        if arity:
-            a = number[a] if a >= 0 else -number[-a - 1] - 1
-            if arity > 1:
-                b = number[b] if b >= 0 else -number[-b - 1] - 1
-                if arity > 2:
-                    c = number[c] if c >= 0 else -number[-c - 1] - 1
-            op = (code, a, b, c, value)
-        kept.append(op)
-    return kept, [number[k] for k in roots], [used for used in uses if used]
-
-
-def _fuse_products(lines: Sequence[Line], uses: Sequence[int]) -> list[Line]:
-    """Fuse products that one sum alone reads: decided here, so that every machine rounds alike."""
-    made = list(lines)
-    for k, (code, a, b, _, _) in enumerate(lines):
-        if code not in (ADD, SUB) or a == b:
+        code, a, b, _, _ = lines[k]
+        if not used or code not in (ADD, SUB) or a == b:
             continue
         # the later product first: the earlier one is ready by then
         for product, other in ((b, a), (a, b)) if a < b else ((a, b), (b, a)):
-            if uses[product] == 1 and made[product][0] == MUL:
-                fused = FMA if code == ADD else FMS if product == a else FNMA
-                made[k] = (fused, made[product][1], made[product][2], other, 0.0)
+            if uses[product] == 1 and lines[product][0] == MUL:
+                made[k] = (FMA if code == ADD else FMS if product == a else FNMA, product, other)
                 break
     return made

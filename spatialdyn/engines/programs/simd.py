@@ -26,6 +26,7 @@ from .llvm_vectors import ZERO, Vectors
 from .operations import CONST, FORMS, INPUT, signed
 from .program import Program
 from .schedule import Schedule
+from .structure import Numbers
 
 MAX_ANGLE = 1e5  # samples whose angles have a larger root sum of squares are recomputed with the exact sine
 
@@ -51,6 +52,7 @@ class _Writer:
         self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
         self.lanes, self.fma, self.stream = lanes, fma, stream
         self.schedule = Schedule(program, late=bool(layout.pivots))
+        self.numbers = Numbers(program, layout)
         self.whole = self.schedule.whole
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
@@ -71,7 +73,7 @@ class _Writer:
                 main.store_vector(floor, "%ws", self.poison_slot + 1)
             for i, chunk in enumerate(self.schedule.chunks):
                 functions.append(self._chunk(i, chunk))
-                main.do(f"call void @chunk{i}(ptr %ws)")
+                main.do(f"call void @chunk{i}(ptr %ws, ptr %numbers)")
             poison = main.load_vector("%ws", self.poison_slot)
             floor = main.load_vector("%ws", self.poison_slot + 1) if floor else floor
         self._epilogue(main, poison, floor)
@@ -113,7 +115,7 @@ class _Writer:
         base = self._added(t, poison)
         floor = ""
         if wide:
-            small = t.compare("ole", base, t.constant(wide.most**2))
+            small = t.compare("ole", base, t.spread("%numbers", self.numbers.most))
             base = t.poisoned_unless(small, ZERO)
             floor = self._floor(t, wide, driving)
         for group in self.layout.units:
@@ -122,8 +124,9 @@ class _Writer:
 
     def _floor(self, t: Vectors, wide: Float32Range, driving: Sequence[str]) -> str:
         """The least sum of squares of an output array, 0 where all driving inputs are 0, to the bit."""
+        least = t.spread("%numbers", self.numbers.least)
         if wide.driving is None:
-            return t.constant(wide.least**2)
+            return least
         if not driving:
             return ZERO
         bits = t.integer(0)
@@ -131,7 +134,7 @@ class _Writer:
             bits = t.put(f"or {t.bits} {bits}, {t.put(f'bitcast {t.vector} {x} to {t.bits}')}")
         size = t.put(f"shl {t.bits} {bits}, {t.integer(1)}")  # without the signs
         moves = t.put(f"icmp ne {t.bits} {size}, zeroinitializer")
-        return t.select(moves, t.constant(wide.least**2), ZERO)
+        return t.select(moves, least, ZERO)
 
     def _unit(self, t: Vectors, group: Sequence[str]) -> str:
         """The mask of groups whose squares sum to 1."""
@@ -156,7 +159,7 @@ class _Writer:
         poison = self._operations(t, chunk, poison, inside=True)
         t.store_vector(poison, "%ws", self.poison_slot)
         t.do("ret void")
-        return t.function(f"define internal void @chunk{i}(ptr %ws)", " noinline #0")
+        return t.function(f"define internal void @chunk{i}(ptr noalias %ws, ptr noalias %numbers)", " noinline #0")
 
     def _operations(self, t: Vectors, chunk: Sequence[int], poison: str, inside: bool) -> str:
         """Write some lines; ``inside`` one of several functions, which spills values that others need."""
@@ -168,7 +171,7 @@ class _Writer:
             if k < 0:
                 return t.negative(value(-k - 1))
             if lines[k].code == CONST:
-                return t.constant(lines[k].value)
+                return t.spread("%numbers", self.numbers.of_line[k])
             if k not in values:
                 values[k] = t.load_vector("%ws", slots[k])
             return values[k]
@@ -194,16 +197,19 @@ class _Writer:
         def result(place: int) -> str:
             line, minus = self.program.outputs[place]
             if lines[line].code == CONST:
-                return t.constant(-lines[line].value if minus else lines[line].value)
-            if line not in self.values:
-                self.values[line] = t.load_vector("%ws", self.schedule.slots[line])
-            return t.negative(self.values[line]) if minus else self.values[line]
+                x = t.spread("%numbers", self.numbers.of_line[line])
+            else:
+                if line not in self.values:
+                    self.values[line] = t.load_vector("%ws", self.schedule.slots[line])
+                x = self.values[line]
+            return t.negative(x) if minus else x
 
         if not self.whole:
             self.values = {}
         sums = [poison, ZERO, ZERO, ZERO]
-        for place, least in self.layout.pivots:
-            sums[0] = t.poisoned_unless(t.compare("ogt", result(place), t.constant(least)), sums[0])
+        for (place, _), at in zip(self.layout.pivots, self.numbers.of_pivot, strict=True):
+            regular = t.compare("ogt", result(place), t.spread("%numbers", at))
+            sums[0] = t.poisoned_unless(regular, sums[0])
         for group in self.layout.norms:
             sums[0] = t.poisoned_unless(self._unit(t, [result(place) for place in group]), sums[0])
         seen: set[int] = set()
@@ -211,7 +217,7 @@ class _Writer:
         for a, places in enumerate(self.layout.outputs):
             columns = len(places)
             if floor:
-                seen, squares = set(), [self._squares(t, places), *[ZERO] * 3]
+                seen, squares = set(), [t.spread("%numbers", self.numbers.squares[a]), *[ZERO] * 3]
             staged = self.stream and columns % self.lanes > 0
             if staged:
                 to = t.at(t.vector, "%ws", self.stage)
@@ -257,16 +263,11 @@ class _Writer:
         a, b, c, d = four
         return t.binary("fadd", t.binary("fadd", a, b), t.binary("fadd", c, d))
 
-    def _squares(self, t: Vectors, places: Sequence[int]) -> str:
-        """The sum of the squares of the results that are constants."""
-        lines = [self.program.lines[self.program.outputs[place][0]] for place in places]
-        return t.constant(sum(line.value**2 for line in lines if line.code == CONST))
-
 
 def compile_program(
     program: Program, layout: KernelLayout, dtype: Any = np.float64, stream: bool = False, one: bool = False
 ) -> tuple[bytes, int]:
-    """Object code of the kernel, and the bytes of workspace that a call needs.
+    """Object code of the kernel, and the bytes of workspace that a call needs: the same for all of one structure.
 
     one     for tiles of one sample: LLVM makes scalars of vectors of one
     stream  results bypass the CPU caches, for outputs larger than those: a tile's rows, which are contiguous, are

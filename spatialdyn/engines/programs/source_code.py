@@ -77,11 +77,11 @@ class _Text:
 
     def _at(self, k: int) -> str:
         """An operand: its name, its entry of an input or its value, with its sign."""
+        op = self._program.lines[k if k >= 0 else -k - 1]
+        if op.code == CONST:
+            return repr(op.value if k >= 0 else -op.value)
         if k < 0:
             return f"-{self._at(-k - 1)}"
-        op = self._program.lines[k]
-        if op.code == CONST:
-            return repr(op.value)
         return self._inputs[op.a] if op.code == INPUT else f"x{k}"
 
     def _line(self, op: Operation) -> str:
@@ -95,7 +95,7 @@ class _Text:
     def results(self, entries: Sequence[str]) -> list[str]:
         """``out[0] = -x12`` of each output."""
         ends = zip(entries, self._program.outputs, strict=True)
-        return [f"{entry} = {'-' if minus else ''}{self._at(k)}" for entry, (k, minus) in ends]
+        return [f"{entry} = {self._at(-k - 1 if minus else k)}" for entry, (k, minus) in ends]
 
 
 C_WORDS = """

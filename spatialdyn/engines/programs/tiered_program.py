@@ -38,7 +38,7 @@ class TieredProgram:
     ) -> None:
         """As ``batch_kernels.kernel``. Raises ZeroDivisionError if a joint has zero articulated inertia in every state.
 
-        Nothing is recorded if compiled code is at hand.
+        Nothing is recorded if compiled code of this table is at hand.
         """
         self._arguments = (specs, bodies, key, tuple(static))
         self._options = options
@@ -46,8 +46,9 @@ class TieredProgram:
         self._calls = np.zeros(1, np.int64)  # how many single samples are interpreted until compiling pays
         self._seconds = math.nan  # how long batches are interpreted until then
         self._compiled: dict[tuple[bool, bool], batch_kernels.Kernel | None] = {}
-        if not (self._at_hand(one=True) or self._at_hand(one=False)):
-            self._expect()
+        self._looked: set[tuple[bool, bool]] = set()  # the same, whose structure's code was looked for
+        if not (self._from_cache(one=True) or self._from_cache(one=False)):
+            self.recording
 
     @cached_property
     def recording(self) -> Recording:
@@ -80,7 +81,7 @@ class TieredProgram:
                 code = self.interpreted
                 return (code.entry, code.context, self._calls.ctypes.data), (code, self._calls)
             made = self.compiled(one=True)
-            return (made.entry, 0, single_call.NO_LIMIT.ctypes.data), made
+            return (made.code.entry, made.numbers.ctypes.data, single_call.NO_LIMIT.ctypes.data), made
 
     def batch(self, samples: int, stream: bool = False) -> Batches:
         """What computes a batch of so many samples; ``stream`` for large results."""
@@ -103,7 +104,17 @@ class TieredProgram:
         return self._seconds
 
     def _at_hand(self, one: bool, stream: bool = False) -> batch_kernels.Kernel | None:
-        """The compiled program if it is in memory or on disk, where it is looked for once."""
+        """The compiled program if its code is in memory or on disk, where it is looked for once: as this table's, then
+        as that of another table of the same structure.
+        """
+        made = self._from_cache(one, stream)
+        if made is None and (one, stream) not in self._looked:
+            self._looked.add((one, stream))
+            made = self._compiled[one, stream] = batch_kernels.shared(self.recording, one, stream)
+        return made
+
+    def _from_cache(self, one: bool, stream: bool = False) -> batch_kernels.Kernel | None:
+        """The compiled program if it is in memory, or on disk as this table's; nothing is recorded."""
         if (one, stream) not in self._compiled:
             specs, _, key, static = self._arguments
             self._compiled[one, stream] = batch_kernels.cached(specs, key, static, self._options, one, stream)

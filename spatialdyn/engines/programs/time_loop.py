@@ -38,7 +38,7 @@ def _compiled_loop(
 ) -> tuple[Any, Callable[..., None]]:
     """The compiled loop, and the loaded code, which must stay referenced."""
     loaded = host_cpu.LoadedCode(host_cpu.object_code(time_loop_entry(states, inputs, workspace, width, size)))
-    given: list[Any] = [ctypes.c_void_p, *[ctypes.py_object] * len(states)]
+    given: list[Any] = [ctypes.c_void_p, ctypes.py_object, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
     given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
     return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("time_loop_entry"))
@@ -69,10 +69,10 @@ def run(
         return rejected[rejected < n]
     columns = tuple(s.shape[1] for s in states)
     size = kernel.dtype.itemsize
-    _, call = _compiled_loop(columns, len(inputs), kernel.workspace, width, size)
+    _, call = _compiled_loop(columns, len(inputs), kernel.code.workspace, width, size)
     tiles = -(-n // width)
     threads = max(1, min(thread_pool.size, kernel.threads(tiles * steps), tiles))
-    space = buffer_size(columns, columns, kernel.workspace, width, size)
+    space = buffer_size(columns, columns, kernel.code.workspace, width, size)
     bits = np.full(tiles, (1 << width) - 1, np.uint16)
     least = kernel.reach * threads
     group = max(threads, least // steps)
@@ -87,7 +87,7 @@ def run(
         several = min(group, tiles - tile)
         now: Sequence[NDArray[Any]] = states
         for k, (step, count, each) in enumerate(_pieces(steps, every, max(1, least // several))):
-            passed: list[Any] = [kernel.address, *now]
+            passed: list[Any] = [kernel.code.address, kernel.numbers, *now]
             for x in inputs:
                 passed += [x.rows if x.rows.shape[1] == 1 else x.rows[:, step:], *x.steps()]
             now = reached[k % 2]

@@ -50,9 +50,12 @@ class Tape:
     def line(self, operation: Line) -> int:
         """The index of an operation, which is appended if new."""
         at = self.known.get(operation)
-        if at is None:
-            at = self.known[operation] = len(self.lines)
-            self.lines.append(operation)
+        return self.new(operation) if at is None else at
+
+    def new(self, operation: Line) -> int:
+        """The index of an operation that is not yet recorded."""
+        at = self.known[operation] = len(self.lines)
+        self.lines.append(operation)
         return at
 
     def input(self, index: int) -> Number:
@@ -60,11 +63,13 @@ class Tape:
         return Number(self, self.line((INPUT, index, 0, 0, 0.0)), False)
 
     def number(self, value: Any) -> Number:
-        """A Number of a constant, its sign in ``minus``."""
+        """A Number of a constant. Its sign is in the value: models of other numbers then have the same structure."""
         if isinstance(value, Number):
             return value
         x = float(value)
-        return Number(self, self.line((CONST, 0, 0, 0, abs(x))), bool(np.signbit(x)))
+        if x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
+            return Number(self, self.line((CONST, 0, 0, 0, abs(x))), bool(np.signbit(x)))
+        return Number(self, self.line((CONST, 0, 0, 0, x)), False)
 
     def unfolded(self, value: float) -> Any:
         """A Number of a constant, 0 and ±1 as they are: constants then are not folded in float64."""
@@ -103,7 +108,7 @@ class Number:
         if a > b:
             key, minus = (code, b, a, 0, 0.0), other.minus
         at = tape.known.get(key)
-        return Number(tape, tape.line(key) if at is None else at, minus)
+        return Number(tape, tape.new(key) if at is None else at, minus)
 
     __radd__ = __add__
 
@@ -126,7 +131,7 @@ class Number:
             return -1.0 if minus else 1.0
         key = (MUL, a, b, 0, 0.0) if a <= b else (MUL, b, a, 0, 0.0)
         at = tape.known.get(key)
-        return Number(tape, tape.line(key) if at is None else at, minus)
+        return Number(tape, tape.new(key) if at is None else at, minus)
 
     __rmul__ = __mul__
 

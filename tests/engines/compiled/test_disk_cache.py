@@ -20,7 +20,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from inputs import PACKAGE, run_python
+from inputs import PACKAGE, empty_memory, run_python
 from slow import slow_but
 from trees import random_tree
 
@@ -45,7 +45,7 @@ def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An empty cache folder, and empty caches in memory."""
     monkeypatch.delenv(disk_cache.VARIABLE, raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+    empty_memory(monkeypatch)
     monkeypatch.setattr(disk_cache, "_done", set())
     return tmp_path / "spatialdyn"
 
@@ -67,7 +67,7 @@ def by_kernel(model: sd.Model, spec: Any = SPEC) -> tuple[float, bool]:
 
 def by_program(model: sd.Model, spec: Any = SPEC) -> tuple[float, bool]:
     """As ``by_kernel``, by a program on lanes."""
-    batch_kernels._programs.clear()
+    batch_kernels.forget()
     recorded, record = [], recording.record
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(batch_kernels, "record", lambda *arguments: recorded.append(1) or record(*arguments))
@@ -82,26 +82,27 @@ def by_program(model: sd.Model, spec: Any = SPEC) -> tuple[float, bool]:
 
 WAYS: dict[str, tuple[Callable[..., tuple[float, bool]], str]] = {
     "kernel": (by_kernel, disk_cache.KERNEL),
-    "program": (by_program, disk_cache.PROGRAM),
+    "machine code of a program": (by_program, disk_cache.PROGRAM),
+    "numbers of a program": (by_program, disk_cache.NUMBERS),
 }
 ways = pytest.mark.parametrize(("run", "kind"), WAYS.values(), ids=WAYS)
 
 
-MADE: dict[Any, tuple[float, str, bytes]] = {}
+MADE: dict[Any, tuple[float, dict[str, bytes]]] = {}
 
 
 def first_run(run: Any, arm: sd.Model, folder: Path) -> float:
-    """The result of a first run, which leaves one file in the folder: compiled once, copied for later tests."""
+    """The result of a first run, which leaves files in the folder: compiled once, copied for later tests."""
     if run not in MADE:
         wanted, found = run(arm)
         assert not found
-        (file,) = folder.iterdir()
-        MADE[run] = wanted, file.name, file.read_bytes()
-    wanted, name, whole = MADE[run]
+        MADE[run] = wanted, {file.name: file.read_bytes() for file in folder.iterdir()}
+    wanted, files = MADE[run]
     if not folder.exists():
         folder.mkdir(mode=0o700)
-        (folder / name).write_bytes(whole)
-        (folder / name).chmod(0o600)
+        for name, whole in files.items():
+            (folder / name).write_bytes(whole)
+            (folder / name).chmod(0o600)
     return wanted
 
 
@@ -181,16 +182,18 @@ def test_a_folder_deleted_meanwhile_is_made_anew(arm: sd.Model, folder: Path, ru
 def test_what_was_used_last_stays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process prunes once, when it first writes."""
     monkeypatch.setattr(disk_cache, "MOST_FILES", 2)
-    for kind in (disk_cache.PROGRAM, disk_cache.KERNEL):
+    for kind in (disk_cache.NUMBERS, disk_cache.PROGRAM, disk_cache.KERNEL):
         for k in range(4):
             disk_cache.write(f"digest{k}", b"x", kind)
             os.utime(folder / f"digest{k}{kind}", (k, k))
-    assert len(list(folder.iterdir())) == 8
+    assert len(list(folder.iterdir())) == 12
     assert disk_cache.read("digest0") == b"x"
     monkeypatch.setattr(disk_cache, "_done", set())  # another process
     disk_cache.write("digest4", b"x")
-    kept = [[disk_cache.read(f"digest{k}", kind) for k in range(5)] for kind in (disk_cache.PROGRAM, disk_cache.KERNEL)]
-    assert kept == [[b"x", None, None, None, b"x"], [None, None, b"x", b"x", None]]
+    kept = {kind: [disk_cache.read(f"digest{k}", kind) for k in range(5)] for kind in disk_cache.KINDS}
+    others = [None, None, b"x", b"x", None]
+    written = [b"x", None, None, None, b"x"]
+    assert kept == {disk_cache.PROGRAM: written, disk_cache.NUMBERS: others, disk_cache.KERNEL: others}
 
 
 def test_a_folder_is_looked_through_once_a_process(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,7 +201,7 @@ def test_a_folder_is_looked_through_once_a_process(folder: Path, monkeypatch: py
     monkeypatch.setattr(disk_cache.os, "listdir", lambda *given: looked.append(1) or listdir(*given))
     for k in range(5):
         disk_cache.write(f"digest{k}", b"x")
-    assert len(looked) == 2  # for each kind
+    assert len(looked) == len(disk_cache.KINDS)
     assert len(list(folder.iterdir())) == 5
 
 
@@ -332,7 +335,7 @@ def test_code_in_a_folder_of_another_is_not_run(
     arm: sd.Model, folder: Path, run: Any, kind: str, plant: Any, fault: str
 ) -> None:
     wanted = first_run(run, arm, folder)
-    (before,) = [file.read_bytes() for file in folder.iterdir()]
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
     plant(folder)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -340,7 +343,7 @@ def test_code_in_a_folder_of_another_is_not_run(
             assert run(arm) == (wanted, False)
     assert_one_warning(caught, folder, fault)
     moved = folder.with_name("moved")
-    assert [file.read_bytes() for file in (moved if moved.exists() else folder).iterdir()] == [before]
+    assert {file.name: file.read_bytes() for file in (moved if moved.exists() else folder).iterdir()} == before
 
 
 @owned
@@ -349,15 +352,16 @@ def test_code_in_a_folder_of_another_is_not_run(
 def test_a_file_of_another_is_not_run(arm: sd.Model, folder: Path, run: Any, kind: str, plant: Any, fault: str) -> None:
     """Also where the folder is safe; the file is left for its owner."""
     wanted = first_run(run, arm, folder)
-    (file,) = folder.iterdir()
+    (file,) = folder.glob("*" + kind)
     plant(file)
-    before = {path.name: path.lstat() for path in folder.iterdir()}
+    others = set(disk_cache.KINDS) - {kind}  # read, or written anew
+    before = {path.name: path.lstat() for path in folder.iterdir() if path.suffix not in others}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for _ in range(2):
             assert run(arm) == (wanted, False)
     assert_one_warning(caught, file, fault)
-    after = {path.name: path.lstat() for path in folder.iterdir()}
+    after = {path.name: path.lstat() for path in folder.iterdir() if path.suffix not in others}
     assert [(name, x.st_mode, x.st_mtime_ns, x.st_ino) for name, x in after.items()] == [
         (name, x.st_mode, x.st_mtime_ns, x.st_ino) for name, x in before.items()
     ]
@@ -506,7 +510,8 @@ def test_a_process_runs_where_nothing_can_be_cached(place: str, energy: float) -
 @pytest.mark.slow(quick="test_a_folder_that_cannot_be_written_to_keeps_nothing")
 def test_a_process_runs_where_files_can_only_be_begun(tmp_path: Path, energy: float) -> None:
     assert float(run_python(SCRIPT, "512", NUMBA_CACHE_DIR=str(tmp_path))) == energy
-    assert not list((tmp_path / "spatialdyn").iterdir())
+    files = (tmp_path / "spatialdyn").iterdir()
+    assert {file.suffix for file in files} <= {disk_cache.NUMBERS}  # the others are longer
 
 
 def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
@@ -516,7 +521,7 @@ def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     answers = [process.communicate(timeout=300)[0] for process in running]
     assert [process.returncode for process in running] == [0, 0]
     files = set((tmp_path / "spatialdyn").iterdir())
-    assert {file.suffix for file in files} == {disk_cache.KERNEL, disk_cache.PROGRAM}
+    assert {file.suffix for file in files} == set(disk_cache.KINDS)
     answers.append(run_python(SCRIPT, NUMBA_CACHE_DIR=str(tmp_path)))
     assert answers[0] == answers[1] == answers[2]
     assert set((tmp_path / "spatialdyn").iterdir()) == files

@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from inputs import EPS, kernel_inputs, options, public, random_inputs, run_python, sorted_inputs
+from inputs import EPS, empty_memory, kernel_inputs, options, public, random_inputs, run_python, sorted_inputs
 from numpy.typing import NDArray
 from slow import slow_but
 from trees import random_tree
@@ -24,7 +24,7 @@ import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import disk_cache, numba_kernels
-from spatialdyn.engines.programs import batch_kernels, host_cpu, recording
+from spatialdyn.engines.programs import batch_kernels, host_cpu, recording, simd
 from spatialdyn.engines.programs.tiered_program import TieredProgram
 from spatialdyn.model.robot import Mimic
 from spatialdyn.recursions import SPECS
@@ -63,7 +63,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """No program in memory or on disk; returns the folder of the disk cache."""
     monkeypatch.delenv(disk_cache.VARIABLE, raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+    empty_memory(monkeypatch)
     return tmp_path / "spatialdyn"
 
 
@@ -79,7 +79,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> Parts:
 
     monkeypatch.setattr(batch_kernels.Kernel, "_part", counted)
     monkeypatch.setattr(batch_kernels, "THREAD_BYTES", 1)
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())  # read at load
+    empty_memory(monkeypatch)  # read at load
     return sizes
 
 
@@ -530,7 +530,7 @@ Path(found).write_bytes(pickle.dumps(results))
         run_python(script, str(tmp_path / "task"), str(tmp_path / how), how, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
         found.append(pickle.loads((tmp_path / how).read_bytes()))
     programs = list((tmp_path / "cache").rglob("*" + disk_cache.PROGRAM))
-    assert len(programs) == 2 * 2 + 2  # one sample and many, the builtin of all calls, and the interpreter
+    assert len(programs) == 2 * 2 + 1  # one sample and many, and the builtin of all calls
     for x, y in zip(*found, strict=True):
         np.testing.assert_array_equal(x, y)
     assert scaled(found[0][0], untraced(arm, SPECS["generalized_gravity"], [q]), 1) <= ROUNDING
@@ -555,12 +555,15 @@ def rnea_kernel(model: sd.Model) -> batch_kernels.Kernel:
     return kernel
 
 
+@pytest.mark.parametrize("kind", [disk_cache.PROGRAM, disk_cache.NUMBERS])
 @pytest.mark.parametrize("damage", ["bit", "cut", "empty", "head"])
-def test_a_damaged_file_is_made_anew(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
+def test_a_damaged_file_is_made_anew(
+    arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch, damage: str, kind: str
+) -> None:
     seen = recordings(monkeypatch)
     values = random_inputs(arm, bare("rnea"), batch=(B,))
     wanted = on_lanes(arm, bare("rnea"), values)
-    (file,) = fresh.glob("*" + disk_cache.PROGRAM)
+    (file,) = fresh.glob("*" + kind)
     whole = file.read_bytes()
     middle = len(whole) // 2
     file.write_bytes(
@@ -571,12 +574,13 @@ def test_a_damaged_file_is_made_anew(arm: sd.Model, fresh: Path, monkeypatch: py
             "head": bytes([whole[0] ^ 1]) + whole[1:],
         }[damage]
     )
-    batch_kernels._programs.clear()
+    batch_kernels.forget()
     forget_choices()
+    assert rnea_kernel(arm) is not None
     np.testing.assert_array_equal(on_lanes(arm, bare("rnea"), values), wanted)
     assert seen == ["rnea", "rnea"]
     assert file.read_bytes() == whole
-    batch_kernels._programs.clear()
+    batch_kernels.forget()
     forget_choices()
     on_lanes(arm, bare("rnea"), values)
     assert seen == ["rnea", "rnea"]
@@ -609,10 +613,12 @@ def test_other_sources_models_calls_dtypes_and_hosts_are_other_programs(
     name, features, width, fma = host_cpu.host()
     monkeypatch.setattr(host_cpu, "host", lambda: (name, features + ",", width, fma))
     monkeypatch.setattr(batch_kernels, "_from_disk_cache", lambda *arguments: None)
-    monkeypatch.setattr(batch_kernels, "_compile", lambda *arguments: seen.append("other host"))
-    batch_kernels.kernel((bare("rnea"),), arm.bodies, arm.key)
-    assert seen[-2:] == ["rnea", "other host"]
-    assert len(list(fresh.glob("*" + disk_cache.PROGRAM))) == 6
+    monkeypatch.setattr(simd, "compile_program", None)  # not callable
+    with pytest.raises(TypeError):
+        rnea_kernel(arm)
+    assert seen[5:] == ["rnea", "rnea"]
+    for kind in (disk_cache.PROGRAM, disk_cache.NUMBERS):
+        assert len(list(fresh.glob("*" + kind))) == 6
 
 
 def test_an_equal_model_shares_the_program(arm: sd.Model, fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -670,6 +676,8 @@ def test_eight_threads_may_make_the_first_call(fresh: Path, monkeypatch: pytest.
 def test_concurrent_callers_share_the_thread_pool(arm: sd.Model, parts: Parts) -> None:
     """Four threads, each of whose batches runs on three."""
     sd.set_num_threads(3)
+    forget_choices()
+    sd.compile(arm, [sd.rnea])
     values = random_inputs(arm, bare("rnea"), batch=(4096,))
     wanted, wrong = sd.rnea(arm, *values), []
 
@@ -695,6 +703,7 @@ warnings.simplefilter("ignore")  # of forking a process with threads
 batch_kernels.THREAD_BYTES = 1
 model, x = sd.load_urdf("two_link"), np.ones((4096, 2))
 sd.set_num_threads(2)
+sd.compile(model, [sd.rnea])
 tau = sd.rnea(model, x, x, x)
 assert len(threads.thread_pool._pools) == 1
 child = os.fork()
@@ -729,7 +738,7 @@ def test_a_model_of_too_many_rows_goes_untraced(arm: sd.Model, monkeypatch: pyte
     values = random_inputs(arm, bare("rnea"), batch=(B,))
     wanted = untraced(arm, bare("rnea"), values)
     monkeypatch.setattr(batch_kernels, "record", None)
-    monkeypatch.setattr(batch_kernels, "_programs", type(batch_kernels._programs)())
+    empty_memory(monkeypatch)
     monkeypatch.setattr(recording, "MOST_ROWS", arm.nv - 1)
     np.testing.assert_array_equal(sd.rnea(arm, *values), wanted)
     assert not recording.fits((bare("rnea"),), arm.bodies)

@@ -22,7 +22,7 @@ from spatialdyn.algebra.rotations import UNIT_TOLERANCE
 from spatialdyn.engines.compiled import disk_cache
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs import batches, host_cpu, interpreter, recording, schedule, simd
-from spatialdyn.engines.programs.batch_kernels import Kernel
+from spatialdyn.engines.programs.batch_kernels import Kernel, MachineCode
 from spatialdyn.engines.programs.instructions import ARITHMETIC, CODE_BITS, TURN, Encoded, encode, opcodes
 from spatialdyn.engines.programs.interpreter import Interpreted, InterpretedBatches
 from spatialdyn.engines.programs.kernel_layout import Float32Range, KernelLayout
@@ -92,7 +92,9 @@ def compiled(program: Program, layout: KernelLayout, one: bool, level: int) -> K
     """The program compiled for single samples, or for the lanes of this host."""
     lanes = 1 if one else host_cpu.lanes_of(np.float64)
     writer = simd._Writer(program, layout, np.float64, lanes, host_cpu.host()[3])
-    return Kernel(host_cpu.object_code(writer.text(), level), writer.workspace, layout, np.float64, one)
+    code, columns = host_cpu.object_code(writer.text(), level), tuple(map(len, layout.outputs))
+    loaded = MachineCode(code, writer.workspace, layout.inputs, columns, np.float64, one)
+    return Kernel(loaded, writer.numbers.values(np.float64))
 
 
 LANES = ((False, 1),)  # the compiled program of batches

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers import double_double
-from spatialdyn.engines.programs import simd
-from spatialdyn.engines.programs.batch_kernels import Kernel
+from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.engines.programs.kernel_layout import KernelLayout
 from spatialdyn.engines.programs.operations import (
     CONST,
@@ -58,9 +57,8 @@ def one(code: int) -> Program:
 def on_lanes(program: Program, x: NDArray[np.float64]) -> NDArray[np.float64]:
     """Inputs (n, columns) through the compiled program."""
     layout = KernelLayout((x.shape[1],), ((0,),))
-    code, workspace = simd.compile_program(program, layout)
     out = np.empty((len(x), 1))
-    again = Kernel(code, workspace, layout, np.float64)([x], [out])
+    again = batch_kernels.compiled(program, layout)([x], [out])
     assert again is not None
     assert not len(again)
     return out[:, 0]

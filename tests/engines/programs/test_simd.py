@@ -71,7 +71,7 @@ class Runner:
             cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault", jit=True
         )
         self.loaded = LoadedCode(machine.emit_object(llvm.parse_assembly(writer.text())))
-        self.workspace = writer.workspace
+        self.workspace, self.numbers = writer.workspace, writer.numbers.values(dtype)
 
     def aligned(self, count: int) -> NDArray[Any]:
         """An array aligned to a vector, full of SENTINEL."""
@@ -101,7 +101,7 @@ class Runner:
             arguments += [x.ctypes.data, step * x.shape[1]]
             kinds += [ctypes.c_void_p, ctypes.c_int64]
         aligned = workspace.ctypes.data + -workspace.ctypes.data % 128
-        pointers = [*(x.ctypes.data for x in outs), bits.ctypes.data, aligned]
+        pointers = [*(x.ctypes.data for x in outs), bits.ctypes.data, aligned, self.numbers.ctypes.data]
         call = ctypes.CFUNCTYPE(None, *kinds, *[ctypes.c_void_p] * len(pointers))(self.loaded.address("kernel"))
         call(*arguments, *pointers)
         assert bits[-1] == 0xABCD

@@ -270,7 +270,7 @@ def test_history_chooses_how_a_program_runs_and_nothing_else(samples: int) -> No
     program.program._seconds = 0.0
     compiled_ = sd.rnea(fresh, q, v, a)
     later = np.array([sd.rnea(fresh, *x) for x in zip(q, v, a, strict=True)])
-    assert fresh._plans["rnea"][0] == program.program.compiled(one=True).entry
+    assert fresh._plans["rnea"][0] == program.program.compiled(one=True).code.entry
     for found in (alone, compiled_, later):
         np.testing.assert_array_equal(found, interpreted)
 

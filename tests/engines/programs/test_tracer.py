@@ -111,8 +111,9 @@ def test_equal_operations_are_one_line_whatever_their_order_and_sign() -> None:
     assert not same(x / y, y / x)
     assert len(tape.lines) == 7
     assert same(2.0 * x, x * 2.0)
-    assert same(-2.0 * x, -(x * 2.0))
     assert len(tape.lines) == 9  # the constant 2 and one product
+    assert not same(-2.0 * x, -(x * 2.0))  # a constant keeps its sign: other numbers have the same structure
+    assert len(tape.lines) == 11
 
 
 def test_sine_and_cosine_of_an_angle_are_written_once_each() -> None:
