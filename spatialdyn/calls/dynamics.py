@@ -20,7 +20,8 @@ from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.generated import function_from_text
 from ..engines.programs import batch_kernels, single_call
-from ..engines.programs.single_call import ARRAY, NUMBER, OUT, WORD, Parameter
+from ..engines.programs.single_call import Parameter
+from ..engines.programs.single_call_text import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
 from ..engines.threads import set_num_threads
 from ..model.model import Model
 from ..recursions import SPECS
@@ -243,7 +244,7 @@ def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[A
     bits = sum((x.name in given) << k for k, x in enumerate(x for x in public.present if x.optional))
     key = _keys(public)[bits]
     plans: dict[Any, object_layout.Words] = model._plans.setdefault(key, {}) if words else model._plans
-    known = plans.get(key if not words else (*words, None, None)[: single_call.MOST_WORDS])
+    known = plans.get(key if not words else (*words, None, None)[:MOST_WORDS])
     if known is not None and not single_call.exhausted(known):
         return
     found = run.program(spec, model, run.hashable(static))
@@ -261,7 +262,7 @@ def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[A
         return
     left_out = [[x, None] if x == DEFAULTS[name] else [x] for name, x in zip(_words(spec)[1:], words[1:], strict=True)]
     for rest in itertools.product(*left_out):
-        plans[(words[0], *rest, None, None)[: single_call.MOST_WORDS]] = made
+        plans[(words[0], *rest, None, None)[:MOST_WORDS]] = made
         if set(rest) <= {None}:
             plans[words[0]] = made
 

@@ -18,7 +18,8 @@ from ..engines import object_layout
 from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, float32_range, recording, single_call
 from ..engines.programs.program import Program
-from ..engines.programs.single_call import ARRAY, NUMBER, OUT, Parameter
+from ..engines.programs.single_call import Parameter
+from ..engines.programs.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
 from ..engines.programs.source_code import PRINTERS, has_meaning
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
@@ -235,7 +236,7 @@ class Specialized:
         self._single_due = False
         kernel = self._compile(one=True) if object_layout.READY else None
         parameters = [Parameter(x.name.partition(":")[0], ARRAY if x.shape else NUMBER) for x in self._inputs]
-        if kernel is None or len(parameters) >= single_call.MOST or len(self._shapes) > single_call.MOST_OUTPUTS:
+        if kernel is None or len(parameters) >= MOST or len(self._shapes) > MOST_OUTPUTS:
             return
 
         def checked(*given: Any, out: Any = None) -> Any:
