@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -25,7 +25,7 @@ from ..engines.programs.single_call_text import ARRAY, MOST_WORDS, NUMBER, OUT, 
 from ..engines.threads import set_num_threads
 from ..model.model import Model
 from ..recursions import SPECS
-from ..recursions.spec import Spec
+from ..recursions.spec import Argument, Spec
 from .arguments import (
     as_array,
     as_flag,
@@ -70,6 +70,9 @@ def checked_call(
     check_model(model)
     asked = [(x, value) for x, value in zip([x for x in spec.present if not x.static], values, strict=True)]
     given = [(x, value) for x, value in asked if value is not None or not x.optional]
+    plain = None if by_table or out is not None else _plain(given)
+    if plain is not None:
+        return calls[spec.name](model, **plain, **dict(zip(_words(spec), words, strict=True)))
     spec = numba_kernels.variant(spec, frozenset(x.name for x, _ in given))
     varying = [x for x in spec.present if not x.static]
     arrays = [as_array(x.name, value) for x, value in given]
@@ -100,6 +103,22 @@ def checked_call(
                     raise_failures(spec, model, batch, static, failed)
                 raise_if_not_finite(spec, inputs, batch, flat)
     return result if out is not None or shape else float(result)
+
+
+def _plain(given: Sequence[tuple[Argument, Any]]) -> dict[str, Any] | None:
+    """The inputs of one sample by name, as the builtin takes them. Returns None if not applicable: a batch, or inputs
+    that are so already, which the builtin has declined.
+    """
+    made: dict[str, Any] = {}
+    for x, value in given:
+        array = as_array(x.name, value)
+        if array.ndim != len(x.shape):
+            return None
+        if x.shape:
+            made[x.name] = np.ascontiguousarray(array)
+        else:
+            made[x.name] = value if type(value) in (float, np.float64) else float(array)
+    return made if any(made[x.name] is not value for x, value in given) else None
 
 
 def table_call(name: str, model: Model, *values: Any) -> Any:

@@ -26,7 +26,7 @@ TYPE, DATA, RANK, SHAPE, STRIDES, DTYPE, FLAGS = 1, 2, 3, 4, 5, 7, 8  # words of
 KIND = 3  # word of a dtype: kind, letter, byte order and flags, a byte each, and the type number
 SAME = ~0xFF010000  # the bits in which equal dtypes agree: without flags, and "=" (0x3D) is "<" (0x3C)
 LENGTH, ITEMS = 2, 3  # words of a tuple: how many items, and the first
-REAL = 2  # word of a float: its value
+REAL = 2  # word of a float, or of np.float64: its value
 FASTCALL, KEYWORDS = 0x80, 0x2  # METH_FASTCALL, METH_KEYWORDS
 CONTIGUOUS, ALIGNED, WRITEABLE = 0x1, 0x100, 0x400  # NPY_ARRAY_C_CONTIGUOUS, ...
 DOUBLE = 12  # NPY_DOUBLE
@@ -122,7 +122,7 @@ def _as_expected() -> bool:
     if not (plain and gil) or sys.byteorder != "little" or ctypes.sizeof(ctypes.c_void_p) != 8:
         return False
     x = np.zeros((3, 5))[:, 1:3]
-    array, number, pair = words_at(id(x), FLAGS + 1), 0.1, (x, "q")
+    array, numbers, pair = words_at(id(x), FLAGS + 1), (0.1, np.float64(0.1)), (x, "q")
 
     class Slots:
         __slots__ = ("first", "second")
@@ -142,7 +142,7 @@ def _as_expected() -> bool:
         and array[FLAGS] & 0xFFFFFFFF == x.flags.num
         and np.zeros((2, 2)).flags.num & 0xFFF == CONTIGUOUS | ALIGNED | WRITEABLE | 0x4
         and np.dtype(F8).num == DOUBLE
-        and float(np.int64(words_at(id(number), REAL + 1)[REAL]).view(F8)) == number
+        and all(float(np.int64(words_at(id(number), REAL + 1)[REAL]).view(F8)) == number for number in numbers)
         and words_at(id(pair), ITEMS + 2)[LENGTH:] == [2, id(x), id(pair[1])]
         and 16 <= offset <= 64
         and offset % 8 == 0

@@ -275,9 +275,16 @@ def _run_fixed(
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
-    system = System(family.kernels(fext is not None), asks, torque.user, *data)
-    family.start(system, state)
+    bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
+
+    @functools.cache
+    def system() -> System:
+        """With the kernels of the family, which take seconds to compile: a program does not need them."""
+        return bare._replace(kernels=family.kernels(fext is not None))
+
     at_once = program(recorder, method, torque, fext, state)
+    if at_once is None:
+        family.start(system(), state)
     now = (*state, recorder.at)
     marked = [x.copy() for x in now]
 
@@ -296,7 +303,7 @@ def _run_fixed(
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             with np.errstate(all="ignore"):
-                drive(marking, family.observe, system, state, *times)
+                drive(marking, family.observe, system(), state, *times)
         if status[0] != OK:
             raise SimulationError(_reason(status, recorder, h, state))
 
@@ -322,7 +329,7 @@ def _run_fixed(
             x[...] = kept
         done = int(recorder.at[0])
         with np.errstate(all="ignore"):
-            family.observe(system, steps.time(done), state)
+            family.observe(system() if at_once is None else bare, steps.time(done), state)
         recorder.end(steps.time(done), state.q, state.w, torque.unasked(done))
         raise
 

@@ -57,7 +57,7 @@ def _process() -> tuple[int, ...]:
         *map(api, ("Py_IncRef", "Py_DecRef", "PyDict_GetItemWithError", "PyTuple_Pack", "PyObject_Vectorcall")),
         *map(api, ("PyFloat_FromDouble", "PyTuple_New")),
     )
-    return (*map(id, constants), layout.kind(np.dtype(np.float64)), id(str), id(float), *functions)
+    return (*map(id, constants), layout.kind(np.dtype(np.float64)), id(str), id(float), id(np.float64), *functions)
 
 
 class Parameter(NamedTuple):

@@ -14,8 +14,8 @@ from .llvm_text import Body
 ARRAY, NUMBER, WORD, OUT = range(4)  # kinds of parameters: an array, a float, a str or True or False, the result
 MOST, MOST_OUTPUTS, MOST_WORDS = 16, 16, 3
 PROCESS = (
-    "none", "true", "false", "ndarray", "float64", "string", "real", "new_array", "up", "down", "lookup", "pack",
-    "call", "new_float", "new_tuple",
+    "none", "true", "false", "ndarray", "float64", "string", "real", "real64", "new_array", "up", "down", "lookup",
+    "pack", "call", "new_float", "new_tuple",
 )  # fmt: skip  # words of this process, which every form begins with
 FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out")
 #   python       the Python function
@@ -202,7 +202,7 @@ def _call() -> str:
     value = c.load("ptr", c.at("ptr", values, "%p"))
     kind = c.pointer(value, layout.TYPE)
     c.branch(put(f"icmp slt i64 {rank}, 0"), "number", "array", then="number")
-    c.need(c.equal(kind, c.process("real"), "ptr"))
+    c.need(c.either(c.equal(kind, c.process("real"), "ptr"), c.equal(kind, c.process("real64"), "ptr")))
     held = c.at("i64", value, layout.REAL)
     c.jump("number.end", then="number.end")
     c.jump("input.end", then="array")

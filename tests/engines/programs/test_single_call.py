@@ -73,6 +73,49 @@ def test_the_second_call_of_a_model_is_answered_by_the_builtin(arm: sd.Model, py
     assert python == ["rnea"]
 
 
+def test_one_sample_in_any_form_is_answered_by_the_program(
+    arm: sd.Model, python: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lists, integers, float32, strided and byte-swapped arrays are converted, and then take the same way."""
+    q, v, a = np.array([0.5, -0.25]), np.array([1.0, 2.0]), np.array([3.0, -4.0])
+    expected = sd.rnea(arm, q, v, a)
+    fext = np.zeros((arm.njoints, 6))
+    fext[1, 2] = 7.0
+    loaded = sd.rnea(arm, q, v, a, fext)
+    J = sd.frame_jacobian(arm, q, arm.frames[-1], "world")
+    monkeypatch.setattr(run, "batch", None)  # not callable
+    python.clear()
+    forms: list[Callable[[np.ndarray], Any]] = [
+        np.ndarray.tolist,
+        lambda x: tuple(map(float, x)),
+        lambda x: x.astype(np.float32),
+        lambda x: x.astype(">f8"),
+        lambda x: np.repeat(x, 2)[::2],
+        lambda x: list(x),
+    ]
+    for form in forms:
+        np.testing.assert_array_equal(sd.rnea(arm, form(q), v, form(a)), expected)
+        np.testing.assert_array_equal(sd.rnea(arm, form(q), v, a=form(a), fext=fext.tolist()), loaded)
+        np.testing.assert_array_equal(sd.frame_jacobian(arm, form(q), arm.frames[-1].name, "world"), J)
+    assert len(python) == 3 * len(forms)
+    np.testing.assert_array_equal(sd.rnea(arm, q, [1, 2], (3, -4)), expected)
+
+
+def test_numbers_of_any_kind_are_one_sample(arm: sd.Model, python: list[str]) -> None:
+    q0, q1 = np.array([0.5, -0.25]), np.array([-0.75, 1.5])
+    expected = sd.interpolate(arm, q0, q1, 0.5)
+    python.clear()
+    np.testing.assert_array_equal(sd.interpolate(arm, q0, q1, np.float64(0.5)), expected)
+    assert python == []
+    for number in (np.float32(0.5), np.array(0.5)):
+        np.testing.assert_array_equal(sd.interpolate(arm, q0, q1, number), expected)
+    np.testing.assert_array_equal(sd.interpolate(arm, q0, q1, 1), sd.interpolate(arm, q0, q1, 1.0))
+    assert python == 3 * ["interpolate"]
+    for number in (np.nan, np.float64(np.nan), np.array(np.nan)):  # the program declines them
+        assert np.isnan(sd.interpolate(arm, q0, q1, number)).all()
+    assert len(python) == 3 + 1 + 1 + 2
+
+
 def test_each_choice_of_optional_inputs_has_its_plan(arm: sd.Model, python: list[str]) -> None:
     q, v, a = inputs(arm)
     fext = np.random.default_rng(1).normal(size=(arm.njoints, 6))
