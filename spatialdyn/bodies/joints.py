@@ -5,15 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..algebra.euclidean import Vec, add, add_mat3, dot, rotate, scale, zero
-from ..algebra.records import (
-    mat3_of,
-    motion_of,
-    pose_of,
-    put_mat3,
-    put_pose,
-    put_vec,
-    vec_of,
-)
+from ..algebra.records import mat3_of, motion_of, pose_of, put_mat3, put_pose, put_vec, vec_of
 from ..algebra.rotations import blend, rotation, turn
 from ..algebra.scalars import cos, inline, sin
 from ..algebra.spatial import Motion, Pose, add_motion, compose, identity_pose, scale_motion, zero_motion
