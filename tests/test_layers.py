@@ -247,12 +247,11 @@ def test_recursions_know_tables_and_numbers_only(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "recursions"])
 def test_signatures_of_recursions_name_what_they_take(name: str) -> None:
-    """``bodies: Bodies``, not ``bodies: Any``; in ``configuration`` joints' own functions take pieces of arrays."""
-    if not name.startswith("recursions.configuration"):
-        for node in nodes(name):
-            if isinstance(node, ast.FunctionDef):
-                kinds = [ast.unparse(x.annotation) for x in node.args.args if x.annotation]
-                assert "Any" not in kinds, node.name
+    """``bodies: Bodies``, not ``bodies: Any``."""
+    for node in nodes(name):
+        if isinstance(node, ast.FunctionDef):
+            kinds = [ast.unparse(x.annotation) for x in node.args.args if x.annotation]
+            assert "Any" not in kinds, node.name
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "engines"])

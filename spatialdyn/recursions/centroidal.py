@@ -7,12 +7,10 @@ summed inward at the world's origin. Source: Orin, Goswami, Lee, Centroidal dyna
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.euclidean import Vec, add, cross, scale, sub
 from ..algebra.public_arrays import write_force, write_vec
 from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, put_motion, put_pose, table_dtype, vec_of
-from ..algebra.scalars import inline
+from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -109,7 +107,7 @@ def _force(bodies: Bodies, work: Work) -> Force:
 
 
 @inline
-def _mass(bodies: Bodies) -> Any:
+def _mass(bodies: Bodies) -> Scalar:
     """Total mass of the moving bodies."""
     m = bodies[0].inertia.m
     for i in range(1, len(bodies)):
