@@ -72,7 +72,7 @@ RENAMED: dict[str, dict[str, str]] = {
     "lagrangian": {
         "Exact": "ExactRobot", "exact": "exact_robot", "subspace": "motion_subspace", "Numbers": "NumberArray",
         "first_kind": "christoffel_from_gradient", "along": "coriolis_from_christoffel",
-        "inverse": "adjugate_and_determinant", "KINDS": "PARAMETER_KINDS",
+        "inverse": "adjugate_and_determinant", "KINDS": "PARAMETER_KINDS", "chosen": "chosen_values",
     },
     "interop": {"Names": "Aliases", "Change": "Conversion"},
     "simulation": {
@@ -83,10 +83,10 @@ RENAMED: dict[str, dict[str, str]] = {
     },
     "accuracy": {
         "Way": "Candidate", "ways": "candidates", "further": "confirm", "drawn": "is_count", "marked": "mark_pareto",
-        "off": "motion_error",
+        "off": "motion_error", "bound": "error_bound",
     },
     "validate": {"size": "sort_key"},
-    "commands": {"CALLS": "PROGRAM_CALLS"},
+    "commands": {"CALLS": "PROGRAM_CALLS", "numbers": "parse_numbers"},
     "compat": {
         "Made": "LibraryModel", "Given": "ModelNumbers", "Placed": "FramePlacements", "made": "library_model",
         "placed": "frame_placements", "prepared": "library_of", "perform": "compute", "returned": "compute_copy",

@@ -154,6 +154,13 @@ def random_tree(
     return RandomTree(Tree(tuple(bodies), tuple(gravity)), builder, options)
 
 
+def tree_case(seed: int, floating: bool) -> tuple[RandomTree, Any, State]:
+    """A random tree, its model and a state; half the joints of seed 3 are helical, odd seeds have (cos, sin) pairs."""
+    kinds = SCREWS if seed == 3 else KINDS
+    made = random_tree(seed, 6, kinds, floating, "cos_sin" if seed % 2 else "angle")
+    return made, made.model, random_state(made.tree, np.random.default_rng(seed))
+
+
 def random_state(tree: Tree, rng: np.random.Generator) -> State:
     """Uniform rotations and angles, the rest normal; the forces on the bodies about as large as their weights."""
     q: list[float] = []

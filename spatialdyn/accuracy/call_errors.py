@@ -24,7 +24,7 @@ from ..engines.extended import LEAST_BATCH
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS
-from .references import MANY, MANY_LEAST, bound, of_calls, truths
+from .references import MANY, MANY_LEAST, error_bound, of_calls, truths
 from .results import INPUTS, Further, Option
 
 Array = NDArray[np.float64]
@@ -163,7 +163,7 @@ def measure_calls(model: Model, task: str, states: Any, batch: int, report: Repo
     steps.next()
     options = [
         Option(
-            candidate.name, candidate.code, float(errors.max()), float(np.median(errors)), bound(errors),
+            candidate.name, candidate.code, float(errors.max()), float(np.median(errors)), error_bound(errors),
             ns.get(candidate.name, math.inf), note=note, run=candidate.run,
         )
         for candidate, errors, note in found

@@ -22,7 +22,7 @@ from ..model.model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference_motion import ReferenceMotion, exact_motion
 from .call_errors import PATIENCE, is_count
-from .references import bound
+from .references import error_bound
 from .results import Further, Option
 
 Array = NDArray[np.float64]
@@ -204,4 +204,4 @@ def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duratio
     ns = 1e9 * min(seconds) / duration if seconds else math.inf
     full = f"sd.simulate(model, q0, v0, duration, {code})"
     median = float(np.median(of_all))
-    return Option(label, full, float(of_all.max()), median, bound(of_all), ns, note=note, run=run)
+    return Option(label, full, float(of_all.max()), median, error_bound(of_all), ns, note=note, run=run)

@@ -83,7 +83,7 @@ def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
     return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=1, initial=0.0))
 
 
-def bound(errors: Array) -> float:
+def error_bound(errors: Array) -> float:
     """A bound expected to hold in other states: the largest error times a margin.
 
     Errors of a nearly singular robot follow a power law: the largest grows with the number of samples, the faster the

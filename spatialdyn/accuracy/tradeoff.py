@@ -16,7 +16,7 @@ from ..errors import ModelError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators
 from . import call_errors, integrator_errors
-from .references import LEAST, MANY, MANY_LEAST, bound
+from .references import LEAST, MANY, MANY_LEAST, error_bound
 from .results import Option, Recommendation, Tradeoff, checked_tolerance, figure, mark_pareto
 
 TASKS = (*call_errors.TASK_CALLS, "simulate")
@@ -193,7 +193,7 @@ def _in_more(x: Option, errors: Any, tolerance: float) -> Option | None:
     if errors is None:
         return None
     worst = max(x.error, float(errors.max()))
-    limit = max(bound(errors), worst * (MANY_LEAST if len(errors) >= MANY else LEAST))
+    limit = max(error_bound(errors), worst * (MANY_LEAST if len(errors) >= MANY else LEAST))
     if not limit <= tolerance:
         return None
     return replace(x, error=worst, median=float(np.median(errors)), bound=limit, states=len(errors))

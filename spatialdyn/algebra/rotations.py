@@ -7,6 +7,7 @@ from .scalars import Scalar, inline
 
 NORM_TOLERANCE = 1e-6  # quaternions and (cos, sin) pairs are of unit norm within it, so that float32 input passes
 UNIT_TOLERANCE = 2.0 * NORM_TOLERANCE  # the same of the squared norm
+NORM_ROUNDING = 1e-12  # a squared norm that differs from 1 by less does so by rounding: exact formulas hold
 ROTATION_ZERO = 1e-15  # entries of a rotation that are less are rounding errors of 0
 UNIT_AXIS = 4e-16  # an axis whose norm is 1 within it is taken as it is
 

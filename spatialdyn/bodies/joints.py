@@ -5,22 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from ..algebra.euclidean import Vec, add, add_mat3, dot, rotate, scale, zero
-from ..algebra.records import (
-    mat3_of,
-    motion_of,
-    pose_of,
-    put_mat3,
-    put_pose,
-    put_vec,
-    vec_of,
-)
-from ..algebra.rotations import blend, rotation, turn
+from ..algebra.records import mat3_of, motion_of, pose_of, put_mat3, put_pose, put_vec, vec_of
+from ..algebra.rotations import NORM_ROUNDING, blend, rotation, turn
 from ..algebra.scalars import cos, inline, sin
 from ..algebra.spatial import Motion, Pose, add_motion, compose, identity_pose, scale_motion, zero_motion
 from .kinds import CONTINUED, FLOATING, HELICAL, LENGTHS, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL, UNITS
 from .table import ANY_NORM
-
-ROUNDING = 1e-12  # of a squared norm
 
 
 @inline
@@ -84,7 +74,7 @@ def joint_motion(bodies: Any, i: int, v: Any) -> Motion:
 @inline
 def off_norm(bodies: Any, q: Any) -> bool:
     """Whether the table accepts any norm and a quaternion or pair of q is off unit norm by more than rounding."""
-    return bodies[0].kind == ANY_NORM and not norms_within(bodies, q, ROUNDING)
+    return bodies[0].kind == ANY_NORM and not norms_within(bodies, q, NORM_ROUNDING)
 
 
 @inline

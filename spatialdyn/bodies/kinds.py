@@ -9,8 +9,9 @@ one row. In the group R it then moves and is simulated. A new group needs a tupl
 wherever the groups are told apart: ``_move``, ``_between``, ``twist``, ``put_twist`` and ``_put_tangent`` of
 ``recursions.configuration``, ``simulation.adaptive.coordinate_rate``, and three functions of
 ``simulation.canonical_coordinates``. None refuses an unknown group: a forgotten branch shows in wrong results only, so
-compare the kind with a chain of simpler joints in every call and integrator. ``tests/bodies/test_kinds.py`` lists
-groups and kinds; ``ModelBuilder.add_body`` and ``Joint`` name them.
+compare the kind with a chain of simpler joints in every call and integrator. Conversions refuse it until
+``interop.states``, ``interop.pinocchio`` and ``validate.peer`` have it. ``tests/bodies/test_kinds.py`` lists groups and
+kinds; ``ModelBuilder.add_body`` and ``Joint`` name them.
 
 Compiled code reads the tuples at the end: ``NQ[kind]``, ``kind in R1``.
 """

@@ -13,9 +13,9 @@ dofs           rows of the joint, on its first row; 0 on the others (row 0: the 
 q_index        index of the joint's first coordinate in q (row 0: nq)
 last_row       last row of the subtree: rows i .. last_row are those that row i moves
 X              pose of the joint in the parent's body, at q = 0
-axial          R u uᵀ with R of X and u the axis of a revolute joint, whose rotation is by Rodrigues' formula
-transverse     R (1 - u uᵀ)      R(q) = axial + cos q transverse + sin q skewed,
-skewed         R ũ               three products made once; zero for other kinds
+axial          R u uᵀ with R of X and u the axis of a revolute or helical joint, which turns by Rodrigues' formula,
+transverse     R (1 - u uᵀ)      R(q) = axial + cos q transverse + sin q skewed;
+skewed         R ũ               the three are zero for other kinds
 S              motion subspace of the row, in body coordinates
 inertia        rigid inertia of the body about its frame's origin (zero where ``joint`` is 0)
 armature       reflected rotor inertia added to M_ii

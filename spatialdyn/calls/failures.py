@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -98,20 +98,24 @@ def joint_of_row(model: Model, row: int) -> Joint:
     return next(j for j in model.joints[1:] if j.row - j.nv < row <= j.row)
 
 
-def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
+def off_unit_norm(model: Model, q: Array) -> Iterator[tuple[Joint, Array, float]]:
+    """The joints whose quaternion or (cos, sin) pair in q is off its unit norm, with that part and its norm."""
     for joint in model.joints[1:]:
         first = model.bodies[joint.row - joint.nv + 1]
         part = unit_part(int(first["kind"]), int(first["q_index"]))
-        if part is None:
-            continue
-        norm = math.hypot(*q[part].tolist())  # hypot does not overflow on the way
-        if abs(norm * norm - 1.0) > UNIT_TOLERANCE:
-            cure = "; normalize(model, q) is the cure" if 0.0 < norm < math.inf else ""
-            what = "quaternion" if len(q[part]) == 4 else "(cos, sin) pair"
-            raise ConfigurationError(
-                f'{name} holds a {what} of norm {norm:.9g} for joint "{joint.name}"{where}, '
-                f"expected 1 within 1e-6{cure}"
-            )
+        if part is not None:
+            norm = math.hypot(*q[part].tolist())  # hypot does not overflow on the way
+            if abs(norm * norm - 1.0) > UNIT_TOLERANCE:
+                yield joint, q[part], norm
+
+
+def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
+    for joint, part, norm in off_unit_norm(model, q):
+        cure = "; normalize(model, q) is the cure" if 0.0 < norm < math.inf else ""
+        what = "quaternion" if len(part) == 4 else "(cos, sin) pair"
+        raise ConfigurationError(
+            f'{name} holds a {what} of norm {norm:.9g} for joint "{joint.name}"{where}, expected 1 within 1e-6{cure}'
+        )
 
 
 def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[Any, ...]) -> int | None:

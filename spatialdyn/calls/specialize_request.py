@@ -13,8 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..algebra.rotations import UNIT_TOLERANCE
-from ..bodies.kinds import unit_part
 from ..engines.compiled import numba_kernels
 from ..engines.programs import parameters, recording
 from ..engines.programs.parameters import Parameter
@@ -22,6 +20,7 @@ from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError,
 from ..model.model import Frame, Model
 from ..recursions.spec import Argument, Spec
 from .arguments import as_array, check_model, core_shape, frame_row_and_placement
+from .failures import off_unit_norm
 from .specs import specs_of, static_of
 
 Names = str | Sequence[str] | Mapping[str, str | Sequence[str] | None]
@@ -212,8 +211,10 @@ def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> d
                 entries[at] = _constant(f'{name} of joint "{joint}"', part, entries[at].shape)
         else:
             entries[...] = _constant(name, value, core)
-        if known[name].unit_norm:
-            _raise_unit_norm(model, name, entries)
+        for joint, part, _ in off_unit_norm(model, entries) if known[name].unit_norm else ():
+            raise ConfigurationError(
+                f'fixed {name} is {part.tolist()} for joint "{joint.name}", expected a norm within 1e-6 of 1'
+            )
         if not (known[name].optional and not entries.any()):
             found[name] = entries.ravel()
     return found
@@ -240,16 +241,6 @@ def _constant(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np
     if not np.isfinite(x).all():
         raise NonFiniteError(f"fixed {name} is {x.tolist()}, expected finite numbers")
     return x
-
-
-def _raise_unit_norm(model: Model, name: str, q: NDArray[np.float64]) -> None:
-    for joint in model.joints[1:]:
-        first = model.bodies[joint.row - joint.nv + 1]
-        part = unit_part(int(first["kind"]), int(first["q_index"]))
-        if part is not None and abs(float(q[part] @ q[part]) - 1.0) > UNIT_TOLERANCE:
-            raise ConfigurationError(
-                f'fixed {name} is {q[part].tolist()} for joint "{joint.name}", expected a norm within 1e-6 of 1'
-            )
 
 
 def _output_places(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArray[np.intp], ...] | None:

@@ -62,7 +62,8 @@ def random_configuration(
             q[..., at : at + 1] = _within(float(model.lower[at]), float(model.upper[at]), reach, part)
         else:
             q[..., at : at + kind.lengths] = _place(part[..., : kind.lengths])
-            q[..., at + kind.lengths : at + kind.nq] = _TURNED[kind.turn](part[..., kind.lengths :])
+            if kind.turn:
+                q[..., at + kind.lengths : at + kind.nq] = _TURNED[kind.turn](part[..., kind.lengths :])
     return q
 
 

@@ -40,7 +40,7 @@ def load(arguments: argparse.Namespace) -> Model:
         return load_urdf(arguments.robot, root=arguments.root)
 
 
-def numbers(option: str, text: str | None, count: int) -> Array | None:
+def parse_numbers(option: str, text: str | None, count: int) -> Array | None:
     """Numbers separated by commas. Raises SpatialDynError unless there are ``count``."""
     if text is None:
         return None

@@ -18,7 +18,7 @@ from ..pictures.stage import viser_module
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.energy import scale_of
 from .printing import shown
-from .robots import add_quiet, add_robot, load, numbers
+from .robots import add_quiet, add_robot, load, parse_numbers
 from .targets import check_file, check_plot, check_report
 from .view import PAGES, keep_open, notes
 
@@ -60,10 +60,10 @@ def _run(arguments: argparse.Namespace) -> int:
     with shown("reading", "robots", arguments.quiet):
         model = load(arguments)
         compile_calls(model, ("kinetic_energy", "potential_energy"))  # else Ctrl-C has to wait for them
-    q0 = numbers("--q0", arguments.q0, model.nq)
+    q0 = parse_numbers("--q0", arguments.q0, model.nq)
     if q0 is None:
         q0 = random_configuration(model, np.random.default_rng(0))
-    v0 = numbers("--v0", arguments.v0, model.nv)
+    v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None
     with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
         warnings.simplefilter("always")

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from ..errors import SpatialDynError
 from ..pictures.scene import SHAPES, Scene, view
 from ..pictures.stage import has_screen, viser_module
-from .robots import add_robot, load, numbers
+from .robots import add_robot, load, parse_numbers
 from .targets import check_file
 
 PAGES = (".html", ".htm")
@@ -35,7 +35,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     check_page("--save", arguments.save)
     model = load(arguments)
-    q = numbers("--q", arguments.q, model.nq)
+    q = parse_numbers("--q", arguments.q, model.nq)
     with notes():
         scene = view(model, q, shapes=arguments.shapes, package_dirs=arguments.package_dir, open=False)
     if arguments.save:

@@ -1,4 +1,4 @@
-"""Long work that hears no signal, such as LLVM's, on a thread of its own, so that the main thread hears Ctrl-C.
+"""Long work that handles no signal, such as LLVM's, on a thread of its own, so that the main thread handles Ctrl-C.
 
 Python handles signals in its main thread, between two of its own operations. LLVM compiles the ABA of a humanoid for
 a second in one call.

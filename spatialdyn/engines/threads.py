@@ -51,7 +51,7 @@ class ThreadPool:
     def size(self) -> int:
         """Threads of a batch that this thread computes: those asked for, else all cores for the main thread.
 
-        One while the machine is busy, and for other threads, which are as many as their program wants.
+        One while the machine is busy, and for other threads, which are as many as their program starts.
         Raises SpatialDynError if the environment sets no number.
         """
         if self._asked is not None:

@@ -30,7 +30,7 @@ from .symbolic_matrices import (
     coriolis_from_christoffel,
     gradient,
 )
-from .symbolic_parameters import chosen, meanings
+from .symbolic_parameters import chosen_values, meanings
 
 Expr = Any  # sympy.Expr
 Matrix = Any  # sympy.ImmutableMatrix
@@ -115,7 +115,7 @@ class SymbolicManipulator:
         self.p, self.tau = named("p", model.nv), named("tau", model.nv)
         known = exact_robot(model)
         self.assumptions = tuple(known.assumptions)
-        values = chosen(known, parameters)
+        values = chosen_values(known, parameters)
         self.parameters, self.meaning = meanings(known, values, model.names)
         angles = [(kinds.KINDS[row["kind"]].angle, int(row["q_index"])) for row in model.bodies[1:]]
         turning = [self.q[at + angle] for angle, at in angles if angle is not None]

@@ -24,7 +24,7 @@ MEANING = {
 }
 
 
-def chosen(known: ExactRobot, parameters: Any) -> dict[str, Expr]:
+def chosen_values(known: ExactRobot, parameters: Any) -> dict[str, Expr]:
     """{name: expression} that replaces a value of the robot; the components of gravity as g_x, g_y, g_z.
 
     parameters  as SymbolicManipulator takes them

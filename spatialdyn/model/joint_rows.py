@@ -12,12 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.euclidean import Mat3, Vec
-from ..algebra.records import (
-    pose_of,
-    put_mat3,
-    put_motion,
-    put_pose,
-)
+from ..algebra.records import pose_of, put_mat3, put_motion, put_pose
 from ..algebra.spatial import Motion, Pose, identity_pose
 from ..bodies.joints import place_joint
 from ..bodies.kinds import CONTINUED, SCREWS, TURNS, kind_of

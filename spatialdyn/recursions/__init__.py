@@ -6,10 +6,12 @@ under Numba and on numbers that record, are exact or are symbols. ``SPECS`` gath
 
 A new public call is a recursion and its Spec in the ``SPECS`` of a file here, new or old: ``sd.NAME``, its help,
 kernels and programs follow. Then ``python tests/calls/test_typing.py`` writes the stub anew, and the call needs an
-entry in the table ORACLE of ``tests/recursions/test_dynamics.py``, or a test elsewhere that is named there. An array
-may have any name; the names of ``static`` inputs are few (row, placement, reference, classical), and a further one
-needs its words in ``calls.dynamics`` and ``calls.specs``. Kernels compile at the first call: a mistake in a recursion
-shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
+entry in the table ORACLE of ``tests/recursions/test_dynamics.py``, or a test elsewhere that is named there, and a row
+in ``validate.calls.CALLS``, which names Pinocchio's function or none; if none, an identity in ``validate.identities``.
+An array may have any name: one that ``validate.states`` lacks is a field there, one of a unit that
+``tests/recursions/test_covariance.py`` lacks an entry there. The names of ``static`` inputs are few (row, placement,
+reference, classical), and a further one needs its words in ``calls.dynamics`` and ``calls.specs``. Kernels compile at
+the first call: a mistake in a recursion shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
 
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it
 does not trace, the other has none. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off its unit

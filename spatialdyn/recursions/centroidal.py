@@ -7,12 +7,10 @@ summed inward at the world's origin. Source: Orin, Goswami, Lee, Centroidal dyna
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..algebra.euclidean import add, cross, scale, sub
+from ..algebra.euclidean import Vec, add, cross, scale, sub
 from ..algebra.public_arrays import write_force, write_vec
 from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, put_motion, put_pose, table_dtype, vec_of
-from ..algebra.scalars import inline
+from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -84,6 +82,12 @@ def _inward(bodies: Bodies, work: Work, v: Vector) -> None:
 
 
 @inline
+def _centre(work: Work) -> Vec:
+    """Centre of mass of the robot in the world, after ``_inward``."""
+    return scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
+
+
+@inline
 def _momentum(bodies: Bodies, work: Work) -> Force:
     """Spatial momentum of the robot about the world's origin."""
     h = zero_force()
@@ -103,7 +107,7 @@ def _force(bodies: Bodies, work: Work) -> Force:
 
 
 @inline
-def _mass(bodies: Bodies) -> Any:
+def _mass(bodies: Bodies) -> Scalar:
     """Total mass of the moving bodies."""
     m = bodies[0].inertia.m
     for i in range(1, len(bodies)):
@@ -165,7 +169,7 @@ def centroidal_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, h: Vec
     momentum_outward(bodies, work, q, v, None)
     p = _momentum(bodies, work)
     _inward(bodies, work, None)
-    c = scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    c = _centre(work)
     write_force(h, force_at_child(c, p))
 
 
@@ -175,7 +179,7 @@ def centroidal_momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, a
     momentum_outward(bodies, work, q, v, a)
     f = _force(bodies, work)
     _inward(bodies, work, None)
-    c = scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    c = _centre(work)
     write_force(dh, force_at_child(c, f))
 
 
@@ -184,7 +188,7 @@ def centroidal_map(bodies: Bodies, work: Work, q: Config, Ag: Matrix) -> None:
     """Column i: Ic S, its moment taken about the centre of mass."""
     momentum_outward(bodies, work, q, None, None)
     _inward(bodies, work, None)
-    c = scale(1.0 / work[0].I.m, vec_of(work[0].I.h))
+    c = _centre(work)
     for i in range(1, len(bodies)):
         Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
         F = momentum(inertia_of(work[i].I), Ji)

@@ -21,23 +21,9 @@ from ..algebra.coriolis_factor import (
     coriolis_transpose_times,
 )
 from ..algebra.euclidean import dot
-from ..algebra.records import (
-    inertia_of,
-    motion_of,
-    put_inertia,
-    table_dtype,
-    vec_of,
-)
+from ..algebra.records import inertia_of, motion_of, put_inertia, table_dtype, vec_of
 from ..algebra.scalars import inline
-from ..algebra.spatial import (
-    Inertia,
-    Motion,
-    Pose,
-    add_inertia,
-    force_at_parent,
-    inertia_at_parent,
-    power,
-)
+from ..algebra.spatial import Inertia, Motion, Pose, add_inertia, force_at_parent, inertia_at_parent, power
 from ..bodies.kinds import CONTINUED
 from .coriolis import to_root_aligned_axes
 from .signatures import Array, Bodies, Config, Matrix, Work

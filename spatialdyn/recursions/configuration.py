@@ -15,8 +15,6 @@ Row i of the table belongs to v[i - 1]; no array may overlap ``out``, and all of
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.euclidean import Mat3, Vec, add, rotate, scale, sub, unrotate, zero
 from ..algebra.lie import (
     Quat,
@@ -41,11 +39,12 @@ from ..algebra.spatial import Motion, scale_motion
 from ..bodies.kinds import CONTINUED, LENGTHS, NQ, NV, ONE, PLANAR, R1, SE2, SE3, SO2, SO3, UNITS
 from ..bodies.table import ANY_NORM
 from .configuration_off_norm import free_angle, free_travel, leave_pair, mix_pairs, pull_pair, pulled, quat_norm
+from .signatures import Array, Bodies, Config, Record, Vector
 from .spec import Argument, Q, Spec
 
 
 @inline
-def neutral(bodies: Any, out: Any) -> None:
+def neutral(bodies: Bodies, out: Config) -> None:
     """The configuration in which no joint is displaced, out (nq)."""
     for i in range(1, len(bodies)):
         kind, k = bodies[i].kind, bodies[i].q_index
@@ -54,7 +53,7 @@ def neutral(bodies: Any, out: Any) -> None:
 
 
 @inline
-def normalize(bodies: Any, q: Any, out: Any) -> None:
+def normalize(bodies: Bodies, q: Config, out: Config) -> None:
     """q with its quaternions and (cos, sin) pairs scaled to unit norm, whatever their size; null ones stay null.
 
     q    (nq)  [rad | m]
@@ -73,7 +72,7 @@ def normalize(bodies: Any, q: Any, out: Any) -> None:
 
 
 @inline
-def integrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
+def integrate(bodies: Bodies, q: Config, v: Vector, out: Config) -> None:
     """out = q ∘ exp(v).
 
     Of the two quaternions ±a of the result a floating joint gets the one nearer to q's, a spherical joint the one
@@ -89,7 +88,7 @@ def integrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
 
 
 @inline
-def difference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
+def difference(bodies: Bodies, q0: Config, q1: Config, out: Vector) -> None:
     """The v with q0 ∘ exp(v) = q1: the shortest, with angles in [-π, π], but q1 - q0 for the angle of a revolute joint.
 
     The angle of a planar joint counts modulo 2π: no twist turns by a whole number of turns and travels as well.
@@ -103,7 +102,7 @@ def difference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
 
 
 @inline
-def interpolate(bodies: Any, q0: Any, q1: Any, t: Scalar, out: Any) -> None:
+def interpolate(bodies: Bodies, q0: Config, q1: Config, t: Scalar, out: Config) -> None:
     """q0 ∘ exp(t v) with v the difference from q0 to q1: at t = 0 it is q0, at t = 1 q1 (a quaternion up to its sign).
 
     q0, q1  (nq)  [rad | m]
@@ -119,7 +118,7 @@ def interpolate(bodies: Any, q0: Any, q1: Any, t: Scalar, out: Any) -> None:
 
 
 @inline
-def dintegrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
+def dintegrate(bodies: Bodies, q: Config, v: Vector, out: Array) -> None:
     """Derivatives of q ∘ exp(v) by q, out[0], and by v, out[1], all as twists in the body's frame.
 
     q    (nq)          [rad | m], without effect: the derivatives are the same at every q
@@ -139,7 +138,7 @@ def dintegrate(bodies: Any, q: Any, v: Any, out: Any) -> None:
 
 
 @inline
-def ddifference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
+def ddifference(bodies: Bodies, q0: Config, q1: Config, out: Array) -> None:
     """Derivatives of the difference from q0 to q1 by q0, out[0], and by q1, out[1], all as twists in the body's frame.
 
     q0, q1  (nq)         [rad | m]
@@ -161,7 +160,7 @@ def ddifference(bodies: Any, q0: Any, q1: Any, out: Any) -> None:
 
 
 @inline
-def _move(b: Any, q: Any, m: Motion, free: bool, out: Any) -> None:
+def _move(b: Record, q: Config, m: Motion, free: bool, out: Config) -> None:
     """Write the coordinates of joint b after the twist m; ``free`` if they may have any norm."""
     k = b.q_index
     if b.kind in R1:
@@ -191,7 +190,7 @@ def _move(b: Any, q: Any, m: Motion, free: bool, out: Any) -> None:
 
 
 @inline
-def _between(b: Any, q0: Any, q1: Any, free: bool) -> Motion:
+def _between(b: Record, q0: Config, q1: Config, free: bool) -> Motion:
     """The twist of joint b from q0 to q1; ``free`` if they may have any norm."""
     k = b.q_index
     if b.kind in SO2:
@@ -220,7 +219,7 @@ def _between(b: Any, q0: Any, q1: Any, free: bool) -> Motion:
 
 
 @inline
-def twist(b: Any, r: int, v: Any) -> Motion:
+def twist(b: Record, r: int, v: Vector) -> Motion:
     """The twist of the joint whose velocities start at v[r]."""
     if b.kind in SO3:
         return Motion(read_vec(v, r), zero())
@@ -232,7 +231,7 @@ def twist(b: Any, r: int, v: Any) -> Motion:
 
 
 @inline
-def put_twist(b: Any, r: int, m: Motion, out: Any) -> None:
+def put_twist(b: Record, r: int, m: Motion, out: Vector) -> None:
     """Write the twist of the joint whose velocities start at out[r]."""
     if b.kind in SO3:
         write_vec(out, m.w, r)
@@ -247,7 +246,7 @@ def put_twist(b: Any, r: int, m: Motion, out: Any) -> None:
 
 
 @inline
-def _put_tangent(b: Any, r: int, T: Tangent, turn: float, out: Any, side: int) -> None:
+def _put_tangent(b: Record, r: int, T: Tangent, turn: float, out: Array, side: int) -> None:
     """Write the joint's part of [J K; 0 J]; ``turn`` is the exact J of an angle in the plane."""
     J, K = T.J, T.K
     if b.kind in SO3:
@@ -266,7 +265,7 @@ def _put_tangent(b: Any, r: int, T: Tangent, turn: float, out: Any, side: int) -
 
 
 @inline
-def _heading(b: Any, q: Any) -> Mat3:
+def _heading(b: Record, q: Config) -> Mat3:
     """The rotation of a planar joint, in its own x, y and normal."""
     k = b.q_index + 2
     if b.kind == PLANAR:
@@ -277,13 +276,13 @@ def _heading(b: Any, q: Any) -> Mat3:
 
 
 @inline
-def _put_pair(out: Any, k: int, first: Scalar, second: Scalar) -> None:
+def _put_pair(out: Array, k: int, first: Scalar, second: Scalar) -> None:
     """Write out[k] and out[k+1]."""
     out[k], out[k + 1] = first, second
 
 
 @inline
-def _put_block(out: Any, side: int, r: int, c: int, A: Mat3) -> None:
+def _put_block(out: Array, side: int, r: int, c: int, A: Mat3) -> None:
     """Write out[side, r:r+3, c:c+3]."""
     out[side, r, c], out[side, r, c + 1], out[side, r, c + 2] = A.xx, A.xy, A.xz
     out[side, r + 1, c], out[side, r + 1, c + 1], out[side, r + 1, c + 2] = A.yx, A.yy, A.yz
@@ -291,7 +290,7 @@ def _put_block(out: Any, side: int, r: int, c: int, A: Mat3) -> None:
 
 
 @inline
-def _clear(out: Any, n: int) -> None:
+def _clear(out: Array, n: int) -> None:
     """Zero out (2, n, n)."""
     for side in range(2):
         for r in range(n):
@@ -300,7 +299,7 @@ def _clear(out: Any, n: int) -> None:
 
 
 @inline
-def _turn_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
+def _turn_pair(q: Config, k: int, angle: Scalar, out: Config) -> None:
     """Turn the (cos, sin) pair q[k], q[k+1] by an angle."""
     c, s = cos(angle), sin(angle)
     x, y = q[k] * c - q[k + 1] * s, q[k + 1] * c + q[k] * s
@@ -309,7 +308,7 @@ def _turn_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
 
 
 @inline
-def _pair_angle(q0: Any, q1: Any, k: int) -> Scalar:
+def _pair_angle(q0: Config, q1: Config, k: int) -> Scalar:
     """The angle from one (cos, sin) pair to another, in [-π, π]."""
     c0, s0, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
     return atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1)

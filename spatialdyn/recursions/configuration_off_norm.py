@@ -9,19 +9,17 @@ Source: what Pinocchio 4.1 returns; tests/compat/test_strictness.py compares the
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..algebra.euclidean import Vec, add, cross, dot, scale
 from ..algebra.lie import Quat, log_factors, scale_quat
+from ..algebra.rotations import NORM_ROUNDING
 from ..algebra.scalars import Scalar, atan2, cos, inline, select, sin, sqrt
-
-OFF = 1e-12  # squared norms that differ from 1 by less are rounding, and the exact formulas hold
+from .signatures import Config
 
 
 @inline
 def _on(square: Scalar) -> Scalar:
     """Positive where a squared norm is 1 to rounding."""
-    return OFF - select(square - 1.0, square - 1.0, 1.0 - square)
+    return NORM_ROUNDING - select(square - 1.0, square - 1.0, 1.0 - square)
 
 
 @inline
@@ -51,7 +49,7 @@ def pulled(a: Quat) -> Quat:
 
 
 @inline
-def pull_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
+def pull_pair(q: Config, k: int, angle: Scalar, out: Config) -> None:
     """Turn the (cos, sin) pair q[k], q[k+1] by an angle and scale it as ``pulled`` does."""
     c, s = cos(angle), sin(angle)
     x, y = q[k] * c - q[k + 1] * s, q[k + 1] * c + q[k] * s
@@ -60,7 +58,7 @@ def pull_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
 
 
 @inline
-def leave_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
+def leave_pair(q: Config, k: int, angle: Scalar, out: Config) -> None:
     """Turn the pair q[k], q[k+1] by an angle; one off the unit circle keeps its norm."""
     c, s = cos(angle), sin(angle)
     x, y = q[k] * c - q[k + 1] * s, q[k + 1] * c + q[k] * s
@@ -71,7 +69,7 @@ def leave_pair(q: Any, k: int, angle: Scalar, out: Any) -> None:
 
 
 @inline
-def free_angle(q0: Any, q1: Any, k: int) -> Scalar:
+def free_angle(q0: Config, q1: Config, k: int) -> Scalar:
     """The angle from one pair to another by their products c = q0 · q1 and s = q0 × q1.
 
     Off the unit circle 0 where c > 1, ±π where c < -1, the arc sine of s where c > 0.995, else the arc cosine of c.
@@ -87,7 +85,7 @@ def free_angle(q0: Any, q1: Any, k: int) -> Scalar:
 
 
 @inline
-def mix_pairs(q0: Any, q1: Any, k: int, t: Scalar, out: Any) -> None:
+def mix_pairs(q0: Config, q1: Config, k: int, t: Scalar, out: Config) -> None:
     """Interpolate pairs off the unit circle: their sum, weighted by sines of parts of the angle between them."""
     c0, s0, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
     c, s = c0 * c1 + s0 * s1, c0 * s1 - s0 * c1

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from ..algebra.records import (
-    inertia_of,
-    motion_of,
-    pose_of,
-    put_inertia,
-    table_dtype,
-)
+from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, table_dtype
 from ..algebra.scalars import inline
 from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
 from ..bodies.joints import place_joint

@@ -3,14 +3,7 @@
 from __future__ import annotations
 
 from ..algebra.euclidean import Vec, add, dot, rotate, scale
-from ..algebra.records import (
-    inertia_of,
-    pose_of,
-    put_motion,
-    put_vec,
-    table_dtype,
-    vec_of,
-)
+from ..algebra.records import inertia_of, pose_of, put_motion, put_vec, table_dtype, vec_of
 from ..algebra.scalars import inline
 from ..algebra.spatial import Motion, Pose, momentum, power, zero_motion
 from ..bodies.joints import place_joint

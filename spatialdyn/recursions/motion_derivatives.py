@@ -8,12 +8,7 @@ of ``derivatives`` about the centre of mass.
 
 from __future__ import annotations
 
-from ..algebra.coriolis_factor import (
-    CoriolisFactor,
-    add_coriolis_factor,
-    coriolis_factor_at_parent,
-    coriolis_times,
-)
+from ..algebra.coriolis_factor import CoriolisFactor, add_coriolis_factor, coriolis_factor_at_parent, coriolis_times
 from ..algebra.euclidean import Vec, add, cross, rotate, scale, sub
 from ..algebra.public_arrays import read_pose, write_force, write_motion
 from ..algebra.records import (

@@ -417,29 +417,29 @@ def test_errors_of_m_are_scaled_by_its_diagonal_and_others_by_the_largest_entry(
 
 def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:
     even = np.full(1000, 1e-15)
-    assert references.bound(even) == 2e-15
+    assert references.error_bound(even) == 2e-15
     tailed = np.append(even, 1e-11)
-    assert references.bound(tailed) == pytest.approx(1e-9, rel=1e-6, abs=0.0)
-    assert references.bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
-    assert references.bound(np.array([math.inf, 1.0])) == math.inf
-    assert references.bound(np.zeros(4)) == 0.0
+    assert references.error_bound(tailed) == pytest.approx(1e-9, rel=1e-6, abs=0.0)
+    assert references.error_bound(np.array([1e-15, 1e-15])) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert references.error_bound(np.array([math.inf, 1.0])) == math.inf
+    assert references.error_bound(np.zeros(4)) == 0.0
 
 
 def test_few_errors_have_a_margin_of_four_and_of_how_they_scatter() -> None:
     """The root of the worst over the median, which of fewer than 32 is all that is known."""
     few = np.full(references.FEW - 1, 1e-15)
-    assert references.bound(few) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
-    assert references.bound(np.append(few, 1e-15)) == pytest.approx(2e-15, rel=1e-6, abs=0.0)
+    assert references.error_bound(few) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert references.error_bound(np.append(few, 1e-15)) == pytest.approx(2e-15, rel=1e-6, abs=0.0)
     for worst, margin in ((9e-15, 4.0), (15.9e-15, 4.0), (25e-15, 5.0), (1e-11, 100.0)):
         few[-1] = worst
-        assert references.bound(few) == pytest.approx(margin * worst, rel=1e-6, abs=0.0)
-        assert references.bound(few[-2:]) == pytest.approx(
+        assert references.error_bound(few) == pytest.approx(margin * worst, rel=1e-6, abs=0.0)
+        assert references.error_bound(few[-2:]) == pytest.approx(
             max(4.0, math.sqrt(worst / few[-2:].mean())) * worst, rel=1e-6, abs=0.0
         )
     exact = np.zeros(references.FEW - 1)
     exact[-1] = 1e-15
-    assert references.bound(exact) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
-    assert references.bound(few[-1:]) == pytest.approx(4e-11, rel=1e-6, abs=0.0)
+    assert references.error_bound(exact) == pytest.approx(4e-15, rel=1e-6, abs=0.0)
+    assert references.error_bound(few[-1:]) == pytest.approx(4e-11, rel=1e-6, abs=0.0)
 
 
 def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
@@ -447,9 +447,9 @@ def test_the_tail_of_more_errors_starts_at_the_worst_twentieth() -> None:
     errors[0] = 1e-11
     for count, tail in ((45, 1e-15), (55, 1e-13)):
         errors[1 : 1 + count] = 1e-13
-        assert references.bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11, rel=1e-6, abs=0.0)
-    assert references.bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9, rel=1e-6, abs=0.0)
-    assert references.bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0, rel=1e-6, abs=0.0)
+        assert references.error_bound(errors) == pytest.approx(math.sqrt(1e-11 / tail) * 1e-11, rel=1e-6, abs=0.0)
+    assert references.error_bound(np.append(np.ones(999), 3.9)) == pytest.approx(2.0 * 3.9, rel=1e-6, abs=0.0)
+    assert references.error_bound(np.append(np.ones(999), 9.0)) == pytest.approx(3.0 * 9.0, rel=1e-6, abs=0.0)
 
 
 @pytest.mark.parametrize(("size", "measured_by"), [(0.11, 0.11), (0.09, 0.1)])
@@ -475,10 +475,10 @@ def test_samples_of_the_truth_that_are_checked(samples: int, monkeypatch: pytest
 
 def test_of_many_errors_the_margin_is_narrower() -> None:
     even = np.full(references.MANY, 1e-15)
-    assert references.bound(even) == pytest.approx(1.25e-15, rel=1e-6, abs=0.0)
-    assert references.bound(even[1:]) == 2e-15
+    assert references.error_bound(even) == pytest.approx(1.25e-15, rel=1e-6, abs=0.0)
+    assert references.error_bound(even[1:]) == 2e-15
     steep = np.arange(1.0, references.MANY + 1.0) ** -0.5  # a power law: four times as many bring twice the largest
-    assert references.bound(steep) == pytest.approx(2.0, rel=0.05)
+    assert references.error_bound(steep) == pytest.approx(2.0, rel=0.05)
 
 
 def test_the_front_is_what_nothing_cheaper_is_better_than() -> None:

@@ -118,6 +118,14 @@ def test_exercise_1_is_exact() -> None:
     assert is_zero(sympy.Matrix([(s.M().subs(at) - x * sympy.eye(2)).det() for x in eigenvalues]))
 
 
+def test_equations_of_motion_are_m_a_equals_tau_less_bias() -> None:
+    s, q, v, tau = two_link("numbers"), [0.5, -0.3], [1.0, 2.0], [0.1, 0.2]
+    numbers = dict(zip([*s.q, *s.v, *s.tau], [*q, *v, *tau], strict=True))
+    M, rest = sympy.linear_eq_to_matrix([equation.subs(numbers) for equation in s.equations_of_motion()], s.a)
+    for found, expected in ((M, sd.crba(s.model, q)), (rest, tau - sd.nonlinear_effects(s.model, q, v))):
+        assert abs(np.array(found, float).reshape(expected.shape) - expected).max() <= ROUNDING * abs(expected).max()
+
+
 def test_mdot_minus_2c_is_skew_and_for_another_c_only_weakly() -> None:
     """Question 2: C' moves C by a D with D v = 0, which is a bias as good as C's, but loses xᵀ(Ṁ - 2C')x = 0."""
     s = two_link()

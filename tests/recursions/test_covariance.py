@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from inputs import random_input
 from slow import slow_but
 from trees import random_state, random_tree
 
@@ -86,8 +87,8 @@ def travelling(model: sd.Model, shape: tuple[Any, ...]) -> Array:
     """Mask, over an input of that shape, of the entries of translating freedoms and of the linear half of forces."""
     if shape == ("njoints", 6):
         return np.tile([True] * 3 + [False] * 3, (model.njoints, 1))
-    if not shape:
-        return np.zeros((), bool)
+    if all(isinstance(size, int) for size in shape):  # a number or a vector of one unit
+        return np.zeros(shape, bool)
     which = np.zeros(getattr(model, shape[0]), bool)
     for joint in model.joints[1:]:
         first = joint.idx_q if shape == ("nq",) else joint.idx_v
@@ -111,7 +112,7 @@ def state(model: sd.Model, tree: Any, spec: Spec, rng: np.random.Generator) -> l
     for x in spec.present:
         if not x.static:
             value = values.get(x.name, getattr(made, x.name, None))
-            given.append((x, rng.normal(size=model.nv) if value is None else value))
+            given.append((x, random_input(model, x, rng) if value is None else value))
     return given
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dense import Array
-from trees import KINDS, SCREWS, RandomTree, State, random_state, random_tree
+from trees import RandomTree, State, random_state, random_tree, tree_case
 
 import spatialdyn as sd
 from spatialdyn.algebra.euclidean import Sym, Vec
@@ -28,10 +28,7 @@ TREES = [*((seed, floating) for seed in range(3) for floating in (False, True)),
 
 @pytest.fixture(params=TREES, ids=lambda p: f"{p[0]}-{'floating' if p[1] else 'fixed'}", scope="module")
 def case(request: pytest.FixtureRequest) -> tuple[RandomTree, Any, State]:
-    seed, floating = request.param
-    kinds = SCREWS if seed == 3 else KINDS
-    made = random_tree(seed, 6, kinds, floating, "cos_sin" if seed % 2 else "angle")
-    return made, made.model, random_state(made.tree, np.random.default_rng(seed))
+    return tree_case(*request.param)
 
 
 def close(x: Any, y: Any, scale: float = 1.0) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -115,25 +116,34 @@ def omega(model: sd.Model, p: np.ndarray) -> np.ndarray:
     return W
 
 
-def jacobian(model: sd.Model, q: np.ndarray, p: np.ndarray, h: float, name: str, **given: object) -> tuple:
-    """DΦ (2 nv, 2 nv) of one step by central differences of order 6, and where it leads."""
+Map = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def derivative(model: sd.Model, leads: Map, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """D (2 nv, 2 nv) of a map of displacements to (q, p), by central differences of order 6, and where 0 leads."""
     n = model.nv
-
-    def step(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return end(sd.hamilton_simulation(model, sd.integrate(model, q, d[:n]), p + d[n:], h, h, name, **given))
-
-    q1, p1 = step(np.zeros(2 * n))
-    D, size = np.empty((2 * n, 2 * n)), 4e-3
+    q1, p1 = leads(np.zeros(2 * n))
+    D = np.empty((2 * n, 2 * n))
     for k in range(2 * n):
         column = np.zeros(2 * n)
         for weight, far in ((3 / 4, 1), (-3 / 20, 2), (1 / 60, 3)):
             for side in (1, -1):
                 d = np.zeros(2 * n)
                 d[k] = side * far * size
-                qs, ps = step(d)
-                column += side * weight / size * np.concatenate([sd.difference(model, q1, qs), ps - p1])
+                q, p = leads(d)
+                column += side * weight / size * np.concatenate([sd.difference(model, q1, q), p - p1])
         D[:, k] = column
     return D, q1, p1
+
+
+def jacobian(model: sd.Model, q: np.ndarray, p: np.ndarray, h: float, name: str, **given: object) -> tuple:
+    """DΦ (2 nv, 2 nv) of one step, and where it leads."""
+    n = model.nv
+
+    def step(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return end(sd.hamilton_simulation(model, sd.integrate(model, q, d[:n]), p + d[n:], h, h, name, **given))
+
+    return derivative(model, step, 4e-3)
 
 
 def defect(model: sd.Model, q: np.ndarray, p: np.ndarray, h: float, name: str, **given: object) -> float:
@@ -198,17 +208,7 @@ def test_a_chart_is_left_only_when_far_from_its_centre() -> None:
         start = sd.integrate(model, q, d[:n]), p + d[n:]
         return end(sd.hamilton_simulation(model, *start, 3.0, STEP, "gauss6"))
 
-    q1, p1 = far(np.zeros(2 * n))
-    D, size = np.empty((2 * n, 2 * n)), 1e-3
-    for k in range(2 * n):
-        column = np.zeros(2 * n)
-        for weight, reach in ((3 / 4, 1), (-3 / 20, 2), (1 / 60, 3)):
-            for side in (1, -1):
-                d = np.zeros(2 * n)
-                d[k] = side * reach * size
-                qs, ps = far(d)
-                column += side * weight / size * np.concatenate([sd.difference(model, q1, qs), ps - p1])
-        D[:, k] = column
+    D, _, p1 = derivative(model, far, 1e-3)
     gap = abs(D.T @ omega(model, p1) @ D - omega(model, p)).max()
     assert gap <= DEFECT * abs(D).max() ** 2
 

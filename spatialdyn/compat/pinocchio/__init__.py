@@ -38,27 +38,13 @@ from .coverage.versions import *
 from .data.data import *
 from .deprecation import deprecated as deprecated
 from .explog import *
-from .liegroups import (
-    LieGroup as LieGroup,
-)
-from .liegroups import (
-    findCommonAncestor as findCommonAncestor,
-)
-from .liegroups import (
-    getTangentToConfigurationSparsitySegment as getTangentToConfigurationSparsitySegment,
-)
-from .liegroups import (
-    lieGroup as lieGroup,
-)
-from .linalg import (
-    isOrthonormal as isOrthonormal,
-)
-from .linalg import (
-    orthogonalization as orthogonalization,
-)
-from .linalg import (
-    orthonormalization as orthonormalization,
-)
+from .liegroups import LieGroup as LieGroup
+from .liegroups import findCommonAncestor as findCommonAncestor
+from .liegroups import getTangentToConfigurationSparsitySegment as getTangentToConfigurationSparsitySegment
+from .liegroups import lieGroup as lieGroup
+from .linalg import isOrthonormal as isOrthonormal
+from .linalg import orthogonalization as orthogonalization
+from .linalg import orthonormalization as orthonormalization
 from .model.constraints import *
 from .model.from_urdf import *
 from .model.geometry import *

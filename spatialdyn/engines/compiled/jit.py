@@ -77,7 +77,7 @@ def numba_jit(
 
 
 def compile_aside(dispatcher: Any) -> Callable[..., Any]:
-    """A dispatcher that compiles on another thread than the main one, which so hears Ctrl-C."""
+    """A dispatcher that compiles on another thread than the main one, which so handles Ctrl-C."""
     if not PLAIN:
         dispatcher._compile_for_args = partial(_aside, dispatcher._compile_for_args)
     made: Callable[..., Any] = dispatcher

@@ -239,7 +239,7 @@ def user_kernel(name: str) -> Callable[..., None]:
     parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]
     body = [f"{x.name} = number({x.name})" for x in required if not (x.shape or x.static)]
     body += _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
-    function = kernel_from_text(f"{name}_open", parameters, body, {**_scope(spec), "number": jit.number})
+    function = kernel_from_text(f"{name}_user", parameters, body, {**_scope(spec), "number": jit.number})
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
     return jit.numba_jit(function)
 

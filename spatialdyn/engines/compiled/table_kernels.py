@@ -31,6 +31,6 @@ def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = No
         "WORK": work,
         "empty": np.empty,
     }
-    made = numba_kernels.kernel_from_text(f"small_{function.__name__}", ["table", *names], body, scope)
+    made = numba_kernels.kernel_from_text(f"table_{function.__name__}", ["table", *names], body, scope)
     array: Any = types.Array
     return jit.compile_signature(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))

@@ -34,7 +34,6 @@ Array = NDArray[np.float64]
 
 EPS = 2.0**-104  # an operation is off by a few of these at most, sin and cos by twice that
 SPLITTER = 134217729.0  # 2^27 + 1
-REACH = 1e8  # largest angle whose sine has all its digits
 
 
 # --- numbers of two floats ----------------------------------------------------------------------------------
@@ -145,7 +144,7 @@ def _series(c: Any, h: float, l: float) -> tuple[float, float]:
 
 @inline
 def sine(ah: float, al: float, quarter: float) -> tuple[float, float]:
-    """sin(a + quarter · π/2), for |a| to REACH; quarter is 0 or 1."""
+    """sin(a + quarter · π/2), to all digits for |a| up to 1e8; quarter is 0 or 1."""
     n = np.rint(ah / P1)
     ph, pl = two_product(n, P1)
     rh, rl = add(ah, al, -ph, -pl)

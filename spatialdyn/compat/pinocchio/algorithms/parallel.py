@@ -133,7 +133,7 @@ def _in_parallel(
         found = call(sd_model, *rows)
     else:
         found = np.empty((n, model.nv))
-        with ThreadPoolExecutor(parts) as workers:  # in slices, for Ctrl-C is heard when the threads have ended
+        with ThreadPoolExecutor(parts) as workers:  # in slices, for Ctrl-C is handled when the threads have ended
             for first, end in slices(n, len(sd_model.bodies), model.nv, LEAST * parts):
                 cuts = pairwise([first + (end - first) * k // parts for k in range(parts + 1)])
                 jobs = [workers.submit(call, sd_model, *(x[i:j] for x in rows), out=found[i:j]) for i, j in cuts]

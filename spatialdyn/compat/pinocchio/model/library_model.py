@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....bodies.joints import ROUNDING
+from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....calls.arguments import core_shape
 from ....engines.compiled.cpython import READY, unavailable
@@ -88,7 +88,7 @@ class LibraryModel:
     def off_norm(self, q: Array) -> bool:
         """Whether norms are not checked and a quaternion or (cos, sin) pair of q is off its unit norm."""
         return self.model.options.any_norm and any(
-            abs(part @ part - 1.0) > ROUNDING for part in (q[unit] for unit in self.unit_parts)
+            abs(part @ part - 1.0) > NORM_ROUNDING for part in (q[unit] for unit in self.unit_parts)
         )
 
     @property

@@ -11,12 +11,7 @@ from ..types.random import GENERATOR
 from ..types.se3 import SE3
 from .joint import JointModel
 from .joint_mimic import JointModelMimic
-from .joints_compound import (
-    JointModelComposite,
-    JointModelFreeFlyer,
-    JointModelSphericalZYX,
-    JointModelTranslation,
-)
+from .joints_compound import JointModelComposite, JointModelFreeFlyer, JointModelSphericalZYX, JointModelTranslation
 from .joints_one_axis import JointModelRX, JointModelRY, JointModelRZ
 from .model import Model
 
