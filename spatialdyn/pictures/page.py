@@ -33,9 +33,9 @@ from .notebook import (
     trajectory_table,
     tree_table,
 )
-from .plots import plot_trajectory
 from .robot_rows import kinds_of
-from .tradeoffs import plot_tradeoff
+from .tradeoff_plots import plot_tradeoff
+from .trajectory_plots import plot_trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

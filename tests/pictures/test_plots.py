@@ -16,7 +16,7 @@ import pytest
 import spatialdyn as sd
 from spatialdyn.accuracy.results import Option, Tradeoff, mark_pareto
 from spatialdyn.errors import ModelError, SpatialDynError
-from spatialdyn.pictures import figures, plots, tradeoffs
+from spatialdyn.pictures import comparison_plots, figures, tradeoff_plots, trajectory_plots
 from spatialdyn.pictures.coordinates import coordinates
 
 pytest.importorskip("matplotlib")
@@ -357,7 +357,7 @@ def test_calls_keep_their_unit_and_no_colour_is_used_twice(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("number", "text"), [(1e-06, "1e-6"), (0.0125, "0.013"), (1e-12, "1e-12"), (0.1, "0.1")])
 def test_numbers_are_short(number: float, text: str) -> None:
-    assert tradeoffs.short(number) == text
+    assert tradeoff_plots.short(number) == text
 
 
 # --- colours ------------------------------------------------------------------------------------------------
@@ -421,7 +421,7 @@ def test_where_matplotlib_is_missing_it_is_named(mixed: sd.Model, monkeypatch: p
 
 
 def test_documented_names_of_plots_are_those_that_work(mixed: sd.Model) -> None:
-    for name in plots.WHAT:
+    for name in trajectory_plots.WHAT:
         assert f'"{name}"' in (sd.Trajectory.plot.__doc__ or "")
-    for name in plots.COMPARED:
+    for name in comparison_plots.COMPARED:
         assert f'"{name}"' in (sd.plot.__doc__ or "")
