@@ -19,8 +19,9 @@ from inputs import PACKAGE
 import spatialdyn as sd
 from spatialdyn.pictures import scene as scene_module
 from spatialdyn.pictures import stage as stage_module
+from spatialdyn.pictures.controls import slider_ends
 from spatialdyn.pictures.motions import frames, motion_of
-from spatialdyn.pictures.scene import resting, slider_ends
+from spatialdyn.pictures.scene import resting
 
 pytest.importorskip("viser")
 
@@ -301,14 +302,14 @@ class Event:
 def test_sliders_end_at_the_limits_and_move_the_robot(chain: sd.Model, view: Any) -> None:
     scene = view(chain)
     scene._add_controls()
-    (_, first), (_, second) = scene._sliders
+    (_, first), (_, second) = scene._controls.handles
     assert (first.min, first.max, first.label) == (-2.0, 1.0, "j1")
     second.value = 0.5
-    scene._slid(Event(second))
+    scene._controls.slid(Event(second))
     assert scene.q == pytest.approx([0.0, 0.5])
     scene.show([0.25, 0.0])
     assert (first.value, second.value) == (0.25, 0.0)
-    scene._slid(Event(second, client_id=None))  # set by show: no circle
+    scene._controls.slid(Event(second, client_id=None))  # set by show: no circle
     assert scene.q == pytest.approx([0.25, 0.0])
 
 
@@ -316,9 +317,11 @@ def test_sliders_of_a_floating_base_are_displacements(chain: sd.Model, view: Any
     model = sd.load_urdf(chain.robot.source, root="floating")
     scene = view(model)
     scene._add_controls()
-    assert len(scene._sliders) == 8
-    scene._sliders[5][1].value = np.pi / 2
-    scene._slid(Event())
+    shown = scene._controls.handles
+    assert [handle.label for _, handle in shown[2:4]] == ["root_joint z", "root_joint turn x"]
+    assert len(shown) == 8
+    scene._controls.handles[5][1].value = np.pi / 2
+    scene._controls.slid(Event())
     assert scene.q[3:7] == pytest.approx([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
     assert slider_ends(model, model.joints[1], 0) == (-1.0, 1.0)
     assert slider_ends(model, model.joints[1], 5) == (-np.pi, np.pi)
