@@ -14,8 +14,8 @@ from ..errors import SpatialDynError
 from ..simulation.rollouts import Rollout
 from ..simulation.trajectory import Trajectory
 from .coordinates import UNITS, Coordinate, by_unit, chosen, coordinates, title
-from .figures import check_path, colours, dash, log_ticks, plain, written
-from .panels import Panel, drift, grid, names_of
+from .figures import check_path, colours, plain, written
+from .panels import Panel, dash_of_run, drift, grid, heading, logarithmic, names_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,17 +69,17 @@ def plot(
     panels: list[Panel] = []
     for name in names:
         if name == "energy":
-            panels += _energies(many)
+            panels += _energies(many, words)
         elif name == "difference":
-            panels += _differences(many, joints)
+            panels += _differences(many, joints, words)
         else:
-            panels += _side_by_side(many, name, joints)
+            panels += _side_by_side(many, name, joints, words)
     figure = grid(panels, ax, max((run.t for run in many), key=lambda t: float(t[-1])))
     if ax is None:
         from matplotlib.lines import Line2D
 
         keys = [
-            Line2D([], [], color=colour, linestyle=dash(k, 5), label=plain(word))
+            Line2D([], [], color=colour, linestyle=dash_of_run(k), label=plain(word))
             for k, (colour, word) in enumerate(zip(colours(len(many)), words, strict=True))
         ]
         figure.suptitle(plain(many[0].robot), fontsize="medium")
@@ -124,32 +124,38 @@ def _model_of(runs: Sequence[Trajectory]) -> Any:
     return next((run.model for run in runs if run.model is not None), None)
 
 
-def _side_by_side(runs: Sequence[Trajectory], name: str, joints: Any) -> list[Panel]:
+def _side_by_side(runs: Sequence[Trajectory], name: str, joints: Any, words: Sequence[str]) -> list[Panel]:
     """A panel for each column, a line for each run."""
     model, count = _model_of(runs), getattr(runs[0], name).shape[1]
 
     def panel(x: Coordinate) -> Panel:
-        def draw(axes: Axes) -> None:
-            axes.set_title(plain(x.label), fontsize="small")
+        def draw(axes: Axes, ink: Sequence[Any]) -> None:
+            heading(axes, x.label)
             axes.set_ylabel(title(name, x.unit))
-            for k, (run, colour) in enumerate(zip(runs, colours(len(runs)), strict=True)):
-                axes.plot(run.t, getattr(run, name)[:, x.column], color=colour, linestyle=dash(k, 5), linewidth=1.2)
+            for k, (run, colour) in enumerate(zip(runs, ink, strict=True)):
+                y = getattr(run, name)[:, x.column]
+                axes.plot(run.t, y, color=colour, linestyle=dash_of_run(k), linewidth=1.2)
 
-        return Panel(f"{name} of {x.label}", draw)
+        return Panel(f"{name} of {x.label}", draw, words)
 
     return [panel(x) for x in chosen(coordinates(model, name, count), model, joints)]
 
 
-def _energies(runs: Sequence[Trajectory]) -> list[Panel]:
-    def total(axes: Axes) -> None:
+def _energies(runs: Sequence[Trajectory], words: Sequence[str]) -> list[Panel]:
+    def total(axes: Axes, ink: Sequence[Any]) -> None:
+        heading(axes, "energy")
         axes.set_ylabel("T + V [J]")
-        for k, (run, colour) in enumerate(zip(runs, colours(len(runs)), strict=True)):
-            axes.plot(run.t, run.energy, color=colour, linestyle=dash(k, 5), linewidth=1.2)
+        for k, (run, colour) in enumerate(zip(runs, ink, strict=True)):
+            axes.plot(run.t, run.energy, color=colour, linestyle=dash_of_run(k), linewidth=1.2)
 
-    return [Panel("energy [J]", total), Panel("drift [J]", lambda axes: drift(axes, runs, colours(len(runs))))]
+    def change(axes: Axes, ink: Sequence[Any]) -> None:
+        heading(axes, "drift of energy")
+        drift(axes, runs, ink)
+
+    return [Panel("energy [J]", total, words), Panel("drift [J]", change, words)]
 
 
-def _differences(runs: Sequence[Trajectory], joints: Any) -> list[Panel]:
+def _differences(runs: Sequence[Trajectory], joints: Any, words: Sequence[str]) -> list[Panel]:
     """The distance of each run from the first, the largest over angles and over lengths."""
     model, first = _model_of(runs), runs[0]
     if model is None or len(runs) < 2:
@@ -163,19 +169,15 @@ def _differences(runs: Sequence[Trajectory], joints: Any) -> list[Panel]:
         found.append((run.t[mine], abs(np.asarray(calls["difference"](model, first.q[others], run.q[mine])))))
 
     def panel(unit: str, group: list[Coordinate]) -> Panel:
-        def draw(axes: Axes) -> None:
-            axes.set_ylabel(f"largest |difference of q|\nto the first run [{UNITS['q'][unit != UNITS['v'][0]]}]")
-            some = False
-            for k, ((t, apart), colour) in enumerate(zip(found, colours(len(runs))[1:], strict=True), start=1):
-                y = apart[:, [x.column for x in group]].max(axis=1)
-                y[~((y > 0.0) & np.isfinite(y))] = np.nan
-                some |= bool(np.isfinite(y).any())
-                axes.plot(t, y, color=colour, linestyle=dash(k, 5), linewidth=1.2)
-            if some:
-                axes.set_yscale("log")
-                log_ticks(axes.yaxis)
+        columns = [x.column for x in group]
+        name = "difference of angles" if unit == UNITS["v"][0] else "difference of lengths"
 
-        return Panel(f"difference [{unit}]", draw)
+        def draw(axes: Axes, ink: Sequence[Any]) -> None:
+            heading(axes, name)
+            axes.set_ylabel(f"largest |difference of q|\nto the first run [{UNITS['q'][unit != UNITS['v'][0]]}]")
+            logarithmic(axes, [(t, y[:, columns].max(axis=1), k, ink[k]) for k, (t, y) in enumerate(found, start=1)])
+
+        return Panel(name, draw, words)
 
     return [panel(unit, group) for unit, group in groups.items()]
 

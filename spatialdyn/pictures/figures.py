@@ -27,9 +27,12 @@ COLOURS = (
 DASHES: tuple[Any, ...] = (
     "-",
     (0, (5, 1.5)),
-    (0, (1.5, 1)),
     (0, (6, 1.5, 1.5, 1.5)),
+    (0, (8, 1.5, 1.5, 1.5, 1.5, 1.5)),
 )  # tell lines apart without colour
+LIMIT = (0, (1, 2))  # dots, as no line of a motion has
+ROWS = 22  # of a legend
+SMALL = 12  # entries beyond which it is in a smaller print
 MARKERS = "osD^vPX*<>hp"
 FAINT = "0.55"  # the grey of limits and fronts
 NOTEBOOK_DPI = 160  # of a picture in a notebook, which is shown at
@@ -135,9 +138,15 @@ def legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], title: str
     if handles:
         axes.legend(
             handles, [plain(label) for label in labels], loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False,
-            fontsize="small" if len(handles) <= 12 else "x-small", ncols=-(-len(handles) // 14), handlelength=2.4,
+            fontsize="small" if len(handles) <= SMALL else "x-small", ncols=-(-len(handles) // ROWS), handlelength=3.0,
             borderaxespad=0.3, title=title, title_fontsize="small",
         )  # fmt: skip
+
+
+def legend_height(entries: int) -> float:
+    """The height that a legend of so many entries takes [inches]."""
+    columns = max(1, -(-entries // ROWS))
+    return (0.19 if entries <= SMALL else 0.165) * -(-entries // columns) + 0.3
 
 
 def log_ticks(axis: Any) -> None:

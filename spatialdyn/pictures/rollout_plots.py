@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import SpatialDynError
 from ..simulation.rollouts import Rollout
 from .coordinates import Coordinate, chosen, coordinates, title
-from .figures import COLOURS, DASHES, FAINT, check_path, plain, written
-from .panels import Panel, grid, in_view, names_of
+from .figures import COLOURS, DASHES, FAINT, LIMIT, check_path, plain, written
+from .panels import Panel, grid, heading, in_view, names_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +35,8 @@ def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, p
     whole = np.isfinite(values).all(axis=(1, 2))
 
     def panel(x: Coordinate) -> Panel:
-        def draw(axes: Axes) -> None:
-            axes.set_title(plain(x.label), fontsize="small")
+        def draw(axes: Axes, _: Any) -> None:
+            heading(axes, x.label)
             axes.set_ylabel(title(name, x.unit))
             y = shown = values[whole, :, x.column].astype(float)
             if len(y) > 1:
@@ -53,7 +53,7 @@ def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, p
                 shown = np.vstack([shown, one])
             for limit in (x.lower, x.upper):
                 if np.isfinite(limit):
-                    axes.axhline(limit, color=FAINT, linestyle=(0, (1, 2)), linewidth=0.9, gid="limit")
+                    axes.axhline(limit, color=FAINT, linestyle=LIMIT, linewidth=0.9, gid="limit")
             in_view(axes, shown.reshape(-1, 1), [x._replace(column=0)])
 
         return Panel(f"{name} of {x.label}", draw)
@@ -83,5 +83,13 @@ def _rollout_keys(figure: Figure, count: int, sample: Any) -> None:
         ]
     if sample is not None:
         keys.append(Line2D([], [], color=COLOURS[1], linestyle=DASHES[1], label=f"sample {sample}"))
+    if any(line.get_gid() == "limit" and _seen(line) for axes in figure.axes for line in axes.lines):
+        keys.append(Line2D([], [], color=FAINT, linestyle=LIMIT, linewidth=0.9, label="limits"))
     if keys:
         figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
+
+
+def _seen(line: Any) -> bool:
+    """Whether a horizontal line is within its axes."""
+    low, high = line.axes.get_ylim()
+    return bool(low <= line.get_ydata()[0] <= high)

@@ -13,8 +13,8 @@ from ..calls.dynamics import calls
 from ..errors import SpatialDynError
 from ..simulation.trajectory import Trajectory
 from .coordinates import SYMBOLS, UNITS, Coordinate, by_unit, chosen, coordinates, title
-from .figures import COLOURS, DASHES, FAINT, check_path, colours, dash, legend, plain, tidy, written
-from .panels import Panel, drift, in_view, names_of, stacked, time_axis
+from .figures import DASHES, FAINT, LIMIT, check_path, dash, legend, plain, tidy, written
+from .panels import Panel, drift, fit_legends, in_view, names_of, note, shades, stacked, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,11 +40,13 @@ def plot_trajectory(run: Trajectory, what: Any, joints: Any, ax: Any, path: Any)
     heading = f"{run.robot}: {run.method}, dt {run.dt:g} s" + (", interrupted" if run.interrupted else "")
     if ax is None:
         rows[0].set_title(plain(heading), fontsize="medium", loc="left")
-    for k, (axes, panel) in enumerate(zip(rows, panels, strict=True)):
+    for k, (axes, panel, ink) in enumerate(zip(rows, panels, shades(panels), strict=True)):
         tidy(axes)
-        panel.draw(axes)
+        panel.draw(axes, ink)
         if panel.over_time:
             time_axis(axes, run.t, last=ax is not None or k + 1 == len(panels) or not panels[k + 1].over_time)
+    if ax is None:
+        fit_legends(figure, rows)
     return written(figure, path)
 
 
@@ -56,45 +58,53 @@ def _states(run: Trajectory, name: str, joints: Any) -> list[Panel]:
         raise SpatialDynError(f"{name} of {run.robot} has no columns to draw")
 
     def panel(unit: str, group: list[Coordinate]) -> Panel:
-        def draw(axes: Axes) -> None:
+        def draw(axes: Axes, ink: Sequence[Any]) -> None:
             axes.set_ylabel(title(name, unit))
-            _lines(axes, run.t, values, group)
-            in_view(axes, values, group)
+            _lines(axes, run.t, values, group, ink)
+            if in_view(axes, values, group):
+                note(axes, "dotted: limits")
 
-        return Panel(f"{name} [{unit}]", draw, len(group))
+        return Panel(f"{name} [{unit}]", draw, [x.label for x in group])
 
     return [panel(unit, group) for unit, group in by_unit(columns).items()]
 
 
-def _lines(axes: Axes, t: Array, values: Array, columns: Sequence[Coordinate]) -> None:
-    """A line for each column, its limits dashed in the same colour, and a legend."""
+def _lines(axes: Axes, t: Array, values: Array, columns: Sequence[Coordinate], ink: Sequence[Any]) -> None:
+    """A line for each column, its limits dotted in the same colour, grey where columns share one, and a legend."""
     lines = []
-    for k, (x, colour) in enumerate(zip(columns, colours(len(columns)), strict=True)):
+    limits: dict[float, Any] = {}
+    for k, (x, colour) in enumerate(zip(columns, ink, strict=True)):
         y = values[:, x.column]
         marker = "o" if len(t) == 1 else ""
         lines += axes.plot(t, y, color=colour, linestyle=dash(k, len(columns)), linewidth=1.3, marker=marker)
         for limit in (x.lower, x.upper):
             if np.isfinite(limit):
-                axes.axhline(limit, color=colour, linestyle=(0, (1, 2)), linewidth=0.9, gid="limit")
+                limits[limit] = FAINT if limit in limits else colour
+    for limit, colour in limits.items():
+        axes.axhline(limit, color=colour, linestyle=LIMIT, linewidth=0.9, gid="limit")
     legend(axes, lines, [x.label for x in columns])
 
 
 def _energy(run: Trajectory, joints: Any) -> list[Panel]:
     """T, V and their sum, and the change of the sum on a logarithmic axis."""
+    shown = {"T + V": run.energy}
+    if run.model is not None:
+        T = np.asarray(calls["kinetic_energy"](run.model, run.q, run.v))
+        shown = {"T kinetic": T, "V potential": run.energy - T, **shown}
+    styles = (DASHES[1], DASHES[2], DASHES[0])[-len(shown) :]
 
-    def parts(axes: Axes) -> None:
+    def parts(axes: Axes, ink: Sequence[Any]) -> None:
         axes.set_ylabel("energy [J]")
-        shown = {"T + V": run.energy}
-        if run.model is not None:
-            T = np.asarray(calls["kinetic_energy"](run.model, run.q, run.v))
-            shown = {"T kinetic": T, "V potential": run.energy - T, **shown}
         lines = [
             axes.plot(run.t, y, color=colour, linestyle=style, linewidth=1.3, marker="o" if len(run) == 1 else "")[0]
-            for y, colour, style in zip(shown.values(), COLOURS, (DASHES[1], DASHES[2], DASHES[0]), strict=False)
+            for y, colour, style in zip(shown.values(), ink, styles, strict=True)
         ]
         legend(axes, lines, list(shown))
 
-    return [Panel("energy [J]", parts, 3), Panel("drift [J]", lambda axes: drift(axes, [run], [COLOURS[3]]))]
+    def change(axes: Axes, ink: Sequence[Any]) -> None:
+        drift(axes, [run], ink[-1:])
+
+    return [Panel("energy [J]", parts, list(shown)), Panel("drift [J]", change, list(shown))]
 
 
 def _phase(run: Trajectory, joints: Any) -> list[Panel]:
@@ -119,35 +129,32 @@ def _phase(run: Trajectory, joints: Any) -> list[Panel]:
     def panel(unit: str, group: list[Coordinate]) -> Panel:
         angular = unit == UNITS["v"][0]
 
-        def draw(axes: Axes) -> None:
+        def draw(axes: Axes, ink: Sequence[Any]) -> None:
             axes.set(xlabel=title("q", UNITS["q"][not angular]), ylabel=title("v", unit))
             lines = []
-            for k, (x, colour) in enumerate(zip(group, colours(len(group)), strict=True)):
+            for k, (x, colour) in enumerate(zip(group, ink, strict=True)):
                 q = next(q for other, q in found if other.column == x.column)
                 style = dash(k, len(group))
                 lines += axes.plot(q, run.v[:, x.column], color=colour, linewidth=1.0, linestyle=style)
                 axes.plot(q[0], run.v[0, x.column], "o", color=colour, markersize=5)
             legend(axes, lines, [x.label for x in group])
-            note = "dots: the beginning"
-            axes.annotate(
-                note, (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom", fontsize="x-small", color="0.35"
-            )
+            note(axes, "dots: the beginning")
 
-        return Panel(f"phase [{unit}]", draw, len(group), over_time=False)
+        return Panel(f"phase [{unit}]", draw, [x.label for x in group], over_time=False)
 
     return [panel(unit, group) for unit, group in by_unit([x for x, _ in found]).items()]
 
 
 def _limits(run: Trajectory, joints: Any) -> list[Panel]:
-    """q, v and τ as fractions of their limits: ±1 are the limits, beyond them the panel is shaded."""
+    """q, v and τ, if torques act, as fractions of their limits: ±1 are the limits, beyond them the panel is shaded."""
     if run.model is None:
         raise SpatialDynError("the trajectory was loaded without its model, expected one to draw limits")
-    panels = []
+    panels: list[Panel] = []
     for name, word in (("q", "position"), ("v", "velocity"), ("tau", "effort")):
         values = getattr(run, name)
         columns = chosen(coordinates(run.model, name, values.shape[1]), run.model, joints)
         bounded = [x for x in columns if np.isfinite(x.lower) and np.isfinite(x.upper) and x.upper > x.lower]
-        if bounded:
+        if bounded and (name != "tau" or not panels or np.nan_to_num(values).any()):
             panels.append(_limit_panel(run, values, bounded, SYMBOLS[name], word))
     if not panels:
         raise SpatialDynError(f"{run.robot} has no limits on the joints asked for, expected some to draw")
@@ -159,7 +166,7 @@ def _limit_panel(run: Trajectory, values: Array, columns: list[Coordinate], symb
     half = np.array([0.5 * (x.upper - x.lower) for x in columns])
     share = (values[:, [x.column for x in columns]] - middle) / half
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: Axes, ink: Sequence[Any]) -> None:
         axes.set_ylabel(f"{symbol} / {word} limit")
         seen = share[np.isfinite(share)]
         edge = max(1.25, 1.08 * float(abs(seen).max(initial=0.0)))
@@ -168,7 +175,7 @@ def _limit_panel(run: Trajectory, values: Array, columns: list[Coordinate], symb
         axes.axhline(1.0, color=FAINT, linewidth=0.9)
         axes.axhline(-1.0, color=FAINT, linewidth=0.9)
         shown = [x._replace(column=k, lower=-np.inf, upper=np.inf) for k, x in enumerate(columns)]
-        _lines(axes, run.t, share, shown)
+        _lines(axes, run.t, share, shown, ink)
         if edge > FAR:
             axes.set_yscale("symlog", linthresh=1.0, linscale=1.0)
             axes.set_yticks([-edge_tick(edge), -1.0, 0.0, 1.0, edge_tick(edge)])
@@ -178,12 +185,9 @@ def _limit_panel(run: Trajectory, values: Array, columns: list[Coordinate], symb
         beyond = [x.label for x, s in zip(columns, share.T, strict=True) if (abs(s) > 1.0).any()]
         if beyond:
             more = f" and {len(beyond) - NAMED} more" if len(beyond) > NAMED else ""
-            axes.annotate(
-                plain(f"beyond: {', '.join(beyond[:NAMED])}{more}"), (1.0, 1.0), xycoords="axes fraction", ha="right",
-                va="bottom", fontsize="x-small", color="#a04400",
-            )  # fmt: skip
+            note(axes, f"beyond: {', '.join(beyond[:NAMED])}{more}", "#a04400")
 
-    return Panel(f"{symbol} / limit", draw, len(columns))
+    return Panel(f"{symbol} / limit", draw, [x.label for x in columns])
 
 
 def edge_tick(edge: float) -> float:

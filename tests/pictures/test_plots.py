@@ -85,7 +85,7 @@ def test_an_angle_in_two_numbers_has_both(mixed: sd.Model) -> None:
 def test_radians_metres_and_quaternions_have_axes_of_their_own(mixed: sd.Model) -> None:
     figure = motion(mixed).plot(["q", "tau"])
     assert [axes.get_ylabel() for axes in figure.axes] == [
-        "q [m]", "q, unit quaternions, cos, sin", "q [rad]", "τ [N]", "τ [N m]",
+        "q [m]", "q, of unit norm", "q [rad]", "τ [N]", "τ [N m]",
     ]  # fmt: skip
     assert labels(figure.axes[2]) == [" _turn"]
     limits = [line for line in figure.axes[2].lines if line.get_gid() == "limit"]
@@ -135,6 +135,9 @@ def test_limits_are_fractions_and_name_what_is_beyond(mixed: sd.Model) -> None:
     share = axes.lines[2].get_ydata()
     assert np.allclose(share, (run.q[:, 7] - 0.5) / 1.5)
     assert [text.get_text() for text in axes.texts] == ["beyond: _turn"]
+    model = sd.ModelBuilder("strong").add_body("a", limits=(-1.0, 1.0), effort=2.0, inertia=ROD).build()
+    for tau, shown in ((0.0, ["q / position limit"]), (3.0, ["q / position limit", "τ / effort limit"])):
+        assert [axes.get_ylabel() for axes in motion(model, tau=tau).plot("limits").axes] == shown  # no empty panel
     with pytest.raises(SpatialDynError, match="no limits"):
         motion(sd.load_urdf("two_link")).plot("limits")
 
@@ -152,6 +155,41 @@ def test_many_lines_have_as_many_colours() -> None:
     (axes,) = motion(builder.build()).plot("q").axes
     assert len({line.get_color() for line in axes.lines}) == 30
     assert len(labels(axes)) == 30
+
+
+def test_a_name_has_one_colour_in_all_panels_and_no_two_names_the_same(mixed: sd.Model) -> None:
+    figure = motion(mixed).plot(["q", "energy"], joints=["_turn", "slide"])
+    shown: dict[str, set[str]] = {}
+    for axes in figure.axes:
+        for line, name in zip([x for x in axes.lines if x.get_gid() != "limit"], labels(axes), strict=False):
+            shown.setdefault(name, set()).add(line.get_color())
+    assert len(shown) == 5
+    assert len(set().union(*shown.values())) == 5
+    assert [line.get_color() for line in figure.axes[3].lines] == list(shown["T + V"])
+
+
+def test_legends_are_whole_and_leave_the_axes_their_width() -> None:
+    builder = sd.ModelBuilder("chain")
+    for k in range(44):
+        name = f"a_long_name_of_body_{k:02d}"
+        builder.add_body(name, f"a_long_name_of_body_{k - 1:02d}" if k else None, "revolute", (1, 0, 0), None, ROD)
+    figure = motion(builder.build()).plot(["q", "v"])
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        assert axes.get_legend().get_window_extent().x1 <= figure.bbox.x1
+        assert axes.get_legend().get_window_extent().height <= 1.1 * axes.bbox.height
+        assert axes.bbox.width > 4.5 * figure.dpi
+
+
+def test_limits_that_joints_share_are_grey_and_dotted_as_no_motion_is() -> None:
+    builder = sd.ModelBuilder("two")
+    builder.add_body("a", limits=(-1.0, 2.0), inertia=ROD).add_body("b", "a", limits=(-1.0, 3.0), inertia=ROD)
+    (axes,) = motion(builder.build()).plot("q").axes
+    limits = {line.get_ydata()[0]: line for line in axes.lines if line.get_gid() == "limit"}
+    motions = [line for line in axes.lines if line.get_gid() != "limit"]
+    assert [limits[x].get_color() for x in (-1.0, 2.0, 3.0)] == [figures.FAINT, *(x.get_color() for x in motions)]
+    assert figures.LIMIT not in figures.DASHES
+    assert [text.get_text() for text in axes.texts] == ["dotted: limits"]
 
 
 def test_axes_of_the_user_are_drawn_into_and_counted(mixed: sd.Model, tmp_path: Path) -> None:
@@ -214,6 +252,8 @@ def test_runs_are_compared_a_panel_a_coordinate_a_colour_a_run(mixed: sd.Model) 
     again = sd.plot(runs, "q", labels=["a", "b", "$c"], joints="slide")
     assert [text.get_text() for text in again.legends[0].get_texts()] == ["a", "b", r"\$c"]
     assert len(again.axes) == 1
+    assert len({str(line._dash_pattern) for line in figure.axes[0].lines}) == 3
+    assert [axes.get_title() for axes in figure.axes[-2:]] == ["energy", "drift of energy"]
 
 
 def test_the_difference_is_taken_where_times_agree(mixed: sd.Model) -> None:
@@ -225,6 +265,8 @@ def test_the_difference_is_taken_where_times_agree(mixed: sd.Model) -> None:
     assert np.allclose(t, first.t, atol=1e-12)
     assert np.allclose(apart, 1e-3)
     assert radians.get_ylabel().endswith("[rad]")
+    same = sd.plot([first, first], "difference").axes[0]
+    assert "exactly 0" in same.texts[0].get_text()
     late = sd.Trajectory(**{**vars(first), "t": first.t + 0.03})
     with pytest.raises(SpatialDynError, match="times in common"):
         sd.plot([first, late], "difference")
