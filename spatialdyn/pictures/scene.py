@@ -29,11 +29,11 @@ from .stage import HOST, PORT, Stage, has_screen, page_frame
 
 Array = NDArray[np.float64]
 LAYERS = (*SHAPES, "frames", "centre of mass")
-FORCE: Color = (0.85, 0.15, 0.15, 1.0)
-MOMENT: Color = (0.55, 0.2, 0.75, 1.0)
+FORCE: Color = (0.85, 0.1, 0.55, 1.0)  # none of these is red, green or blue: those are the axes of frames
+MOMENT: Color = (0.0, 0.55, 0.6, 1.0)
 COM: Color = (0.95, 0.55, 0.05, 1.0)
-TRACES: tuple[Color, ...] = ((0.1, 0.45, 0.85, 1.0), (0.85, 0.35, 0.1, 1.0), (0.15, 0.6, 0.3, 1.0))
-ARROW = 0.25  # of the robot's size: length of the first force
+TRACES: tuple[Color, ...] = ((0.15, 0.2, 0.35, 1.0), (0.6, 0.4, 0.2, 1.0), (0.5, 0.55, 0.15, 1.0))
+ARROW = 0.25  # of the robot's size: length of the first force, and of the first moment
 WAIT = 20.0  # seconds that ``play`` waits for a browser
 
 
@@ -148,7 +148,7 @@ class Scene:
                 by_body.setdefault(frame.joint, []).append((frame.placement, shape))
             for body, pairs in by_body.items():
                 self.stage.add_ghosts(body, pairs if body else [], len(motion.q) - 1)
-        self._newton = 0.0  # metres of arrow for a newton
+        self._scales: dict[str, float] = {}  # metres of arrow for a newton, and for a newton metre
         self._com: Any = None
         self._traces = 0
         self._controls: Sliders | Player | None = None
@@ -187,12 +187,12 @@ class Scene:
         return self
 
     def force(self, name: str | Frame, force: ArrayLike, scale: float | None = None) -> Scene:
-        """Draw a force at a frame, red, and its moment, violet, both of which move with the frame; returns the scene.
+        """Draw a force at a frame, magenta, and its moment, teal, which move with the frame; returns the scene.
 
         name   as ``model.frame`` takes it
         force  (3,) force, or (6,) force and moment about the frame's origin, in the frame [N | N m]
-        scale  length of an arrow [m/N], [m/(N m)]; by default the first one drawn in the scene is a quarter of the
-               robot's size, and later ones are to the same scale
+        scale  length of an arrow [m/N], [m/(N m)]; by default the first force and the first moment of the scene are a
+               quarter of the robot's size, and later ones are to the same scales
 
         Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the force.
         """
@@ -201,14 +201,13 @@ class Scene:
             raise ShapeError(f"force has shape {f.shape}, expected (3,) or (6,)")
         if not np.isfinite(f).all():
             raise NonFiniteError(f"force is {f.tolist()}, expected finite numbers")
-        largest = max(float(np.linalg.norm(part)) for part in (f[:3], f[3:]))
-        if scale is None:
-            self._newton = self._newton or (ARROW * self.size / largest if largest else 0.0)
-            scale = self._newton
         X = frame.placement
         for part, color, word in ((f[:3], FORCE, "force"), (f[3:], MOMENT, "moment")):
             if part.any():
-                end = X[:3, 3] + scale * (X[:3, :3] @ part)
+                length = scale
+                if length is None:
+                    length = self._scales.setdefault(word, ARROW * self.size / float(np.linalg.norm(part)))
+                end = X[:3, 3] + length * (X[:3, :3] @ part)
                 label = f"{word}_{frame.name}"
                 self.stage.add_arrow(frame.joint, X[:3, 3], end, label, color, 0.008 * self.size)
         return self

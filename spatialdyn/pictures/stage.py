@@ -30,7 +30,8 @@ HEIGHT = 480  # pixels in a notebook
 FLOOR = (0.55, 0.55, 0.6)
 VIEW = np.array([1.0, -1.25, 0.65])  # the camera's direction from the middle
 FIELD = 0.8  # rad, the camera's vertical field of view
-GHOST: Color = (0.55, 0.65, 0.85, 0.3)
+GHOST: Color = (0.35, 0.5, 0.9, 0.3)  # of a few
+VEIL = 1.5  # opacities of many together: the solid body is seen through them
 
 
 class Stage:
@@ -103,7 +104,8 @@ class Stage:
         faces = np.concatenate([shape.faces + start for (_, shape), start in zip(shapes, starts, strict=False)])
         made = self.server.scene.add_batched_meshes_simple(
             f"/ghosts/{body}", vertices, faces, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.zeros((count, 3)),
-            batched_colors=np.array(GHOST[:3]), opacity=GHOST[3], lod="off", side="double", cast_shadow=False,
+            batched_colors=np.array(GHOST[:3]), opacity=min(GHOST[3], VEIL / count), lod="off", side="double",
+            cast_shadow=False,
         )  # fmt: skip
         self._ghosts.append((body, made))
 

@@ -139,7 +139,8 @@ def test_frames_forces_traces_and_the_centre_of_mass_are_drawn(chain: sd.Model, 
     first, second = (drawn[f"/robot/2_l2/force_l2{k}"].points[0] for k in ("", "_2"))
     assert np.linalg.norm(first[1] - first[0]) == pytest.approx(0.25 * scene.size)
     assert np.linalg.norm(second[1] - second[0]) == pytest.approx(0.125 * scene.size)
-    assert "/robot/2_l2/moment_l2" in drawn
+    moment = drawn["/robot/2_l2/moment_l2"].points[0]
+    assert np.linalg.norm(moment[1] - moment[0]) == pytest.approx(0.25 * scene.size)
     assert "/robot/2_l2/link_l2" in drawn or "/robot/2_l2/link:l2" in drawn
     path = drawn["/trace_1_l2"].points
     assert path[:, 0] == pytest.approx(sd.frame_placement(chain, swing(chain)[:-1], "l2")[:, :3, 3], abs=SINGLE)
