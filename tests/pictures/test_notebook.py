@@ -82,7 +82,7 @@ def shown(x: Any) -> Page:
 def test_a_model_is_a_tree_with_masses_and_limits(evil: sd.Model) -> None:
     page = shown(evil)
     assert "script" not in page.seen
-    for word in (EVIL, f"j{EVIL}", "0.5 .. 1 rad", "2"):
+    for word in (EVIL, f"j{EVIL}", "0.5 .. 1 rad", "2 N m"):
         assert word in page.words
     assert f"neutral is outside the limits: j{EVIL}: 0 is outside 0.5 .. 1 rad" in page.words
 
@@ -131,6 +131,12 @@ def test_a_trade_and_a_recommendation_show_all_options() -> None:
         assert "script" not in page.seen
         assert {f"sd.rnea({k})" for k in range(3)} <= set(page.words)
     assert "good" in shown(chosen).words
+
+
+def test_simulations_cost_milliseconds_as_in_their_plot() -> None:
+    options = (Option("rk4, dt 0.01", "sd.simulate()", 1e-9, 0.0, 1e-8, 2.5e6, best=True),)
+    page = shown(Tradeoff("arm", "simulate", options, 4, 0, 1.0, 0.0, "truth"))
+    assert {"ms of computing for a second of motion", "2.5"} <= set(page.words)
 
 
 def test_a_diagnosis_shows_its_findings() -> None:
