@@ -22,7 +22,7 @@ from ..simulation import Rollout, Trajectory
 from .controls import Player, Sliders, add_layers
 from .inertia_shapes import reach
 from .motions import Motion, frames, motion_of
-from .progress_bar import in_notebook
+from .progress_bar import in_notebook, notebook_cell
 from .robot_shapes import SHAPES, robot_shapes
 from .shapes import Color, Folder, Shape
 from .stage import HOST, PORT, Stage, has_screen, page_frame
@@ -153,6 +153,7 @@ class Scene:
         self._traces = 0
         self._controls: Sliders | Player | None = None
         self._lock = threading.RLock()
+        self._shown_in: int | None = None  # cell of a notebook
         self.q = np.zeros(model.nq)
         self.show(q)
         self._frame_camera(X)
@@ -283,7 +284,9 @@ class Scene:
         motion = self._moving()
         shown, times = frames(motion.t, 60.0, speed)
         if in_notebook():
-            import_module("IPython.display").display(self)
+            player = {"text/html": page_frame(self.html(speed=speed)), "text/plain": repr(self)}
+            import_module("IPython.display").display(player, raw=True)
+            self._shown_in = notebook_cell()
             return self
         if not self.server.get_clients():
             self.open_tab()
@@ -335,8 +338,13 @@ class Scene:
         lost = f", {len(self.missing)} meshes missing" if self.missing else ""
         return f"<Scene of {self.model.name} at {self.url}{what}{lost}>"
 
-    def _repr_html_(self) -> str:
-        """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders."""
+    def _repr_html_(self) -> str | None:
+        """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders.
+
+        None in the cell in which ``play`` has shown the player already.
+        """
+        if self._shown_in is not None and self._shown_in == notebook_cell():
+            return None
         if self.motion is not None:
             return page_frame(self.html())
         self._add_controls()

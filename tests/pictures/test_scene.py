@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -366,6 +367,26 @@ def test_a_notebook_shows_the_page_of_a_pose_and_the_player_of_a_motion(chain: s
     still = view(chain)
     assert re.match(rf'<iframe src="{still.url}" width="100%" height="480"', still._repr_html_())
     assert view(chain, swing(chain), 0.01)._repr_html_().startswith('<iframe srcdoc="&lt;!')
+
+
+def test_play_shows_a_player_once_in_a_cell_of_a_notebook_at_its_speed(
+    chain: sd.Model, view: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[dict[str, str]] = []
+    cell = 1
+    monkeypatch.setattr(scene_module, "in_notebook", lambda: True)
+    monkeypatch.setattr(scene_module, "notebook_cell", lambda: cell)
+    display = SimpleNamespace(display=lambda player, raw: shown.append(player))
+    monkeypatch.setattr(scene_module, "import_module", lambda name: display)
+    scene = view(chain, swing(chain, 11), 0.1)
+    speeds: list[float] = []
+    monkeypatch.setattr(scene, "html", lambda speed=1.0: f"<p>{speeds.append(speed)}")
+    assert scene.play(speed=0.5) is scene
+    assert [set(player) for player in shown] == [{"text/html", "text/plain"}]
+    assert speeds == [0.5]
+    assert scene._repr_html_() is None  # the value of the cell is not shown beside it
+    cell = 2
+    assert scene._repr_html_().startswith("<iframe")
 
 
 def test_a_tab_opens_for_a_model_only_where_there_is_a_screen(
