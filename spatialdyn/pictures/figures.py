@@ -149,18 +149,28 @@ def legend_height(entries: int) -> float:
     return (0.19 if entries <= SMALL else 0.165) * -(-entries // columns) + 0.3
 
 
-def log_ticks(axis: Any) -> None:
-    """Ticks of a logarithmic axis at powers of ten only, as many as fit."""
+def log_ticks(axis: Any, limits: tuple[float, float] | None = None) -> None:
+    """Ticks of a logarithmic axis at powers of ten, as many as fit; at 2 and 5 times them too where few are in view.
+
+    limits  of the axis, where they are not final: of an axis that is the function of another
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis.set_major_locator(LogLocator(base=10.0, numticks=8))
+    low, high = sorted(axis.get_view_interval() if limits is None else limits)
+    few = 0.0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < 1.0
+    axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=8))
     axis.set_major_formatter(FuncFormatter(_power))
     axis.set_minor_locator(NullLocator())
 
 
 def _power(x: float, _: Any) -> str:
-    """A power of ten as a reader says it: 0.01, 100, 10⁵."""
-    return f"{x:g}" if 1e-2 <= x <= 1e4 else f"$10^{{{round(np.log10(x))}}}$" if x > 0.0 else ""
+    """A number as a reader says it: 0.01, 200, 10⁵, 2·10⁵."""
+    if not x > 0.0 or 1e-2 <= x <= 1e4:
+        return f"{x:g}" if x > 0.0 else ""
+    exponent = int(np.floor(np.log10(x) + 1e-9))
+    first = round(x / 10.0**exponent)
+    times = "" if first == 1 else rf"{first} \cdot "
+    return f"${times}10^{{{exponent}}}$"
 
 
 def ink(colour: str) -> str:

@@ -39,7 +39,11 @@ def _row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
 
 def facts(pairs: Mapping[str, str]) -> str:
     """A table of two columns, names and what they are; empty ones are left out."""
-    lines = [_row("td", pair, [BORDER + "color:#777", BORDER]) for pair in pairs.items() if pair[1]]
+    lines = [
+        _row("td", pair, [BORDER + "text-align:left;color:#777", BORDER + "text-align:left"])
+        for pair in pairs.items()
+        if pair[1]
+    ]
     return _table(lines)
 
 

@@ -62,9 +62,10 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
     edge = draw_front(axes, front)
     axes.set(xscale="log", yscale="log", ylabel=f"largest error of {found.states} states, relative")
     axes.set_xlabel(unit)
+    axes.margins(x=0.07)
+    axes.autoscale_view()
     log_ticks(axes.xaxis)
     log_ticks(axes.yaxis)
-    axes.margins(x=0.07)
     heading = axes.set_title(plain(f"{found.model}: {found.task.replace('_', ' ')}"), fontsize="medium")
     if moves:
         real_time(axes)
@@ -118,7 +119,7 @@ def real_time(axes: Axes) -> Any:
     """A second axis on top of one in ms for a second of motion: how many times faster than the motion itself."""
     top = axes.secondary_xaxis("top", functions=(_per_ms, _per_ms))
     top.set_xlabel("times faster than real time", fontsize="small")
-    log_ticks(top.xaxis)
+    log_ticks(top.xaxis, tuple(_per_ms(axes.get_xlim())))
     top.tick_params(labelsize="small")
     top.spines["top"].set_visible(False)
     return top

@@ -397,6 +397,21 @@ def test_calls_keep_their_unit_and_no_colour_is_used_twice(tmp_path: Path) -> No
             found.plot(path)
 
 
+def test_a_short_logarithmic_axis_has_more_ticks_than_one() -> None:
+    options = [Option(f"way {k}", "", 10.0**-k, 0.0, 1.0, 170.0 * (k + 1)) for k in range(15)]
+    figure = Tradeoff("arm", "mass_matrix", mark_pareto(options), 4, 64, 0.0, 0.0, "truth").plot()
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    ticks = {
+        side: [t.get_text() for t, at in zip(axis.get_ticklabels(), axis.get_ticklocs(), strict=True) if a < at < b]
+        for side, axis, (a, b) in (("x", axes.xaxis, axes.get_xlim()), ("y", axes.yaxis, axes.get_ylim()))
+    }
+    assert ticks["x"] == ["200", "500", "1000", "2000"]
+    assert not any("cdot" in text for text in ticks["y"])
+    assert figures._power(2e5, None) == r"$2 \cdot 10^{5}$"
+    assert figures._power(1e-5, None) == "$10^{-5}$"
+
+
 @pytest.mark.parametrize(("number", "text"), [(1e-06, "1e-6"), (0.0125, "0.013"), (1e-12, "1e-12"), (0.1, "0.1")])
 def test_numbers_are_short(number: float, text: str) -> None:
     assert tradeoff_plots.short(number) == text
