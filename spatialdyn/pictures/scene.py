@@ -231,19 +231,19 @@ class Scene:
         return self
 
     def com(self, q: ArrayLike | None = None) -> Scene:
-        """Mark the centre of mass with an orange ball; returns the scene.
+        """Mark the centre of mass with an orange ball and a cross; returns the scene.
 
         q  (nq,) the configuration it is of [rad | m]; None: of the one shown, and it moves with it
         """
         if q is None:
             if self._com is None:
-                self._com = self.stage.add_ball(np.zeros(3), "com", COM, 0.035 * self.size)
+                self._com = self.stage.add_mark(np.zeros(3), "com", COM, 0.035 * self.size)
             self._place_com()
         else:
             at = np.asarray(calls["center_of_mass"](self.model, as_array("q", q)))
             if at.shape != (3,):
                 raise ShapeError(f"q has shape {np.shape(q)}, expected ({self.model.nq},)")
-            self.stage.add_ball(at, "com_of_q", COM, 0.035 * self.size)
+            self.stage.add_mark(at, "com_of_q", COM, 0.035 * self.size)
         return self
 
     def look(self, position: ArrayLike, at: ArrayLike) -> Scene:

@@ -91,8 +91,12 @@ class Stage:
         ends = np.stack([points[:-1], points[1:]], axis=1)
         return self.server.scene.add_line_segments(f"/{plain(name)}", ends, np.array(color[:3]), thickness=thickness)
 
-    def add_ball(self, at: Array, name: str, color: Color, radius: float) -> Any:
-        """Draw a ball at a point (3,) of the world; returns viser's handle."""
+    def add_mark(self, at: Array, name: str, color: Color, radius: float) -> Any:
+        """Draw a ball and a cross, which sticks out of what hides the ball, at a point (3,); returns viser's handle."""
+        arms = 5.0 * radius * np.eye(3)
+        self.server.scene.add_line_segments(
+            f"/{plain(name)}/cross", np.stack([-arms, arms], axis=1), np.array(color[:3]), thickness=0.15 * radius
+        )
         return self.server.scene.add_icosphere(f"/{plain(name)}", radius, color=color[:3], position=at)
 
     def add_ghosts(self, body: int, shapes: Sequence[tuple[Array, Shape]], count: int) -> None:

@@ -146,6 +146,7 @@ def test_frames_forces_traces_and_the_centre_of_mass_are_drawn(chain: sd.Model, 
     path = drawn["/trace_1_l2"].points
     assert path[:, 0] == pytest.approx(sd.frame_placement(chain, swing(chain)[:-1], "l2")[:, :3, 3], abs=SINGLE)
     assert drawn["/com"].position == pytest.approx(sd.center_of_mass(chain, [0.0, 0.0]))
+    assert np.ptp(nodes(scene)["/com/cross"].points, axis=(0, 1)) == pytest.approx(3 * [0.35 * scene.size])
     scene.show([0.5, 0.5])
     assert drawn["/com"].position == pytest.approx(sd.center_of_mass(chain, [0.5, 0.5]))
     scene.com([0.1, 0.1])
