@@ -34,7 +34,7 @@ import spatialdyn as sd
 from spatialdyn.accuracy import call_errors, integrator_errors, references
 from spatialdyn.accuracy.tradeoff import advice
 from spatialdyn.pictures import figures
-from spatialdyn.pictures.tradeoffs import draw_front, outermost_first, real_time, short
+from spatialdyn.pictures.tradeoff_plots import draw_front, outermost_first, real_time, short
 from spatialdyn.simulation.reference_motion import exact_motion
 
 HERE = Path(__file__).parent

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
     from .model.builder import ModelBuilder
-    from .pictures.plots import plot
+    from .pictures.comparison_plots import plot
     from .pictures.scene import view
     from .simulation.methods import integrators
     from .simulation.rollouts import PD, Rollout, rollout
@@ -92,7 +92,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
-    "pictures.plots": "plot", "pictures.scene": "view",
+    "pictures.comparison_plots": "plot", "pictures.scene": "view",
     "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
     "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",

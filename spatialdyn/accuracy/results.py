@@ -146,7 +146,7 @@ class Tradeoff:
         Simulations are labelled with their steps, in ms of computing for a second of motion.
         Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
         """
-        from ..pictures.tradeoffs import plot_tradeoff
+        from ..pictures.tradeoff_plots import plot_tradeoff
 
         return plot_tradeoff(self, ax, path)
 

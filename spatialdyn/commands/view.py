@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..errors import SpatialDynError
-from ..pictures.scene import SHAPES, Scene, view
+from ..pictures.robot_shapes import SHAPES
+from ..pictures.scene import Scene, view
 from ..pictures.stage import has_screen, viser_module
 from .robots import add_robot, load, parse_numbers
 from .targets import check_file

@@ -52,6 +52,7 @@ def main(save: str | None = None) -> dict[str, Any]:
         for angle, run in runs.items():
             axes.plot(run.t, run.q[:, 1], label=f"from {angle} rad")
         axes.set(xlabel="t [s]", ylabel="angle of the pole [rad]", xlim=(0, 4))
+        axes.set_title("the law of the linear system holds the pole, but not from 1.1 rad")
         axes.legend()
         write(figure, save)
     return {"A": A, "B": B, "K": K, "P": P, "poles": poles, "runs": runs}

@@ -39,11 +39,13 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, dict[str, np
     if save:
         figure, both = picture(2, width=11.0)
         for axes, (motion, errors) in zip(both, found.items(), strict=True):
-            for k, (method, off) in enumerate(errors.items()):
+            for method, off in errors.items():
                 style = "-" if sd.integrators[method].symplectic else "--" if sd.integrators[method].family else ":"
-                axes.loglog(range(1, len(off)), np.maximum(off[1:], 1e-16), style, color=f"C{k % 10}", label=method)
+                axes.loglog(range(1, len(off)), np.maximum(off[1:], 1e-16), style, label=method)
             axes.set(xlabel="t [s]", ylabel="largest |E - E0| until t [J]", title=motion)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", title="solid: keep Ω")
+        figure.legend(
+            *axes.get_legend_handles_labels(), loc="outside right upper", title="solid: keep Ω\ndotted: own steps"
+        )
         write(figure, save)
     return found
 

@@ -51,7 +51,7 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Array]:
         figure, axes = picture()
         for name, off in list(found.items())[:3]:
             axes.semilogy(dt * np.arange(1, len(off)), np.maximum.accumulate(off[1:]), label=name)
-        axes.set(xlabel="t [s]", ylabel="largest |H - H0| until t [J]")
+        axes.set(xlabel="t [s]", ylabel="largest |H - H0| until t [J]", title="what methods do to the energy")
         axes.legend()
         write(figure, save)
     return found

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from spatialdyn.errors import SpatialDynError
+from spatialdyn.pictures.figures import COLOURS, FILE_DPI, new_figure, tidy
 
 SHARED = "gallery"
 CHAPTER = "Lagrange's and Hamilton's mechanics and joint-space dynamics, the text that this library began with"
@@ -98,15 +99,19 @@ def need(package: str, extra: str) -> Any:
 
 
 def picture(columns: int = 1, width: float = 7.0, height: float = 4.0) -> tuple[Any, Any]:
-    """A Matplotlib figure and its axes, several if there are columns."""
-    figure = need("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained", dpi=130)
-    return figure, figure.subplots(1, columns)
+    """A Matplotlib figure and its axes, several if there are columns, in the colours of all plots."""
+    figure = new_figure(width, height)
+    axes = figure.subplots(1, columns)
+    for one in [axes] if columns == 1 else axes:
+        one.set_prop_cycle(color=COLOURS)
+        tidy(one)
+    return figure, axes
 
 
 def write(figure: Any, path: str) -> None:
     """Write a figure to a file. Raises SpatialDynError if that fails."""
     try:
-        figure.savefig(path)
+        figure.savefig(path, dpi=FILE_DPI)
     except (OSError, ValueError) as error:
         raise SpatialDynError(f"--save is {path!r}, which cannot be written: {error}") from error
     print(f"drawn {path}")

@@ -55,10 +55,15 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, np.ndarray]:
     print(f"energy, 2 cos θ1 + cos θ2 > 1, {np.isfinite(flips[lens]).sum()} flip")
     if save:
         figure, axes = picture(height=6.0)
-        times = axes.imshow(flips.reshape(n, n), origin="lower", extent=(-np.pi, np.pi) * 2, cmap="magma_r")
-        axes.set_facecolor("black")
+        times = axes.imshow(flips.reshape(n, n), origin="lower", extent=(-np.pi, np.pi) * 2, cmap="plasma_r")
+        axes.set_facecolor("black")  # no flip
+        axes.grid(False)
         axes.contour(angle, angle, (2 * np.cos(angle) + np.cos(angle)[:, None]), [1.0], colors="w", linewidths=0.8)
-        axes.set(xlabel="θ1 at the start [rad]", ylabel="θ2 at the start [rad]", title="first flip of the second arm")
+        axes.set(
+            xlabel="θ1 at the start [rad]",
+            ylabel="θ2 at the start [rad]",
+            title="first flip of the second arm; black: none",
+        )
         figure.colorbar(times, label="t [s]")
         write(figure, save)
     return {"starts": starts, "flips": flips, "lens": lens}

@@ -1,7 +1,12 @@
 """Pictures of models, motions and results: a viewer, plots, notebook output, pages. All drawing code lives here.
 
-``shapes`` reads the geometry of a URDF, ``inertia_shapes`` makes boxes of inertias where there is none, ``stage`` puts
-shapes into viser and moves them, ``motions`` says which poses are shown when, ``scene`` is what ``sd.view`` returns.
+Viewer     ``scene`` is what ``sd.view`` returns, ``controls`` its sliders and player; ``robot_shapes`` chooses what
+           stands for a robot: ``shapes`` reads the geometry of a URDF, ``inertia_shapes`` makes boxes where there is
+           none; ``motions`` says which poses are shown when; ``stage`` puts all of it into viser.
+Plots      ``trajectory_plots``, ``comparison_plots`` (``sd.plot``), ``rollout_plots``, ``tradeoff_plots``, made of
+           ``panels``; ``coordinates`` has names and units, ``figures`` colours, legends, files.
+Pages      ``notebook`` and ``page`` (reports) are made of ``markup`` and ``robot_rows``; ``progress_bar``.
+
 Poses come from this library's kinematics alone. viser, trimesh, yourdfpy and Matplotlib are imported when first used. A
 method elsewhere that draws imports its function from here when it is called.
 """

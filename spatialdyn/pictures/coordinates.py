@@ -105,4 +105,4 @@ def by_unit(columns: Sequence[Coordinate]) -> dict[str, list[Coordinate]]:
 
 def title(quantity: str, unit: str) -> str:
     """What an axis shows."""
-    return f"{SYMBOLS[quantity]} [{unit}]" if unit != NORMED else f"{SYMBOLS[quantity]}, unit quaternions, cos, sin"
+    return f"{SYMBOLS[quantity]} [{unit}]" if unit != NORMED else f"{SYMBOLS[quantity]}, of unit norm"

@@ -27,9 +27,12 @@ COLOURS = (
 DASHES: tuple[Any, ...] = (
     "-",
     (0, (5, 1.5)),
-    (0, (1.5, 1)),
     (0, (6, 1.5, 1.5, 1.5)),
+    (0, (8, 1.5, 1.5, 1.5, 1.5, 1.5)),
 )  # tell lines apart without colour
+LIMIT = (0, (1, 2))  # dots, as no line of a motion has
+ROWS = 22  # of a legend
+SMALL = 12  # entries beyond which it is in a smaller print
 MARKERS = "osD^vPX*<>hp"
 FAINT = "0.55"  # the grey of limits and fronts
 NOTEBOOK_DPI = 160  # of a picture in a notebook, which is shown at
@@ -135,23 +138,39 @@ def legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], title: str
     if handles:
         axes.legend(
             handles, [plain(label) for label in labels], loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False,
-            fontsize="small" if len(handles) <= 12 else "x-small", ncols=-(-len(handles) // 14), handlelength=2.4,
+            fontsize="small" if len(handles) <= SMALL else "x-small", ncols=-(-len(handles) // ROWS), handlelength=3.0,
             borderaxespad=0.3, title=title, title_fontsize="small",
         )  # fmt: skip
 
 
-def log_ticks(axis: Any) -> None:
-    """Ticks of a logarithmic axis at powers of ten only, as many as fit."""
+def legend_height(entries: int) -> float:
+    """The height that a legend of so many entries takes [inches]."""
+    columns = max(1, -(-entries // ROWS))
+    return (0.19 if entries <= SMALL else 0.165) * -(-entries // columns) + 0.3
+
+
+def log_ticks(axis: Any, limits: tuple[float, float] | None = None) -> None:
+    """Ticks of a logarithmic axis at powers of ten, as many as fit; at 2 and 5 times them too where few are in view.
+
+    limits  of the axis, where they are not final: of an axis that is the function of another
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    axis.set_major_locator(LogLocator(base=10.0, numticks=8))
+    low, high = sorted(axis.get_view_interval() if limits is None else limits)
+    few = 0.0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < 1.0
+    axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=8))
     axis.set_major_formatter(FuncFormatter(_power))
     axis.set_minor_locator(NullLocator())
 
 
 def _power(x: float, _: Any) -> str:
-    """A power of ten as a reader says it: 0.01, 100, 10⁵."""
-    return f"{x:g}" if 1e-2 <= x <= 1e4 else f"$10^{{{round(np.log10(x))}}}$" if x > 0.0 else ""
+    """A number as a reader says it: 0.01, 200, 10⁵, 2·10⁵."""
+    if not x > 0.0 or 1e-2 <= x <= 1e4:
+        return f"{x:g}" if x > 0.0 else ""
+    exponent = int(np.floor(np.log10(x) + 1e-9))
+    first = round(x / 10.0**exponent)
+    times = "" if first == 1 else rf"{first} \cdot "
+    return f"${times}10^{{{exponent}}}$"
 
 
 def ink(colour: str) -> str:

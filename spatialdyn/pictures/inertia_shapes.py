@@ -17,8 +17,8 @@ from ..model.robot import Link, Robot
 from .shapes import Color, Shape, box, cylinder, sphere
 
 Array = NDArray[np.float64]
-BOX: Color = (0.35, 0.55, 0.85, 0.5)
-WRONG: Color = (0.85, 0.1, 0.1, 0.6)
+BOX: Color = (0.35, 0.55, 0.85, 0.3)
+WRONG: Color = (0.85, 0.1, 0.1, 0.5)
 CENTRE: Color = (0.95, 0.6, 0.1, 1.0)
 AXIS: dict[str, Color] = {"prismatic": (0.2, 0.65, 0.3, 1.0)}  # others turn
 TURNING: Color = (0.25, 0.25, 0.3, 1.0)

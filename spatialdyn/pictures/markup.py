@@ -13,7 +13,8 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], numbers: Itera
     """A table; the columns ``numbers`` are aligned right, rows beyond ``most`` are counted only."""
     right = set(numbers)
     styles = [
-        BORDER + f"text-align:{'right' if k in right else 'left'};white-space:pre-wrap" for k in range(len(headings))
+        BORDER + ("text-align:right;white-space:pre" if k in right else "text-align:left;white-space:pre-wrap")
+        for k in range(len(headings))
     ]
     every = iter(rows)
     shown = list(islice(every, most))
@@ -21,7 +22,11 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], numbers: Itera
     lines = [_row("th", headings, styles), *(_row("td", row, styles) for row in shown)]
     if left:
         lines.append(f'<tr><td colspan="{len(headings)}">… and {left} more</td></tr>')
-    return f'<table style="border-collapse:collapse;font-size:13px">{"".join(lines)}</table>'
+    return _table(lines)
+
+
+def _table(lines: Iterable[str]) -> str:
+    return f'<table style="border-collapse:collapse;font-size:13px;margin:4px 0 10px">{"".join(lines)}</table>'
 
 
 def _row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
@@ -34,8 +39,12 @@ def _row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
 
 def facts(pairs: Mapping[str, str]) -> str:
     """A table of two columns, names and what they are; empty ones are left out."""
-    lines = [_row("td", pair, [BORDER + "color:#777", BORDER]) for pair in pairs.items() if pair[1]]
-    return f'<table style="border-collapse:collapse;font-size:13px">{"".join(lines)}</table>'
+    lines = [
+        _row("td", pair, [BORDER + "text-align:left;color:#777", BORDER + "text-align:left"])
+        for pair in pairs.items()
+        if pair[1]
+    ]
+    return _table(lines)
 
 
 def bullets(lines: Iterable[str], most: int = 100) -> str:

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from ..accuracy.findings import Diagnosis
 from ..accuracy.results import Recommendation, Tradeoff
+from ..bodies.kinds import kind_of
 from ..errors import SpatialDynError
 from ..model.model import Model
 from ..simulation.rollouts import Rollout
 from ..simulation.trajectory import Trajectory
 from ..validate.rows import Comparison, Row
-from .coordinates import SYMBOLS, Coordinate, coordinates
+from .coordinates import SYMBOLS, UNITS, Coordinate, coordinates
 from .markup import block, bullets, code, facts, folded, heading, line, table
 from .robot_rows import neutral_outside, tree_rows
+from .tradeoff_plots import cost
 
 if TYPE_CHECKING:
     from ..lagrangian.symbolic_manipulator import SymbolicManipulator
@@ -52,12 +54,16 @@ def tree_table(model: Model, most: int) -> str:
 
 
 def _limits(model: Model, joint: str) -> tuple[str, str]:
-    """Limits of velocity and effort of a joint, empty where there are none."""
-    if joint not in model.names:
+    """Limits of velocity and effort of a joint of one freedom, empty where there are none."""
+    found = model.joint(joint) if joint in model.names else None
+    if found is None or found.nv != 1:
         return "", ""
-    at = model.joint(joint).idx_v
-    of = (model.velocity_limit, model.effort_limit) if model.joint(joint).nv else ()
-    return tuple(f"{x[at]:.4g}" if np.isfinite(x[at]) else "" for x in of) or ("", "")  # type: ignore[return-value]
+    slides = kind_of(found.kind).motion == "slide"
+    velocity, effort = model.velocity_limit[found.idx_v], model.effort_limit[found.idx_v]
+    return (
+        f"{velocity:.4g} {UNITS['v'][slides]}" if np.isfinite(velocity) else "",
+        f"{effort:.4g} {UNITS['tau'][slides]}" if np.isfinite(effort) else "",
+    )
 
 
 def oddities(model: Model, unfolded: bool = False) -> str:
@@ -143,8 +149,10 @@ def tradeoff_html(found: Tradeoff) -> str:
 
 
 def options_table(found: Tradeoff, most: int = 80) -> str:
-    """A row per option, as ``str`` has them."""
-    return table(("", "option", "error", "bound", found.unit, "code"), found.rows(), numbers=(2, 3, 4), most=most)
+    """A row per option, as ``str`` has them, in the unit of the plot."""
+    scale, unit = cost(found)
+    rows = [[*row[:4], f"{scale * x.ns:.4g}", row[5]] for row, x in zip(found.rows(), found.options, strict=True)]
+    return table(("", "option", "error", "bound", unit, "code"), rows, numbers=(2, 3, 4), most=most)
 
 
 def recommendation_html(found: Recommendation) -> str:
@@ -173,7 +181,9 @@ def digits_tables(found: Diagnosis) -> str:
     if found.stiffest is not None:
         s = found.stiffest
         limit = f"dt {s.dt:.3g} s" if s.rate > 0.0 else f"dt = {2.0 * s.inertia:.3g} / damping"
-        about["stiffest joint"] = f"{s.joint} moves {s.inertia:.3g}: explicit Euler is stable to {limit}"
+        slides = found.subject is not None and kind_of(found.subject.joint(s.joint).kind).motion == "slide"
+        unit = "kg m² | kg" if found.subject is None else "kg" if slides else "kg m²"
+        about["stiffest joint"] = f"{s.joint} moves {s.inertia:.3g} {unit}: explicit Euler is stable to {limit}"
     parts = [facts(about)]
     if found.digits:
         rows = [

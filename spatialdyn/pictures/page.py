@@ -33,9 +33,9 @@ from .notebook import (
     trajectory_table,
     tree_table,
 )
-from .plots import plot_trajectory
 from .robot_rows import kinds_of
-from .tradeoffs import plot_tradeoff
+from .tradeoff_plots import plot_tradeoff
+from .trajectory_plots import plot_trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,7 +105,8 @@ def report_tradeoff(found: Tradeoff, path: Any) -> None:
         ("Numbers", options_table(found, LINKS) + line("* nothing cheaper has a smaller error")),
         ("Again", code(f"{_load(found.subject, found.model)}\nsd.trade(model, {found.task!r}, {asked})")),
     ]
-    write(path, f"{found.model}: {found.task.replace('_', ' ')}", "error against cost", sections)
+    what = f"simulations of {found.duration:g} s" if found.duration else found.task.replace("_", " ")
+    write(path, f"{found.model}: {what}", "error against cost", sections)
 
 
 def report_diagnosis(found: Diagnosis, path: Any) -> None:
@@ -118,7 +119,8 @@ def report_diagnosis(found: Diagnosis, path: Any) -> None:
         ("Made by", facts(made_by())),
         ("Again", code(f"{_load(found.subject, found.name)}\nsd.diagnose(model)")),
     ]
-    write(path, f"{found.name}: {found.severity}", "diagnosis", sections)
+    worst = {"ok": "no findings"}.get(found.severity, f"the worst finding: {found.severity}")
+    write(path, f"{found.name}: diagnosis", worst, sections)
 
 
 # --- parts ----------------------------------------------------------------------------------------------------

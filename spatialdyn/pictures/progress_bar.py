@@ -43,6 +43,11 @@ def in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
+def notebook_cell() -> int | None:
+    """The number of the cell that runs, None outside a notebook."""
+    return sys.modules["IPython"].get_ipython().execution_count if in_notebook() else None
+
+
 @contextmanager
 def _notebook_bar(what: str) -> Iterator[Report]:
     """rich's own bar needs ipywidgets in a notebook; an element that is displayed again needs nothing."""

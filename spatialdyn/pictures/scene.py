@@ -19,19 +19,21 @@ from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..simulation import Rollout, Trajectory
-from .inertia_shapes import bars, inertia_boxes, joint_axes, reach
+from .controls import Player, Sliders, add_layers
+from .inertia_shapes import reach
 from .motions import Motion, frames, motion_of
-from .progress_bar import in_notebook
-from .shapes import KINDS, Color, Folder, Shape, urdf_shapes
-from .stage import HOST, PORT, Stage, has_screen, page_frame, warn_missing
+from .progress_bar import in_notebook, notebook_cell
+from .robot_shapes import SHAPES, robot_shapes
+from .shapes import Color, Folder, Shape
+from .stage import HOST, PORT, Stage, has_screen, page_frame
 
 Array = NDArray[np.float64]
-SHAPES = (*KINDS, "inertia")
-FORCE: Color = (0.85, 0.15, 0.15, 1.0)
-MOMENT: Color = (0.55, 0.2, 0.75, 1.0)
+LAYERS = (*SHAPES, "frames", "centre of mass")
+FORCE: Color = (0.85, 0.1, 0.55, 1.0)  # none of these is red, green or blue: those are the axes of frames
+MOMENT: Color = (0.0, 0.55, 0.6, 1.0)
 COM: Color = (0.95, 0.55, 0.05, 1.0)
-TRACES: tuple[Color, ...] = ((0.1, 0.45, 0.85, 1.0), (0.85, 0.35, 0.1, 1.0), (0.15, 0.6, 0.3, 1.0))
-ARROW = 0.25  # of the robot's size: length of the first force
+TRACES: tuple[Color, ...] = ((0.15, 0.2, 0.35, 1.0), (0.6, 0.4, 0.2, 1.0), (0.5, 0.55, 0.15, 1.0))
+ARROW = 0.25  # of the robot's size: length of the first force, and of the first moment
 WAIT = 20.0  # seconds that ``play`` waits for a browser
 
 
@@ -130,7 +132,7 @@ class Scene:
         self.model, self.motion, self.size = model, motion, reach(model.robot)
         self._kind, self._urdf, self._package_dirs = shapes, urdf, package_dirs
         X = self._poses(q)
-        drawn, self.missing = self._shapes(shapes)
+        drawn, self.missing = robot_shapes(model, shapes, urdf, package_dirs)
         child = {joint.name: joint.child for joint in model.robot.joints}
         names = [
             child.get(joint.name, model.robot.root if joint.kind != "world" else "world") for joint in model.joints
@@ -146,12 +148,12 @@ class Scene:
                 by_body.setdefault(frame.joint, []).append((frame.placement, shape))
             for body, pairs in by_body.items():
                 self.stage.add_ghosts(body, pairs if body else [], len(motion.q) - 1)
-        self._newton = 0.0  # metres of arrow for a newton
+        self._scales: dict[str, float] = {}  # metres of arrow for a newton, and for a newton metre
         self._com: Any = None
         self._traces = 0
-        self._sliders: list[Any] = []
+        self._controls: Sliders | Player | None = None
         self._lock = threading.RLock()
-        self._playing = threading.Event()
+        self._shown_in: int | None = None  # cell of a notebook
         self.q = np.zeros(model.nq)
         self.show(q)
         self._frame_camera(X)
@@ -168,7 +170,8 @@ class Scene:
             self.q = np.array(as_array("q", q))
             self.stage.pose(X)
             self._place_com()
-            self._set_sliders()
+            if isinstance(self._controls, Sliders):
+                self._controls.follow(self.q)
         return self
 
     def frame(self, name: str | Frame, length: float | None = None) -> Scene:
@@ -185,12 +188,12 @@ class Scene:
         return self
 
     def force(self, name: str | Frame, force: ArrayLike, scale: float | None = None) -> Scene:
-        """Draw a force at a frame, red, and its moment, violet, both of which move with the frame; returns the scene.
+        """Draw a force at a frame, magenta, and its moment, teal, which move with the frame; returns the scene.
 
         name   as ``model.frame`` takes it
         force  (3,) force, or (6,) force and moment about the frame's origin, in the frame [N | N m]
-        scale  length of an arrow [m/N], [m/(N m)]; by default the first one drawn in the scene is a quarter of the
-               robot's size, and later ones are to the same scale
+        scale  length of an arrow [m/N], [m/(N m)]; by default the first force and the first moment of the scene are a
+               quarter of the robot's size, and later ones are to the same scales
 
         Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the force.
         """
@@ -199,14 +202,13 @@ class Scene:
             raise ShapeError(f"force has shape {f.shape}, expected (3,) or (6,)")
         if not np.isfinite(f).all():
             raise NonFiniteError(f"force is {f.tolist()}, expected finite numbers")
-        largest = max(float(np.linalg.norm(part)) for part in (f[:3], f[3:]))
-        if scale is None:
-            self._newton = self._newton or (ARROW * self.size / largest if largest else 0.0)
-            scale = self._newton
         X = frame.placement
         for part, color, word in ((f[:3], FORCE, "force"), (f[3:], MOMENT, "moment")):
             if part.any():
-                end = X[:3, 3] + scale * (X[:3, :3] @ part)
+                length = scale
+                if length is None:
+                    length = self._scales.setdefault(word, ARROW * self.size / float(np.linalg.norm(part)))
+                end = X[:3, 3] + length * (X[:3, :3] @ part)
                 label = f"{word}_{frame.name}"
                 self.stage.add_arrow(frame.joint, X[:3, 3], end, label, color, 0.008 * self.size)
         return self
@@ -229,19 +231,19 @@ class Scene:
         return self
 
     def com(self, q: ArrayLike | None = None) -> Scene:
-        """Mark the centre of mass with an orange ball; returns the scene.
+        """Mark the centre of mass with an orange ball and a cross; returns the scene.
 
         q  (nq,) the configuration it is of [rad | m]; None: of the one shown, and it moves with it
         """
         if q is None:
             if self._com is None:
-                self._com = self.stage.add_ball(np.zeros(3), "com", COM, 0.035 * self.size)
+                self._com = self.stage.add_mark(np.zeros(3), "com", COM, 0.035 * self.size)
             self._place_com()
         else:
             at = np.asarray(calls["center_of_mass"](self.model, as_array("q", q)))
             if at.shape != (3,):
                 raise ShapeError(f"q has shape {np.shape(q)}, expected ({self.model.nq},)")
-            self.stage.add_ball(at, "com_of_q", COM, 0.035 * self.size)
+            self.stage.add_mark(at, "com_of_q", COM, 0.035 * self.size)
         return self
 
     def look(self, position: ArrayLike, at: ArrayLike) -> Scene:
@@ -282,7 +284,9 @@ class Scene:
         motion = self._moving()
         shown, times = frames(motion.t, 60.0, speed)
         if in_notebook():
-            import_module("IPython.display").display(self)
+            player = {"text/html": page_frame(self.html(speed=speed)), "text/plain": repr(self)}
+            import_module("IPython.display").display(player, raw=True)
+            self._shown_in = notebook_cell()
             return self
         if not self.server.get_clients():
             self.open_tab()
@@ -325,7 +329,8 @@ class Scene:
 
     def close(self) -> None:
         """End viser's server; the page stops answering."""
-        self._playing.clear()
+        if isinstance(self._controls, Player):
+            self._controls.stop()
         self._stop()
 
     def __repr__(self) -> str:
@@ -333,8 +338,13 @@ class Scene:
         lost = f", {len(self.missing)} meshes missing" if self.missing else ""
         return f"<Scene of {self.model.name} at {self.url}{what}{lost}>"
 
-    def _repr_html_(self) -> str:
-        """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders."""
+    def _repr_html_(self) -> str | None:
+        """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders.
+
+        None in the cell in which ``play`` has shown the player already.
+        """
+        if self._shown_in is not None and self._shown_in == notebook_cell():
+            return None
         if self.motion is not None:
             return page_frame(self.html())
         self._add_controls()
@@ -356,30 +366,6 @@ class Scene:
         if not np.isfinite(X).all():
             raise NonFiniteError(f"q is {x.tolist()}, at which poses are not finite")
         return X
-
-    def _shapes(self, kind: str) -> tuple[list[Shape], list[str]]:
-        """The shapes to draw, and what is missing; inertias stand for what has no geometry."""
-        robot, links = self.model.robot, {link.name for link in self.model.robot.links}
-        source = self._urdf if self._urdf is not None else robot.source
-        if kind == "inertia" or not source:
-            return self._inertia_shapes(), []
-        if self._urdf is None and not os.path.isfile(source):
-            missing = [f"{source} is not there any more"]
-            warn_missing(robot.name, missing)
-            return self._inertia_shapes(), missing
-        shapes, missing = urdf_shapes(source, kind, self._package_dirs)
-        shapes = [shape for shape in shapes if shape.link in links]
-        if missing:
-            warn_missing(robot.name, missing)
-        if not shapes:
-            return self._inertia_shapes(), missing
-        bare = links - {shape.link for shape in shapes}
-        boxes = inertia_boxes([link for link in robot.links if link.name in bare], self.size) if missing else []
-        return shapes + boxes, missing
-
-    def _inertia_shapes(self) -> list[Shape]:
-        robot = self.model.robot
-        return [*inertia_boxes(robot.links, self.size), *joint_axes(robot, self.size), *bars(robot, self.size)]
 
     def _add(self, shape: Shape) -> Any:
         frame = self.model.frame(f"link:{shape.link}")
@@ -419,18 +405,14 @@ class Scene:
 
     def _add_controls(self) -> None:
         """Sliders, once: of the time for a motion, else one for each freedom; and what else can be shown."""
-        if self._layers.get("controls") is not None:
+        if self._controls is not None:
             return
-        self._layers["controls"] = []
         gui = self.server.gui
         if self.motion is not None:
-            self._add_player(gui)
+            self._controls = Player(gui, self.motion.t, lambda k: next(self._steps(np.array([k]))))
         else:
-            self._add_sliders(gui)
-        with gui.add_folder("show", expand_by_default=False):
-            for layer in (*SHAPES, "frames", "centre of mass"):
-                box = gui.add_checkbox(layer, initial_value=layer == self._kind)
-                box.on_update(lambda event, layer=layer: self._switch(layer, event.target.value))
+            self._controls = Sliders(gui, self.model, self.q, self.show)
+        add_layers(gui, LAYERS, self._kind, self._switch)
 
     def _switch(self, layer: str, on: bool) -> None:
         """Show a layer or hide it; it is drawn when it is first shown."""
@@ -446,86 +428,7 @@ class Scene:
                         self.stage.add_axes(f.joint, f.placement, f"frame_{f.name}", 0.08 * self.size) for f in links
                     ]
                 else:
-                    self._layers[layer] = [self._add(shape) for shape in self._shapes(layer)[0]]
+                    found = robot_shapes(self.model, layer, self._urdf, self._package_dirs)
+                    self._layers[layer] = [self._add(shape) for shape in found.shapes]
             for handle in self._layers.get(layer, []):
                 handle.visible = on
-
-    def _add_sliders(self, gui: Any) -> None:
-        """A slider for each freedom: the coordinate itself, or the motion from neutral for joints of several."""
-        model, u = self.model, self._displacement()
-        for joint in model.joints[1:]:
-            if joint.mimic is not None:
-                continue
-            for k in range(joint.nv):
-                at = joint.idx_v + k
-                low, high = slider_ends(model, joint, k)
-                label = joint.name if joint.nv == 1 else f"{joint.name}.{k}"
-                value = float(np.clip(u[at], low, high))
-                slider = gui.add_slider(label, low, high, (high - low) / 1000.0, value)
-                slider.on_update(self._slid)
-                self._sliders.append((at, slider))
-
-    def _slid(self, event: Any) -> None:
-        if event.client_id is None:  # set by ``show``, not by a hand
-            return
-        u = np.zeros(self.model.nv)
-        for at, slider in self._sliders:
-            u[at] = slider.value
-        self.show(calls["integrate"](self.model, calls["neutral"](self.model), u))
-
-    def _displacement(self) -> Array:
-        """The motion (nv,) that takes the neutral configuration to the one shown."""
-        return np.asarray(calls["difference"](self.model, calls["neutral"](self.model), self.q))
-
-    def _set_sliders(self) -> None:
-        if self._sliders:
-            u = self._displacement()
-            for at, slider in self._sliders:
-                slider.value = float(np.clip(u[at], slider.min, slider.max))
-
-    def _add_player(self, gui: Any) -> None:
-        """A time slider, a button that plays, and a speed."""
-        t = self._moving().t
-        at = gui.add_slider("time [s]", 0.0, max(float(t[-1]), 1e-9), max(float(t[-1]), 1e-9) / 1000.0, 0.0)
-        speed = gui.add_dropdown("speed", ("0.1", "0.25", "0.5", "1", "2", "5"), initial_value="1")
-        button = gui.add_button("play / pause")
-
-        def show_time() -> None:
-            nearest = np.array([int(np.argmin(abs(t - at.value)))])
-            next(self._steps(nearest))
-
-        def run() -> None:
-            now = 0.0 if at.value >= t[-1] else float(at.value)
-            while self._playing.is_set() and now < t[-1]:
-                begun = time.monotonic()
-                time.sleep(1.0 / 60.0)
-                now = min(now + float(speed.value) * (time.monotonic() - begun), float(t[-1]))
-                at.value = now
-                show_time()
-            self._playing.clear()
-
-        def slid(event: Any) -> None:
-            if event.client_id is not None:  # by a hand
-                show_time()
-
-        def pressed(event: Any) -> None:
-            if self._playing.is_set():
-                self._playing.clear()
-            else:
-                self._playing.set()
-                threading.Thread(target=run, daemon=True).start()
-
-        at.on_update(slid)
-        button.on_click(pressed)
-
-
-def slider_ends(model: Model, joint: Any, k: int) -> tuple[float, float]:
-    """The ends of the slider of a joint's freedom: its limits, else π or 1 m to both sides."""
-    slides = joint.kind == "prismatic" or (joint.kind in ("floating",) and k < 3) or (joint.kind == "planar" and k < 2)
-    reach_ = 1.0 if slides else np.pi
-    low, high = -reach_, reach_
-    if joint.nq == 1:
-        lower, upper = float(model.lower[joint.idx_q]), float(model.upper[joint.idx_q])
-        low = lower if np.isfinite(lower) else min(low, upper - reach_)
-        high = upper if np.isfinite(upper) else max(high, lower + reach_)
-    return (low, high) if high > low else (low - 1e-6, low + 1e-6)

@@ -30,7 +30,8 @@ HEIGHT = 480  # pixels in a notebook
 FLOOR = (0.55, 0.55, 0.6)
 VIEW = np.array([1.0, -1.25, 0.65])  # the camera's direction from the middle
 FIELD = 0.8  # rad, the camera's vertical field of view
-GHOST: Color = (0.55, 0.65, 0.85, 0.3)
+GHOST: Color = (0.35, 0.5, 0.9, 0.3)  # of a few
+VEIL = 1.5  # opacities of many together: the solid body is seen through them
 
 
 class Stage:
@@ -90,8 +91,12 @@ class Stage:
         ends = np.stack([points[:-1], points[1:]], axis=1)
         return self.server.scene.add_line_segments(f"/{plain(name)}", ends, np.array(color[:3]), thickness=thickness)
 
-    def add_ball(self, at: Array, name: str, color: Color, radius: float) -> Any:
-        """Draw a ball at a point (3,) of the world; returns viser's handle."""
+    def add_mark(self, at: Array, name: str, color: Color, radius: float) -> Any:
+        """Draw a ball and a cross, which sticks out of what hides the ball, at a point (3,); returns viser's handle."""
+        arms = 5.0 * radius * np.eye(3)
+        self.server.scene.add_line_segments(
+            f"/{plain(name)}/cross", np.stack([-arms, arms], axis=1), np.array(color[:3]), thickness=0.15 * radius
+        )
         return self.server.scene.add_icosphere(f"/{plain(name)}", radius, color=color[:3], position=at)
 
     def add_ghosts(self, body: int, shapes: Sequence[tuple[Array, Shape]], count: int) -> None:
@@ -103,7 +108,8 @@ class Stage:
         faces = np.concatenate([shape.faces + start for (_, shape), start in zip(shapes, starts, strict=False)])
         made = self.server.scene.add_batched_meshes_simple(
             f"/ghosts/{body}", vertices, faces, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), np.zeros((count, 3)),
-            batched_colors=np.array(GHOST[:3]), opacity=GHOST[3], lod="off", side="double", cast_shadow=False,
+            batched_colors=np.array(GHOST[:3]), opacity=min(GHOST[3], VEIL / count), lod="off", side="double",
+            cast_shadow=False,
         )  # fmt: skip
         self._ghosts.append((body, made))
 

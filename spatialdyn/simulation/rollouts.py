@@ -108,7 +108,7 @@ class Rollout:
         Raises  SpatialDynError for another name or sample, a rollout that recorded "last" alone, more than 24
                 coordinates, and where matplotlib is not installed; ModelError for an unknown joint.
         """
-        from ..pictures.plots import plot_rollout
+        from ..pictures.rollout_plots import plot_rollout
 
         return plot_rollout(self, what, joints, sample, ax, path)
 

@@ -103,7 +103,7 @@ class Trajectory:
         Raises  SpatialDynError for another name, another number of axes, a file that cannot be written, or where
                 matplotlib is not installed; ModelError for an unknown joint.
         """
-        from ..pictures.plots import plot_trajectory
+        from ..pictures.trajectory_plots import plot_trajectory
 
         return plot_trajectory(self, what, joints, ax, path)
 

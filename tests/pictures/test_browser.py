@@ -63,7 +63,7 @@ def test_a_page_shows_the_robot_in_its_middle_without_a_network(tmp_path: Path) 
             browser = play.chromium.launch(executable_path=BROWSER, args=SOFTWARE, timeout=1e3 * PATIENCE)
         except sync_api.Error as error:
             pytest.skip(f"Chromium does not start here: {str(error)[:200]}")
-        page = browser.new_page(viewport={"width": SIZE, "height": SIZE})
+        page = browser.new_page(viewport={"width": SIZE, "height": SIZE}, offline=True)
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))
         page.goto(path.as_uri(), wait_until="commit", timeout=1e3 * PATIENCE)

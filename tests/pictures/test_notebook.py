@@ -82,7 +82,7 @@ def shown(x: Any) -> Page:
 def test_a_model_is_a_tree_with_masses_and_limits(evil: sd.Model) -> None:
     page = shown(evil)
     assert "script" not in page.seen
-    for word in (EVIL, f"j{EVIL}", "0.5 .. 1 rad", "2"):
+    for word in (EVIL, f"j{EVIL}", "0.5 .. 1 rad", "2 N m"):
         assert word in page.words
     assert f"neutral is outside the limits: j{EVIL}: 0 is outside 0.5 .. 1 rad" in page.words
 
@@ -131,6 +131,12 @@ def test_a_trade_and_a_recommendation_show_all_options() -> None:
         assert "script" not in page.seen
         assert {f"sd.rnea({k})" for k in range(3)} <= set(page.words)
     assert "good" in shown(chosen).words
+
+
+def test_simulations_cost_milliseconds_as_in_their_plot() -> None:
+    options = (Option("rk4, dt 0.01", "sd.simulate()", 1e-9, 0.0, 1e-8, 2.5e6, best=True),)
+    page = shown(Tradeoff("arm", "simulate", options, 4, 0, 1.0, 0.0, "truth"))
+    assert {"ms of computing for a second of motion", "2.5"} <= set(page.words)
 
 
 def test_a_diagnosis_shows_its_findings() -> None:
@@ -222,3 +228,37 @@ def test_a_notebook_shows_models_figures_and_progress(shell: Any) -> None:
     assert "25%, 1 of 4 steps" in bars[-3]
     assert 'value="3" max="4"' in bars[-2]
     assert bars[-1] == ""
+
+
+CELLS = (
+    "import spatialdyn as sd\nsd.load_urdf('two_link')",
+    "import numpy as np\nrun = sd.simulate(sd.load_urdf('pendulum'), [0.5], [0.0], 0.5, 0.05, progress=True)\nrun",
+    "run.plot('energy')",
+    "sd.view(run)",
+    "sd.view(run).play(speed=2.0)",
+    "import sys\nprint('matplotlib.pyplot' in sys.modules)",
+)
+
+
+def test_a_notebook_is_executed_by_a_kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No magic command, no pyplot: HTML of results, a bar that goes, figures, players, each once."""
+    client = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    for package in ("ipykernel", "matplotlib", "viser"):
+        pytest.importorskip(package)
+    for variable in ("IPYTHONDIR", "JUPYTER_RUNTIME_DIR", "JUPYTER_CONFIG_DIR"):
+        monkeypatch.setenv(variable, str(tmp_path))
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code) for code in CELLS])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # deprecations inside Jupyter
+        client.NotebookClient(book, timeout=300, kernel_name="python3").execute()
+    model, run, figure, view, play, last = (cell.outputs for cell in book.cells)
+    assert [set(x.data) for x in model] == [{"text/plain", "text/html"}]
+    bar, found = run
+    assert bar.data["text/html"] == ""
+    assert "trajectory of pendulum" in found.data["text/html"]
+    assert set(figure[0].data) == {"text/plain", "image/png"}
+    assert figure[0].metadata["image/png"]["width"] > 100
+    assert [x.data["text/html"][:15] for x in view] == ["<iframe srcdoc="]
+    assert [x.data.get("text/html", "")[:15] for x in play] == ["<iframe srcdoc=", ""]
+    assert [x.text for x in last] == ["False\n"]

@@ -16,7 +16,7 @@ import pytest
 import spatialdyn as sd
 from spatialdyn.accuracy.results import Option, Tradeoff, mark_pareto
 from spatialdyn.errors import ModelError, SpatialDynError
-from spatialdyn.pictures import figures, plots, tradeoffs
+from spatialdyn.pictures import comparison_plots, figures, tradeoff_plots, trajectory_plots
 from spatialdyn.pictures.coordinates import coordinates
 
 pytest.importorskip("matplotlib")
@@ -85,7 +85,7 @@ def test_an_angle_in_two_numbers_has_both(mixed: sd.Model) -> None:
 def test_radians_metres_and_quaternions_have_axes_of_their_own(mixed: sd.Model) -> None:
     figure = motion(mixed).plot(["q", "tau"])
     assert [axes.get_ylabel() for axes in figure.axes] == [
-        "q [m]", "q, unit quaternions, cos, sin", "q [rad]", "τ [N]", "τ [N m]",
+        "q [m]", "q, of unit norm", "q [rad]", "τ [N]", "τ [N m]",
     ]  # fmt: skip
     assert labels(figure.axes[2]) == [" _turn"]
     limits = [line for line in figure.axes[2].lines if line.get_gid() == "limit"]
@@ -135,6 +135,9 @@ def test_limits_are_fractions_and_name_what_is_beyond(mixed: sd.Model) -> None:
     share = axes.lines[2].get_ydata()
     assert np.allclose(share, (run.q[:, 7] - 0.5) / 1.5)
     assert [text.get_text() for text in axes.texts] == ["beyond: _turn"]
+    model = sd.ModelBuilder("strong").add_body("a", limits=(-1.0, 1.0), effort=2.0, inertia=ROD).build()
+    for tau, shown in ((0.0, ["q / position limit"]), (3.0, ["q / position limit", "τ / effort limit"])):
+        assert [axes.get_ylabel() for axes in motion(model, tau=tau).plot("limits").axes] == shown  # no empty panel
     with pytest.raises(SpatialDynError, match="no limits"):
         motion(sd.load_urdf("two_link")).plot("limits")
 
@@ -152,6 +155,41 @@ def test_many_lines_have_as_many_colours() -> None:
     (axes,) = motion(builder.build()).plot("q").axes
     assert len({line.get_color() for line in axes.lines}) == 30
     assert len(labels(axes)) == 30
+
+
+def test_a_name_has_one_colour_in_all_panels_and_no_two_names_the_same(mixed: sd.Model) -> None:
+    figure = motion(mixed).plot(["q", "energy"], joints=["_turn", "slide"])
+    shown: dict[str, set[str]] = {}
+    for axes in figure.axes:
+        for line, name in zip([x for x in axes.lines if x.get_gid() != "limit"], labels(axes), strict=False):
+            shown.setdefault(name, set()).add(line.get_color())
+    assert len(shown) == 5
+    assert len(set().union(*shown.values())) == 5
+    assert [line.get_color() for line in figure.axes[3].lines] == list(shown["T + V"])
+
+
+def test_legends_are_whole_and_leave_the_axes_their_width() -> None:
+    builder = sd.ModelBuilder("chain")
+    for k in range(44):
+        name = f"a_long_name_of_body_{k:02d}"
+        builder.add_body(name, f"a_long_name_of_body_{k - 1:02d}" if k else None, "revolute", (1, 0, 0), None, ROD)
+    figure = motion(builder.build()).plot(["q", "v"])
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        assert axes.get_legend().get_window_extent().x1 <= figure.bbox.x1
+        assert axes.get_legend().get_window_extent().height <= 1.1 * axes.bbox.height
+        assert axes.bbox.width > 4.5 * figure.dpi
+
+
+def test_limits_that_joints_share_are_grey_and_dotted_as_no_motion_is() -> None:
+    builder = sd.ModelBuilder("two")
+    builder.add_body("a", limits=(-1.0, 2.0), inertia=ROD).add_body("b", "a", limits=(-1.0, 3.0), inertia=ROD)
+    (axes,) = motion(builder.build()).plot("q").axes
+    limits = {line.get_ydata()[0]: line for line in axes.lines if line.get_gid() == "limit"}
+    motions = [line for line in axes.lines if line.get_gid() != "limit"]
+    assert [limits[x].get_color() for x in (-1.0, 2.0, 3.0)] == [figures.FAINT, *(x.get_color() for x in motions)]
+    assert figures.LIMIT not in figures.DASHES
+    assert [text.get_text() for text in axes.texts] == ["dotted: limits"]
 
 
 def test_axes_of_the_user_are_drawn_into_and_counted(mixed: sd.Model, tmp_path: Path) -> None:
@@ -214,6 +252,8 @@ def test_runs_are_compared_a_panel_a_coordinate_a_colour_a_run(mixed: sd.Model) 
     again = sd.plot(runs, "q", labels=["a", "b", "$c"], joints="slide")
     assert [text.get_text() for text in again.legends[0].get_texts()] == ["a", "b", r"\$c"]
     assert len(again.axes) == 1
+    assert len({str(line._dash_pattern) for line in figure.axes[0].lines}) == 3
+    assert [axes.get_title() for axes in figure.axes[-2:]] == ["energy", "drift of energy"]
 
 
 def test_the_difference_is_taken_where_times_agree(mixed: sd.Model) -> None:
@@ -225,6 +265,8 @@ def test_the_difference_is_taken_where_times_agree(mixed: sd.Model) -> None:
     assert np.allclose(t, first.t, atol=1e-12)
     assert np.allclose(apart, 1e-3)
     assert radians.get_ylabel().endswith("[rad]")
+    same = sd.plot([first, first], "difference").axes[0]
+    assert "exactly 0" in same.texts[0].get_text()
     late = sd.Trajectory(**{**vars(first), "t": first.t + 0.03})
     with pytest.raises(SpatialDynError, match="times in common"):
         sd.plot([first, late], "difference")
@@ -355,9 +397,24 @@ def test_calls_keep_their_unit_and_no_colour_is_used_twice(tmp_path: Path) -> No
             found.plot(path)
 
 
+def test_a_short_logarithmic_axis_has_more_ticks_than_one() -> None:
+    options = [Option(f"way {k}", "", 10.0**-k, 0.0, 1.0, 170.0 * (k + 1)) for k in range(15)]
+    figure = Tradeoff("arm", "mass_matrix", mark_pareto(options), 4, 64, 0.0, 0.0, "truth").plot()
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    ticks = {
+        side: [t.get_text() for t, at in zip(axis.get_ticklabels(), axis.get_ticklocs(), strict=True) if a < at < b]
+        for side, axis, (a, b) in (("x", axes.xaxis, axes.get_xlim()), ("y", axes.yaxis, axes.get_ylim()))
+    }
+    assert ticks["x"] == ["200", "500", "1000", "2000"]
+    assert not any("cdot" in text for text in ticks["y"])
+    assert figures._power(2e5, None) == r"$2 \cdot 10^{5}$"
+    assert figures._power(1e-5, None) == "$10^{-5}$"
+
+
 @pytest.mark.parametrize(("number", "text"), [(1e-06, "1e-6"), (0.0125, "0.013"), (1e-12, "1e-12"), (0.1, "0.1")])
 def test_numbers_are_short(number: float, text: str) -> None:
-    assert tradeoffs.short(number) == text
+    assert tradeoff_plots.short(number) == text
 
 
 # --- colours ------------------------------------------------------------------------------------------------
@@ -421,7 +478,7 @@ def test_where_matplotlib_is_missing_it_is_named(mixed: sd.Model, monkeypatch: p
 
 
 def test_documented_names_of_plots_are_those_that_work(mixed: sd.Model) -> None:
-    for name in plots.WHAT:
+    for name in trajectory_plots.WHAT:
         assert f'"{name}"' in (sd.Trajectory.plot.__doc__ or "")
-    for name in plots.COMPARED:
+    for name in comparison_plots.COMPARED:
         assert f'"{name}"' in (sd.plot.__doc__ or "")

@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,9 @@ from inputs import PACKAGE
 import spatialdyn as sd
 from spatialdyn.pictures import scene as scene_module
 from spatialdyn.pictures import stage as stage_module
+from spatialdyn.pictures.controls import slider_ends
 from spatialdyn.pictures.motions import frames, motion_of
-from spatialdyn.pictures.scene import resting, slider_ends
+from spatialdyn.pictures.scene import resting
 
 pytest.importorskip("viser")
 
@@ -138,11 +140,13 @@ def test_frames_forces_traces_and_the_centre_of_mass_are_drawn(chain: sd.Model, 
     first, second = (drawn[f"/robot/2_l2/force_l2{k}"].points[0] for k in ("", "_2"))
     assert np.linalg.norm(first[1] - first[0]) == pytest.approx(0.25 * scene.size)
     assert np.linalg.norm(second[1] - second[0]) == pytest.approx(0.125 * scene.size)
-    assert "/robot/2_l2/moment_l2" in drawn
+    moment = drawn["/robot/2_l2/moment_l2"].points[0]
+    assert np.linalg.norm(moment[1] - moment[0]) == pytest.approx(0.25 * scene.size)
     assert "/robot/2_l2/link_l2" in drawn or "/robot/2_l2/link:l2" in drawn
     path = drawn["/trace_1_l2"].points
     assert path[:, 0] == pytest.approx(sd.frame_placement(chain, swing(chain)[:-1], "l2")[:, :3, 3], abs=SINGLE)
     assert drawn["/com"].position == pytest.approx(sd.center_of_mass(chain, [0.0, 0.0]))
+    assert np.ptp(nodes(scene)["/com/cross"].points, axis=(0, 1)) == pytest.approx(3 * [0.35 * scene.size])
     scene.show([0.5, 0.5])
     assert drawn["/com"].position == pytest.approx(sd.center_of_mass(chain, [0.5, 0.5]))
     scene.com([0.1, 0.1])
@@ -301,14 +305,14 @@ class Event:
 def test_sliders_end_at_the_limits_and_move_the_robot(chain: sd.Model, view: Any) -> None:
     scene = view(chain)
     scene._add_controls()
-    (_, first), (_, second) = scene._sliders
+    (_, first), (_, second) = scene._controls.handles
     assert (first.min, first.max, first.label) == (-2.0, 1.0, "j1")
     second.value = 0.5
-    scene._slid(Event(second))
+    scene._controls.slid(Event(second))
     assert scene.q == pytest.approx([0.0, 0.5])
     scene.show([0.25, 0.0])
     assert (first.value, second.value) == (0.25, 0.0)
-    scene._slid(Event(second, client_id=None))  # set by show: no circle
+    scene._controls.slid(Event(second, client_id=None))  # set by show: no circle
     assert scene.q == pytest.approx([0.25, 0.0])
 
 
@@ -316,9 +320,11 @@ def test_sliders_of_a_floating_base_are_displacements(chain: sd.Model, view: Any
     model = sd.load_urdf(chain.robot.source, root="floating")
     scene = view(model)
     scene._add_controls()
-    assert len(scene._sliders) == 8
-    scene._sliders[5][1].value = np.pi / 2
-    scene._slid(Event())
+    shown = scene._controls.handles
+    assert [handle.label for _, handle in shown[2:4]] == ["root_joint z", "root_joint turn x"]
+    assert len(shown) == 8
+    scene._controls.handles[5][1].value = np.pi / 2
+    scene._controls.slid(Event())
     assert scene.q[3:7] == pytest.approx([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
     assert slider_ends(model, model.joints[1], 0) == (-1.0, 1.0)
     assert slider_ends(model, model.joints[1], 5) == (-np.pi, np.pi)
@@ -362,6 +368,26 @@ def test_a_notebook_shows_the_page_of_a_pose_and_the_player_of_a_motion(chain: s
     still = view(chain)
     assert re.match(rf'<iframe src="{still.url}" width="100%" height="480"', still._repr_html_())
     assert view(chain, swing(chain), 0.01)._repr_html_().startswith('<iframe srcdoc="&lt;!')
+
+
+def test_play_shows_a_player_once_in_a_cell_of_a_notebook_at_its_speed(
+    chain: sd.Model, view: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[dict[str, str]] = []
+    cell = 1
+    monkeypatch.setattr(scene_module, "in_notebook", lambda: True)
+    monkeypatch.setattr(scene_module, "notebook_cell", lambda: cell)
+    display = SimpleNamespace(display=lambda player, raw: shown.append(player))
+    monkeypatch.setattr(scene_module, "import_module", lambda name: display)
+    scene = view(chain, swing(chain, 11), 0.1)
+    speeds: list[float] = []
+    monkeypatch.setattr(scene, "html", lambda speed=1.0: f"<p>{speeds.append(speed)}")
+    assert scene.play(speed=0.5) is scene
+    assert [set(player) for player in shown] == [{"text/html", "text/plain"}]
+    assert speeds == [0.5]
+    assert scene._repr_html_() is None  # the value of the cell is not shown beside it
+    cell = 2
+    assert scene._repr_html_().startswith("<iframe")
 
 
 def test_a_tab_opens_for_a_model_only_where_there_is_a_screen(

@@ -43,7 +43,7 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
             families.setdefault(x.name.split(",")[0] if moves else x.name, []).append(x)
     tidy(axes)
     lines, steps = [], []
-    scale = 1e-6 if moves else 1.0  # ns to ms a simulated second
+    scale, unit = cost(found)
     shades = colours(len(families))
     for k, (points, colour) in enumerate(zip(families.values(), shades, strict=True)):
         points.sort(key=lambda x: -(step_of(x) or 0.0))  # from the coarsest to the finest
@@ -61,10 +61,11 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
     front = [(scale * x.ns, x.error) for x in found.front if math.isfinite(x.error)]
     edge = draw_front(axes, front)
     axes.set(xscale="log", yscale="log", ylabel=f"largest error of {found.states} states, relative")
-    axes.set_xlabel("ms of computing for a second of motion" if moves else found.unit)
+    axes.set_xlabel(unit)
+    axes.margins(x=0.07)
+    axes.autoscale_view()
     log_ticks(axes.xaxis)
     log_ticks(axes.yaxis)
-    axes.margins(x=0.07)
     heading = axes.set_title(plain(f"{found.model}: {found.task.replace('_', ' ')}"), fontsize="medium")
     if moves:
         real_time(axes)
@@ -74,6 +75,11 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
     if steps:
         place_labels(axes, outermost_first(steps, len(families)))
     return written(figure, path)
+
+
+def cost(found: Tradeoff) -> tuple[float, str]:
+    """By what ``ns`` of an option is multiplied where it is shown, and the unit in words."""
+    return (1e-6, "ms of computing for a second of motion") if found.task == "simulate" else (1.0, found.unit)
 
 
 def step_of(x: Option) -> float | None:
@@ -113,7 +119,7 @@ def real_time(axes: Axes) -> Any:
     """A second axis on top of one in ms for a second of motion: how many times faster than the motion itself."""
     top = axes.secondary_xaxis("top", functions=(_per_ms, _per_ms))
     top.set_xlabel("times faster than real time", fontsize="small")
-    log_ticks(top.xaxis)
+    log_ticks(top.xaxis, tuple(_per_ms(axes.get_xlim())))
     top.tick_params(labelsize="small")
     top.spines["top"].set_visible(False)
     return top

@@ -1,0 +1,166 @@
+"""Panels of a figure over time: how they are laid out, named and scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SpatialDynError
+from ..simulation.trajectory import Trajectory
+from .coordinates import Coordinate
+from .figures import COLOURS, colours, dash, given_axes, legend_height, log_ticks, new_figure, plain, tidy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Draw = Callable[["Axes", Sequence[Any]], None]
+WIDTH = 7.5  # inches, of a figure of one column with a legend of
+BARE = 5.8  # inches less
+MOST = 24  # panels of a grid
+NEAR = 0.35  # of the height of a panel: limits as near to a motion are in view
+
+
+class Panel(NamedTuple):
+    """One pair of axes.
+
+    name       what it shows
+    draw       function of the axes and a colour for each label
+    labels     names of its lines
+    over_time  whether x is time
+    """
+
+    name: str
+    draw: Draw
+    labels: Sequence[str] = ()
+    over_time: bool = True
+
+
+def names_of(what: Any, known: Sequence[str]) -> list[str]:
+    """The names of quantities in an argument, one or several. Raises SpatialDynError for another."""
+    try:
+        names = [what] if isinstance(what, str) else list(what)
+    except TypeError:
+        names = []
+    if not names or not all(isinstance(name, str) and name in known for name in names):
+        raise SpatialDynError(f"plot of {what!r}, expected some of {', '.join(known)}")
+    return names
+
+
+def stacked(panels: Sequence[Panel], ax: Any) -> tuple[Figure, list[Axes]]:
+    """Axes one below the other, as high as their legends need, or those that were given."""
+    given = given_axes(ax, [panel.name for panel in panels])
+    if given is not None:
+        return given
+    heights = [max(1.9 if panel.over_time else 3.4, legend_height(len(panel.labels))) for panel in panels]
+    figure = new_figure(WIDTH, sum(heights) + 0.35 * len(panels) + 0.4)
+    return figure, list(figure.subplots(len(panels), 1, height_ratios=heights, squeeze=False)[:, 0])
+
+
+def shades(panels: Sequence[Panel]) -> list[list[Any]]:
+    """Colours for the lines of each panel: one for each name in the figure if there are enough, else by panel."""
+    names = dict.fromkeys(label for panel in panels for label in panel.labels)
+    if len(names) > len(COLOURS):
+        return [colours(len(panel.labels)) for panel in panels]
+    of = dict(zip(names, COLOURS, strict=False))
+    return [[of[label] for label in panel.labels] for panel in panels]
+
+
+def fit_legends(figure: Figure, rows: Sequence[Axes]) -> None:
+    """Widen a figure by what its widest legend, beside the axes, takes beyond its share."""
+    legends = [found for axes in rows if (found := axes.get_legend()) is not None]
+    widest = max((found.get_window_extent().width / figure.dpi for found in legends), default=0.0)
+    figure.set_figwidth(max(WIDTH, BARE + widest))
+
+
+def grid(panels: Sequence[Panel], ax: Any, t: Array) -> Figure:
+    """Panels over the times t in up to three columns, none of them empty; in the axes that were given."""
+    figure, rows = _cells(panels, ax)
+    for axes, panel in zip(rows, panels, strict=True):
+        tidy(axes)
+        panel.draw(axes, colours(len(panel.labels)))
+        time_axis(axes, t, last=True)
+    return figure
+
+
+def _cells(panels: Sequence[Panel], ax: Any) -> tuple[Figure, list[Axes]]:
+    given = given_axes(ax, [panel.name for panel in panels])
+    if given is not None:
+        return given
+    if len(panels) > MOST:
+        raise SpatialDynError(
+            f"plot has {len(panels)} panels, expected at most {MOST}; choose some with joints=[names]"
+        )
+    across = 1 if len(panels) <= 2 else 2 if len(panels) <= 4 else 3
+    down = -(-len(panels) // across)
+    figure = new_figure((WIDTH, 9.0, 11.0)[across - 1], 2.1 * down + 0.9)
+    cells = figure.add_gridspec(down, across)
+    return figure, [figure.add_subplot(cells[divmod(k, across)]) for k in range(len(panels))]
+
+
+def time_axis(axes: Axes, t: Array, last: bool) -> None:
+    axes.set_xlim(float(t[0]), float(t[-1]) if t[-1] > t[0] else float(t[0]) + 1.0)
+    if last:
+        axes.set_xlabel("t [s]")
+    else:
+        axes.tick_params(labelbottom=False)
+
+
+def heading(axes: Axes, text: str) -> None:
+    """A title of one panel of several."""
+    axes.set_title(plain(text), fontsize="small")
+
+
+def note(axes: Axes, text: str, color: str = "0.35") -> None:
+    """A few words above the right end of the axes."""
+    axes.annotate(
+        plain(text), (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom", fontsize="x-small", color=color
+    )
+
+
+def in_view(axes: Axes, values: Array, columns: Sequence[Coordinate]) -> bool:
+    """Scale the panel so that the motion fills it, with limits that lie near it; returns whether there are any."""
+    y = values[:, [x.column for x in columns]]
+    y = y[np.isfinite(y)]
+    if not y.size:
+        return False
+    low, high = float(y.min()), float(y.max())
+    height = high - low or 2.0 * max(abs(high), 0.5)  # of a flat line: it is drawn in the middle
+    low, high = (low, high) if high > low else (low - 0.5 * height, high + 0.5 * height)
+    limits = [limit for x in columns for limit in (x.lower, x.upper) if np.isfinite(limit)]
+    near = [x for x in limits if low - NEAR * height <= x <= high + NEAR * height]
+    low, high = min([low, *near]), max([high, *near])
+    pad = 0.06 * (high - low or height)
+    axes.set_ylim(low - pad, high + pad)
+    return bool(near)
+
+
+def drift(axes: Axes, runs: Sequence[Trajectory], ink: Sequence[Any]) -> None:
+    """Changes of energy on a logarithmic axis."""
+    axes.set_ylabel("|change of T + V| [J]")
+    logarithmic(axes, [(run.t, run.energy - run.energy[0], k, ink[k]) for k, run in enumerate(runs)])
+
+
+def logarithmic(axes: Axes, lines: Sequence[tuple[Array, Array, int, Any]]) -> None:
+    """Absolute values on a logarithmic axis, or words where all are 0: (times, values, number of the run, colour)."""
+    some = False
+    for t, values, k, colour in lines:
+        y = np.array(abs(values))
+        y[~((y > 0.0) & np.isfinite(y))] = np.nan  # the logarithm of 0 is a gap
+        some |= bool(np.isfinite(y).any())
+        axes.plot(t, y, color=colour, linewidth=1.2, linestyle=dash_of_run(k), marker="." if len(t) < 3 else "")
+    if some:
+        axes.set_yscale("log")
+        log_ticks(axes.yaxis)
+    else:
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, "exactly 0 at every sample", transform=axes.transAxes, ha="center", va="center")
+
+
+def dash_of_run(k: int) -> Any:
+    """The line style of run k: runs often lie on each other, so that neighbours always differ."""
+    return dash(k, len(COLOURS))

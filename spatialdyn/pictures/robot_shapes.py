@@ -1,0 +1,45 @@
+"""What stands for a robot in a picture: its URDF's geometry, or its inertias where there is none."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+from ..model.model import Model
+from .inertia_shapes import bars, inertia_boxes, joint_axes, reach
+from .shapes import KINDS, Folder, Geometry, Shape, urdf_shapes
+from .stage import warn_missing
+
+SHAPES = (*KINDS, "inertia")
+
+
+def robot_shapes(model: Model, kind: str, urdf: Any = None, package_dirs: Sequence[Folder] = ()) -> Geometry:
+    """The shapes to draw, and what is missing, of which it warns; inertias stand for what has no geometry.
+
+    kind          one of SHAPES
+    urdf          what ``load_urdf`` takes, to read the geometry from; by default the file that the model was read from
+    package_dirs  folders that hold the packages of ``package://`` names
+    """
+    robot, links = model.robot, {link.name for link in model.robot.links}
+    source = urdf if urdf is not None else robot.source
+    if kind == "inertia" or not source:
+        return Geometry(_inertias(model), [])
+    if urdf is None and not os.path.isfile(source):
+        missing = [f"{source} is not there any more"]
+        warn_missing(robot.name, missing)
+        return Geometry(_inertias(model), missing)
+    shapes, missing = urdf_shapes(source, kind, package_dirs)
+    shapes = [shape for shape in shapes if shape.link in links]
+    if missing:
+        warn_missing(robot.name, missing)
+    if not shapes:
+        return Geometry(_inertias(model), missing)
+    bare = links - {shape.link for shape in shapes}
+    without = [link for link in robot.links if link.name in bare]
+    return Geometry(shapes + (inertia_boxes(without, reach(robot)) if missing else []), missing)
+
+
+def _inertias(model: Model) -> list[Shape]:
+    robot, size = model.robot, reach(model.robot)
+    return [*inertia_boxes(robot.links, size), *joint_axes(robot, size), *bars(robot, size)]
