@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -103,12 +104,12 @@ def _kernel(model: sd.Model) -> Any:
 def test_a_slice_ends_by_code_and_by_results(columns: tuple[int, ...]) -> None:
     """A tile costs its code, and what pages of results cost that nothing has touched yet: 16 MiB at most."""
     kernel = object.__new__(batch_kernels.Kernel)
-    kernel._length, kernel._results = 100_000, 8 * 8 * sum(columns)
+    kernel.code, kernel._results = SimpleNamespace(length=100_000), 8 * 8 * sum(columns)
     written = kernel.reach * kernel._results
     assert written <= 16 << 20
-    assert kernel.reach * kernel._length <= batch_kernels.SLICE_BYTES
-    most = batch_kernels.SLICE_BYTES - kernel._length - 64 * kernel._results
-    assert kernel.reach * kernel._length + 64 * written > most  # one tile more would be too many
+    assert kernel.reach * kernel.code.length <= batch_kernels.SLICE_BYTES
+    most = batch_kernels.SLICE_BYTES - kernel.code.length - 64 * kernel._results
+    assert kernel.reach * kernel.code.length + 64 * written > most  # one tile more would be too many
 
 
 @COMPILED
@@ -131,10 +132,10 @@ def test_results_end_a_slice_where_code_alone_would_not(
     q, v, tau = states(arm, 1024)
     tiles = 1024 // kernel.lanes
     parts = stopping(monkeypatch, batch_kernels.Kernel, "_part", 0)
-    monkeypatch.setattr(batch_kernels, "SLICE_BYTES", tiles * kernel._length)
+    monkeypatch.setattr(batch_kernels, "SLICE_BYTES", tiles * kernel.code.length)
     monkeypatch.setattr(batch_kernels, "RESULT_COST", 0)
     wanted, least = sd.aba(arm, q, v, tau), parts[0]
-    monkeypatch.setattr(batch_kernels, "RESULT_COST", 3 * kernel._length // kernel._results)  # code is a quarter
+    monkeypatch.setattr(batch_kernels, "RESULT_COST", 3 * kernel.code.length // kernel._results)  # code is a quarter
     np.testing.assert_array_equal(sd.aba(arm, q, v, tau), wanted)
     assert (least, parts[0] - least) == (1, 4 if thread_count == 1 else 2)  # three threads reach further
 
