@@ -1,7 +1,7 @@
 """The robot as a whole: centre of mass, centroidal momentum and the maps from joint velocities to them.
 
-Everything here is seen from the world: poses and velocities are composed outward, inertias and momenta
-summed inward at the world's origin. Source: Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot
+All but the sums over the whole robot is seen from the world: poses and velocities are composed outward, inertias and
+momenta summed inward at the world's origin. Source: Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot
 (2013), for the definitions; the sweeps are a derivation of our own.
 """
 
@@ -9,7 +9,18 @@ from __future__ import annotations
 
 from ..algebra.euclidean import Vec, add, cross, scale, sub
 from ..algebra.public_arrays import write_force, write_vec
-from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, put_motion, put_pose, table_dtype, vec_of
+from ..algebra.records import (
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_force,
+    put_inertia,
+    put_motion,
+    put_pose,
+    table_dtype,
+    vec_of,
+)
 from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import (
     Force,
@@ -23,10 +34,12 @@ from ..algebra.spatial import (
     cross_force,
     cross_motion,
     force_at_child,
+    force_to_parent,
     identity_pose,
     inertia_rate,
     inertia_to_parent,
     momentum,
+    motion_to_child,
     motion_to_parent,
     scale_motion,
     zero_force,
@@ -36,6 +49,7 @@ from ..bodies.joints import joint_motion, place_joint
 from .energy import WORK_MOMENT, mass_moment
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import A, Argument, Q, Spec, V
+from .steps import body_velocity, moved_by_joint
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in the world; outward
@@ -43,6 +57,19 @@ WORK = table_dtype(
     a=Motion,  # spatial acceleration in the world; outward, if a is given
     I=Inertia,  # inertia in the world, outward; of the subtree, inward
     dI=Inertia,  # its rate, outward; of the subtree, inward
+)
+WORK_COMPOSITE = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    X0=Pose,  # pose of the row in the world; outward
+    I=Inertia,  # inertia, outward; of the subtree, inward
+)
+WORK_TOTAL = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    v=Motion,  # spatial velocity; outward
+    a=Motion,  # spatial acceleration; outward, if a is given
+    m=float,  # mass, outward; of the subtree, inward
+    h=Vec,  # first moment of mass, outward; of the subtree, inward
+    f=Force,  # momentum of the body, or force that moves it, outward; of the subtree, inward
 )
 
 
@@ -165,33 +192,62 @@ def center_of_mass_jacobian(bodies: Bodies, work: Work, q: Config, J: Matrix) ->
 
 @inline
 def centroidal_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, h: Vector) -> None:
-    """The robot's momentum, its moment taken about the centre of mass."""
-    momentum_outward(bodies, work, q, v, None)
-    p = _momentum(bodies, work)
-    _inward(bodies, work, None)
-    c = _centre(work)
-    write_force(h, force_at_child(c, p))
+    """The robot's momentum Σ I v, its moment taken about the centre of mass."""
+    mass_moment(bodies, work, q)
+    put_motion(work[0].v, zero_motion())
+    put_force(work[0].f, zero_force())
+    for i in range(1, len(bodies)):
+        here, vi = work[i], body_velocity(bodies, work, i, v)
+        put_motion(here.v, vi)
+        put_force(here.f, momentum(inertia_of(bodies[i].inertia), vi))
+    write_force(h, _about_centre(bodies, work))
 
 
 @inline
 def centroidal_momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, dh: Vector) -> None:
-    """The net force on the robot, its moment taken about the centre of mass, whose own motion adds nothing."""
-    momentum_outward(bodies, work, q, v, a)
-    f = _force(bodies, work)
-    _inward(bodies, work, None)
-    c = _centre(work)
-    write_force(dh, force_at_child(c, f))
+    """The net force Σ (I a + v ×* I v), its moment taken about the centre of mass, whose own motion adds nothing."""
+    mass_moment(bodies, work, q)
+    put_motion(work[0].v, zero_motion())
+    put_motion(work[0].a, zero_motion())
+    put_force(work[0].f, zero_force())
+    for i in range(1, len(bodies)):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        vJ = joint_motion(bodies, i, v)
+        vi = moved_by_joint(here, parent, vJ)
+        aJ = add_motion(scale_motion(a[i - 1], motion_of(b.S)), cross_motion(vi, vJ))
+        ai = add_motion(motion_to_child(pose_of(here.X), motion_of(parent.a)), aJ)
+        I = inertia_of(b.inertia)
+        put_motion(here.v, vi)
+        put_motion(here.a, ai)
+        put_force(here.f, add_force(momentum(I, ai), cross_force(vi, momentum(I, vi))))
+    write_force(dh, _about_centre(bodies, work))
+
+
+@inline
+def _about_centre(bodies: Bodies, work: Work) -> Force:
+    """The f of all bodies summed inward, in the world, the moment taken about the centre of mass."""
+    for i in range(len(bodies) - 1, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), force_of(here.f))))
+    return force_at_child(scale(1.0 / work[0].m, vec_of(work[0].h)), force_of(work[0].f))
 
 
 @inline
 def centroidal_map(bodies: Bodies, work: Work, q: Config, Ag: Matrix) -> None:
-    """Column i: Ic S, its moment taken about the centre of mass."""
-    momentum_outward(bodies, work, q, None, None)
-    _inward(bodies, work, None)
+    """Column i: Ic S, its moment taken about the centre of mass; composite inertias Ic as in CRBA (RBDA table 6.2)."""
+    n = len(bodies) - 1
+    put_pose(work[0].X0, identity_pose())
+    for i in range(n + 1):
+        put_inertia(work[i].I, inertia_of(bodies[i].inertia))
+        if i > 0:
+            place_joint(bodies, i, q, work[i].X)
+            put_pose(work[i].X0, compose(pose_of(work[bodies[i].parent].X0), pose_of(work[i].X)))
+    for i in range(n, 0, -1):
+        here, parent = work[i], work[bodies[i].parent]
+        put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_to_parent(pose_of(here.X), inertia_of(here.I))))
     c = _centre(work)
-    for i in range(1, len(bodies)):
-        Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
-        F = momentum(inertia_of(work[i].I), Ji)
+    for i in range(1, n + 1):
+        F = force_to_parent(pose_of(work[i].X0), momentum(inertia_of(work[i].I), motion_of(bodies[i].S)))
         write_force(Ag[:, i - 1], force_at_child(c, F))
 
 
@@ -244,19 +300,20 @@ SPECS = (
         "Jacobian of the centre of mass: its velocity is J v.", _SOURCE,
     ),
     Spec(
-        "centroidal_momentum", centroidal_momentum, WORK, (Q, V),
+        "centroidal_momentum", centroidal_momentum, WORK_TOTAL, (Q, V),
         Argument("h", (6,), "kg m/s | kg m²/s", "momentum, " + _ABOUT),
-        "Momentum of the robot about its centre of mass.", _SOURCE,
+        "Momentum of the robot about its centre of mass.", _SOURCE, regroup=True,
     ),
     Spec(
-        "centroidal_momentum_rate", centroidal_momentum_rate, WORK, (Q, V, A),
+        "centroidal_momentum_rate", centroidal_momentum_rate, WORK_TOTAL, (Q, V, A),
         Argument("dh", (6,), "N | N m", "rate of change of momentum, " + _ABOUT),
         "Rate of change of the centroidal momentum: the net force on the robot, its weight counted.", _SOURCE,
+        regroup=True,
     ),
     Spec(
-        "centroidal_map", centroidal_map, WORK, (Q,),
+        "centroidal_map", centroidal_map, WORK_COMPOSITE, (Q,),
         Argument("Ag", (6, "nv"), "kg m | kg m² | kg", "momentum per joint velocity, " + _ABOUT),
-        "Centroidal momentum matrix: the centroidal momentum is Ag v.", _SOURCE,
+        "Centroidal momentum matrix: the centroidal momentum is Ag v.", _SOURCE, regroup=True,
     ),
     Spec(
         "centroidal_map_dot", centroidal_map_dot, WORK, (Q, V),
