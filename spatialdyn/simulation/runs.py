@@ -21,6 +21,7 @@ from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
 from ..errors import (
+    ConstraintError,
     ModelError,
     NonFiniteError,
     ShapeError,
@@ -29,12 +30,15 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
+from . import explicit
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
+from .constrained import Held, accelerate, hold, projected
 from .energy import FAST, exploded, scale_of
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
+from .rollouts import EXPLICIT_METHODS
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
@@ -60,6 +64,8 @@ def simulate(
     progress: Progress = False,
     rtol: float = 1e-9,
     atol: float = 1e-12,
+    constraints: Any = None,
+    stabilization: float | None = None,
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -80,6 +86,9 @@ def simulate(
               The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
+    constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them
+    stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
+              with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
@@ -95,6 +104,8 @@ def simulate(
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
             nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
+            ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
+            names, where they contradict each other or their rank changes;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
@@ -112,7 +123,10 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
+    held = hold(model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS], q, v, as_number(dt))
+    if held is not None and forces is not None:
+        raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -208,7 +222,7 @@ def _every(record: int | None, total: int) -> int:
 
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
-    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
+    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float, held: Held | None = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
@@ -224,7 +238,7 @@ def _run(
             if method.family is None:
                 run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol))
             else:
-                _run_fixed(recorder, (q, v, p), asked, fext, report)
+                _run_fixed(recorder, (q, v, p), asked, fext, report, held)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
@@ -252,14 +266,14 @@ def _run(
 
 def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None],
+    report: Callable[[int, int], None], held: Held | None = None,
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps = recorder.model, recorder.method, recorder.steps
     family = method.family
     assert family is not None
     assert method.advance is not None
-    advance = method.advance
+    advance = method.advance if held is None else projected(method.advance, held, model)
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     status = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
@@ -275,9 +289,10 @@ def _run_fixed(
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
-    system = System(family.kernels(fext is not None), asks, torque.user, *data)
+    kernels = family.kernels(fext is not None) if held is None else explicit.kernels_of(accelerate(held, model))
+    system = System(kernels, asks, torque.user, *data)
     family.start(system, state)
-    at_once = program(recorder, method, torque, fext, state)
+    at_once = program(recorder, method, torque, fext, state, held)
     now = (*state, recorder.at)
     marked = [x.copy() for x in now]
 
@@ -292,11 +307,14 @@ def _run_fixed(
 
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled:
+        if torque.compiled and held is None:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
-            with np.errstate(all="ignore"):
-                drive(marking, family.observe, system, state, *times)
+            try:
+                with np.errstate(all="ignore"):
+                    drive(marking, family.observe, system, state, *times)
+            except ConstraintError as error:
+                raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
         if status[0] != OK:
             raise SimulationError(_reason(status, recorder, h, state))
 
