@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +23,7 @@ from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
 CONTRADICTION = 1e3 * DEPENDENT  # times eps and the number of terms: residual of an equation that no rounding explains
+NAMED = 1e-6  # of the largest share in a contradiction: equations that a message names
 
 
 def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> Any:
@@ -81,12 +81,12 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
     index = np.unravel_index(bad[0], batch)
     sample = [_sample(x, batch, index) for x in values]
     where = "" if not batch else f" in sample {', '.join(str(int(k)) for k in index)}"
-    kept, residual, size = _dropped(spec, constraints, sample)
-    ratio = np.where((kept == 0.0) & (size > 0.0), abs(residual) / np.sqrt(np.where(size > 0.0, size, 1.0)), 0.0)
-    named = dict.fromkeys(constraints.equations[k].label for k in np.flatnonzero(ratio > least / math.sqrt(nc)))
+    kept, left, size = _dropped(spec, constraints, sample)
+    share = (1.0 - kept) * left * left / np.where(size > 0.0, size, 1.0)
+    named = dict.fromkeys(constraints.equations[k].label for k in np.flatnonzero(share > NAMED * share.max()))
     raise ConstraintError(
         f"{', '.join(named)} contradict{'s' * (len(named) == 1)} the other constraints{where}: {int(kept.sum())} of "
-        f"{nc} equations are independent, and these differ from what they imply by {ratio.max():.2g} of their terms; "
+        f"{nc} equations are independent, and these miss what they imply by {out[(*index, -2)]:.2g} of the motion; "
         "expected fewer constraints, or a state that meets them"
     )
 

@@ -15,7 +15,7 @@ from ..algebra.spatial import Force, Inertia, Pose
 from ..bodies.constraint_table import TERM
 from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_error, write_jacobian
 from .crba import crba
-from .dense import factor_dropping, solve_backward, solve_forward, worst_dropped
+from .dense import factor_dropping, quotient, solve_backward, solve_forward
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
@@ -164,6 +164,9 @@ def respond(
 ) -> None:
     """Solve M x = r + Jᵀ λ, J x + γ = 0 for x, in place of r, and λ = force.
 
+    For a dropped row, what the solution leaves of J x + γ is measured in the norm of G, as are the accelerations
+    x₀ = M⁻¹ r and M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units.
+
     L   of M, as of ``factor_tree``
     Y   J, written: J L⁻¹
     G, size, kept are scratch; gamma is written
@@ -173,25 +176,30 @@ def respond(
     for k in range(m):
         size[k] = G[k, k]
     share(constraints, size)
-    for k in range(m):
-        size[k] = DEPENDENT * (n + m) * EPS * size[k]
-    factor_dropping(G, size, kept)
+    factor_dropping(G, size, DEPENDENT * (n + m) * EPS, kept)
 
     # G λ = -γ - Y D⁻¹ L⁻ᵀ r
     solve_inward(bodies, L, x)
+    energy = 0.0
     for i in range(n):
-        x[i] = x[i] * (1.0 / L[i, i])
+        t = x[i] * (1.0 / L[i, i])
+        energy = energy + x[i] * t
+        x[i] = t
     for k in range(m):
         y = -gamma[k]
-        size[k] = gamma[k] * gamma[k]
         for i in range(n):
-            t = Y[k, i] * x[i]
-            y = y - t
-            size[k] = size[k] + t * t
+            y = y - Y[k, i] * x[i]
         gamma[k] = y
-    solve_forward(G, gamma, size)
-    share(constraints, size)
-    residual[0] = sqrt(worst_dropped(kept, gamma, size))
+    solve_forward(G, gamma)
+    lost = 0.0
+    count = 0.0
+    for k in range(m):
+        square = gamma[k] * gamma[k]
+        energy = energy + square * G[k, k]
+        lost = lost + (1.0 - kept[k]) * quotient(square, size[k])
+        count = count + kept[k]
+    residual[0] = sqrt(quotient(lost, lost + energy))
+    rank[0] = count
     solve_backward(G, gamma, force)
 
     # x = L⁻¹ D⁻¹ (L⁻ᵀ r + Yᵀ λ)
@@ -201,10 +209,6 @@ def respond(
             s = s + Y[k, i] * force[k]
         x[i] = x[i] + s * (1.0 / L[i, i])
     solve_outward(bodies, L, x)
-    count = 0.0
-    for k in range(m):
-        count = count + kept[k]
-    rank[0] = count
 
 
 @inline

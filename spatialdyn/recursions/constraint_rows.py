@@ -17,6 +17,7 @@ from typing import NamedTuple
 from ..algebra.euclidean import (
     Mat3,
     Vec,
+    acceleration_matrix,
     add,
     cross,
     dot,
@@ -233,14 +234,23 @@ def write_error(bodies: Bodies, work: Work, constraints: Record, q: Config, phi:
 
 
 @inline
+def point_acceleration(here: Record, X: Record) -> Vec:
+    """Of the origin of a frame at pose X in a body, in the body's axes, less gravity."""
+    U = acceleration_matrix(vec_of(here.w), vec_of(here.dw))
+    return add(vec_of(here.dv), rotate(U, vec_of(X.p)))
+
+
+@inline
 def rates(bodies: Bodies, work: Work, c: Record, s: Seen, v: Vector) -> Rates:
     """Rates of frame a seen from b at zero joint acceleration, from R, o, w, dw and dv of every row."""
     Ra, Rb = mat3_of(work[c.row_a].R), mat3_of(work[c.row_b].R)
     wa, wb = rotate(Ra, vec_of(work[c.row_a].w)), rotate(Rb, vec_of(work[c.row_b].w))
     aa, ab = rotate(Ra, vec_of(work[c.row_a].dw)), rotate(Rb, vec_of(work[c.row_b].dw))
     pa, pb = rotate(Ra, vec_of(c.Xa.p)), rotate(Rb, vec_of(c.Xb.p))
-    at_a = add(rotate(Ra, vec_of(work[c.row_a].dv)), add(cross(aa, pa), cross(wa, cross(wa, pa))))
-    at_b = add(rotate(Rb, vec_of(work[c.row_b].dv)), add(cross(ab, pb), cross(wb, cross(wb, pb))))
+    at_a, at_b = (
+        rotate(Ra, point_acceleration(work[c.row_a], c.Xa)),
+        rotate(Rb, point_acceleration(work[c.row_b], c.Xb)),
+    )
     u, to_a, from_b, i, j = zero(), pa, add(pb, s.r), c.row_a, c.row_b
     while i != j:
         if i > j:

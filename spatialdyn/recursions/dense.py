@@ -12,8 +12,8 @@ from .signatures import Matrix, Vector
 
 
 @inline
-def factor_dropping(G: Matrix, least: Vector, kept: Vector) -> None:
-    """G = C Δ Cᵀ in place, from its lower triangle; kept (m) is 1 for a pivot above ``least`` (m), else 0.
+def factor_dropping(G: Matrix, size: Vector, tolerance: Scalar, kept: Vector) -> None:
+    """G = C Δ Cᵀ in place, from its lower triangle; kept (m) is 1 for a pivot above tolerance times its size, else 0.
 
     Written: C below the diagonal, of unit diagonal, C Δ transposed above, and on the diagonal 1 / Δ, 0 if dropped.
     """
@@ -27,18 +27,16 @@ def factor_dropping(G: Matrix, least: Vector, kept: Vector) -> None:
         s = G[k, k]
         for j in range(k):
             s = s - G[j, k] * G[k, j]
-        kept[k] = exceeds(s, least[k])
+        kept[k] = exceeds(s, tolerance * size[k])
         G[k, k] = kept[k] / (kept[k] * s + (1.0 - kept[k]))
 
 
 @inline
-def solve_forward(G: Matrix, y: Vector, size: Vector) -> None:
-    """y = C⁻¹ y in place; size (m) grows by the squares of what is subtracted. For a dropped row y is its residual."""
+def solve_forward(G: Matrix, y: Vector) -> None:
+    """y = C⁻¹ y in place; for a dropped row y is its residual."""
     for k in range(len(G)):
         for j in range(k):
-            t = G[k, j] * y[j]
-            y[k] = y[k] - t
-            size[k] = size[k] + t * t
+            y[k] = y[k] - G[k, j] * y[j]
 
 
 @inline
@@ -52,10 +50,6 @@ def solve_backward(G: Matrix, y: Vector, x: Vector) -> None:
 
 
 @inline
-def worst_dropped(kept: Vector, y: Vector, size: Vector) -> Scalar:
-    """Σ y²/size over the dropped rows, y their residuals: 0 if there are none, 1 or so if they contradict others."""
-    total = 0.0
-    for k in range(len(kept)):
-        counts = (1.0 - kept[k]) * exceeds(size[k], 0.0)
-        total = total + counts * (y[k] * y[k]) / (counts * size[k] + (1.0 - counts))
-    return total
+def quotient(x: Scalar, y: Scalar) -> Scalar:
+    """x / y of numbers of 0 or more, x if y is 0."""
+    return x * (1.0 / (y + (1.0 - exceeds(y, 0.0))))
