@@ -40,7 +40,7 @@ def exact(
     bits   precision of the result, at least 53; None for exact rationals: models without mimic joints, calls of
            + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
     frame, reference, classical   of calls that take them
-    constraints   of ``constrained_dynamics``, which here takes 1/T of its stabilization, as ``rate``
+    constraints   of calls with a table of them; ``constrained_dynamics`` here takes 1/T of its stabilization, ``rate``
 
     Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
 

@@ -115,6 +115,12 @@ def delassus(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
     return call(constrained.DELASSUS, model, constraints, q)  # type: ignore[no-any-return]
 
 
+constraint_jacobian.spec = constraint_rows.JACOBIAN  # type: ignore[attr-defined]  # for ``exact``, as are the others
+constraint_error.spec = constraint_rows.ERROR  # type: ignore[attr-defined]
+constraint_drift.spec = constraint_rows.DRIFT  # type: ignore[attr-defined]
+delassus.spec = constrained.DELASSUS  # type: ignore[attr-defined]
+
+
 def constrained_motion(
     model: Model, constraints: Constraints, q: ArrayLike, v: ArrayLike, tau: ArrayLike, stabilization: Any = None
 ) -> ConstrainedMotion:

@@ -108,7 +108,8 @@ class Constraints:
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"Constraints are immutable, {name} cannot be set")
 
-    __delattr__ = __setattr__  # type: ignore[assignment]
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"Constraints are immutable, {name} cannot be deleted")
 
     def __len__(self) -> int:
         return len(self.items)
@@ -209,7 +210,7 @@ def _coordinate(model: Model, x: Constraint, name: str) -> dict[str, Any]:
         raise ModelError(f'joint "{name}" of {x.label} is fixed, expected one that moves')
     if int(model.bodies[joint.row]["kind"]) not in R1:
         raise ConstraintError(
-            f'{x.label}: the position of joint "{name}" ({joint.kind}) is not one number, expected one'
+            f'{x.label} couples joint "{name}" ({joint.kind}), expected a position that is one number'
         )
     return {"kind": TERM, "row_a": joint.row, "q_index": joint.idx_q}
 
