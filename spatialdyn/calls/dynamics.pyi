@@ -84,7 +84,6 @@ __all__ = [
     "velocity_from_momentum",
 ]
 calls: dict[str, Callable[..., Any]]
-BUILTINS: bool
 
 def checked_call(
     spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any, ...], out: Any

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..algebra.scalars import EPS
 from ..calls.arguments import core_shape
-from ..calls.dynamics import BUILTINS, checked_call
-from ..engines import run
+from ..calls.dynamics import checked_call
+from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.programs import single_call
 from ..engines.programs.single_call import ARRAY, NUMBER, Parameter
@@ -43,7 +43,7 @@ def _function(spec: Spec, constraints: Constraints, there: list[bool]) -> Callab
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     found = None
-    if BUILTINS:
+    if object_layout.READY and not numba_kernels.PLAIN:
         found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
 
     def checked(*values: Any) -> Any:

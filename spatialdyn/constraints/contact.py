@@ -60,6 +60,7 @@ def constrained_dynamics(
     v: ArrayLike,
     tau: ArrayLike,
     stabilization: float | None = None,
+    minimum_norm: bool = False,
 ) -> ConstrainedMotion: ...
 
 
@@ -72,8 +73,8 @@ def constrained_dynamics(
 def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained | ConstrainedMotion:
     """Forward dynamics under constraints: M a + C v + g = tau + Jᵀ force and J a + J̇ v = 0.
 
-    ``constrained_dynamics(model, constraints, q, v, tau, stabilization=None)`` takes a table of Constraints,
-    ``constrained_dynamics(model, q, v, tau, J, drift, damping=0.0)`` any Jacobian J, whose rows are independent.
+    ``constrained_dynamics(model, constraints, q, v, tau, stabilization=None, minimum_norm=False)`` takes a table of
+    Constraints, ``constrained_dynamics(model, q, v, tau, J, drift, damping=0.0)`` any Jacobian J of independent rows.
 
     Source: after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree. a is the acceleration
     nearest to that without constraints, in the metric of M, that meets them (Gauss's principle).
@@ -84,6 +85,8 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     tau            (..., nv)     joint torques [N m | N]
     stabilization  T [s]: J a + J̇ v + 2 J v / T + φ / T² = 0, so that errors φ die away like exp(-t/T); several steps
                    of an integrator, or None for J a + J̇ v = 0
+    minimum_norm   where equations depend on others, the force of the least sum of squares instead of that of the
+                   equations that come first: it is shared among them, whatever their order
     J              (..., m, nv)  Jacobian, such as rows of ``frame_jacobian`` at the feet
     drift          (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
     damping                      0 or more; above 0 the constraints are soft, J a + drift = -damping force, and rows

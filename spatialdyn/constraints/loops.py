@@ -44,7 +44,7 @@ def project_configuration(model: Model, constraints: Constraints, q: ArrayLike, 
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
-    >>> held = sd.Constraints(model, [sd.CouplerConstraint("elbow", "shoulder", ratio=-2.0)])
+    >>> held = sd.Constraints(model, [sd.CouplerConstraint("joint2", "joint1", ratio=-2.0)])
     >>> q = sd.project_configuration(model, held, [0.25, -0.49])
     >>> bool(abs(sd.constraint_error(model, held, q)).max() < 1e-12)
     True

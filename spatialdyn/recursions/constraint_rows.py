@@ -89,10 +89,10 @@ def turn_rows(bodies: Bodies, work: Work) -> None:
 
 @inline
 def place_bias(bodies: Bodies, work: Work, v: Vector) -> None:
-    """Write w, dw and dv of every row at zero joint acceleration, as ``rnea`` does; X is written."""
+    """Write w, dw and dv of every row at zero joint acceleration, as ``rnea`` does without gravity; X is written."""
     put_vec(work[0].w, zero())
     put_vec(work[0].dw, zero())
-    put_vec(work[0].dv, neg(vec_of(bodies[0].gravity)))
+    put_vec(work[0].dv, zero())
     for i in range(1, len(bodies)):
         classical_motion(bodies, work, i, v, None)
 

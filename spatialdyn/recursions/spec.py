@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .signatures import Array
+from .signatures import Array, Bodies
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def shape_in(shape: Iterable[str | int], sizes: Mapping[str, int]) -> tuple[int,
     )
 
 
-def sizes_of(bodies: Any, tables: Iterable[tuple[Argument, Any]] = ()) -> dict[str, int]:
+def sizes_of(bodies: Bodies, tables: Iterable[tuple[Argument, Any]] = ()) -> dict[str, int]:
     """Values of the names of sizes, from the table of bodies and from static tables: (argument, rows) of each."""
     world = bodies[0]
     found = {"nq": int(world.q_index), "nv": len(bodies) - 1, "njoints": int(world.dofs)}

@@ -62,7 +62,7 @@ class Held(NamedTuple):
         return made if self.rate is None else {**made, "rate": np.full((1, 1, 1), self.rate)}
 
 
-def hold(
+def held_by(
     model: Model, constraints: Any, stabilization: Any, method: str, known: Sequence[str], q: Array, v: Array, dt: float
 ) -> Held | None:
     """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there."""

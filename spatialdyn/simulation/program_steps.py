@@ -86,7 +86,7 @@ def slice_of(first: int, count: int, every: int) -> int:
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _kernel(model: Model, method: Method, held: tuple[Argument, ...], static: tuple[Any, ...]) -> Any:
+def _kernel(model: Model, method: Method, held: tuple[Argument, ...] = (), static: tuple[Any, ...] = ()) -> Any:
     specs = step_specs(method.name, False, True, held)
     rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):

@@ -30,7 +30,7 @@ from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.spec import TAU, Argument, Q, Spec, V
 from . import explicit
-from .constrained import Held, Rows, accelerate, hold, projected
+from .constrained import Held, Rows, accelerate, held_by, projected
 from .system import OK, State, System, held_torque
 
 Array = NDArray[Any]
@@ -194,7 +194,7 @@ def rollout(
     if constraints is not None or stabilization is not None:
         if number != np.float64:
             raise SimulationError(f"dtype is {number}, expected float64 with constraints: ranks need its digits")
-        held = hold(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
+        held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
         if held is not None:
             inputs |= {name: StepInput(x) for name, x in held.values.items()}
             if held.constraints.nc > recording.MOST_EQUATIONS:

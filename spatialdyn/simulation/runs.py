@@ -33,7 +33,7 @@ from ..model.model import Model
 from . import explicit
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
-from .constrained import Held, accelerate, hold, projected
+from .constrained import Held, accelerate, held_by, projected
 from .energy import FAST, exploded, scale_of
 from .methods import Method, integrators
 from .program_steps import program, slice_of
@@ -123,7 +123,7 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    held = hold(model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS], q, v, as_number(dt))
+    held = held_by(model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS], q, v, as_number(dt))
     if held is not None and forces is not None:
         raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held)

@@ -37,7 +37,6 @@ Reference = Literal["local", "world", "local_world_aligned"]
 
 __all__ = {names}
 calls: dict[str, Callable[..., Any]]
-BUILTINS: bool
 
 def checked_call(
     spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any, ...], out: Any

@@ -248,6 +248,21 @@ def test_stabilization_is_a_time() -> None:
     assert abs(J @ a - wanted).max() <= 1e4 * EPS * max(abs(wanted).max(), abs(J).max() * abs(a).max())
 
 
+def test_the_least_force_is_shared_among_equations_that_depend_on_each_other() -> None:
+    """Of two pins on one axis each holds half, whichever comes first; Jᵀ force is the same."""
+    model, (q, v) = four_bar(), four_bar_state()
+    one, both = pin_of(model), sd.Constraints(model, [*pin_of(model), *pin_of(model, kind="hinge")])
+    alone = sd.constrained_dynamics(model, one, q, v, rest(model)).force
+    basic = sd.constrained_dynamics(model, both, q, v, rest(model)).force
+    least = sd.constrained_dynamics(model, both, q, v, rest(model), minimum_norm=True)
+    assert basic == pytest.approx([*alone, 0, 0, 0, 0, 0], abs=1e-12)
+    assert least.force == pytest.approx([*alone / 2, *alone / 2, 0, 0], abs=1e-12)
+    J = sd.constraint_jacobian(model, both, q)
+    assert J.T @ least.force == pytest.approx(J.T @ basic, abs=1e-13)
+    several = sd.constrained_dynamics(model, both, np.tile(q, (9, 1)), v, rest(model), minimum_norm=True)
+    assert several.force[4] == pytest.approx(least.force, abs=1e-13)
+
+
 # --- exact numbers and symbols --------------------------------------------------------------------------
 
 

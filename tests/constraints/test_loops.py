@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import math
 import pickle
 from typing import Any
@@ -12,6 +13,7 @@ from mechanisms import every_kind, four_bar, four_bar_state, pin_of
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.constraints import contact, dynamics, kinds, loops, table
 
 EPS = np.finfo(float).eps
 
@@ -221,3 +223,8 @@ def test_independent_joints_determine_the_others() -> None:
     assert len(independent) == sd.mobility(model, one, s.q).free == model.nv - 3
     rest = sorted({*range(model.nv)} - {*independent})
     assert np.linalg.matrix_rank(sd.constraint_jacobian(model, one, s.q)[:, rest]) == 3
+
+
+@pytest.mark.parametrize("module", [contact, dynamics, kinds, loops, table])
+def test_the_examples_of_the_docstrings_hold(module: Any) -> None:
+    assert doctest.testmod(module).failed == 0

@@ -309,6 +309,6 @@ def test_contradictions_are_named_with_their_time() -> None:
     belt = sd.CouplerConstraint("rocker_joint", "crank_joint", 1.0, q[2] - q[0], name="belt")
     tied = sd.Constraints(model, [belt, rod, sd.VelocityConstraint([1.0, 0, 0], name="brake")])
     assert sd.constrained_dynamics(model, tied, q, [0, 1.0, 0], np.zeros(3)).rank == 2
-    pushed = constrained.hold(model, tied, None, "rk4", METHODS, q, np.zeros(3), 1e-3)
+    pushed = constrained.held_by(model, tied, None, "rk4", METHODS, q, np.zeros(3), 1e-3)
     assert pushed is not None
     assert pushed.rank.tolist() == [2]
