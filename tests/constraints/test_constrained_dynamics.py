@@ -132,6 +132,26 @@ def test_a_plane_askew_to_all_axes_changes_nothing(seed: int) -> None:
     assert found.a[0] == pytest.approx(-24.563653911231757, abs=1e-11)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_axes_that_agree_to_rounding_are_parallel(seed: int) -> None:
+    """Tilts of 1e-16 make the equation out of plane a row of rounding, independent of the others: it is dropped."""
+    rng, made = np.random.default_rng(seed), sd.ModelBuilder("rounded")
+    for name, parent, x, length in (
+        ("crank", None, 0.0, 0.2),
+        ("coupler", "crank", 0.2, 0.5),
+        ("rocker", None, 0.5, 0.4),
+    ):
+        axis = np.append(1e-16 * rng.normal(size=2), 1.0)
+        made.add_body(name, parent, "revolute", axis, (x, 0, 0), rod(length))
+    model, (q, v) = made.build(gravity=(0, -G, 0)), four_bar_state()
+    held = pin_of(model)
+    J = sd.constraint_jacobian(model, held, q)
+    assert 0.0 < abs(J[2]).max() < 1e-15
+    found = sd.constrained_dynamics(model, held, q, v, rest(model))
+    assert found.rank == 2
+    assert found.a[0] == pytest.approx(-24.563653911231757, abs=1e-12)
+
+
 def test_a_parallelogram_and_its_branch_point() -> None:
     """θ̈ = -1.2 g cos θ of four rods of 1 m and 1 kg; at θ = 0 the rank falls, near it it does not."""
     model = four_bar(1.0, 1.0, 1.0, 1.0)

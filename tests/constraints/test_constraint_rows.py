@@ -117,6 +117,22 @@ def test_all_engines_agree(name: str) -> None:
     assert found["program"].tolist() == found["program, batch"].tolist()
 
 
+def test_a_program_keeps_frames_where_they_are() -> None:
+    """Programs move origins of bodies along their axes, here of all three, where no frame is seen from a body."""
+    made, parent = sd.ModelBuilder("arm"), None
+    for k, (axis, at) in enumerate((((0, 0, 1), (0, 0, 0.3)), ((0, 1, 0), (0.2, 0.1, 0)), ((0, 1, 0), (0, -0.2, 0.4)))):
+        made.add_body(f"b{k}", parent, "revolute", axis, at, (1.0, (0.1, 0.2, 0.3), 0.1 * np.eye(3)))
+        parent = f"b{k}"
+    model, rng = made.build(), np.random.default_rng(0)
+    q, v, tau = rng.normal(size=(3, 3))
+    held = sd.Constraints(model, [sd.PointConstraint("b2", axes="xz", at_a=(0.1, 0.2, 0.3))])
+    found = sd.constrained_dynamics(model, held, q, v, tau).a
+    J, drift = sd.constraint_jacobian(model, held, q), sd.constraint_drift(model, held, q, v)
+    M, free = sd.crba(model, q), sd.aba(model, q, v, tau)
+    wanted = free - np.linalg.solve(M, J.T @ np.linalg.solve(J @ np.linalg.solve(M, J.T), J @ free + drift))
+    assert abs(found - wanted).max() <= 1e3 * SAME * abs(wanted).max()
+
+
 def test_one_program_is_not_taken_for_another() -> None:
     """Tables of one shape and other numbers: what a table holds is in every cache's key."""
     model = four_bar()
