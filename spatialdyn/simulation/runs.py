@@ -30,7 +30,7 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
-from . import explicit
+from . import explicit, rattle
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
@@ -86,7 +86,8 @@ def simulate(
               The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
-    constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them
+    constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them, and stormer_verlet,
+              which is then RATTLE: symplectic, for equations of positions and joints whose position is one number
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
 
@@ -123,7 +124,11 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    held = held_by(model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS], q, v, as_number(dt))
+    held = held_by(
+        model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS, rattle.NAME], q, v, as_number(dt)
+    )
+    if held is not None and chosen.name == rattle.NAME:
+        rattle.check_rattle(model, held)
     if held is not None and forces is not None:
         raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held)
@@ -273,7 +278,9 @@ def _run_fixed(
     family = method.family
     assert family is not None
     assert method.advance is not None
-    advance = method.advance if held is None else projected(method.advance, held, model)
+    advance = method.advance
+    if held is not None:
+        advance = rattle.rattle(held, model) if recorder.moves_p else projected(method.advance, held, model)
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     status = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
@@ -289,7 +296,10 @@ def _run_fixed(
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
-    kernels = family.kernels(fext is not None) if held is None else explicit.kernels_of(accelerate(held, model))
+    if held is None or recorder.moves_p:
+        kernels = family.kernels(fext is not None)
+    else:
+        kernels = explicit.kernels_of(accelerate(held, model))
     system = System(kernels, asks, torque.user, *data)
     family.start(system, state)
     at_once = program(recorder, method, torque, fext, state, held)

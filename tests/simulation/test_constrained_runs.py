@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -113,6 +114,68 @@ def test_gains_of_ten_over_the_step_explode() -> None:
     assert errors(3 * dt).max() <= 1e-5
     with pytest.raises(sd.SimulationError, match=r"stabilization is 0\.0001 s, expected at least 3 dt = 0\.003 s"):
         sd.simulate(model, q, v, 0.1, dt, constraints=held, stabilization=dt / 10)
+
+
+@pytest.mark.parametrize(
+    ("h", "steps", "wanted"),
+    slow_but([(4e-3, 200, 6.277e-4)], [(4e-3, 200, 6.277e-4), (2e-3, 1000, 1.571e-4), (4e-3, 4000, 6.288e-4)]),
+)
+def test_rattle_keeps_energy_within_bounds(h: float, steps: int, wanted: float) -> None:
+    """The error is of order h² and does not grow; loop and velocities are closed to rounding."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    run = sd.simulate(model, q, v, steps * h, h, "stormer_verlet", constraints=held)
+    assert abs(run.energy - run.energy[0]).max() == pytest.approx(wanted, rel=1e-3)
+    phi, Jv = left_open(model, held, run.q, run.v)
+    assert phi <= 1e-14
+    assert Jv <= 1e-13
+
+
+def test_rattle_is_of_order_two_and_reversible() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    exact = sd.simulate(model, q, v, 0.2, 5e-4, constraints=held).q[-1]
+    errors = []
+    for h in (4e-3, 2e-3):
+        run = sd.simulate(model, q, v, 0.2, h, "stormer_verlet", constraints=held)
+        errors.append(abs(run.q[-1] - exact).max())
+        back = sd.simulate(model, run.q[-1], -run.v[-1], 0.2, h, "stormer_verlet", constraints=held)
+        assert abs(back.q[-1] - q).max() <= 1e-11
+    assert 3.5 <= errors[0] / errors[1] <= 4.5
+
+
+def test_rattle_takes_torques() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    run = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", [0.5, 0, 0], constraints=held)
+    wanted = sd.simulate(model, q, v, 0.1, 1e-3, "rk4", [0.5, 0, 0], constraints=held)
+    assert abs(run.q[-1] - wanted.q[-1]).max() <= 1e-5
+    damped = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", lambda t, q, v: -0.1 * v, constraints=held)
+    assert damped.energy[-1] < damped.energy[0] - 1e-3
+
+
+def test_what_rattle_cannot_do() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+
+    def refused(model: sd.Model, items: Any, q: Any, v: Any, **options: Any) -> str:
+        held = sd.Constraints(model, items)
+        with pytest.raises(sd.SimulationError) as caught:
+            sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, **options)
+        return str(caught.value)
+
+    still = np.zeros(3)
+    text = refused(model, [sd.VelocityConstraint([1.0, 0, 0])], q, still)
+    assert text == (
+        "stormer_verlet is given VelocityConstraint(), expected equations of positions; explicit methods take those of "
+        "velocities"
+    )
+    assert "expected None for stormer_verlet: it keeps φ = 0" in refused(
+        model, [*pin_of(model)], q, v, stabilization=0.1
+    )
+    free, _ = disc(0.1)
+    hung = [sd.PointConstraint("disc")]
+    wanted = 'is given joint "disc_joint" (floating), expected joints whose position is one number'
+    assert wanted in refused(free, hung, sd.neutral(free), np.zeros(6))
 
 
 def test_a_quadruped_holds_its_feet() -> None:
