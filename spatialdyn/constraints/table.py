@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import MISSING, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..bodies.constraint_table import ALIGN, CONSTRAINTS, DISTANCE, ORIENT, POIN
 from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import check_model
-from ..errors import ConstraintError, ModelError
+from ..errors import ConstraintError, ModelError, SpatialDynError
 from ..model.model import Model
 from . import kinds
 from .kinds import (
@@ -105,6 +106,35 @@ class Constraints:
         for name, value in zip(("model", "items", "equations", "nc", "table", "_plans"), values, strict=True):
             object.__setattr__(self, name, value)
 
+    @classmethod
+    def of_toml(cls, model: Model, text: str) -> Constraints:
+        """The constraints of a TOML text, such as a file beside the URDF, which has no loops of its own.
+
+        Each is an entry ``[[constraint]]`` with its kind (point, weld, hinge, distance, coupler, rolling or velocity)
+        and the arguments of that kind by name.
+
+        Raises  ConstraintError for what is no such text, naming the entry and its key; SpatialDynError before Python
+                3.11, which reads no TOML; otherwise as the class
+
+        >>> import spatialdyn as sd
+        >>> text = '[[constraint]]\\nkind = "coupler"\\njoint = "joint2"\\nto = "joint1"\\nratio = -2'
+        >>> sd.Constraints.of_toml(sd.load_urdf("two_link"), text).items[0].ratio
+        -2.0
+        """
+        try:
+            import tomllib
+        except ImportError:
+            raise SpatialDynError("constraints in TOML need Python 3.11, expected Constraints(model, [...])") from None
+        try:
+            given = tomllib.loads(text)
+        except (tomllib.TOMLDecodeError, TypeError) as error:
+            raise ConstraintError(f"constraints are no TOML: {error}") from None
+        entries = given.pop("constraint", [])
+        if given or not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):
+            found = ", ".join(given) or "one [constraint]"
+            raise ConstraintError(f"constraints in TOML have {found}, expected entries [[constraint]] alone")
+        return cls(model, [_of_entry(k, x) for k, x in enumerate(entries)])
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"Constraints are immutable, {name} cannot be set")
 
@@ -131,6 +161,24 @@ class Constraints:
     def __repr__(self) -> str:
         listed = ", ".join(x.label for x in self.items)
         return f"<Constraints of {self.model.name}: {self.nc} equations, {listed}>"
+
+
+def _of_entry(k: int, entry: dict[str, Any]) -> Constraint:
+    """The constraint of an entry of a TOML text."""
+    known = {kind.__name__.removesuffix("Constraint").lower(): kind for kind in kinds.KINDS}
+    what, arguments = f"constraint {k} of the TOML text", dict(entry)
+    kind = known.get(str(arguments.pop("kind", None)))
+    if kind is None:
+        raise ConstraintError(f"{what} has kind {entry.get('kind')!r}, expected one of {', '.join(known)}")
+    names = [x.name for x in fields(kind)]
+    unknown = sorted({*arguments} - {*names})
+    if unknown:
+        raise ConstraintError(f"{what} has {unknown[0]}, expected some of {', '.join(names)}")
+    lacks = [x.name for x in fields(kind) if x.default is MISSING and x.name not in arguments]
+    if lacks:
+        raise ConstraintError(f"{what} lacks {lacks[0]}, expected {', '.join(names)}")
+    made: Constraint = kind(**arguments)
+    return made
 
 
 def check_constraints(model: Model, constraints: Any) -> Constraints:

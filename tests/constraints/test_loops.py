@@ -108,6 +108,45 @@ def test_names_are_checked_by_the_robot() -> None:
         sd.Constraints(ball, [sd.CouplerConstraint(joint, other)])
 
 
+def test_constraints_come_from_toml() -> None:
+    pytest.importorskip("tomllib")
+    model = four_bar()
+    text = """
+    [[constraint]]
+    kind = "hinge"
+    frame_a = "coupler"
+    frame_b = "rocker"
+    at_a = [0.5, 0, 0]
+    at_b = [0.4, 0, 0]
+    name = "pin"
+
+    [[constraint]]
+    kind = "velocity"
+    A = [[1, 0, 0]]
+    """
+    wanted = sd.Constraints(model, [*pin_of(model, kind="hinge"), sd.VelocityConstraint([1, 0, 0])])
+    assert sd.Constraints.of_toml(model, text) == wanted
+    assert sd.Constraints.of_toml(model, "").nc == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("[[constraint]", "^constraints are no TOML: "),
+        ("[constraint]", r"have one \[constraint\], expected entries \[\[constraint\]\] alone"),
+        ("[[loop]]", r"have loop, expected entries"),
+        ("[[constraint]]\nkind = 'pin'", "constraint 0 of the TOML text has kind 'pin', expected one of point, weld, "),
+        ("[[constraint]]\nkind = 'point'\nframe = 'a'", "constraint 0 of the TOML text has frame, expected some of fr"),
+        ("[[constraint]]\nkind = 'point'", "constraint 0 of the TOML text lacks frame_a, expected frame_a, frame_b"),
+        ("[[constraint]]\nkind = 'point'\nframe_a = 3", "PointConstraint has frame_a 3, expected a name"),
+    ],
+)
+def test_what_toml_cannot_be(text: str, wanted: str) -> None:
+    pytest.importorskip("tomllib")
+    with pytest.raises(sd.ConstraintError, match=wanted):
+        sd.Constraints.of_toml(four_bar(), text)
+
+
 def test_mimic_joints_are_refused() -> None:
     made = sd.ModelBuilder("mimic")
     made.add_body("a", None, "revolute", inertia=(1.0, (0, 0, 0), np.eye(3)))
