@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
+from ..constraints.table import check_constraints
 from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, float32_range, recording, time_loop
 from ..engines.programs.program import Program
@@ -194,12 +195,12 @@ def rollout(
     if constraints is not None or stabilization is not None:
         if number != np.float64:
             raise SimulationError(f"dtype is {number}, expected float64 with constraints: ranks need its digits")
+        if constraints is not None and check_constraints(model, constraints).nc > recording.MOST_EQUATIONS:
+            most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
+            raise SimulationError(f"constraints have {constraints.nc} equations, {most}")
         held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
         if held is not None:
             inputs |= {name: StepInput(x) for name, x in held.values.items()}
-            if held.constraints.nc > recording.MOST_EQUATIONS:
-                most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
-                raise SimulationError(f"constraints have {held.constraints.nc} equations, {most}")
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T and model.nv:
