@@ -50,6 +50,32 @@ if TYPE_CHECKING:
     from .calls.prepare import compile
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
+    from .constraints.dynamics import (
+        ConstrainedImpact,
+        ConstrainedMotion,
+        constraint_drift,
+        constraint_error,
+        constraint_jacobian,
+        delassus,
+    )
+    from .constraints.kinds import (
+        CouplerConstraint,
+        DistanceConstraint,
+        HingeConstraint,
+        PointConstraint,
+        RollingConstraint,
+        VelocityConstraint,
+        WeldConstraint,
+    )
+    from .constraints.loops import (
+        Mobility,
+        close_loops,
+        independent_joints,
+        mobility,
+        project_configuration,
+        project_velocity,
+    )
+    from .constraints.table import Constraints
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
     from .lagrangian.check_conservation import check_conservation
@@ -69,15 +95,18 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Constrained", "ConstraintError", "Diagnosis", "Exact", "Finding", "Frame",
-    "Impact", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError", "Option", "PD",
-    "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
-    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "assemble", "check_conservation",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics", "diagnose", "exact",
-    "forward_dynamics", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "integrators", "kernels", "load_urdf", "plot", "poisson_bracket", "random_configuration", "recommend",
-    "rollout", "simplify", "simulate", "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry",
-    "view", "wrench_at",
+    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError",
+    "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame",
+    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError",
+    "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
+    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
+    "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation",
+    "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics",
+    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact",
+    "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
+    "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
+    "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -86,7 +115,13 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "accuracy.tradeoff": "recommend trade", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
-    "constraints.contact": "Constrained Impact constrained_dynamics impact", "interop.pinocchio": "from_pinocchio",
+    "constraints.contact": "Constrained Impact constrained_dynamics impact",
+    "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
+    "delassus",
+    "constraints.kinds": "CouplerConstraint DistanceConstraint HingeConstraint PointConstraint RollingConstraint "
+    "VelocityConstraint WeldConstraint",
+    "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
+    "constraints.table": "Constraints", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",

@@ -113,6 +113,12 @@ def select(x: Scalar, positive: Scalar, otherwise: Scalar) -> Scalar:
 
 
 @singledispatch
+def exceeds(x: Scalar, floor: Scalar) -> Scalar:
+    """1 where x > floor, else 0, for a floor of 0 or more; of symbols, 1 unless x is 0 identically."""
+    return 0.0 if isinstance(x, float) and x <= 0.0 else select(x - floor, 1.0, 0.0)
+
+
+@singledispatch
 def series_or_closed(x: Scalar, series: Scalar, closed: Scalar) -> Scalar:
     """``series``, good to float64, where x > 0, else the closed form it stands for.
 
@@ -144,6 +150,11 @@ def _atan2(y, x):  # type: ignore[no-untyped-def]
 @compiled_as(select)
 def _select(x, positive, otherwise):  # type: ignore[no-untyped-def]
     return lambda x, positive, otherwise: positive if x > 0.0 else otherwise
+
+
+@compiled_as(exceeds)
+def _exceeds(x, floor):  # type: ignore[no-untyped-def]
+    return lambda x, floor: 1.0 if x > floor else 0.0
 
 
 @compiled_as(series_or_closed)

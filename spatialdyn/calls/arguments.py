@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..bodies.static_table import StaticTable
 from ..engines.memory import empty as empty
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot import masked
-from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
+from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, shape_in
 
 Array = NDArray[np.float64]
 REFERENCES = {"local": LOCAL, "world": WORLD, "local_world_aligned": LOCAL_WORLD_ALIGNED}
@@ -86,14 +87,20 @@ def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
     return given
 
 
-def core_shape(model: Model, argument: Argument) -> tuple[int, ...]:
-    """Shape of one sample of an argument."""
-    return tuple([getattr(model, s) if isinstance(s, str) else s for s in argument.shape])
+def core_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
+    """Shape of one sample of an argument; of the static inputs' values, tables give sizes."""
+    tables = [x for x in static if isinstance(x, StaticTable)]
+    if not tables:
+        return tuple([getattr(model, s) if isinstance(s, str) else s for s in argument.shape])
+    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+    for x in tables:
+        sizes |= x.sizes
+    return shape_in(argument.shape, sizes)
 
 
-def batch_shape(model: Model, argument: Argument, x: Array) -> tuple[int, ...]:
+def batch_shape(model: Model, argument: Argument, x: Array, static: Sequence[Any] = ()) -> tuple[int, ...]:
     """Leading axes of an input. Raises ShapeError if the last axes are not the shape of one sample."""
-    core = core_shape(model, argument)
+    core = core_shape(model, argument, static)
     if x.ndim < len(core) or x.shape[x.ndim - len(core) :] != core:
         wanted = ", ".join(["...", *map(str, core)])
         raise ShapeError(f"{argument.name} has shape {x.shape}, expected ({wanted})")
@@ -176,10 +183,10 @@ def to_full_tree(model: Model, argument: Argument, x: Array) -> Array:
     return x
 
 
-def full_shape(model: Model, argument: Argument) -> tuple[int, ...]:
+def full_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
     """Shape of one sample of an argument of the full tree, mimic joints counted."""
     if model.mimic_matrix is None:
-        return core_shape(model, argument)
+        return core_shape(model, argument, static)
     full = {"nq": int(model.bodies[0]["q_index"]), "nv": len(model.bodies) - 1, "njoints": model.njoints}
     return tuple(full[s] if isinstance(s, str) else s for s in argument.shape)
 

@@ -77,19 +77,19 @@ def checked_call(
     varying = [x for x in spec.present if not x.static]
     arrays = [as_array(x.name, value) for x, value in given]
     batch = broadcast(
-        [x.name for x in varying], [batch_shape(model, x, a) for x, a in zip(varying, arrays, strict=True)]
+        [x.name for x in varying], [batch_shape(model, x, a, static) for x, a in zip(varying, arrays, strict=True)]
     )
-    shape = batch + core_shape(model, spec.output)
+    shape = batch + core_shape(model, spec.output, static)
     result = (
         empty(shape)
         if out is None
         else check_out(out, shape, {x.name: a for x, a in zip(varying, arrays, strict=True)})
     )
     n, seen = math.prod(batch), out is not None
-    if not batch and not by_table:
+    if not batch and not by_table and spec.name in SPECS:
         _keep_plan(spec, model, static, words)
     if n:
-        inputs = [flatten_batch(a, batch, core_shape(model, x)) for x, a in zip(varying, arrays, strict=True)]
+        inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in zip(varying, arrays, strict=True)]
         flat = result.reshape((n, -1))
         if model.mimic_matrix is None:
             compute = run.run_table_kernel if by_table else run.batch
@@ -179,7 +179,7 @@ def _plan(
     if lacks or model.mimic_matrix is not None or any(len(x.shape) != 1 for x in given):
         return None
     lanes = run.program(spec, model, static)
-    return None if lanes is None else (lanes, core_shape(model, spec.output))
+    return None if lanes is None else (lanes, core_shape(model, spec.output, static))
 
 
 # --- the calls, one per spec -----------------------------------------------------------------------------
@@ -274,8 +274,10 @@ def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[A
         single_call.change(known, program, alive)
         return
     parameters = [x.partition("=")[0] for x in parameters_of(public)]
-    shapes = {x.name: core_shape(model, x) for x in spec.present if not x.static}
-    made = single_call.plan(program, [core_shape(model, spec.output)], list(map(shapes.get, parameters)), alive=alive)
+    shapes = {x.name: core_shape(model, x, static) for x in spec.present if not x.static}
+    made = single_call.plan(
+        program, [core_shape(model, spec.output, static)], list(map(shapes.get, parameters)), alive=alive
+    )
     if not words:
         plans[key] = made
         return

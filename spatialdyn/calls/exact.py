@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.static_table import StaticTable
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import singular_row, unit_norm
 from ..engines.numbers import multiprecision as engine
@@ -15,7 +16,7 @@ from ..engines.programs.tracer import evaluate, table
 from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot import masked
-from ..recursions.spec import Argument, Spec
+from ..recursions.spec import Argument, Spec, sizes_of
 from .arguments import batch_shape, broadcast, check_model, core_shape, from_full_tree, full_shape, to_full_tree
 from .failures import zero_inertia_message
 from .specs import spec_of, static_of
@@ -30,6 +31,7 @@ def exact(
     frame: str | Frame | None = None,
     reference: str = "local",
     classical: bool = False,
+    constraints: Any = None,
 ) -> Exact:
     """A public call of one model in high precision: its result without rounding errors.
 
@@ -38,6 +40,7 @@ def exact(
     bits   precision of the result, at least 53; None for exact rationals: models without mimic joints, calls of
            + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
     frame, reference, classical   of calls that take them
+    constraints   of calls with a table of them; ``constrained_dynamics`` here takes 1/T of its stabilization, ``rate``
 
     Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
 
@@ -66,7 +69,7 @@ def exact(
     if model.mimic_matrix is not None and (bits is None or spec.pivots):
         what = "rationals" if bits is None else f"the truth of {spec.name}"
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for {what}')
-    static = static_of(model, [x.name for x in spec.present if x.static], frame, reference, classical)
+    static = static_of(model, [x.name for x in spec.present if x.static], frame, reference, classical, constraints)
     return Exact(model, spec, arithmetic, static, bits)
 
 
@@ -79,7 +82,7 @@ class Exact:
     context  mpmath's context of the results, whose ``nstr`` prints them; None for rationals
 
     Results are arrays of mpmath's ``mpf`` or of ``Fraction``, a single number where the call returns one;
-    ``.astype(float)`` rounds them.
+    ``.astype(float)`` rounds them. A call of several outputs returns a tuple.
 
     Raises
         ShapeError for shapes that do not match, SpatialDynError for what is no number or has no rational value
@@ -97,18 +100,19 @@ class Exact:
         self._spec, self._arithmetic = spec, arithmetic
         self._rows = table(model.bodies, arithmetic.number)
         placed = {"placement": engine.numbers(arithmetic, static["placement"])} if "placement" in static else {}
-        self._static = {**static, **placed}
+        tables = {name: table(x.rows, arithmetic.number) for name, x in static.items() if isinstance(x, StaticTable)}
+        self._static, self._values = {**static, **placed, **tables}, tuple(static.values())
 
     def __call__(self, *values: Any, **named: Any) -> Any:
         """The call on one sample, or on batches, sample by sample."""
         model, spec = self.model, self._spec
         given = self._match_inputs(values, named)
         arrays = {x.name: self._array(x, value) for x, value in given}
-        shapes = [batch_shape(model, x, arrays[x.name]) for x, _ in given]
+        shapes = [batch_shape(model, x, arrays[x.name], self._values) for x, _ in given]
         batch = broadcast([x.name for x, _ in given], shapes)
-        core = core_shape(model, spec.output)
+        core = core_shape(model, spec.output, self._values)
         result = np.empty(batch + core, dtype=object)
-        whole = {x.name: np.broadcast_to(arrays[x.name], batch + core_shape(model, x)) for x, _ in given}
+        whole = {x.name: np.broadcast_to(arrays[x.name], batch + core_shape(model, x, self._values)) for x, _ in given}
         for at in np.ndindex(batch):
             sample = {x.name: np.array(whole[x.name][at], dtype=object) for x, _ in given}
             if model.mimic_matrix is None:
@@ -118,6 +122,10 @@ class Exact:
                 result[at] = from_full_tree(model, spec.output, self._sample(sample, at))
         for at in np.ndindex(result.shape):
             result[at] = self._arithmetic.shown(result[at])
+        if spec.parts:
+            sizes = sizes_of(self._rows, [(x, self._static[x.name]) for x in spec.present if x.table is not None])
+            parts = zip(spec.parts, spec.split(result, sizes), strict=True)
+            return tuple(x if part.shape else x[..., 0] if batch else x[0] for part, x in parts)
         return result if result.shape else result[()]
 
     def __repr__(self) -> str:
@@ -174,7 +182,8 @@ class Exact:
         pivots = np.full(len(model.bodies) - 1, None, dtype=object)
         present = numba_kernels.variant(spec, frozenset(sample))
         try:
-            out = evaluate(present, self._rows, full_shape(model, spec.output), {**inputs, **self._static}, pivots)
+            shape = full_shape(model, spec.output, self._values)
+            out = evaluate(present, self._rows, shape, {**inputs, **self._static}, pivots)
         except ZeroDivisionError:
             if not spec.pivots:
                 raise NonFiniteError(f"{spec.name} divides by 0{where}, expected a robot with mass") from None
@@ -184,4 +193,4 @@ class Exact:
             row = singular_row(self._rows, inputs["q"], pivots, arithmetic.eps)
             if row:
                 raise InertiaError(zero_inertia_message(model, row, where))
-        return out.reshape(full_shape(model, spec.output))[()]
+        return out.reshape(shape)[()]

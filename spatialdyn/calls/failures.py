@@ -10,13 +10,14 @@ import numpy as np
 
 from ..algebra.rotations import UNIT_TOLERANCE
 from ..bodies.kinds import unit_part
+from ..bodies.static_table import StaticTable
 from ..engines import run
 from ..engines.compiled import numba_kernels
 from ..engines.run import Failed
 from ..errors import ConfigurationError, InertiaError, NonFiniteError
 from ..model.model import Joint, Model
 from ..recursions import SPECS
-from ..recursions.spec import Spec
+from ..recursions.spec import Spec, sizes_of
 from .arguments import Array, full_shape
 
 
@@ -122,12 +123,16 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
     """The outermost row whose articulated inertia is <= n eps of its composite inertia, in one sample."""
     n = len(model.bodies) - 1
     values = dict(zip((x.name for x in spec.present if not x.static), sample, strict=True))
+    known = (x.rows if isinstance(x, StaticTable) else x for x in static)
+    values |= dict(zip((x.name for x in spec.present if x.static), known, strict=True))
     inputs = [None if x is None else values[x.name] for x in spec.inputs]
-    pivots, *spare = (np.empty(size) for size in spec.extra_outputs(n))
+    sizes = sizes_of(model.bodies, [(x, values[x.name]) for x in spec.present if x.table is not None])
+    pivots, *spare = (np.empty(size) for size in spec.extra_outputs(sizes))
     M = np.empty((n, n))
     with np.errstate(all="ignore"):
         scratch = np.zeros(n + 1, spec.work)
-        spec.recursion(model.bodies, scratch, *inputs, np.empty(full_shape(model, spec.output) or (1,)), pivots, *spare)
+        out = np.empty(full_shape(model, spec.output, static) or (1,))
+        spec.recursion(model.bodies, scratch, *inputs, *spec.split(out, sizes), pivots, *spare)
         crba = SPECS["crba"]
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
     singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ..bodies.static_table import StaticTable
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Frame, Model
 from ..recursions import SPECS
@@ -14,7 +15,10 @@ from .dynamics import calls as public
 
 
 def spec_of(call: Any) -> Spec | None:
-    """The spec of a public call. Returns None if not applicable."""
+    """The spec of a public call; one with a table of constraints names it ``spec``. Returns None if not applicable."""
+    named = getattr(call, "spec", None)
+    if isinstance(named, Spec):
+        return named
     return next((SPECS[name] for name, function in public.items() if function is call), None)
 
 
@@ -36,9 +40,17 @@ def specs_of(calls: Any) -> tuple[Spec, ...]:
 
 
 def static_of(
-    model: Model, names: Iterable[str], frame: str | Frame | None, reference: str, classical: bool
+    model: Model,
+    names: Iterable[str],
+    frame: str | Frame | None,
+    reference: str,
+    classical: bool,
+    constraints: Any = None,
 ) -> dict[str, Any]:
-    """Values of the static inputs (row, placement, reference, classical). Raises if one is given that no call takes."""
+    """Values of the static inputs (row, placement, reference, classical, constraints).
+
+    Raises if one is given that no call takes.
+    """
     values: dict[str, Any] = {}
     names = set(names)
     if "row" in names:
@@ -57,4 +69,13 @@ def static_of(
         values["classical"] = int(classical)
     elif classical:
         raise SpatialDynError("classical is True, expected the default: no call takes it")
+    table = getattr(constraints, "table", None)
+    if "constraints" in names:
+        if not isinstance(table, StaticTable) or constraints.model != model:
+            raise SpatialDynError(
+                f"constraints are {constraints!r}, expected Constraints of this model: a call takes them"
+            )
+        values["constraints"] = table
+    elif constraints is not None:
+        raise SpatialDynError(f"constraints are {constraints!r}, expected None: no call takes them")
     return values

@@ -1,9 +1,9 @@
-"""Forward dynamics and impacts under constraints J a + γ = 0, given by their Jacobian."""
+"""Forward dynamics and impacts under constraints: given by their Jacobian, or by a table of ``Constraints``."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +17,12 @@ from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
 from ..model.model import Model
+from ..recursions.constrained import MOTION
 from ..recursions.kkt import bordered_inverse, constrained_samples, factored
 from ..recursions.ltdl import solve_tree
 from ..recursions.spec import TAU
+from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
+from .table import Constraints
 
 Array = NDArray[np.float64]
 RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
@@ -49,39 +52,77 @@ class Solved(NamedTuple):
     C: Array
 
 
+@overload
 def constrained_dynamics(
     model: Model,
+    constraints: Constraints,
     q: ArrayLike,
     v: ArrayLike,
     tau: ArrayLike,
-    J: ArrayLike,
-    drift: ArrayLike,
-    damping: float = 0.0,
-) -> Constrained:
-    """Forward dynamics under constraints: M a + C v + g = tau + Jᵀ force and J a + drift = -damping force.
+    stabilization: float | None = None,
+    minimum_norm: bool = False,
+) -> ConstrainedMotion: ...
 
-    Source: after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree.
 
-    q        (..., nq)     joint positions [rad | m]
-    v        (..., nv)     joint velocities [rad/s | m/s]
-    tau      (..., nv)     joint torques [N m | N]
-    J        (..., m, nv)  Jacobian of the constraints, such as rows of ``frame_jacobian`` at the feet
-    drift    (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
-    damping                0 or more; above 0 the constraints are soft, and rows of J may be dependent
+@overload
+def constrained_dynamics(
+    model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, J: ArrayLike, drift: ArrayLike, damping: float = 0.0
+) -> Constrained: ...
 
-    Returns Constrained (a, force): (..., nv) and (..., m).
+
+def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained | ConstrainedMotion:
+    """Forward dynamics under constraints: M a + C v + g = tau + Jᵀ force and J a + J̇ v = 0.
+
+    ``constrained_dynamics(model, constraints, q, v, tau, stabilization=None, minimum_norm=False)`` takes a table of
+    Constraints, ``constrained_dynamics(model, q, v, tau, J, drift, damping=0.0)`` any Jacobian J of independent rows.
+
+    Source: after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree. a is the acceleration
+    nearest to that without constraints, in the metric of M, that meets them (Gauss's principle).
+
+    constraints    Constraints of this model
+    q              (..., nq)     joint positions [rad | m]
+    v              (..., nv)     joint velocities [rad/s | m/s]
+    tau            (..., nv)     joint torques [N m | N]
+    stabilization  T [s]: J a + J̇ v + 2 J v / T + φ / T² = 0, so that errors φ die away like exp(-t/T); several steps
+                   of an integrator, or None for J a + J̇ v = 0
+    minimum_norm   where equations depend on others, the force of the least sum of squares instead of that of the
+                   equations that come first: it is shared among them, whatever their order
+    J              (..., m, nv)  Jacobian, such as rows of ``frame_jacobian`` at the feet
+    drift          (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
+    damping                      0 or more; above 0 the constraints are soft, J a + drift = -damping force, and rows
+                                 of J may be dependent
+
+    Returns ConstrainedMotion (a, force, residual, rank): (..., nv), (..., nc), and for each sample a number and how
+    many equations are independent. Equations that depend on those before them drop out: their force is 0, and
+    ``residual`` says by how much, of their terms, they differ from what the others imply. With J, Constrained
+    (a, force).
     Raises
-        ConstraintError naming the rank if rows of J are dependent and there is no damping
+        ConstraintError naming the constraints that contradict others, and the sample; constraints of another model;
+            with J, the rank if rows are dependent and there is no damping
         InertiaError for a singular M, ModelError for mimic joints, ShapeError
 
     >>> import numpy as np, spatialdyn as sd
     >>> model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], [1.0, 2.0]
+    >>> held = sd.Constraints(model, [sd.PointConstraint("tip", axes="xz")])
+    >>> a, force, residual, rank = sd.constrained_dynamics(model, held, q, v, [0.0, 0.0])
     >>> J = sd.frame_jacobian(model, q, "tip", "local_world_aligned")[[0, 2]]
     >>> drift = sd.jacobian_dot_times_v(model, q, v, "tip", "local_world_aligned")[[0, 2]]
-    >>> a, force = sd.constrained_dynamics(model, q, v, [0.0, 0.0], J, drift)
-    >>> bool(abs(J @ a + drift).max() < 1e-12)
-    True
+    >>> same, _ = sd.constrained_dynamics(model, q, v, [0.0, 0.0], J, drift)
+    >>> rank, bool(abs(a - same).max() < 1e-12)
+    (2, True)
     """
+    if isinstance(given[0] if given else named.get("constraints"), Constraints):
+        return constrained_motion(model, *given, **named)
+    return _with_jacobian(model, *given, **named)
+
+
+constrained_dynamics.spec = MOTION  # type: ignore[attr-defined]  # for ``exact``
+
+
+def _with_jacobian(
+    model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, J: ArrayLike, drift: ArrayLike, damping: float = 0.0
+) -> Constrained:
+    """``constrained_dynamics`` of a Jacobian."""
     M, bias = calls["crba"](model, q), calls["nonlinear_effects"](model, q, v)
     given, J, gamma = as_array("tau", tau), as_array("J", J), as_array("drift", drift)
     broadcast(["tau", "q and v"], [batch_shape(model, TAU, given), bias.shape[:-1]])
@@ -89,23 +130,33 @@ def constrained_dynamics(
     return Constrained(solved.x, solved.force)
 
 
+@overload
 def impact(
-    model: Model,
-    q: ArrayLike,
-    v: ArrayLike,
-    J: ArrayLike,
-    restitution: float = 0.0,
-    damping: float = 0.0,
-) -> Impact:
+    model: Model, constraints: Constraints, q: ArrayLike, v: ArrayLike, restitution: float = 0.0
+) -> ConstrainedImpact: ...
+
+
+@overload
+def impact(
+    model: Model, q: ArrayLike, v: ArrayLike, J: ArrayLike, restitution: float = 0.0, damping: float = 0.0
+) -> Impact: ...
+
+
+def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpact:
     """Velocities after an impact: M (v⁺ - v) = Jᵀ impulse and J v⁺ = -restitution J v - damping impulse.
 
+    ``impact(model, constraints, q, v, restitution=0.0)`` takes a table of Constraints, of which all take part,
+    ``impact(model, q, v, J, restitution=0.0, damping=0.0)`` the Jacobian of the points that hit.
+
+    constraints  Constraints of this model
     q            (..., nq)     joint positions [rad | m]
     v            (..., nv)     joint velocities before the impact [rad/s | m/s]
     J            (..., m, nv)  Jacobian of the points that hit
     restitution                from 0 (perfectly inelastic) to 1 (no energy is lost)
     damping                    0 or more, as in ``constrained_dynamics``
 
-    Returns Impact (v, impulse): (..., nv) and (..., m).
+    Returns ConstrainedImpact (v, impulse, residual, rank), as ``constrained_dynamics`` does; with J, Impact
+    (v, impulse): (..., nv) and (..., m).
     Raises as ``constrained_dynamics``, and ConstraintError for a restitution that is not from 0 to 1
 
     >>> import spatialdyn as sd
@@ -115,6 +166,15 @@ def impact(
     >>> bool(abs(after).max() < 1e-12)
     True
     """
+    if isinstance(given[0] if given else named.get("constraints"), Constraints):
+        return constrained_impact(model, *given, **named)
+    return _impact_of_points(model, *given, **named)
+
+
+def _impact_of_points(
+    model: Model, q: ArrayLike, v: ArrayLike, J: ArrayLike, restitution: float = 0.0, damping: float = 0.0
+) -> Impact:
+    """``impact`` of a Jacobian."""
     elastic = as_number(restitution)
     if not 0.0 <= elastic <= 1.0:
         raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.static_table import StaticTable
 from ..recursions.spec import Spec
 from . import threads
 from .compiled import numba_kernels
@@ -25,6 +26,7 @@ from .programs.tiered_program import TieredProgram
 Arrays = Sequence[NDArray[np.float64]]
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
 _lock = threading.RLock()
+STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
 RANGE = numba_kernels.NONFINITE + 1  # a status that the kernels do not have
 
 
@@ -104,7 +106,7 @@ def batch(
 
 
 def hashable(static: tuple[Any, ...]) -> tuple[bytes | int, ...]:
-    """Values of static inputs, arrays as bytes."""
+    """Values of static inputs, arrays as bytes; a StaticTable is hashed by its content."""
     return tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in static)
 
 
@@ -124,7 +126,7 @@ def forget_programs() -> None:
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallProgram | None:
     """As ``program``, for one thread at a time: each is recorded once."""
-    if numba_kernels.PLAIN or not recording.fits((spec,), table.bodies):
+    if numba_kernels.PLAIN or not recording.fits((spec,), table.bodies, static=static):
         return None
     values = tuple(np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static)
     try:
@@ -163,7 +165,7 @@ def run_table_kernel(
     seen     as of ``batch``
     """
     count, bodies = len(out) if at is None else len(at), table.bodies
-    core = _core(spec, table)
+    core = _core(spec, table, hashable(static))
     width = math.prod(core)
     kernel, rows = numba_kernels.batch_kernel(spec), getattr(table, numba_kernels.TABLE)
     in_place = at is None and columns is None and out.dtype == np.float64
@@ -193,18 +195,18 @@ def run_table_kernel(
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _core(spec: Spec, table: Table) -> tuple[int, ...]:
+def _core(spec: Spec, table: Table, static: tuple[Any, ...]) -> tuple[int, ...]:
     """Shape of one sample of the output as the table kernel takes it: a scalar is an array of one."""
-    return recording.shape_of(spec.output, table.bodies) or (1,)
+    return recording.shape_of(spec.output, table.bodies, static) or (1,)
 
 
 def _share(kernel: Any, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: Any, status: Any) -> int:
     """The table kernel over the samples of ``out``, shared among the threads; returns how many failed."""
-    n = len(out)
+    n, known = len(out), [getattr(x, STATIC) if isinstance(x, StaticTable) else x for x in static]
 
     def part(first: int, end: int) -> int:
         passed = [y for x in inputs for y in ((x[first:end], 1) if len(x) == n else (x, 0))]
-        return int(kernel(rows, end - first, *passed, *static, out[first:end], status[first:end]))
+        return int(kernel(rows, end - first, *passed, *known, out[first:end], status[first:end]))
 
     return threads.thread_pool.share(0, n, SHARE, part)
 

@@ -10,8 +10,10 @@ entry in the table ORACLE of ``tests/recursions/test_dynamics.py``, or a test el
 in ``validate.calls.CALLS``, which names Pinocchio's function or none; if none, an identity in ``validate.identities``.
 An array may have any name: one that ``validate.states`` lacks is a field there, one of a unit that
 ``tests/recursions/test_covariance.py`` lacks an entry there. The names of ``static`` inputs are few (row, placement,
-reference, classical), and a further one needs its words in ``calls.dynamics`` and ``calls.specs``. Kernels compile at
-the first call: a mistake in a recursion shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
+reference, classical), and a further one needs its words in ``calls.dynamics`` and ``calls.specs``. Recursions over a
+table of constraints (``constraint_rows``, ``constrained``) are in no SPECS: their calls, in the room ``constraints``,
+take the table as second argument. Kernels compile at the first call: a mistake in a recursion shows then, most legibly
+with ``NUMBA_DISABLE_JIT=1``.
 
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it
 does not trace, the other has none. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off its unit
@@ -40,6 +42,9 @@ regroup           to move inertia from a body to its parent where no result of t
 pivot             D = S·IA S + armature of a row, IA its articulated inertia: divided by, so it must not be near 0
 singular          of a joint whose pivot is at most n eps times its composite inertia: no acceleration follows from tau
 status            what a kernel reports of a sample: OK, SHAPE, UNIT, PIVOT or NONFINITE (``engines.compiled``)
+static table      table beside that of bodies, one for all samples, such as the constraints': hashed by its content
+equation          a scalar condition φ(q) = 0, or J(q) v = 0 without φ; a constraint is one or several
+drop              to leave out an equation that depends on those before it: its force is 0, and its pivot counts as none
 mimic, G          joint that follows another, its leader; G maps the model's velocities to the full tree's
 through M         what calls do in place of a recursion with pivots on models with mimic joints: M = Gᵀ M_full G, solved
 stamp             hash of all sources that are compiled, in every cache key: an edit never meets an old kernel

@@ -3,17 +3,21 @@
 A recursion is called as ``recursion(bodies, work, *inputs, *outputs)`` on the arrays of one sample (without
 ``work`` if its Spec has none). Its Spec names those arrays in that order. An input that a call leaves
 out is None there, and the recursion skips its terms: ``nonlinear_effects`` is the RNEA without a.
+
+A shape names its sizes: "nq", "nv", "njoints", those that a static table adds ("nc"), and sums such as "nv+nc+2".
+Several outputs lie side by side in one array, the Spec's output; the recursion takes its ``parts`` one by one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from .signatures import Array
+from .signatures import Array, Bodies
 
 
 @dataclass(frozen=True)
@@ -21,11 +25,13 @@ class Argument:
     """One array of a recursion.
 
     name            as in the public signature
-    shape           of one sample: numbers, and "nq", "nv", "njoints"
+    shape           of one sample: numbers, and the names of sizes
     unit            of its entries
     meaning         in words, with its frame
     optional        may be left out (an input that is then None)
-    static          one value for all samples, not an array of them: an int (shape ()) or an array
+    static          one value for all samples, not an array of them: an int (shape ()), an array, or a table
+    table           of a static table, its dtype; the value is a StaticTable
+    sizes           of a static table, the columns of its header that are sizes of arrays
     unit_norm       the quaternions and (cos, sin) pairs of a configuration have to be of unit norm
     per_coordinate  an output indexed by coordinates rather than summed over them: with mimic joints, the independent
                     entries are taken where another output is contracted with G
@@ -42,6 +48,8 @@ class Argument:
     unit_norm: bool = False
     per_coordinate: bool = False
     is_force: bool = False
+    table: np.dtype | None = None
+    sizes: tuple[str, ...] = ()
 
 
 class MassMatrix(Protocol):
@@ -64,8 +72,9 @@ class Spec:
 
     pivots      after its output the recursion writes the articulated inertia D (nv) of each row, which the call does
                 not return: the engine reduces it to one flag, whether any row is singular
-    term_shape  shape, in "nv", of the terms that a program sums, where they outnumber its results
-    scratch     shapes, in "nv", of arrays of scratch that the recursion takes last and writes in place
+    term_shape  shape of the terms that a program sums, where they outnumber its results
+    scratch     shapes of arrays of scratch that the recursion takes last and writes in place
+    parts       of several outputs, each of them: vectors, or numbers as arrays of one, side by side in ``output``
     traceable   the recursion branches on no value, so that it can become a program
     through_M   ``through_M(M, *inputs)``: the output of samples (samples, ...) of a model with mimic joints, by its
                 MassMatrix, because M⁻¹ there is no recursion over the tree; a tuple has the parts along the output's
@@ -87,15 +96,43 @@ class Spec:
     scratch: tuple[tuple[str, ...], ...] = ()
     traceable: bool = True
     through_M: Callable[..., Any] | None = None
+    parts: tuple[Argument, ...] = ()
 
     @property
     def present(self) -> tuple[Argument, ...]:
         """The inputs that the call has."""
         return tuple(x for x in self.inputs if x is not None)
 
-    def extra_outputs(self, nv: int) -> list[tuple[int, ...]]:
+    def extra_outputs(self, sizes: Mapping[str, int]) -> list[tuple[int, ...]]:
         """Shapes of the arrays that the recursion takes after its output, which the call does not return."""
-        return [(nv,)] * self.pivots + [(nv,) * len(shape) for shape in self.scratch]
+        return [(sizes["nv"],)] * self.pivots + [shape_in(shape, sizes) for shape in self.scratch]
+
+    def split(self, out: Array, sizes: Mapping[str, int]) -> list[Array]:
+        """The outputs as the recursion takes them: ``out``, or its parts along the last axis."""
+        if not self.parts:
+            return [out]
+        found, at = [], 0
+        for part in self.parts:
+            width = math.prod(shape_in(part.shape, sizes))
+            found.append(out[..., at : at + width])
+            at += width
+        return found
+
+
+def shape_in(shape: Iterable[str | int], sizes: Mapping[str, int]) -> tuple[int, ...]:
+    """A shape in numbers: each entry is a number, the name of a size, or a sum of both."""
+    return tuple(
+        s if isinstance(s, int) else sum(sizes[x] if x in sizes else int(x) for x in s.split("+")) for s in shape
+    )
+
+
+def sizes_of(bodies: Bodies, tables: Iterable[tuple[Argument, Any]] = ()) -> dict[str, int]:
+    """Values of the names of sizes, from the table of bodies and from static tables: (argument, rows) of each."""
+    world = bodies[0]
+    found = {"nq": int(world.q_index), "nv": len(bodies) - 1, "njoints": int(world.dofs)}
+    for argument, rows in tables:
+        found |= {name: int(getattr(rows[0], name)) for name in argument.sizes}
+    return found
 
 
 Q = Argument("q", ("nq",), "rad | m", "joint positions", unit_norm=True)

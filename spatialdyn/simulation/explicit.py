@@ -39,6 +39,12 @@ def kernels(loaded: bool) -> ExplicitKernels:
     return ExplicitKernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
 
 
+def kernels_of(accelerate: Any) -> ExplicitKernels:
+    """The kernels of these methods with another ``accelerate``, which may be a function of Python."""
+    integrate = numba_kernels.sample_kernel(SPECS["integrate"])
+    return ExplicitKernels(accelerate, None, integrate, kernel(displacement_rate, 1, 1, 1))
+
+
 @inline_unoptimized
 def _free(system: System, q: Any, v: Any, a: Any) -> int:
     return system.kernels.aba(system.table, q, v, system.tau, a)  # type: ignore[no-any-return]

@@ -18,6 +18,8 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, recording, time_loop
 from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
+from ..recursions.spec import Argument
+from .constrained import Held
 from .methods import Method
 from .recorder import Recorder
 from .rollouts import EXPLICIT_METHODS, step_specs
@@ -32,7 +34,12 @@ Slice = Callable[[int, int, float], bool]
 
 
 def program(
-    recorder: Recorder, method: Method, torque: Torque, fext: NDArray[np.float64] | None, state: State
+    recorder: Recorder,
+    method: Method,
+    torque: Torque,
+    fext: NDArray[np.float64] | None,
+    state: State,
+    held: Held | None = None,
 ) -> Slice | None:
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
@@ -40,16 +47,20 @@ def program(
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
-    kernel = _kernel(model, method)
+    kernel = _kernel(
+        model, method, () if held is None else held.inputs, () if held is None else (held.constraints.table,)
+    )
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows
 
     def run(first: int, count: int, h: float) -> bool:
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
-        held = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
+        torques = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
         records = [np.empty((1, count // every, len(x))) for x in (state.q, state.w)]
-        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(held[None]))]
+        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(torques[None]))]
+        if held is not None:
+            forcing += [StepInput(x) for x in held.values.values()]
         if len(time_loop.run(kernel, [state.q[None], state.w[None]], forcing, records, count, every)):
             return False
         (q,), (w,) = records
@@ -75,9 +86,9 @@ def slice_of(first: int, count: int, every: int) -> int:
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _kernel(model: Model, method: Method) -> Any:
-    specs = step_specs(method.name, law=False, forced=True)
-    rows = method.evaluations * (len(model.bodies) - 1)
-    if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies):
+def _kernel(model: Model, method: Method, held: tuple[Argument, ...] = (), static: tuple[Any, ...] = ()) -> Any:
+    specs = step_specs(method.name, False, True, held)
+    rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
+    if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):
         return None
-    return batch_kernels.kernel(specs, model.bodies, model.key, one=True)
+    return batch_kernels.kernel(specs, model.bodies, model.key, static, one=True)

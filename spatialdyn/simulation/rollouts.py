@@ -18,18 +18,20 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
+from ..constraints.table import check_constraints
 from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, float32_range, recording, time_loop
 from ..engines.programs.program import Program
 from ..engines.programs.time_loop import StepInput
 from ..engines.programs.tracer import scratch
-from ..errors import ModelError, ShapeError, SimulationError
+from ..errors import ConstraintError, ModelError, ShapeError, SimulationError
 from ..model.model import Model
 from ..model.robot import masked
 from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.spec import TAU, Argument, Q, Spec, V
 from . import explicit
+from .constrained import Held, Rows, accelerate, held_by, projected
 from .system import OK, State, System, held_torque
 
 Array = NDArray[Any]
@@ -131,6 +133,8 @@ def rollout(
     record: int | str = 1,
     dtype: DTypeLike = np.float64,
     check: bool = True,
+    constraints: Any = None,
+    stabilization: float | None = None,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -145,6 +149,9 @@ def rollout(
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
     check   whether a state that is not finite is an error; if not, it stays NaN
+    constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
+    stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
+                   with a projection: one Newton step of q, then v; a step then costs some three times as much
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
     Joint damping, friction and limits are ignored; there are no contacts.
@@ -157,6 +164,8 @@ def rollout(
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
         ModelError for a model with mimic joints, or a kp of a joint whose position is not one number
+        ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
+            constraints where they contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
 
     >>> import numpy as np, spatialdyn as sd
@@ -182,6 +191,16 @@ def rollout(
     states = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in states]
     inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
     inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
+    held = None
+    if constraints is not None or stabilization is not None:
+        if number != np.float64:
+            raise SimulationError(f"dtype is {number}, expected float64 with constraints: ranks need its digits")
+        if constraints is not None and check_constraints(model, constraints).nc > recording.MOST_EQUATIONS:
+            most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
+            raise SimulationError(f"constraints have {constraints.nc} equations, {most}")
+        held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
+        if held is not None:
+            inputs |= {name: StepInput(x) for name, x in held.values.items()}
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T and model.nv:
@@ -189,7 +208,7 @@ def rollout(
         calls["aba"](model, states[0][0], rest, rest)  # raises InertiaError naming the joint
         if model.nq != model.nv:
             calls["potential_energy"](model, states[0])  # raises ConfigurationError naming the joint
-        _run(model, method, states, inputs, records, T, every, check, float(dt))
+        _run(model, method, states, inputs, records, T, every, check, float(dt), held)
     q, v = records
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
     if isinstance(record, str):
@@ -313,8 +332,11 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
 
 
 @cache
-def step_specs(method: str, law: bool, forced: bool) -> tuple[Spec, Spec]:
-    """Specs of the positions and of the velocities after a step, as functions of the state, dt, tau and the law."""
+def step_specs(method: str, law: bool, forced: bool, held: tuple[Argument, ...] = ()) -> tuple[Spec, Spec]:
+    """Specs of the positions and of the velocities after a step, as functions of the state, dt, tau and the law.
+
+    held  the inputs of constraints, as ``Held`` has them
+    """
 
     def after(rows: Any, inputs: dict[str, Any]) -> State:
         q, v = inputs["q"].copy(), inputs["v"].copy()
@@ -325,8 +347,9 @@ def step_specs(method: str, law: bool, forced: bool) -> tuple[Spec, Spec]:
                 if row.kind in R1:
                     error[i] = inputs["q_ref"][row.q_index] - q[row.q_index]
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
+        under = Rows(rows, inputs) if held else None
         system = System(
-            _Kernels(_accelerate, _integrate, _displacement_rate),
+            _Kernels(_accelerate if under is None else under.accelerate, _integrate, _displacement_rate),
             held_torque,
             None,
             rows,
@@ -339,10 +362,13 @@ def step_specs(method: str, law: bool, forced: bool) -> tuple[Spec, Spec]:
         )
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
         EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
+        if under is not None:
+            under.project(state.q, state.w)
         return state
 
     names = ["q", "v", "dt", *(["tau"] if forced else []), *(x.name for x in (LAW if law else ()))]
-    given = (Q, V, DT, *((TAU,) if forced else ()), *(LAW if law else ()))
+    names += [x.name for x in held]
+    given = (Q, V, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *held)
 
     def positions(rows: Any, *arrays: Any) -> None:
         arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False))).q
@@ -359,8 +385,10 @@ def step_specs(method: str, law: bool, forced: bool) -> tuple[Spec, Spec]:
 
 
 @lru_cache(maxsize=32)
-def _program(model: Model, method: str, law: bool, forced: bool) -> Program:
-    return recording.record(step_specs(method, law, forced), model.bodies).program
+def _program(
+    model: Model, method: str, law: bool, forced: bool, held: tuple[Argument, ...], static: tuple[Any, ...]
+) -> Program:
+    return recording.record(step_specs(method, law, forced, held), model.bodies, static).program
 
 
 def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
@@ -383,13 +411,19 @@ def _run(
     every: int,
     check: bool,
     dt: float,
+    held: Held | None = None,
 ) -> None:
     law, forced = "kp" in inputs, "tau" in inputs
-    specs, given = step_specs(method, law, forced), list(inputs.values())
+    last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
+    specs, given = step_specs(method, law, forced, last), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
-    if not numba_kernels.PLAIN and recording.fits(specs, model.bodies) and _holds(model, states[0][0], dtype):
-        kernel = batch_kernels.kernel(specs, model.bodies, model.key, dtype=dtype)
+    if (
+        not numba_kernels.PLAIN
+        and recording.fits(specs, model.bodies, static=static)
+        and _holds(model, states[0][0], dtype)
+    ):
+        kernel = batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype)
         if kernel is not None:
             with np.errstate(over="ignore"):
                 start = [x.astype(dtype, copy=False) for x in states]
@@ -398,25 +432,59 @@ def _run(
     if not len(again):
         return
     # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
-    program = _program(model, method, law, forced)
-    lost = np.full(len(again), -1)
+    program = _program(model, method, law, forced, last, static)
+    lost, reason = np.full(len(again), -1), ""
     now = [x[again] for x in states]
     rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in given]
     for k in range(steps):
         columns = [x for s in now for x in s.T]
         for x in rows:
             columns += list(x[again, min(k, x.shape[1] - 1)].T)
-        results = [np.broadcast_to(np.asarray(x, np.float64), len(again)) for x in program.run(columns)]
+        with np.errstate(all="ignore"):
+            results = [np.broadcast_to(np.asarray(x, np.float64), len(again)) for x in program.run(columns)]
+        before = now
         now = [np.stack(results[: now[0].shape[1]], 1), np.stack(results[now[0].shape[1] :], 1)]
         finite = np.isfinite(now[0]).all(1) & np.isfinite(now[1]).all(1)
-        lost[(lost < 0) & ~finite] = k
+        just = np.flatnonzero((lost < 0) & ~finite)
+        if held is not None and check and len(just) and not reason:
+            at = again[just[0]]
+            acting = {name: x[at, min(k, x.shape[1] - 1)] for name, x in zip(inputs, rows, strict=True)}
+            reason = _reason(model, method, held, [x[just[0]] for x in before], acting, int(at))
+        lost[just] = k
         if (k + 1) % every == 0:
             for r, x in zip(records, now, strict=True):
                 with np.errstate(over="ignore"):
                     r[again, (k + 1) // every - 1] = x
     if check and (lost >= 0).any():
         first = int(np.flatnonzero(lost >= 0)[0])
+        if reason:
+            earliest = int(np.flatnonzero(lost == lost[lost >= 0].min())[0])
+            when = f"sample {int(again[earliest])}, step from t = {lost[earliest] * dt:.9g} s"
+            raise SimulationError(f"{when}: {reason}")
         raise SimulationError(
             f"state of sample {int(again[first])} is not finite after t = {(lost[first] + 1) * dt:.9g} s "
             f"({int((lost >= 0).sum())} samples in all), expected finite inputs and a smaller dt"
         )
+
+
+def _reason(model: Model, method: str, held: Held, state: list[Array], forcing: dict[str, Array], sample: int) -> str:
+    """What is wrong with a step under constraints, "" if its state is merely not finite: the step is taken by calls."""
+    (q, v), n = (x.copy() for x in state), model.nv
+    tau = forcing.get("tau", np.zeros(n)).copy()
+    if "kp" in forcing:
+        error = np.zeros(n)
+        for i, row in enumerate(model.bodies[1:]):
+            if row["kind"] in R1:
+                error[i] = forcing["q_ref"][row["q_index"]] - q[row["q_index"]]
+        tau += forcing["kp"] * error + forcing["kd"] * (forcing["v_ref"] - v)
+    own = held._replace(rank=held.rank[sample : sample + 1] if len(held.rank) > 1 else held.rank)
+    kernels = explicit.kernels_of(accelerate(own, model))
+    table = getattr(model, numba_kernels.TABLE)
+    system = System(kernels, held_torque, None, table, None, None, None, None, tau, np.zeros(3))
+    space = State(q, v, v, q.copy(), None, np.zeros((10, n)))
+    try:
+        with np.errstate(all="ignore"):
+            projected(EXPLICIT_METHODS[method], own, model)(system, 0.0, float(forcing["dt"][0]), space)
+    except ConstraintError as error:
+        return str(error)
+    return ""

@@ -21,6 +21,7 @@ from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
 from ..errors import (
+    ConstraintError,
     ModelError,
     NonFiniteError,
     ShapeError,
@@ -29,12 +30,15 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
+from . import explicit, rattle
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
+from .constrained import Held, accelerate, held_by, projected
 from .energy import FAST, exploded, scale_of
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
+from .rollouts import EXPLICIT_METHODS
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
@@ -60,6 +64,8 @@ def simulate(
     progress: Progress = False,
     rtol: float = 1e-9,
     atol: float = 1e-12,
+    constraints: Any = None,
+    stabilization: float | None = None,
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -80,6 +86,10 @@ def simulate(
               The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
+    constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them, and stormer_verlet,
+              which is then RATTLE: symplectic, for equations of positions and joints whose position is one number
+    stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
+              with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
@@ -95,6 +105,8 @@ def simulate(
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
             nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
+            ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
+            names, where they contradict each other or their rank changes;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
@@ -112,7 +124,14 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
+    held = held_by(
+        model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS, rattle.NAME], q, v, as_number(dt)
+    )
+    if held is not None and chosen.name == rattle.NAME:
+        rattle.check_rattle(model, held)
+    if held is not None and forces is not None:
+        raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -208,7 +227,7 @@ def _every(record: int | None, total: int) -> int:
 
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
-    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
+    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float, held: Held | None = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
@@ -224,7 +243,7 @@ def _run(
             if method.family is None:
                 run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol))
             else:
-                _run_fixed(recorder, (q, v, p), asked, fext, report)
+                _run_fixed(recorder, (q, v, p), asked, fext, report, held)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
@@ -252,7 +271,7 @@ def _run(
 
 def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None],
+    report: Callable[[int, int], None], held: Held | None = None,
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps = recorder.model, recorder.method, recorder.steps
@@ -260,6 +279,8 @@ def _run_fixed(
     assert family is not None
     assert method.advance is not None
     advance = method.advance
+    if held is not None:
+        advance = rattle.rattle(held, model) if recorder.moves_p else projected(method.advance, held, model)
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     status = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
@@ -280,9 +301,11 @@ def _run_fixed(
     @functools.cache
     def system() -> System:
         """With the kernels of the family, which take seconds to compile: a program does not need them."""
-        return bare._replace(kernels=family.kernels(fext is not None))
+        if held is None or recorder.moves_p:
+            return bare._replace(kernels=family.kernels(fext is not None))
+        return bare._replace(kernels=explicit.kernels_of(accelerate(held, model)))
 
-    at_once = program(recorder, method, torque, fext, state)
+    at_once = program(recorder, method, torque, fext, state, held)
     if at_once is None:
         family.start(system(), state)
     now = (*state, recorder.at)
@@ -299,11 +322,14 @@ def _run_fixed(
 
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled:
+        if torque.compiled and held is None:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
-            with np.errstate(all="ignore"):
-                drive(marking, family.observe, system(), state, *times)
+            try:
+                with np.errstate(all="ignore"):
+                    drive(marking, family.observe, system(), state, *times)
+            except ConstraintError as error:
+                raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
         if status[0] != OK:
             raise SimulationError(_reason(status, recorder, h, state))
 

@@ -499,7 +499,7 @@ def test_no_answer_depends_on_what_scratch_held_before(name: str, robot: str) ->
         work = np.zeros(len(model.bodies), spec.work)
         work.view(np.float64)[:] = junk
         out = np.zeros(tuple(sizes[k] if isinstance(k, str) else k for k in spec.output.shape) or (1,))
-        beside = [np.full(size, junk) for size in spec.extra_outputs(model.nv)]
+        beside = [np.full(size, junk) for size in spec.extra_outputs({"nv": model.nv})]
         with np.errstate(all="ignore"):
             spec.recursion(model.bodies, work, *inputs, out, *beside)
         found.append(np.concatenate([out.ravel(), *(x.ravel() for x in beside[: spec.pivots])]))

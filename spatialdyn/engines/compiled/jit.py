@@ -47,6 +47,13 @@ def table_at(address: int) -> Any:
     return carray(pointer(address), (world[0].last_row + 1,), BODIES)
 
 
+@inline
+def rows_at(address: int, dtype: Any) -> Any:
+    """The static table of that dtype at an address; ``last_row`` of row 0 is the number of rows that follow it."""
+    header = carray(pointer(address), (1,), dtype)
+    return carray(pointer(address), (header[0].last_row + 1,), dtype)
+
+
 def number(x: Any) -> Any:
     """The value of a float, or of an array without axes."""
     return x

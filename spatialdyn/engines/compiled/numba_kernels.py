@@ -80,28 +80,44 @@ def kernel_shape(argument: Argument) -> tuple[str | int, ...]:
     return argument.shape or (1,)
 
 
-def _size_checks(argument: Argument) -> list[str]:
+def _extent(spec: Spec, *shape: str | int) -> str:
+    """The length of an array of that shape, as an expression in the kernel's names."""
+    known = _SIZES | {size: f"{x.name}_rows[0].{size}" for x in spec.present for size in x.sizes}
+    factors = [" + ".join(known.get(x, x) for x in str(size).split("+")) for size in shape or (1,)]
+    return factors[0] if len(factors) == 1 else " * ".join(f"({x})" for x in factors)
+
+
+def _size_checks(spec: Spec, argument: Argument) -> list[str]:
     return [
-        f"{argument.name}.shape[{axis}] != {_SIZES.get(str(size), size)}"
-        for axis, size in enumerate(kernel_shape(argument))
+        f"{argument.name}.shape[{axis}] != {_extent(spec, size)}" for axis, size in enumerate(kernel_shape(argument))
     ]
 
 
 def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel."""
     arrays = [x for x in spec.present if x.shape]
-    mismatch = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(x))
-    lines = ["stamp", f"if {mismatch}:", f"    {fail(SHAPE)}"]
+    mismatch = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(spec, x))
+    lines = ["stamp", *(f"{x.name}_rows = rows_at({x.name}, {x.name}_dtype)" for x in spec.present if x.table)]
+    lines += [f"if {mismatch}:", f"    {fail(SHAPE)}"]
     for x in arrays:
         if x.optional:
-            lines += [f"if {x.name} is not None:", f"    if {' or '.join(_size_checks(x))}:", f"        {fail(SHAPE)}"]
+            lines += [
+                f"if {x.name} is not None:",
+                f"    if {' or '.join(_size_checks(spec, x))}:",
+                f"        {fail(SHAPE)}",
+            ]
     overlaps = [f"not no_overlap({x.name}, {spec.output.name})" for x in arrays if not x.optional]
     if overlaps:
         lines += [f"if {' or '.join(overlaps)}:", f"    {fail(SHAPE)}"]
     for x in spec.present:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
-    passed = ["bodies", *("None" if x is None else x.name for x in spec.inputs), spec.output.name]
+    taken = ("None" if x is None else f"{x.name}_rows" if x.table else x.name for x in spec.inputs)
+    passed = ["bodies", *taken, *([] if spec.parts else [spec.output.name])]
+    ends = [_extent(spec, *x.shape) for x in spec.parts]
+    for k in range(len(ends)):
+        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{ends[k]}")
+        passed.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
     if spec.work is not None:
         lines.append("work = empty(len(bodies), WORK)")
         passed.insert(1, "work")
@@ -109,7 +125,7 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
         lines.append("pivots = empty(len(bodies) - 1)")
         passed.append("pivots")
     for k, shape in enumerate(spec.scratch):
-        lines.append(f"scratch{k} = empty(({', '.join(_SIZES[size] for size in shape)},))")
+        lines.append(f"scratch{k} = empty(({', '.join(_extent(spec, size) for size in shape)},))")
         passed.append(f"scratch{k}")
     lines.append(f"recursion({', '.join(passed)})")
     if spec.pivots:
@@ -137,10 +153,12 @@ def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: d
 
 
 def _scope(spec: Spec) -> dict[str, Any]:
-    from .jit import table_at
+    from .jit import rows_at, table_at
 
     return {
         "table_at": (lambda table: table) if PLAIN else table_at,
+        "rows_at": (lambda rows, dtype: rows) if PLAIN else rows_at,
+        **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
         "recursion": spec.recursion,
         "WORK": spec.work,
         "empty": np.empty,
@@ -154,6 +172,8 @@ def _scope(spec: Spec) -> dict[str, Any]:
 def _type(argument: Argument, extra: int, writable: bool = False, layout: str = "A") -> Any:
     from numba import types
 
+    if argument.table:
+        return types.intp
     if not argument.shape and not writable and not extra:
         return types.int64 if argument.static else types.float64
     rank = len(kernel_shape(argument)) + extra

@@ -10,6 +10,7 @@ q̈ whose RNEA is τ) differ here by the condition of the problem times 1e-16, u
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
@@ -99,11 +100,20 @@ def _irrational(name: str) -> Callable[..., Any]:
     return refuse
 
 
+def _root(x: ExactRational) -> ExactRational:
+    """√x where it is a rational."""
+    parts = x.value.as_integer_ratio()
+    roots = [math.isqrt(n) if n >= 0 else -1 for n in parts]
+    if any(root * root != n for root, n in zip(roots, parts, strict=True)):
+        _irrational("sqrt")(x)
+    return ExactRational(Fraction(*roots))
+
+
 scalars.sin.register(Angle)(lambda q: 2.0 * q.tangent / (1.0 + q.tangent * q.tangent))
 scalars.cos.register(Angle)(lambda q: (1.0 - q.tangent * q.tangent) / (1.0 + q.tangent * q.tangent))
 scalars.sin.register(ExactRational)(_irrational("sin"))
 scalars.cos.register(ExactRational)(_irrational("cos"))
-scalars.sqrt.register(ExactRational)(_irrational("sqrt"))
+scalars.sqrt.register(ExactRational)(_root)
 scalars.atan2.register(ExactRational)(_irrational("atan2"))
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...algebra import scalars
 from ...errors import SpatialDynError
-from ...recursions.spec import Spec
+from ...recursions.spec import Spec, shape_in
 from ..programs.tracer import evaluate
 from .fourier import fourier, length
 
@@ -140,6 +140,7 @@ scalars.cos.register(Number)(lambda x: x.ring.turn(x.ring.expression(x))[0])
 scalars.sqrt.register(Number)(_unknown("sqrt"))
 scalars.atan2.register(Number)(_unknown("atan2"))
 scalars.select.register(Number)(_unknown("select"))
+scalars.exceeds.register(Number)(lambda x, floor: 1.0 if x.num else 0.0)  # in almost every configuration
 
 
 @dataclass
@@ -389,10 +390,10 @@ def run(
     """The output of a call on a table of Numbers, as an object array of Numbers.
 
     rows    the table of bodies, as of ``tracer.table``, its entries Numbers or the floats 0 and 1
-    sizes   nq, nv, njoints
+    sizes   nq, nv, njoints, and those of static tables
     inputs  arrays of Numbers by name; an optional one may be missing
     """
-    shape = tuple(sizes[s] if isinstance(s, str) else s for s in spec.output.shape)
+    shape = shape_in(spec.output.shape, sizes)
     out = evaluate(spec, rows, shape, inputs, np.empty(sizes["nv"], dtype=object))
     flat = out.ravel()
     for k, x in enumerate(flat):

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ...algebra.scalars import EPS
 from ...bodies.joints import pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
+from ...bodies.static_table import StaticTable
 from ...errors import SpatialDynError
-from ...recursions.spec import Argument, Spec
+from ...recursions.spec import Argument, Spec, shape_in, sizes_of
 from . import float32_range, host_cpu
 from .constants import constant
 from .kernel_layout import KernelLayout
@@ -30,6 +31,7 @@ from .tracer import Number, Tape, evaluate, table
 
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 POSITION = "rad | m"  # unit of the inputs that are positions
 
 
@@ -94,18 +96,19 @@ def record(
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(options.fixed)
     tape = Tape()
-    rows = table(bodies, tape.unfolded if options.double_double else constant)
+    number = tape.unfolded if options.double_double else constant
+    rows = table(bodies, number)
     vars(rows[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
     taken = withdraw(rows, options.parameters)
     if all(spec.regroup for spec in specs) and not options.double_double:
-        in_body = options.parameters or any(x.name == "fext" for spec in specs for x in spec.present)
+        in_body = options.parameters or any(x.name == "fext" or x.table for spec in specs for x in spec.present)
         if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
             move_origins(rows)
         regroup(rows, any(spec.pivots for spec in specs))
-    n, sizes = len(bodies) - 1, _sizes(bodies)
+    n, sizes = len(bodies) - 1, _sizes(bodies, static)
 
     def shape(symbols: Sequence[str | int]) -> tuple[int, ...]:
-        return _shape(symbols, sizes)
+        return shape_in(symbols, sizes)
 
     given: dict[str, Any] = {}
     widths, kinds, units, count, moves = [], [], [], 0, False
@@ -114,7 +117,8 @@ def record(
             if x.name in given:
                 continue
             if x.static:
-                given[x.name] = next(fixed)
+                value = next(fixed)
+                given[x.name] = table(value.rows, number) if isinstance(value, StaticTable) else value
                 continue
             entries = known.get(x.name, (math.nan,) * int(np.prod(shape(x.shape), dtype=int)))
             order = itertools.count(count)
@@ -166,18 +170,18 @@ def record(
     return Recording(program, layout)
 
 
-def _sizes(bodies: NDArray[Any]) -> dict[str, int]:
-    """Values of the symbols in the shape of an argument."""
-    return {"nq": int(bodies[0]["q_index"]), "nv": len(bodies) - 1, "njoints": int(bodies[0]["dofs"])}
+def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
+    """Values of the symbols in the shape of an argument, also of those that static tables add."""
+    found = sizes_of(bodies)
+    for x in static:
+        if isinstance(x, StaticTable):
+            found |= x.sizes
+    return found
 
 
-def _shape(symbols: Sequence[str | int], sizes: dict[str, int]) -> tuple[int, ...]:
-    return tuple(sizes[s] if isinstance(s, str) else s for s in symbols)
-
-
-def shape_of(argument: Argument, bodies: NDArray[Any]) -> tuple[int, ...]:
-    """Shape of one sample of an argument on a table of bodies."""
-    return _shape(argument.shape, _sizes(bodies))
+def shape_of(argument: Argument, bodies: NDArray[Any], static: Sequence[Any] = ()) -> tuple[int, ...]:
+    """Shape of one sample of an argument on a table of bodies, and with these values of the static inputs."""
+    return shape_in(argument.shape, _sizes(bodies, static))
 
 
 def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
@@ -214,14 +218,16 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
     return margins
 
 
-def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None) -> bool:
+def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None, static: Sequence[Any] = ()) -> bool:
     """Whether calls on a table can be a program: none branches on values, and the program is not too long.
 
     results  wanted numbers of one sample, if not all
+    static   values of the static inputs, of which tables make a program longer
     """
     if results is None:
-        sizes = _sizes(bodies)
+        sizes = _sizes(bodies, static)
         shapes = [(spec.output.shape, spec.term_shape) for spec in specs]
-        results = sum(max(math.prod(_shape(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
+        results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
+    short &= all(n <= MOST_EQUATIONS for x in static if isinstance(x, StaticTable) for n in x.sizes.values())
     return short and all(spec.traceable for spec in specs)

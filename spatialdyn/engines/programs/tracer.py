@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra import scalars
-from ...recursions.spec import Spec
+from ...recursions.spec import Spec, sizes_of
 from .operations import (
     ADD,
     ATAN2,
@@ -248,14 +248,17 @@ def evaluate(
 ) -> NDArray[Any]:
     """The output of a recursion on a table of Rows and object arrays by name; an optional input may be missing.
 
+    A static table is a list of Rows too.
+
     shape   of the output; a scalar is an array of one
     pivots  (rows,) of objects, written in place if the recursion has pivots
     """
     out = np.full(shape or (1,), 0.0, dtype=object)
     passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
     passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
-    beside: list[Any] = [np.empty(size, dtype=object) for size in spec.extra_outputs(len(rows) - 1)]
+    sizes = sizes_of(rows, [(x, inputs[x.name]) for x in spec.present if x.table is not None])
+    beside: list[Any] = [np.empty(size, dtype=object) for size in spec.extra_outputs(sizes)]
     if spec.pivots:
         beside[0] = pivots
-    spec.recursion(rows, *passed, out, *beside)
+    spec.recursion(rows, *passed, *spec.split(out, sizes), *beside)
     return out

@@ -78,7 +78,7 @@ def test_plain_python_equals_compiled_code(model: sd.Model, name: str) -> None:
     given = iter(kernel_inputs(model, spec, values))
     inputs = [None if x is None else next(given) for x in spec.inputs]
     out = output(model, spec)
-    rest: list[Array] = [out, *(np.full(size, np.nan) for size in spec.extra_outputs(model.nv))]
+    rest: list[Array] = [out, *(np.full(size, np.nan) for size in spec.extra_outputs({"nv": model.nv}))]
     work = (
         []
         if spec.work is None

@@ -1,0 +1,113 @@
+"""Calls with a table of constraints: their checks, their program or kernel, and what equations contradict others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.scalars import EPS
+from ..calls.arguments import core_shape
+from ..calls.dynamics import checked_call
+from ..engines import object_layout, run
+from ..engines.compiled import numba_kernels
+from ..engines.programs import single_call
+from ..engines.programs.single_call import ARRAY, NUMBER, Parameter
+from ..errors import ConstraintError
+from ..model.model import Model
+from ..recursions.constrained import DEPENDENT
+from ..recursions.spec import Spec
+from .table import Constraints, check_constraints
+
+Array = NDArray[np.float64]
+CONTRADICTION = 1e3 * DEPENDENT  # times eps and the number of terms: residual of an equation that no rounding explains
+NAMED = 1e-6  # of the largest share in a contradiction: equations that a message names
+
+
+def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> Any:
+    """A call of a Spec with a table of constraints; None for an optional input left out. Raises its errors."""
+    key = (spec.name, *(x is None for x in values))
+    if constraints.__class__ is not Constraints or constraints.model is not model:
+        check_constraints(model, constraints)
+    known = constraints._plans.get(key)
+    if known is None:
+        known = constraints._plans.setdefault(key, _function(spec, constraints, [x is not None for x in values]))
+    return known(*(x for x in values if x is not None))
+
+
+def _function(spec: Spec, constraints: Constraints, there: list[bool]) -> Callable[..., Any]:
+    """What answers a call with those of its inputs that are there: a builtin for one sample, Python for all else."""
+    model, static = constraints.model, (constraints.table,)
+    varying = [x for x in spec.present if not x.static]
+    given = [x for x, has in zip(varying, there, strict=True) if has]
+    found = None
+    if object_layout.READY and not numba_kernels.PLAIN:
+        found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
+
+    def checked(*values: Any) -> Any:
+        left = iter(values)
+        return checked_call(spec, model, tuple(next(left) if has else None for has in there), static, None)
+
+    if found is None:
+        return checked
+    lanes = found.program
+    program, alive = lanes.single()
+    shapes = [core_shape(model, x, static) for x in given]
+    plan = single_call.plan(program, [core_shape(model, spec.output, static)], shapes, alive=alive)
+
+    def python(*values: Any) -> Any:
+        if single_call.exhausted(plan):
+            single_call.change(plan, *lanes.single())
+        return checked(*values)
+
+    parameters = [Parameter(x.name, ARRAY if x.shape else NUMBER) for x in given]
+    return single_call.bound(python, parameters, plan)
+
+
+def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *values: Any) -> None:
+    """Raise ConstraintError if equations of a sample contradict others.
+
+    out     (..., nv + nc + 2) with residual and rank at the end
+    values  the inputs of ``spec`` in order, each (..., n); None for one left out
+    """
+    model, nc = constraints.model, constraints.nc
+    least = CONTRADICTION * (model.nv + nc) * EPS
+    bad = np.flatnonzero(out[..., -2] > least)
+    if not len(bad):
+        return
+    batch = out.shape[:-1]
+    index = np.unravel_index(bad[0], batch)
+    sample = [_sample(x, batch, index) for x in values]
+    where = "" if not batch else f" in sample {', '.join(str(int(k)) for k in index)}"
+    kept, left, size = _dropped(spec, constraints, sample)
+    share = (1.0 - kept) * left * left / np.where(size > 0.0, size, 1.0)
+    named = dict.fromkeys(constraints.equations[k].label for k in np.flatnonzero(share > NAMED * share.max()))
+    raise ConstraintError(
+        f"{', '.join(named)} contradict{'s' * (len(named) == 1)} the other constraints{where}: {int(kept.sum())} of "
+        f"{nc} equations are independent, and these miss what they imply by {out[(*index, -2)]:.2g} of the motion; "
+        "expected fewer constraints, or a state that meets them"
+    )
+
+
+def _sample(x: Any, batch: tuple[int, ...], index: Any) -> Any:
+    """One sample of an input (..., n), or of a number."""
+    if x is None:
+        return None
+    given = np.asarray(x, np.float64)
+    core = given.shape[-1:] if given.ndim else ()
+    return np.broadcast_to(given, batch + core)[index]
+
+
+def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[Array, Array, Array]:
+    """(kept, residual, size of terms squared), (nc) each, of one sample."""
+    model, sizes = constraints.model, {"nv": constraints.model.nv, "nc": constraints.nc}
+    given = iter(sample)
+    inputs = [constraints.table.rows if x is not None and x.static else next(given) for x in spec.inputs]
+    scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
+    out = np.empty(model.nv + constraints.nc + 2)
+    with np.errstate(all="ignore"):
+        work = np.zeros(model.nv + 1, spec.work)
+        spec.recursion(model.bodies, work, *inputs, *spec.split(out, sizes), *scratch)
+    return scratch[-1], scratch[4], scratch[-2]

@@ -1,0 +1,188 @@
+"""Steps under constraints: the explicit methods with constrained accelerations, and the projection after each step.
+
+A step ends with one Newton step of q towards φ = 0 and with the velocity nearest to v that keeps J v = 0, both in the
+metric of M; or, where a time of stabilization is given, errors die away within it and nothing is projected. What a step
+finds wrong (equations that contradict others, another rank than at the beginning) makes its state infinite, so that
+a program rejects the sample, and the step done by calls raises the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..algebra.scalars import EPS, exceeds
+from ..calls.arguments import as_number
+from ..calls.dynamics import calls
+from ..constraints.calls import CONTRADICTION
+from ..constraints.dynamics import (
+    constrained_motion,
+    constraint_error,
+    constraint_jacobian,
+    response,
+    stabilization_time,
+)
+from ..constraints.loops import raise_if_open
+from ..constraints.table import Constraints, check_constraints
+from ..engines.programs.tracer import scratch
+from ..errors import ConstraintError, SimulationError
+from ..model.model import Model
+from ..recursions import constrained, constraint_rows
+from ..recursions.configuration import integrate
+from ..recursions.constraint_rows import CONSTRAINTS_ARGUMENT
+from ..recursions.spec import Argument, Spec, sizes_of
+from .system import OK, State, System
+
+Array = NDArray[np.float64]
+RATE = Argument("rate", (), "1/s", "1/T of the stabilization")
+RANK = Argument("rank", (), "1", "independent equations at the beginning")
+START = 1e-6  # largest |φ| [m | rad], and |J v| of its terms, of a state to start from
+LEAST_STEPS = 3.0  # of a time of stabilization; at 1 explicit methods diverge
+
+
+class Held(NamedTuple):
+    """Constraints of a run: their rate of stabilization, None for projection, and rank (B,) of each start."""
+
+    constraints: Constraints
+    rate: float | None
+    rank: NDArray[np.intp]
+
+    @property
+    def inputs(self) -> tuple[Argument, ...]:
+        """The inputs that a step takes last."""
+        return (CONSTRAINTS_ARGUMENT, RANK, *(() if self.rate is None else (RATE,)))
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """Values (samples, steps, 1) of those that are no table."""
+        made = {"rank": self.rank.reshape((-1, 1, 1)).astype(float)}
+        return made if self.rate is None else {**made, "rate": np.full((1, 1, 1), self.rate)}
+
+
+def held_by(
+    model: Model, constraints: Any, stabilization: Any, method: str, known: Sequence[str], q: Array, v: Array, dt: float
+) -> Held | None:
+    """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there."""
+    if constraints is None:
+        if stabilization is not None:
+            raise SimulationError(f"stabilization is {stabilization!r}, expected None: no constraints are given")
+        return None
+    check_constraints(model, constraints)
+    if method not in known:
+        raise SimulationError(f"method is {method!r}, expected one that takes constraints: {', '.join(known)}")
+    rate = None
+    if stabilization is not None:
+        rate = 1.0 / stabilization_time(stabilization)
+        if rate * as_number(dt) * LEAST_STEPS > 1.0:
+            least = f"{LEAST_STEPS:g} dt = {LEAST_STEPS * dt:g} s: shorter times are unstable"
+            raise SimulationError(f"stabilization is {stabilization!r} s, expected at least {least}")
+    phi = constraint_error(model, constraints, q)
+    raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
+    J = constraint_jacobian(model, constraints, q)
+    Jv, terms = (J @ v[..., None])[..., 0], (abs(J) @ abs(v)[..., None])[..., 0]
+    bad = np.argwhere(abs(Jv) > START * terms)
+    if len(bad):
+        index, k = tuple(int(x) for x in bad[0, :-1]), int(bad[0, -1])
+        where = "" if not index else f" of sample {index[0]}"
+        raise ConstraintError(
+            f"v0{where} moves {constraints.equations[k].label} at {Jv[(*index, k)]:.3g}, expected 0; "
+            "project_velocity gives the nearest velocity that does not"
+        )
+    rank = np.asarray(response(model, constraints, q, np.zeros(phi.shape), check=False)[3], np.intp)
+    return Held(constraints, rate, rank.reshape(-1))
+
+
+# --- steps by calls --------------------------------------------------------------------------------------
+
+
+def accelerate(held: Held, model: Model) -> Callable[..., int]:
+    """``accelerate(system, q, v, a) -> OK`` by calls. It raises ConstraintError."""
+    time, known = None if held.rate is None else 1.0 / held.rate, int(held.rank[0])
+
+    def found(system: System, q: Array, v: Array, a: Array) -> int:
+        motion = constrained_motion(model, held.constraints, np.array(q), np.array(v), system.tau.copy(), time)
+        check_rank(held, motion.rank, known)
+        a[:] = motion.a
+        return OK
+
+    return found
+
+
+def check_rank(held: Held, rank: int, known: int) -> None:
+    """Raise ConstraintError if the rank is not what it was at the beginning."""
+    if rank != known:
+        raise ConstraintError(
+            f"the rank of {', '.join(x.label for x in held.constraints)} is {rank}, at the beginning it was {known}: a "
+            "branch point, from which the mechanism may go several ways"
+        )
+
+
+def project(held: Held, model: Model, q: Array, v: Array) -> None:
+    """Write the projected state to q and v, by calls."""
+    if held.rate is None:
+        constraints = held.constraints
+        phi = constraint_error(model, constraints, q)
+        q[:] = calls["integrate"](model, q, response(model, constraints, q, -phi, check=False)[0])
+        Jv = constraint_jacobian(model, constraints, q) @ v
+        v += response(model, constraints, q, -Jv, check=False)[0]
+
+
+def projected(advance: Callable[..., None], held: Held, model: Model) -> Callable[..., None]:
+    """A method's step, and the projection after it."""
+
+    def step(system: System, t: float, h: float, state: State) -> None:
+        advance(system, t, h, state)
+        if system.status[0] == OK and np.isfinite(state.q).all() and np.isfinite(state.w).all():
+            project(held, model, state.q, state.w)
+
+    return step
+
+
+# --- steps on rows, which record -------------------------------------------------------------------------
+
+
+class Rows:
+    """The steps on a table of Rows: what ``accelerate`` and ``projected`` do by calls, and what is found wrong."""
+
+    def __init__(self, rows: Any, inputs: dict[str, Any]) -> None:
+        """The inputs of a step by name."""
+        self.rows, self.constraints = rows, inputs["constraints"]
+        self.rate, self.rank, self.wrong = inputs.get("rate"), inputs["rank"], 0.0
+        self.n, self.m = len(rows) - 1, int(self.constraints[0].nc)
+        self.least = CONTRADICTION * (self.n + self.m) * EPS
+
+    def _run(self, spec: Spec, *inputs: Any) -> list[Any]:
+        """The outputs of a Spec with parts, optional inputs None."""
+        sizes = sizes_of(self.rows, [(CONSTRAINTS_ARGUMENT, self.constraints)])
+        out = np.full(self.n + self.m + 2, 0.0, dtype=object)
+        beside = [np.zeros(shape, object) for shape in spec.extra_outputs(sizes)]
+        parts = spec.split(out, sizes)
+        spec.recursion(self.rows, scratch(spec.work, self.n + 1), *inputs, *parts, *beside)
+        return parts
+
+    def accelerate(self, system: System, q: Any, v: Any, a: Any) -> int:
+        """a under the constraints."""
+        found, _, residual, rank = self._run(constrained.MOTION, q, v, system.tau, self.constraints, self.rate)
+        off = rank[0] - self.rank
+        self.wrong = self.wrong + exceeds(residual[0], self.least) + exceeds(off * off, 0.5)
+        a[:] = found
+        return OK
+
+    def project(self, q: Any, w: Any) -> None:
+        """Write the projected state, infinite if something is wrong."""
+        rows, n = self.rows, self.n
+        if self.rate is None:
+            work, phi, J = scratch(constraint_rows.WORK, n + 1), np.zeros(self.m, object), np.zeros((self.m, n), object)
+            constraint_rows.constraint_error(rows, work, q, self.constraints, phi)
+            change = self._run(constrained.RESPONSE, q, -phi, self.constraints)[0]
+            moved = q.copy()
+            integrate(rows, q, change, moved)
+            q[:] = moved
+            constraint_rows.constraint_jacobian(rows, work, q, self.constraints, J)
+            w[:] = w + self._run(constrained.RESPONSE, q, -(J @ w), self.constraints)[0]
+        lost = self.wrong / exceeds(1.0, self.wrong)
+        for i in range(n):
+            w[i] = w[i] + lost

@@ -1,0 +1,167 @@
+"""J, φ and J̇ v of every kind of constraint: by differences, by frames' own Jacobians, on every engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mechanisms import every_kind, four_bar, pin_of
+from slow import slow_but
+from trees import random_state, random_tree
+
+import spatialdyn as sd
+from spatialdyn.bodies.constraint_table import CONSTRAINTS
+from spatialdyn.bodies.static_table import StaticTable
+from spatialdyn.calls.dynamics import checked_call
+from spatialdyn.engines import run
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.recursions import constrained, constraint_rows
+from spatialdyn.recursions.spec import Spec
+
+EPS = np.finfo(float).eps
+STEP = 1e-5  # of central differences, whose error is STEP² and EPS / STEP
+CLOSE = 1e-8  # of differences, relative to the largest number
+SAME = 1e3 * EPS  # of two engines: sums of some dozen terms in another order
+
+
+def moved(model: sd.Model, s: Any, t: float) -> Any:
+    """q a time t along the motion of constant joint velocities."""
+    return sd.integrate(model, s.q, t * s.v)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_change_by_the_jacobian(seed: int) -> None:
+    model, held, s = every_kind(seed, floating=seed % 2 == 0)
+    J = sd.constraint_jacobian(model, held, s.q)
+    ahead, behind = (sd.constraint_error(model, held, moved(model, s, t)) for t in (STEP, -STEP))
+    found = (ahead - behind) / (2 * STEP)
+    positions = np.array(
+        [not isinstance(x.constraint, (sd.VelocityConstraint, sd.RollingConstraint)) for x in held.equations]
+    )
+    assert abs(found - J @ s.v)[positions].max() <= CLOSE * abs(J @ s.v).max()
+    assert (ahead[~positions] == 0.0).all()
+    assert positions.sum() == held.nc - 8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_drift_is_the_rate_of_jv(seed: int) -> None:
+    """Along q ∘ exp(t v) joint velocities are constant: d/dt J v is J̇ v."""
+    model, held, s = every_kind(seed, floating=seed % 2 == 0)
+    drift = sd.constraint_drift(model, held, s.q, s.v)
+    ahead, behind = (sd.constraint_jacobian(model, held, moved(model, s, t)) @ s.v for t in (STEP, -STEP))
+    assert abs((ahead - behind) / (2 * STEP) - drift).max() <= CLOSE * abs(drift).max()
+
+
+def test_a_foot_on_the_ground_has_the_rows_of_its_frame() -> None:
+    made = random_tree(4, 7, ("revolute", "spherical"), floating=True)
+    model, s = made.model, random_state(made.tree, np.random.default_rng(4))
+    foot, at = model.frames[-1].name, "local_world_aligned"
+    held = sd.Constraints(model, [sd.PointConstraint(foot)])
+    J, drift = sd.constraint_jacobian(model, held, s.q), sd.constraint_drift(model, held, s.q, s.v)
+    wanted = sd.frame_jacobian(model, s.q, foot, at)[:3]
+    assert abs(J - wanted).max() <= SAME * abs(wanted).max()
+    of_frame = sd.jacobian_dot_times_v(model, s.q, s.v, foot, at)[:3]
+    assert abs(drift - of_frame).max() <= SAME * abs(of_frame).max()
+    place = sd.frame_placement(model, s.q, foot)[:3, 3]
+    assert abs(sd.constraint_error(model, held, s.q) - place).max() <= SAME * abs(place).max()
+
+
+def test_what_carries_both_frames_drops_out_exactly_far_from_the_origin() -> None:
+    """A loop on a robot a megametre away: no column of the base, and no digit of the others is lost."""
+    made = sd.ModelBuilder("far")
+    made.add_body("trunk", None, "floating", inertia=(1.0, (0, 0, 0), np.eye(3)))
+    for name, y in (("left", 0.1), ("right", -0.1)):
+        made.add_body(name, "trunk", "revolute", (0, 0, 1), (0, y, 0), (1.0, (0.1, 0, 0), 0.01 * np.eye(3)))
+    model = made.build()
+    held = sd.Constraints(model, [sd.PointConstraint("left", "right", at_a=(0.2, 0, 0), at_b=(0.3, 0, 0))])
+    near, far = np.array([0, 0, 0, 0, 0, 0, 1.0, 0.3, 0.4]), np.array([1e6, -1e6, 0, 0, 0, 0, 1.0, 0.3, 0.4])
+    for call in (sd.constraint_jacobian, sd.constraint_error):
+        assert call(model, held, near).tolist() == call(model, held, far).tolist()
+    assert (sd.constraint_jacobian(model, held, far)[:, :6] == 0.0).all()
+
+
+# --- engines --------------------------------------------------------------------------------------------
+
+
+def answers(spec: Spec, model: sd.Model, held: sd.Constraints, values: tuple[Any, ...]) -> dict[str, Any]:
+    """One sample by every engine: plain Python, the table kernel, and the program alone and in a batch."""
+    static = (held.table,)
+    names = [x.name for x in spec.present if not x.static]
+    given = dict(zip(names, values, strict=True)) | {"constraints": held.table.rows}
+    sizes = {"nv": model.nv, "nc": held.nc, "nq": model.nq, "njoints": model.njoints}
+    table = checked_call(spec, model, values, static, None, by_table=True)
+    out = np.empty(table.shape)
+    scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
+    inputs = [given.get(x.name) for x in spec.inputs if x is not None]
+    spec.recursion(model.bodies, np.zeros(model.nv + 1, spec.work), *inputs, *spec.split(out, sizes), *scratch)
+    batch = checked_call(spec, model, tuple(None if x is None else np.tile(x, (9, 1)) for x in values), static, None)
+    one = checked_call(spec, model, values, static, None)
+    present = frozenset(name for name, x in zip(names, values, strict=True) if x is not None)
+    assert numba_kernels.PLAIN or run.program(numba_kernels.variant(spec, present), model, static) is not None
+    return {"Python": out, "table kernel": table, "program": one, "program, batch": batch[4]}
+
+
+@pytest.mark.parametrize("name", slow_but(["MOTION"], ["JACOBIAN", "ERROR", "DRIFT", "DELASSUS", "MOTION", "RESPONSE"]))
+def test_all_engines_agree(name: str) -> None:
+    model, held, s = every_kind(3)
+    spec = getattr(constraint_rows, name, None) or getattr(constrained, name)
+    rng = np.random.default_rng(0)
+    items = held.items if name in ("JACOBIAN", "ERROR", "DRIFT") else (held.items[0], held.items[5], held.items[7])
+    held = sd.Constraints(model, items)
+    values = {"q": s.q, "v": s.v, "tau": s.tau, "rhs": rng.normal(size=held.nc), "rate": None}
+    found = answers(spec, model, held, tuple(values[x.name] for x in spec.present if not x.static))
+    for engine, x in found.items():
+        assert abs(x - found["Python"]).max() <= 1e3 * SAME * abs(found["Python"]).max(), engine
+    assert found["program"].tolist() == found["program, batch"].tolist()
+
+
+def test_a_program_keeps_frames_where_they_are() -> None:
+    """Programs move origins of bodies along their axes, here of all three, where no frame is seen from a body."""
+    made, parent = sd.ModelBuilder("arm"), None
+    for k, (axis, at) in enumerate((((0, 0, 1), (0, 0, 0.3)), ((0, 1, 0), (0.2, 0.1, 0)), ((0, 1, 0), (0, -0.2, 0.4)))):
+        made.add_body(f"b{k}", parent, "revolute", axis, at, (1.0, (0.1, 0.2, 0.3), 0.1 * np.eye(3)))
+        parent = f"b{k}"
+    model, rng = made.build(), np.random.default_rng(0)
+    q, v, tau = rng.normal(size=(3, 3))
+    held = sd.Constraints(model, [sd.PointConstraint("b2", axes="xz", at_a=(0.1, 0.2, 0.3))])
+    found = sd.constrained_dynamics(model, held, q, v, tau).a
+    J, drift = sd.constraint_jacobian(model, held, q), sd.constraint_drift(model, held, q, v)
+    M, free = sd.crba(model, q), sd.aba(model, q, v, tau)
+    wanted = free - np.linalg.solve(M, J.T @ np.linalg.solve(J @ np.linalg.solve(M, J.T), J @ free + drift))
+    assert abs(found - wanted).max() <= 1e3 * SAME * abs(wanted).max()
+
+
+def test_one_program_is_not_taken_for_another() -> None:
+    """Tables of one shape and other numbers: what a table holds is in every cache's key."""
+    model = four_bar()
+    q = np.array([[0.3, 0.4, 0.5]] * 9)
+    seen = []
+    for length in (0.4, 0.3, 0.4):
+        held = pin_of(model, c=length)
+        for x in (q, q[0]):
+            seen.append(np.atleast_2d(sd.constraint_error(model, held, x))[0].tolist())
+    assert seen[0] == seen[1] == seen[4] == seen[5]
+    assert seen[2] == seen[3] != seen[0]
+    first, second = (pin_of(model, c=c).table for c in (0.4, 0.3))
+    specs = (constraint_rows.ERROR,)
+    keys = {
+        batch_kernels._digest(specs, model.key, (x,), np.float64, batch_kernels.ALL, False, False)
+        for x in (first, second)
+    }
+    assert len(keys) == 2
+
+
+def test_a_static_table_is_a_copy_hashed_by_its_content() -> None:
+    rows = np.zeros(2, CONSTRAINTS)
+    rows[0]["last_row"], rows[0]["nc"] = 1, 3
+    a, b = StaticTable(rows, ("nc",)), StaticTable(rows, ("nc",))
+    rows[1]["value"] = 1.0
+    c = StaticTable(rows, ("nc",))
+    assert a == b != c
+    assert hash(a) == hash(b)
+    assert a.sizes == {"nc": 3}
+    assert repr(a) != repr(c)
+    with pytest.raises(ValueError, match="read-only"):
+        a.rows[1]["value"] = 2.0

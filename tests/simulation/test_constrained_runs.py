@@ -1,0 +1,377 @@
+"""Motion under constraints: closed loops and rolling against closed forms, simulate and rollout alike, errors."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from dense import Array
+from slow import slow_but
+
+import spatialdyn as sd
+from spatialdyn.constraints.dynamics import constrained_motion
+from spatialdyn.simulation import constrained, program_steps
+
+sys.path.append(str(Path(__file__).parents[1] / "constraints"))
+from mechanisms import G, four_bar, four_bar_state, pin_of
+
+EPS = np.finfo(float).eps
+METHODS = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
+
+
+def left_open(model: sd.Model, held: sd.Constraints, q: Array, v: Array) -> tuple[float, float]:
+    """Largest |φ| and |J v| of samples."""
+    J = sd.constraint_jacobian(model, held, q)
+    return float(abs(sd.constraint_error(model, held, q)).max()), float(abs((J @ v[..., None])[..., 0]).max())
+
+
+# --- closed loops ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", slow_but(["rk4", "semi_implicit_euler"], METHODS))
+def test_a_loop_stays_closed_by_projection(method: str) -> None:
+    """Drift is of rounding: the step opens the loop by h², Newton's step leaves its square."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    run = sd.simulate(model, q, v, 0.5, 1e-3, method, constraints=held)
+    phi, Jv = left_open(model, held, run.q, run.v)
+    assert phi <= (1e-14 if method == "rk4" else 1e-9)
+    assert Jv <= 1e-13
+    assert np.ptp(run.energy) <= {"rk4": 1e-8, "velocity_verlet": 1e-4}.get(method, 0.1)
+
+
+def test_a_four_bar_moves_as_its_one_freedom() -> None:
+    """θ̈ of the run's own (θ, θ̇), by differences; and the same motion in three times as many steps."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    coarse = sd.simulate(model, q, v, 0.6, 2e-3, constraints=held)
+    fine = sd.simulate(model, q, v, 0.6, 1e-3, constraints=held)
+    assert abs(coarse.q - fine.q[::2]).max() <= 1e-7
+    assert abs(coarse.q - fine.q[::2]).max() >= 1e-12
+    found = np.gradient(fine.v[:, 0], fine.t)[1:-1]
+    a = sd.constrained_dynamics(model, held, fine.q, fine.v, np.zeros(3)).a[1:-1, 0]
+    assert abs(found - a).max() <= 1e-3 * abs(a).max()
+
+
+@pytest.mark.parametrize("method", slow_but(["semi_implicit_euler"], METHODS))
+def test_a_rollout_is_so_many_constrained_simulations(method: str) -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held, tau = pin_of(model), np.random.default_rng(0).normal(size=(12, 3))
+    for T in (None, 0.05):
+        found = sd.rollout(model, np.tile(q, (9, 1)), v, tau, dt=1e-3, method=method, constraints=held, stabilization=T)
+        wanted = sd.simulate(model, q, v, 0.012, 1e-3, method, tau, constraints=held, stabilization=T)
+        assert abs(found.q - wanted.q[1:]).max() <= 1e-13
+        assert abs(found.v - wanted.v[1:]).max() <= 1e-12
+
+
+def test_the_program_and_the_calls_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A function of Python as torque runs by calls, a torque that is held in one program."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, tau = pin_of(model), np.array([0.1, 0.0, -0.1])
+    at_once = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, constraints=held)
+    assert program_steps._kernel.cache_info().currsize
+    by_calls = sd.simulate(model, q, v, 0.05, 1e-3, torque=lambda t, q, v: tau, constraints=held)
+    assert abs(at_once.q - by_calls.q).max() <= 1e-13
+    pd = sd.PD(kp=[3.0, 0, 0], kd=[0.1, 0, 0], q_ref=[1.0, 0, 0])
+    run = sd.rollout(model, q, v, dt=1e-3, steps=2000, pd=pd, constraints=held)
+    assert abs(run.v[-1]).max() < abs(run.v).max()
+    assert left_open(model, held, run.q, run.v)[0] <= 1e-9
+
+
+def test_stabilization_is_a_time_in_which_errors_die() -> None:
+    """φ and J v stay of the order of a step's error; after a start that is open by 1e-7, they die like exp(-t/T)."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, T = pin_of(model), 0.02
+    run = sd.simulate(model, q, v, 0.5, 1e-3, constraints=held, stabilization=T)
+    phi, _ = left_open(model, held, run.q, run.v)
+    assert 1e-13 <= phi <= 1e-7
+    off = q + np.array([3e-7, 0, 0])
+    run = sd.simulate(model, off, 0 * v, 0.2, 1e-3, constraints=held, stabilization=T)
+    errors = abs(sd.constraint_error(model, held, run.q)).max(axis=1)
+    wanted = errors[0] * (1 + run.t / T) * np.exp(-run.t / T)  # φ̈ + 2 φ̇/T + φ/T² = 0 from rest
+    assert abs(errors - wanted).max() <= 0.05 * errors[0]
+
+
+def test_gains_of_ten_over_the_step_explode() -> None:
+    """α = β = 10/dt, which one finds recommended, is z = -118 a step of semi-implicit Euler; 3 dt as a time is calm."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, dt = pin_of(model), 1e-3
+
+    def errors(T: float) -> Array:
+        x, w, found = q + np.array([1e-9, 0, 0]), v.copy(), []
+        for _ in range(4):
+            w = w + dt * constrained_motion(model, held, x, w, np.zeros(3), T).a
+            x = x + dt * w
+            found.append(abs(sd.constraint_error(model, held, x)).max())
+        return np.array(found)
+
+    explodes = errors(dt / 10)
+    assert (explodes[1:] > 50.0 * explodes[:-1]).all()
+    assert errors(3 * dt).max() <= 1e-5
+    with pytest.raises(sd.SimulationError, match=r"stabilization is 0\.0001 s, expected at least 3 dt = 0\.003 s"):
+        sd.simulate(model, q, v, 0.1, dt, constraints=held, stabilization=dt / 10)
+
+
+@pytest.mark.parametrize(
+    ("h", "steps", "wanted"),
+    slow_but([(4e-3, 200, 6.277e-4)], [(4e-3, 200, 6.277e-4), (2e-3, 1000, 1.571e-4), (4e-3, 4000, 6.288e-4)]),
+)
+def test_rattle_keeps_energy_within_bounds(h: float, steps: int, wanted: float) -> None:
+    """The error is of order h² and does not grow; loop and velocities are closed to rounding."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    run = sd.simulate(model, q, v, steps * h, h, "stormer_verlet", constraints=held)
+    assert abs(run.energy - run.energy[0]).max() == pytest.approx(wanted, rel=1e-3)
+    phi, Jv = left_open(model, held, run.q, run.v)
+    assert phi <= 1e-14
+    assert Jv <= 1e-13
+
+
+def test_rattle_is_of_order_two_and_reversible() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    exact = sd.simulate(model, q, v, 0.2, 5e-4, constraints=held).q[-1]
+    errors = []
+    for h in (4e-3, 2e-3):
+        run = sd.simulate(model, q, v, 0.2, h, "stormer_verlet", constraints=held)
+        errors.append(abs(run.q[-1] - exact).max())
+        back = sd.simulate(model, run.q[-1], -run.v[-1], 0.2, h, "stormer_verlet", constraints=held)
+        assert abs(back.q[-1] - q).max() <= 1e-11
+    assert 3.5 <= errors[0] / errors[1] <= 4.5
+
+
+def test_rattle_takes_torques() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    run = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", [0.5, 0, 0], constraints=held)
+    wanted = sd.simulate(model, q, v, 0.1, 1e-3, "rk4", [0.5, 0, 0], constraints=held)
+    assert abs(run.q[-1] - wanted.q[-1]).max() <= 1e-5
+    damped = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", lambda t, q, v: -0.1 * v, constraints=held)
+    assert damped.energy[-1] < damped.energy[0] - 1e-3
+
+
+def test_what_rattle_cannot_do() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+
+    def refused(model: sd.Model, items: Any, q: Any, v: Any, **options: Any) -> str:
+        held = sd.Constraints(model, items)
+        with pytest.raises(sd.SimulationError) as caught:
+            sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, **options)
+        return str(caught.value)
+
+    still = np.zeros(3)
+    text = refused(model, [sd.VelocityConstraint([1.0, 0, 0])], q, still)
+    assert text == (
+        "stormer_verlet is given VelocityConstraint(), expected equations of positions; explicit methods take those of "
+        "velocities"
+    )
+    assert "expected None for stormer_verlet: it keeps φ = 0" in refused(
+        model, [*pin_of(model)], q, v, stabilization=0.1
+    )
+    free, _ = disc(0.1)
+    hung = [sd.PointConstraint("disc")]
+    wanted = 'is given joint "disc_joint" (floating), expected joints whose position is one number'
+    assert wanted in refused(free, hung, sd.neutral(free), np.zeros(6))
+
+
+def test_a_quadruped_holds_its_feet() -> None:
+    """A floating trunk on four legs whose feet are held: they stay where they are, within rounding."""
+    made = sd.ModelBuilder("stool")
+    made.add_body("trunk", None, "floating", inertia=(5.0, (0, 0, 0), 0.1 * np.eye(3)))
+    held = []
+    for k, (x, y) in enumerate(((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2))):
+        link = (0.5, (0, 0, -0.1), 0.002 * np.eye(3))
+        made.add_body(f"hip{k}", "trunk", "revolute", (1, 0, 0), (x, y, 0), link)
+        made.add_body(f"thigh{k}", f"hip{k}", "revolute", (0, 1, 0), (0, 0, 0), link)
+        made.add_body(f"shank{k}", f"thigh{k}", "revolute", (0, 1, 0), (0, 0, -0.2), link)
+        held.append(f"shank{k}")
+    model = made.build()
+    q = sd.neutral(model)
+    q[7:] = np.tile([0.1, 0.5, -1.0], 4)
+    foot = np.array([0, 0, -0.2])
+
+    def places(x: Array) -> list[Array]:
+        return [(sd.frame_placement(model, x, name) @ np.append(foot, 1.0))[..., :3] for name in held]
+
+    feet = sd.Constraints(
+        model, [sd.PointConstraint(name, at_a=foot, at_b=p) for name, p in zip(held, places(q), strict=True)]
+    )
+    v = sd.project_velocity(model, feet, q, np.random.default_rng(0).normal(size=model.nv))
+    pd = sd.PD(np.r_[np.zeros(6), 80.0 * np.ones(12)], np.r_[np.zeros(6), 2.0 * np.ones(12)], q)
+    run = sd.rollout(model, q, v, dt=2e-3, steps=200, pd=pd, constraints=feet)
+    for name, at, start in zip(held, places(run.q), places(q), strict=True):
+        assert abs(at - start).max() <= 1e-8, name
+    assert abs(run.v[-1]).max() <= 0.05 * abs(run.v[0]).max()
+
+
+# --- rolling, and other constraints on velocities -------------------------------------------------------
+
+
+def test_chaplygins_sleigh() -> None:
+    """u = V tanh(a V t / k² + c), ω = V/k sech(...), of a blade a behind the centre of mass."""
+    m, I, a, u0, w0, t = 2.0, 0.3, 0.4, 0.5, 2.0, 2.0
+    made = sd.ModelBuilder("sleigh")
+    made.add_body("sleigh", None, "planar", (0, 0, 1), inertia=(m, (a, 0, 0), np.diag([0.1, 0.2, I])))
+    model = made.build()
+    blade = sd.Constraints(model, [sd.VelocityConstraint([0, 1, 0], name="blade")])
+    run = sd.simulate(model, [0, 0, 0], [u0, 0, w0], t, 1e-3, constraints=blade)
+    k = math.sqrt((I + m * a * a) / m)
+    V = math.hypot(u0, k * w0)
+    phase = a * V * t / k**2 + math.atanh(u0 / V)
+    u, w = V * math.tanh(phase), V / k / math.cosh(phase)
+    assert (u, w) == pytest.approx((1.2187797062, 0.1214964200), abs=1e-10)
+    assert run.v[-1] == pytest.approx([u, 0.0, w], abs=1e-10)
+    assert np.ptp(run.energy) <= 1e-10
+
+
+def test_a_knife_edge_on_an_incline_does_not_slide_down() -> None:
+    """x = g sin β / (2 ω²) sin² ωt stays bounded, y drifts across: the mechanics of d'Alembert, not of a variation."""
+    beta, w, t = 0.3, 2.0, 1.3
+    made = sd.ModelBuilder("knife")
+    made.add_body("blade", None, "planar", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.diag([0.1, 0.2, 0.3])))
+    model = made.build(gravity=(G * math.sin(beta), 0, -G * math.cos(beta)))
+    edge = sd.Constraints(model, [sd.VelocityConstraint([0, 1, 0])])
+    run = sd.simulate(model, [0, 0, 0], [0, 0, w], t, 1e-3, constraints=edge)
+    c = G * math.sin(beta) / (2 * w * w)
+    wanted = [c * math.sin(w * t) ** 2, c * (w * t - 0.5 * math.sin(2 * w * t)), w * t]
+    assert wanted[1] == pytest.approx(1.1022661783, abs=1e-9)
+    assert run.q[-1] == pytest.approx(wanted, abs=1e-9)
+
+
+def disc(radius: float) -> tuple[sd.Model, sd.Constraints]:
+    """A thin disc of 1 kg that rolls."""
+    made, I = sd.ModelBuilder("disc"), 0.25 * radius**2
+    made.add_body("disc", None, "floating", inertia=(1.0, (0, 0, 0), np.diag([I, 2 * I, I])))
+    model = made.build()
+    return model, sd.Constraints(model, [sd.RollingConstraint("disc", (0, 1, 0), radius)])
+
+
+def test_a_thin_disc_stands_upright_when_it_rolls_fast() -> None:
+    """It does above ω² = g / (3 r): from a lean of 1e-4 it falls over 5 % below that, and stays up 5 % above."""
+    r, lean = 0.1, 1e-4
+    model, held = disc(r)
+    critical = math.sqrt(G / (3 * r))
+    assert critical == pytest.approx(5.718391, abs=1e-6)
+    leans = []
+    for factor in (0.95, 1.05):
+        q = np.array([0, 0, r * math.cos(lean), math.sin(lean / 2), 0, 0, math.cos(lean / 2)])
+        v = np.array([0, 0, 0, 0, factor * critical, 0])
+        J = sd.constraint_jacobian(model, held, q)
+        v[:3] = np.linalg.solve(J[:, :3], -J[:, 3:] @ v[3:])
+        run = sd.simulate(model, q, v, 3.0, 1e-3, constraints=held)
+        tilt = np.arcsin(sd.frame_placement(model, run.q, "disc")[:, 2, 1])
+        leans.append(abs(tilt).max())
+        assert abs(run.q[:, 2] - r * np.cos(tilt)).max() <= 1e-11  # it touches the ground
+        assert np.ptp(run.energy) <= 1e-10
+    assert leans[0] > 0.3
+    assert leans[1] < 0.0025
+
+
+def test_a_wheel_held_upright_rolls_in_a_circle() -> None:
+    """The radius is r θ̇ / φ̇. Its vertical equation is always met: it drops out."""
+    r, spin, turn = 0.1, 5.0, 1.5
+    made = sd.ModelBuilder("unicycle")
+    made.add_body("fork", None, "planar", (0, 0, 1), inertia=(1.0, (0, 0, 0), 0.01 * np.eye(3)))
+    made.add_body("wheel", "fork", "continuous", (0, 1, 0), (0, 0, r), (0.5, (0, 0, 0), 0.002 * np.eye(3)))
+    model = made.build()
+    held = sd.Constraints(model, [sd.RollingConstraint("wheel", (0, 1, 0), r)])
+    v = np.array([r * spin, 0.0, turn, spin])
+    run = sd.simulate(model, np.zeros(4), v, 2 * math.pi / turn, 1e-3, constraints=held)
+    assert np.ptp(run.q[:, 1]) == pytest.approx(2 * r * spin / turn, rel=1e-4)
+    assert run.q[-1, :2] == pytest.approx([0, 0], abs=1e-6)
+    assert sd.constrained_dynamics(model, held, run.q[0], v, np.zeros(4)).rank == 2
+
+
+def test_a_sphere_rolls_down_an_incline() -> None:
+    """a = g sin β / (1 + 2/5), whichever way the sphere has turned."""
+    beta, r = 0.3, 0.05
+    made, I = sd.ModelBuilder("ball"), 0.4 * r**2
+    made.add_body("ball", None, "floating", inertia=(1.0, (0, 0, 0), I * np.eye(3)))
+    model = made.build(gravity=(G * math.sin(beta), 0, -G * math.cos(beta)))
+    held = sd.Constraints(model, [sd.RollingConstraint("ball", None, r)])
+    q = sd.normalize(model, [0, 0, r, 0.1, 0.2, 0.3, 0.9])
+    run = sd.simulate(model, q, np.zeros(6), 1.0, 1e-3, constraints=held)
+    assert run.q[-1, :3] == pytest.approx([0.5 * G * math.sin(beta) / 1.4, 0, r], abs=1e-7)
+
+
+# --- what is refused ------------------------------------------------------------------------------------
+
+
+def test_starts_that_do_not_meet_the_constraints_are_refused() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    with pytest.raises(sd.ConstraintError, match=r"^pin x is open by 0\.914.* mm, .* at the beginning; project_config"):
+        sd.simulate(model, q + 1e-3, v, 0.1, 1e-3, constraints=held)
+    with pytest.raises(sd.ConstraintError, match=r"^v0 moves pin x at 0\.00914, expected 0; project_velocity gives"):
+        sd.simulate(model, q, v + 1e-2, 0.1, 1e-3, constraints=held)
+    starts, speeds = np.tile(q, (5, 1)), np.tile(v, (5, 1))
+    speeds[3] += 1e-2
+    with pytest.raises(sd.ConstraintError, match=r"^v0 of sample 3 moves pin x"):
+        sd.rollout(model, starts, speeds, dt=1e-3, steps=3, constraints=held)
+    starts[2] += 1e-3
+    with pytest.raises(sd.ConstraintError, match=r"^pin x is open by .* mm in sample 2"):
+        sd.rollout(model, starts, speeds, dt=1e-3, steps=3, constraints=held)
+
+
+def test_what_runs_under_constraints_cannot_do() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    with pytest.raises(sd.SimulationError, match="method is 'gauss4', expected one that takes constraints: explicit_"):
+        sd.simulate(model, q, v, 0.1, 1e-3, "gauss4", constraints=held)
+    with pytest.raises(sd.SimulationError, match="fext is given, expected None with constraints"):
+        sd.simulate(model, q, v, 0.1, 1e-3, fext=np.zeros((4, 6)), constraints=held)
+    with pytest.raises(sd.SimulationError, match=r"stabilization is 0\.1, expected None: no constraints are given"):
+        sd.simulate(model, q, v, 0.1, 1e-3, stabilization=0.1)
+    with pytest.raises(sd.SimulationError, match="dtype is float32, expected float64 with constraints"):
+        sd.rollout(model, q, v, dt=1e-3, steps=1, dtype=np.float32, constraints=held)
+    with pytest.raises(sd.ModelError, match="constraints are of model"):
+        sd.simulate(four_bar(0.3), q, v, 0.1, 1e-3, constraints=held)
+    many = sd.Constraints(model, [*held] * 13)
+    with pytest.raises(sd.SimulationError, match="constraints have 39 equations, expected at most 36 in a rollout"):
+        sd.rollout(model, q, v, dt=1e-3, steps=1, constraints=many)
+
+
+@pytest.mark.slow(quick="test_what_runs_under_constraints_cannot_do")
+def test_many_equations_run_by_the_table_kernel() -> None:
+    """39 equations, 37 of which depend on the others, have no program."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held = pin_of(model)
+    many = sd.Constraints(model, [*held] * 13)
+    assert sd.constrained_dynamics(model, many, q, v, np.zeros(3)).rank == 2
+    run = sd.simulate(model, q, v, 0.01, 1e-3, constraints=many)
+    assert abs(run.q - sd.simulate(model, q, v, 0.01, 1e-3, constraints=held).q).max() <= 1e-12
+
+
+def test_a_branch_point_is_named_with_its_time() -> None:
+    """All rods of a parallelogram on one line: it may open either way, and one equation is no longer independent."""
+    model = four_bar(1.0, 1.0, 1.0, 1.0)
+    held = pin_of(model, 1.0, 1.0)
+    flat, rate = np.zeros(3), np.array([1.0, -1.0, 1.0])
+    text = r"step from t = 0\S* s: the rank of pin is 2, at the beginning it was 1: a branch point"
+    with pytest.raises(sd.SimulationError, match=text) as caught:
+        sd.simulate(model, flat, rate, 0.1, 1e-2, constraints=held)
+    assert len(caught.value.trajectory.t) >= 1
+    with pytest.raises(sd.SimulationError, match=r"sample 0, " + text):
+        sd.rollout(model, np.tile(flat, (3, 1)), rate, dt=1e-2, steps=5, constraints=held)
+    lost = sd.rollout(model, np.tile(flat, (3, 1)), rate, dt=1e-2, steps=5, constraints=held, check=False)
+    assert not np.isfinite(lost.v[:, -1]).any()
+
+
+def test_contradictions_are_named_with_their_time() -> None:
+    """A rod to a rocker that a coupling drives: the rod is met at first, and no acceleration keeps both."""
+    model, (q, v) = four_bar(), four_bar_state()
+    end = sd.frame_placement(model, q, "rocker")[:3] @ [0.4, 0, 0, 1.0]
+    rod = sd.DistanceConstraint("rocker", None, 0.3, (0.4, 0, 0), end + np.array([0.3, 0, 0]), name="rod")
+    held = sd.Constraints(model, [sd.VelocityConstraint([0, 0, 1.0]), rod])
+    still = sd.project_velocity(model, held, q, v)
+    assert sd.simulate(model, q, still, 0.01, 1e-3, constraints=held).q.shape == (11, 3)
+    belt = sd.CouplerConstraint("rocker_joint", "crank_joint", 1.0, q[2] - q[0], name="belt")
+    tied = sd.Constraints(model, [belt, rod, sd.VelocityConstraint([1.0, 0, 0], name="brake")])
+    assert sd.constrained_dynamics(model, tied, q, [0, 1.0, 0], np.zeros(3)).rank == 2
+    pushed = constrained.held_by(model, tied, None, "rk4", METHODS, q, np.zeros(3), 1e-3)
+    assert pushed is not None
+    assert pushed.rank.tolist() == [2]
