@@ -18,6 +18,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, recording, time_loop
 from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
+from .friction_steps import Rubbing
 from .methods import Method
 from .recorder import Recorder
 from .rollouts import EXPLICIT_METHODS, step_specs
@@ -32,28 +33,35 @@ Slice = Callable[[int, int, float], bool]
 
 
 def program(
-    recorder: Recorder, method: Method, torque: Torque, fext: NDArray[np.float64] | None, state: State
-) -> Slice | None:
+    recorder: Recorder, method: Method, torque: Torque, fext: NDArray[np.float64] | None, state: State,
+    found: Rubbing | None = None, own: NDArray[np.float64] | None = None,
+) -> Slice | None:  # fmt: skip
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
+
+    found, own  the friction of the run, and the state that it carries
     """
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
-    kernel = _kernel(model, method)
+    way, coefficients = (found.way, found.inputs) if found else (None, ())
+    kernel = _kernel(model, method, way, coefficients)
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows
+    now = [state.q, state.w, *([own] if own is not None else [])]
+    constants = [StepInput(x[None, None]) for x in (found.values if found else ())]
 
     def run(first: int, count: int, h: float) -> bool:
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
         held = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
-        records = [np.empty((1, count // every, len(x))) for x in (state.q, state.w)]
-        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(held[None]))]
-        if len(time_loop.run(kernel, [state.q[None], state.w[None]], forcing, records, count, every)):
+        records = [np.empty((1, count // every, len(x))) for x in now]
+        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(held[None])), *constants]
+        if len(time_loop.run(kernel, [x[None] for x in now], forcing, records, count, every)):
             return False
-        (q,), (w,) = records
-        state.q[:], state.w[:] = q[-1], w[-1]
+        for x, (rows,) in zip(now, records, strict=True):
+            x[:] = rows[-1]
+        (q,), (w,) = records[:2]
         done = first + count
         if done % recorder.every == 0 or done == steps.total:
             row, more = int(recorder.at[1]), len(q)
@@ -75,8 +83,8 @@ def slice_of(first: int, count: int, every: int) -> int:
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _kernel(model: Model, method: Method) -> Any:
-    specs = step_specs(method.name, law=False, forced=True)
+def _kernel(model: Model, method: Method, way: str | None, coefficients: tuple[str, ...]) -> Any:
+    specs = step_specs(method.name, False, True, way, coefficients)
     rows = method.evaluations * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies):
         return None

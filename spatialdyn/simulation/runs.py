@@ -16,7 +16,8 @@ from typing import Any, ParamSpec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_number, check_model
+from ..actuation.friction import Friction
+from ..calls.arguments import as_array, as_number, check_model, core_shape
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
@@ -32,6 +33,7 @@ from ..model.model import Model
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
 from .energy import FAST, exploded, scale_of
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, rubbing, smooth_kernel
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
@@ -60,6 +62,8 @@ def simulate(
     progress: Progress = False,
     rtol: float = 1e-9,
     atol: float = 1e-12,
+    friction: Friction | bool | None = None,
+    friction_method: str = "implicit",
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -80,10 +84,20 @@ def simulate(
               The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
+    friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. None lets the URDF's
+              act on nothing, and warns where it has any; so does False, and warns not
+    friction_method  how it acts:
+              implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
+                        dt; a joint that sticks has a velocity of 0 to the bit
+              lugre     with the same method: LuGre's bristles, a state of their own that starts undeflected. Below the
+                        static friction a joint bends them, and under a varying torque creeps
+              smooth    a torque -F(v) tanh(v/smoothing) - viscous v, with any method but variational; nothing sticks:
+                        a joint creeps under any torque. Explicit methods are stable up to a dt that is refused above
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
+    With friction, torque functions, fext and robots too long for a program make the steps run in Python.
     Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
     (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
     method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
@@ -91,7 +105,8 @@ def simulate(
 
     Returns Trajectory.
     Raises  ShapeError; SpatialDynError for an invalid dt, duration or method; ModelError for mimic joints;
-            SimulationError, with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
+            SimulationError for a friction_method that the method cannot take, or whose coefficients are missing; and,
+            with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
             nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
@@ -106,13 +121,14 @@ def simulate(
     >>> bool(abs(run.energy - run.energy[0]).max() < 1e-5)
     True
     """
-    q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext)
+    q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext, friction is None)
+    found = rubbing(model, friction, friction_method, method, as_number(dt))
     p = calls["momentum"](model, q, v)
     if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, found)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -167,7 +183,7 @@ def hamilton_simulation(
 
 
 def _checked(
-    model: Model, q0: ArrayLike, moving: tuple[str, ArrayLike], method: str, fext: ArrayLike | None
+    model: Model, q0: ArrayLike, moving: tuple[str, ArrayLike], method: str, fext: ArrayLike | None, warn: bool = True
 ) -> tuple[Array, Array, Method, Array | None]:
     check_model(model)
     if model.mimic_matrix is not None:
@@ -179,8 +195,8 @@ def _checked(
     name, w0 = moving
     q, w = _vector("q0", q0, (model.nq,)), _vector(name, w0, (model.nv,))
     forces = None if fext is None else _vector("fext", fext, (model.njoints, 6))
-    if model.damping.any() or model.friction.any():
-        text = f'robot "{model.name}" has joint damping or friction, which simulate ignores; add them to torque'
+    if warn and (model.damping.any() or model.friction.any()):
+        text = f'robot "{model.name}" has joint damping or friction, which simulate ignores unless friction=True'
         warnings.warn(text, stacklevel=3 if name == "v0" else 4)  # a wrapper stands around the other
     return q, w, chosen, forces
 
@@ -208,7 +224,7 @@ def _every(record: int | None, total: int) -> int:
 
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
-    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
+    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float, found: Rubbing | None = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
@@ -222,9 +238,10 @@ def _run(
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with reporting(progress, "simulate") as report:
             if method.family is None:
-                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol))
+                resist = None if found is None else smooth_kernel(found)
+                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), resist)
             else:
-                _run_fixed(recorder, (q, v, p), asked, fext, report)
+                _run_fixed(recorder, (q, v, p), asked, fext, report, found)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
@@ -252,7 +269,7 @@ def _run(
 
 def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None],
+    report: Callable[[int, int], None], found: Rubbing | None,
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps = recorder.model, recorder.method, recorder.steps
@@ -275,10 +292,14 @@ def _run_fixed(
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
-    system = System(family.kernels(fext is not None), asks, torque.user, *data)
+    kernels, own = family.kernels(fext is not None), np.zeros(0)
+    if found is not None:
+        own = np.zeros(0 if found.own is None else core_shape(model, found.own)[0])
+        kernels, advance = by_kernels(found, kernels, advance, own, fext)
+    system = System(kernels, asks, torque.user, *data)
     family.start(system, state)
-    at_once = program(recorder, method, torque, fext, state)
-    now = (*state, recorder.at)
+    at_once = program(recorder, method, torque, fext, state, found, own if len(own) else None)
+    now = (*state, recorder.at, own)
     marked = [x.copy() for x in now]
 
     def mark() -> None:
@@ -292,7 +313,7 @@ def _run_fixed(
 
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled:
+        if torque.compiled and found is None:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             with np.errstate(all="ignore"):
@@ -314,6 +335,11 @@ def _run_fixed(
             else:
                 run(first, count, h)
             mark()
+            if found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
+                raise SimulationError(
+                    f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
+                    f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"
+                )
             report(int(recorder.at[0]), steps.total)
             spent = max(time.perf_counter() - began, 1e-6)
             count = max(1, int(min(10.0 * count, count * SLICE / spent)))

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..model.model import Frame, Model
+from ..recursions.spec import Spec
 
 Array = NDArray[np.float64]
 Reference = Literal["local", "world", "local_world_aligned"]
@@ -37,6 +38,7 @@ Reference = Literal["local", "world", "local_world_aligned"]
 __all__ = {names}
 calls: dict[str, Callable[..., Any]]
 
+def checked_call(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any, ...], out: Any) -> Any: ...
 def set_num_threads(n: int) -> None: ...
 def table_call(name: str, model: Model, *values: Any) -> Any: ...
 def total_mass(model: Model) -> float: ...

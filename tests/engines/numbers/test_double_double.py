@@ -87,7 +87,9 @@ def test_sine_and_cosine_have_100_bits(reach: float) -> None:
 def test_exp_has_a_hundred_bits(reach: float) -> None:
     rng = np.random.default_rng(3)
     with mpmath.workprec(300):
-        assert abs(sum(map(mpmath.mpf, (double_double.L1, double_double.L2, double_double.L3))) - mpmath.ln2) < 2.0**-150
+        assert (
+            abs(sum(map(mpmath.mpf, (double_double.L1, double_double.L2, double_double.L3))) - mpmath.ln2) < 2.0**-150
+        )
         for h in [*rng.uniform(-reach, reach, 100), 0.0, math.log(2.0) / 2.0]:
             a = double_double.fast_two_sum(float(h), float(h) * 2.0**-55)
             found = double_double.exponential(*a)
