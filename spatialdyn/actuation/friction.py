@@ -14,7 +14,7 @@ from ..calls.dynamics import checked_call
 from ..calls.failures import joint_of_velocity
 from ..errors import ModelError, ShapeError
 from ..model.model import Model
-from ..recursions.friction import FRICTION_TORQUE
+from ..recursions.friction import AT_ONCE, FRICTION_TORQUE
 
 Array = NDArray[np.float64]
 POSITIVE = ("stribeck_velocity", "smoothing")  # the others may be 0
@@ -102,6 +102,12 @@ class Friction:
         check_model(model)
         return cls(**{"coulomb": model.friction, "viscous": model.damping, **changes}).check(model)  # type: ignore[arg-type]
 
+    @property
+    def law(self) -> tuple[Array, Array, Array, Array]:
+        """F_c, b, F_s and v_s as the recursions take them."""
+        fall = np.full(len(self.coulomb), AT_ONCE) if self.stribeck_velocity is None else self.stribeck_velocity
+        return self.coulomb, self.viscous, self.static, fall
+
     def check(self, model: Model) -> Friction:
         """This friction, if it is one of the model's joints. Raises ShapeError, ModelError naming the joint."""
         n = check_model(model).nv
@@ -182,6 +188,5 @@ def friction_torque(model: Model, v: ArrayLike, friction: Friction | bool, out: 
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     x = check_friction(model, friction)
-    values = (v, x.coulomb, x.viscous, x.static, x.stribeck_velocity, x.smoothing)
-    made: Array = checked_call(FRICTION_TORQUE, model, values, (), out)
+    made: Array = checked_call(FRICTION_TORQUE, model, (v, *x.law, x.smoothing), (), out)
     return made

@@ -98,9 +98,7 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
         )
     if way == SMOOTH and method == "variational":
         raise SimulationError('method is "variational", expected another with friction, such as gauss4')
-    inputs = {"coulomb": given.coulomb, "viscous": given.viscous, "static": given.static}
-    if given.stribeck_velocity is not None:
-        inputs["stribeck"] = given.stribeck_velocity
+    inputs = dict(zip(("coulomb", "viscous", "static", "stribeck"), given.law, strict=True))
     if way == SMOOTH:
         inputs["smoothing"] = _needed(given.smoothing, "smoothing", way)
         _check_stable(model, inputs, method, dt)
@@ -119,15 +117,16 @@ def _needed(value: Array | None, name: str, way: str) -> Array:
 
 
 def _check_stable(model: Model, inputs: dict[str, Array], method: str, dt: float) -> None:
-    """Refuse a step at which smooth friction grows near v = 0, of the joint alone in the neutral configuration."""
+    """Refuse a step at which smooth friction grows near v = 0, where v̇ = -M⁻¹ K v, in the neutral configuration."""
     if method not in STABLE:
         return
     slope = inputs["static"] / inputs["smoothing"] + inputs["viscous"]
-    rate = slope * np.diagonal(calls["minverse"](model, calls["neutral"](model)))
-    k = int(np.argmax(rate))
-    if dt * rate[k] > STABLE[method]:
+    root = np.sqrt(slope)
+    rates, modes = np.linalg.eigh(root[:, None] * calls["minverse"](model, calls["neutral"](model)) * root)
+    k = int(np.argmax(abs(modes[:, -1])))
+    if dt * rates[-1] > STABLE[method]:
         raise SimulationError(
-            f"dt is {dt:g} s, expected at most {STABLE[method] / rate[k]:.3g} s, where {method} is stable with the "
+            f"dt is {dt:g} s, expected at most {STABLE[method] / rates[-1]:.3g} s, where {method} is stable with the "
             f'smooth friction of joint "{joint_of_velocity(model, k).name}", {slope[k]:.3g} N m s/rad at rest; a '
             'larger smoothing allows more, and friction_method="implicit" any'
         )
@@ -144,8 +143,8 @@ def smooth_torque(rows: Any, v: Any, given: dict[str, Any]) -> Any:
 
 
 def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
-    """The coefficients that all ways have; Stribeck's velocities None for none."""
-    return given["coulomb"], given["viscous"], given["static"], given.get("stribeck")
+    """The coefficients that all ways have."""
+    return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
 
 def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, Any]:
