@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .accuracy.simplify import simplify
     from .accuracy.tradeoff import recommend, trade
     from .actuation.friction import Friction, friction_torque
+    from .actuation.motors import Motor, torque_limits
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -71,20 +72,21 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstraintError", "Diagnosis", "Exact", "Finding", "Frame",
-    "Friction", "Impact", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "NonFiniteError", "Option",
-    "PD", "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt",
+    "Friction", "Impact", "InertiaError", "Joint", "Model", "ModelBuilder", "ModelError", "Motor", "NonFiniteError",
+    "Option", "PD", "Recommendation", "Robot", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt",
     "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "assemble",
     "check_conservation", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "diagnose", "exact", "forward_dynamics", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
     "hamilton_equations", "hamilton_simulation", "impact", "integrators", "kernels", "load_urdf", "plot",
     "poisson_bracket", "random_configuration", "recommend", "rollout", "simplify", "simulate", "specialize", "step",
-    "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_torque",
+    "actuation.motors": "Motor torque_limits",
     "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",

@@ -30,9 +30,9 @@ from .signatures import Bodies, Config, Matrix, Number, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 # Sweeps that choose which joints stick. The first ones correct every joint, the others those alone that violate
-# Coulomb's law by at least half of the largest violation, which ends cycles. Of 20 000 random states of a humanoid of
-# 44 joints 95 % are solved after 6 sweeps, all but one after these.
-SWEEPS, BOLD = 8, 5
+# Coulomb's law by at least half of the largest violation, which ends cycles. All of 90 000 random states of a humanoid
+# of 44 joints were solved to 2e-12 rad/s; 6 sweeps solve 99 %, and corrections of every joint leave one in 10 000.
+SWEEPS, BOLD = 10, 6
 AT_ONCE = 1e-30  # [rad/s | m/s] a Stribeck velocity below that of any motion, in the range of float32
 
 WORK = table_dtype(

@@ -83,7 +83,7 @@ def slice_of(first: int, count: int, every: int) -> int:
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _kernel(model: Model, method: Method, way: str | None, coefficients: tuple[str, ...]) -> Any:
+def _kernel(model: Model, method: Method, way: str | None = None, coefficients: tuple[str, ...] = ()) -> Any:
     specs = step_specs(method.name, False, True, way, coefficients)
     rows = method.evaluations * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies):

@@ -196,8 +196,10 @@ def _checked(
     q, w = _vector("q0", q0, (model.nq,)), _vector(name, w0, (model.nv,))
     forces = None if fext is None else _vector("fext", fext, (model.njoints, 6))
     if warn and (model.damping.any() or model.friction.any()):
-        text = f'robot "{model.name}" has joint damping or friction, which simulate ignores unless friction=True'
-        warnings.warn(text, stacklevel=3 if name == "v0" else 4)  # a wrapper stands around the other
+        ours = name == "v0"  # of simulate
+        call, cure = ("simulate", " unless friction=True") if ours else ("hamilton_simulation", "; simulate takes them")
+        text = f'robot "{model.name}" has joint damping or friction, which {call} ignores{cure}'
+        warnings.warn(text, stacklevel=3 if ours else 4)  # a wrapper stands around the other
     return q, w, chosen, forces
 
 

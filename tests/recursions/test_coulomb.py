@@ -26,7 +26,7 @@ EPS = float(np.finfo(float).eps)
 CLOSE = 100 * EPS  # of the largest entry: a few dozen operations in another order
 DT = 1e-3
 STEP, BRISTLES = (variant(spec, set()) for spec in (FRICTION_STEP, BRISTLE_STEP))  # without external forces
-SOLVED = {"panda": 1e-14, "talos_full": 1e-11}  # [rad/s]: eps times the condition of M, 1e2 and 7e5, times |v|
+SOLVED = {"panda": 1e-13, "talos_full": 1e-11}  # [rad/s]: eps times the condition of M, 1e2 and 7e5, times |v|
 robots = pytest.mark.skipif(not example_robots(), reason="robots of example-robot-data")
 
 
@@ -121,17 +121,16 @@ def test_a_joint_without_friction_has_no_bristles_and_no_nan() -> None:
     ("name", "torque"), slow_but([("panda", 1.0)], [(r, x) for r in SOLVED for x in (0.1, 1.0, 10.0)])
 )
 def test_coulombs_law_holds_at_the_end_of_the_step(name: str, torque: float) -> None:
-    """Of 50, 95 and 99 % of random states to rounding; of the few others to 1 cm/s."""
+    """In every one of 2000 random states, to rounding."""
     model = sd.load_urdf(name)
     s = states(model, 2000, torque)
     found = in_numpy(model, STEP, list(s.values())).reshape(-1, 2, model.nv)
     off, _ = violation(model, s, found[:, 0])
-    assert np.percentile(off, 99) <= SOLVED[name]
-    assert off.max() <= 1e-2
+    assert off.max() <= SOLVED[name]
     own = found[:, 1].max(axis=1)
     assert abs(off - own).max() <= SOLVED[name]  # what the recursion says of itself
     assert (found[:, 0] == 0.0).any(axis=1).mean() > 0.3
-    assert (own == 0.0).mean() > 0.99
+    assert (own == 0.0).all()
 
 
 @robots
@@ -139,12 +138,11 @@ def test_a_humanoid_is_solved_too() -> None:
     model = sd.load_urdf("talos_full")
     s = states(model, 300, 1.0)
     found = in_numpy(model, STEP, list(s.values())).reshape(-1, 2, model.nv)
-    assert np.percentile(violation(model, s, found[:, 0])[0], 99) <= SOLVED["talos_full"]
+    assert violation(model, s, found[:, 0])[0].max() <= SOLVED["talos_full"]
 
 
 def test_a_guess_that_has_not_settled_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(friction, "SWEEPS", 1)
-    monkeypatch.setattr(friction, "BOLD", 1)
     model = random_tree(4, 6, ["revolute"]).model
     s = states(model, 300, 1.0)
     found = in_numpy(model, STEP, list(s.values())).reshape(-1, 2, model.nv)
