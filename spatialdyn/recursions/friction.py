@@ -121,7 +121,7 @@ def friction_step(
             here = work[i]
             after[0, i - 1] = select(here.stuck, 0.0, v[i - 1] + dt * here.x)
             beyond = here.friction - here.weight * after[0, i - 1] / dt
-            here.sticks = select(magnitude(beyond) - here.level, 0.0, 1.0)
+            here.sticks = select(here.level - magnitude(beyond), 1.0, 0.0)  # 0 of NaN, which reaches v⁺ then
             here.against = select(beyond, -here.level, here.level)
             allowed = select(here.sticks, beyond, -here.against)
             after[1, i - 1] = magnitude(here.friction - allowed) * dt / here.weight

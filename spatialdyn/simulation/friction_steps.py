@@ -118,7 +118,7 @@ def _needed(value: Array | None, name: str, way: str) -> Array:
 
 def _check_stable(model: Model, inputs: dict[str, Array], method: str, dt: float) -> None:
     """Refuse a step at which smooth friction grows near v = 0, where v̇ = -M⁻¹ K v, in the neutral configuration."""
-    if method not in STABLE:
+    if method not in STABLE or not model.nv:
         return
     slope = inputs["static"] / inputs["smoothing"] + inputs["viscous"]
     root = np.sqrt(slope)
@@ -189,7 +189,7 @@ def by_kernels(
         given = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
         set_status(system, kernel(system.table, *given, after), t)
         state.w[:] = after[0]
-        own[:] = max(own[0], after[1].max()) if implicit else after[1]
+        own[:] = max(own[0], after[1].max(initial=0.0)) if implicit else after[1]
         displacement = state.work[1]
         displacement[:] = h * state.w
         explicit.move(system, t, displacement, state)

@@ -72,10 +72,10 @@ class PD(NamedTuple):
 class Rollout:
     """States of a rollout after each recorded step; ``q, v = rollout`` unpacks them.
 
-    q      (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
-    v      (B, T, nv)  joint velocities [rad/s | m/s], likewise
-    t      (T,)        times of the records [s]; () for "last"
-    model  the Model
+    q         (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
+    v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
+    t         (T,)        times of the records [s]; () for "last"
+    model     the Model
     bristles  (B, T, nv)  deflections of the bristles of LuGre friction [rad | m], likewise; None without any
     """
 

@@ -84,8 +84,8 @@ def simulate(
               The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
-    friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. None lets the URDF's
-              act on nothing, and warns where it has any; so does False, and warns not
+    friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
+              a warning says so where the URDF has some; with False none acts
     friction_method  how it acts:
               implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
                         dt; a joint that sticks has a velocity of 0 to the bit

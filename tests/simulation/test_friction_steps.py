@@ -361,6 +361,22 @@ def test_a_step_that_is_not_solved_is_an_error_with_its_sample(arm: sd.Model, mo
     assert sd.rollout(arm, np.zeros(3), np.zeros(3), dt=1e-3, steps=3, friction=ARM, check=False).q.shape == (3, 3)
 
 
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("what", ["v0", "tau"])
+def test_nan_and_overflow_reach_the_state_and_no_other_sample(arm: sd.Model, way: str, what: str) -> None:
+    """A joint of unknown torque does not stick."""
+    given: dict[str, Any] = {"v0": np.full((4, 3), 0.1), "tau": np.zeros((4, 5, 3))}
+    kept = dict(dt=1e-3, friction=ARM, friction_method=way, check=False)
+    clean = sd.rollout(arm, np.zeros(3), **given, **kept)
+    for bad in (np.nan, 1e200):
+        given[what][2] = bad
+        found = sd.rollout(arm, np.zeros(3), **given, **kept)
+        assert not np.isfinite(found.v[2, -1]).any()
+        np.testing.assert_array_equal(found.v[[0, 1, 3]], clean.v[[0, 1, 3]])
+    with pytest.raises(sd.SimulationError, match="state of sample 2 is not finite"):
+        sd.rollout(arm, np.zeros(3), **given, **{**kept, "check": True})
+
+
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
 def test_no_steps_leave_the_first_state_as_the_last(arm: sd.Model) -> None:
     last = sd.rollout(
@@ -368,6 +384,17 @@ def test_no_steps_leave_the_first_state_as_the_last(arm: sd.Model) -> None:
     )
     np.testing.assert_array_equal(last.q, 1.0)
     np.testing.assert_array_equal(last.bristles, np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_robot_without_joints_has_no_friction(way: str) -> None:
+    model = sd.ModelBuilder("plate").add_body("plate", None, "fixed").build()
+    none = np.zeros(0)
+    friction = sd.Friction(none, none, smoothing=none, bristle_stiffness=none)
+    kept = dict(friction=friction, friction_method=way)
+    assert sd.simulate(model, none, none, 1e-2, 1e-3, STEPPED, **kept).q.shape == (11, 0)
+    assert sd.rollout(model, np.zeros((2, 0)), none, dt=1e-3, steps=3, **kept).q.shape == (2, 3, 0)
+    assert sd.rollout(model, np.zeros((0, 0)), none, dt=1e-3, steps=3, **kept).q.shape == (0, 3, 0)
 
 
 def test_ctrl_c_leaves_a_whole_state(arm: sd.Model) -> None:
