@@ -67,11 +67,10 @@ class Friction:
         """Keep copies of the coefficients."""
         if bristle_damping is None and bristle_stiffness is not None:
             bristle_damping = 0.0
-        given = (
-            coulomb, viscous, coulomb if static is None else static, stribeck_velocity, smoothing, bristle_stiffness,
-            bristle_damping,
-        )  # fmt: skip
-        arrays = {x.name: as_array(x.name, y) for x, y in zip(fields(self), given, strict=True) if y is not None}
+        arrays = {"coulomb": as_array("coulomb", coulomb), "viscous": as_array("viscous", viscous)}
+        arrays["static"] = arrays["coulomb"] if static is None else as_array("static", static)
+        rest = (stribeck_velocity, smoothing, bristle_stiffness, bristle_damping)
+        arrays |= {x.name: as_array(x.name, y) for x, y in zip(fields(self)[3:], rest, strict=True) if y is not None}
         shapes = {name: x.shape for name, x in arrays.items()}
         try:
             shape = np.broadcast_shapes((1,), *shapes.values())
@@ -153,7 +152,7 @@ class Friction:
 
 def check_friction(model: Model, friction: Any) -> Friction:
     """The Friction of an argument: one that fits the model, or for True the URDF's. Raises ModelError, ShapeError."""
-    if friction is True:
+    if isinstance(friction, (bool, np.bool_)) and friction:
         return Friction.of(model)
     if not isinstance(friction, Friction):
         raise ModelError(f"friction is {friction!r}, expected a Friction, or True for that of the URDF")

@@ -86,9 +86,9 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
     Raises  SimulationError for an unknown way, one that the method cannot take, a coefficient that it needs, and a step
             above the stability limit of smooth friction, with that limit; ModelError naming the joint, ShapeError.
     """
-    if way not in WAYS:
+    if not isinstance(way, str) or way not in WAYS:
         raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
-    if friction is None or friction is False:
+    if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
         return None
     given = check_friction(model, friction)
     if way != SMOOTH and method != STEPPED:
