@@ -14,6 +14,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import run
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
 from spatialdyn.engines.programs import recording
@@ -27,6 +28,7 @@ CLOSE = 100 * EPS  # of the largest entry: a few dozen operations in another ord
 DT = 1e-3
 STEP, BRISTLES = (variant(spec, set()) for spec in (FRICTION_STEP, BRISTLE_STEP))  # without external forces
 SOLVED = {"panda": 1e-13, "talos_full": 1e-11}  # [rad/s]: eps times the condition of M, 1e2 and 7e5, times |v|
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: thousands of states")
 robots = pytest.mark.skipif(not example_robots(), reason="robots of example-robot-data")
 
 
@@ -117,6 +119,7 @@ def test_a_joint_without_friction_has_no_bristles_and_no_nan() -> None:
 
 
 @robots
+@compiled
 @pytest.mark.parametrize(
     ("name", "torque"), slow_but([("panda", 1.0)], [(r, x) for r in SOLVED for x in (0.1, 1.0, 10.0)])
 )
@@ -134,6 +137,7 @@ def test_coulombs_law_holds_at_the_end_of_the_step(name: str, torque: float) -> 
 
 
 @robots
+@compiled
 def test_a_humanoid_is_solved_too() -> None:
     model = sd.load_urdf("talos_full")
     s = states(model, 300, 1.0)
@@ -151,6 +155,7 @@ def test_a_guess_that_has_not_settled_is_reported(monkeypatch: pytest.MonkeyPatc
     np.testing.assert_allclose(found[:, 1].max(axis=1), off, rtol=1e-6, atol=1e-12)
 
 
+@compiled
 def test_a_guess_that_cycles_is_ended_by_correcting_the_worst_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """One of 20 000 states of one of eleven trees whose guesses, each joint corrected at once, return for ever."""
     model = random_tree(3, 8, ["revolute"]).model
