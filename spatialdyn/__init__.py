@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from .accuracy.results import Option, Recommendation, Tradeoff
     from .accuracy.simplify import simplify
     from .accuracy.tradeoff import recommend, trade
+    from .actuation.friction import Friction, friction_torque
+    from .actuation.motors import Motor, torque_limits
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -96,23 +98,26 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError",
-    "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame",
-    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError",
+    "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame", "Friction",
+    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
     "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
     "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
     "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation",
     "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact",
-    "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
+    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
     "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
-    "specialize", "step", "to_drake", "to_mujoco", "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "specialize", "step", "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view",
+    "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
-    "accuracy.tradeoff": "recommend trade", "calls.exact": "Exact exact",
+    "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_torque",
+    "actuation.motors": "Motor torque_limits",
+    "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
@@ -133,7 +138,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
-_ROOMS = ("accuracy", "constraints", "interop", "lagrangian", "pictures", "simulation", "validate")
+_ROOMS = ("accuracy", "actuation", "constraints", "interop", "lagrangian", "pictures", "simulation", "validate")
 
 
 def __dir__() -> list[str]:

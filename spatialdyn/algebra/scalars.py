@@ -101,6 +101,15 @@ def sqrt(x: Scalar) -> Scalar:
 
 
 @singledispatch
+def exp(x: Scalar) -> Scalar:
+    """e^x; infinite above 709.78, where it leaves the range of float64, and 0 below -745.13."""
+    try:
+        return math.exp(x)
+    except OverflowError:
+        return math.inf
+
+
+@singledispatch
 def atan2(y: Scalar, x: Scalar) -> Scalar:
     """The angle of the point (x, y), in [-π, π]."""
     return math.atan2(y, x)
@@ -140,6 +149,11 @@ def _cos(x):  # type: ignore[no-untyped-def]  # Numba compares the argument list
 @compiled_as(sqrt)
 def _sqrt(x):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
     return lambda x: np.sqrt(x)
+
+
+@compiled_as(exp)
+def _exp(x):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
+    return lambda x: np.exp(x)
 
 
 @compiled_as(atan2)

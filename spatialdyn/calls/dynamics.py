@@ -256,7 +256,12 @@ def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[A
 
     spec  the call with the inputs that are given only, as ``numba_kernels.variant`` makes it
     """
-    if not BUILTINS or model.mimic_matrix is not None or not all(type(x) in (str, bool) for x in words):
+    if (
+        spec.name not in SPECS
+        or not BUILTINS
+        or model.mimic_matrix is not None
+        or not all(type(x) in (str, bool) for x in words)
+    ):
         return
     public = SPECS[spec.name]
     given = {x.name for x in spec.present}

@@ -14,7 +14,8 @@ from ..calls.dynamics import checked_call
 from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.programs import single_call
-from ..engines.programs.single_call import ARRAY, NUMBER, Parameter
+from ..engines.programs.single_call import Parameter
+from ..engines.programs.single_call_text import ARRAY, NUMBER
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constrained import DEPENDENT

@@ -94,6 +94,7 @@ NAMES: dict[str, Aliases] = {
     ),
     "step": Aliases("", "", "mj_step", "", "", "stepSimulation"),
     "simulate": Aliases("ode45 odeint solve_ivp run", "", "", "fdyn nofriction"),
+    "friction_torque": Aliases("joint_friction coulomb_friction", "", "qfrc_passive frictionloss", "friction"),
     "constrained_dynamics": Aliases("contact_dynamics", "forwardDynamics constraintDynamics"),
     "impact": Aliases("impulse", "impulseDynamics"),
     "compare_with_pinocchio": Aliases("compare validate_against_pinocchio"),

@@ -54,7 +54,7 @@ class RobotJoint:
     axis       (3,)   unit vector in the joint's frame: axis of rotation or translation, normal of a plane
     lower, upper      position limits [rad | m], infinite where there are none (joints of one freedom)
     velocity, effort  limits [rad/s | m/s], [N m | N]
-    damping, friction read and kept, without effect on any result
+    damping, friction act in simulations that ask for it (``Friction.of``), and on no other result
     armature          reflected rotor inertia [kg m² | kg] of every freedom of the joint, or one for each. It is added
                       to the diagonal of M and nothing else, as in Pinocchio. C has no part of it, so on a floating or
                       planar joint, whose frame rotates, M v does not change as a true rotor's momentum does

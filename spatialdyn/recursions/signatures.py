@@ -14,4 +14,5 @@ Record: TypeAlias = Any  # a row of either table, or a field of one
 Config: TypeAlias = Any  # (nq)
 Vector: TypeAlias = Any  # (nv) unless the docstring says otherwise
 Matrix: TypeAlias = Any  # (nv, nv) unless the docstring or the Spec says otherwise; fext (njoints, 6), placement (4, 4)
+Number: TypeAlias = Any  # one number
 Array: TypeAlias = Any  # of the shape that the Spec gives

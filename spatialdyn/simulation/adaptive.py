@@ -30,8 +30,11 @@ Array = NDArray[np.float64]
 def run_adaptive(
     recorder: Recorder, q: Array, v: Array, torque: Torque, fext: Array | None,
     report: Callable[[int, int], None], tolerances: tuple[float, float],
+    resist: Callable[..., Array] | None = None,
 ) -> None:  # fmt: skip
-    """Integrate and record. Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
+    """Integrate and record; ``resist(table, v)`` gives friction torques.
+
+    Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
     try:
         from scipy import integrate
     except ImportError as error:
@@ -46,7 +49,10 @@ def run_adaptive(
         def at(t: float, y: Array) -> Array:
             try:
                 q, v = calls["normalize"](model, y[:nq]), y[nq:].copy()
-                a = calls["aba"](model, q, v, torque.at(step, t, q, v), fext)
+                tau = torque.at(step, t, q, v)
+                if resist is not None:
+                    tau = tau + resist(getattr(model, numba_kernels.TABLE), v)
+                a = calls["aba"](model, q, v, tau, fext)
             except NonFiniteError as error:
                 raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
             rate(getattr(model, numba_kernels.TABLE), q, v, dq)

@@ -20,6 +20,7 @@ from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
 from ..recursions.spec import Argument
 from .constrained import Held
+from .friction_steps import Rubbing
 from .methods import Method
 from .recorder import Recorder
 from .rollouts import EXPLICIT_METHODS, step_specs
@@ -40,31 +41,37 @@ def program(
     fext: NDArray[np.float64] | None,
     state: State,
     held: Held | None = None,
+    found: Rubbing | None = None,
+    own: NDArray[np.float64] | None = None,
 ) -> Slice | None:
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
+
+    found, own  the friction of the run, and the state that it carries
     """
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
-    kernel = _kernel(
-        model, method, () if held is None else held.inputs, () if held is None else (held.constraints.table,)
-    )
+    equations, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
+    way, coefficients = (found.way, found.inputs) if found else (None, ())
+    kernel = _kernel(model, method, equations, static, way, coefficients)
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows
+    now = [state.q, state.w, *([own] if own is not None else [])]
+    constants = [StepInput(x[None, None]) for x in (found.values if found else ())]
+    constants += [StepInput(x) for x in (held.values.values() if held is not None else ())]
 
     def run(first: int, count: int, h: float) -> bool:
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
         torques = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
-        records = [np.empty((1, count // every, len(x))) for x in (state.q, state.w)]
-        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(torques[None]))]
-        if held is not None:
-            forcing += [StepInput(x) for x in held.values.values()]
-        if len(time_loop.run(kernel, [state.q[None], state.w[None]], forcing, records, count, every)):
+        records = [np.empty((1, count // every, len(x))) for x in now]
+        forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(torques[None])), *constants]
+        if len(time_loop.run(kernel, [x[None] for x in now], forcing, records, count, every)):
             return False
-        (q,), (w,) = records
-        state.q[:], state.w[:] = q[-1], w[-1]
+        for x, (rows,) in zip(now, records, strict=True):
+            x[:] = rows[-1]
+        (q,), (w,) = records[:2]
         done = first + count
         if done % recorder.every == 0 or done == steps.total:
             row, more = int(recorder.at[1]), len(q)
@@ -86,8 +93,15 @@ def slice_of(first: int, count: int, every: int) -> int:
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _kernel(model: Model, method: Method, held: tuple[Argument, ...] = (), static: tuple[Any, ...] = ()) -> Any:
-    specs = step_specs(method.name, False, True, held)
+def _kernel(
+    model: Model,
+    method: Method,
+    held: tuple[Argument, ...],
+    static: tuple[Any, ...],
+    way: str | None,
+    coefficients: tuple[str, ...],
+) -> Any:
+    specs = step_specs(method.name, False, True, held, way, coefficients)
     rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):
         return None

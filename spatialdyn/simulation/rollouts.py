@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from ..actuation.friction import Friction
 from ..bodies.kinds import R1
-from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
+from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model, core_shape
 from ..calls.dynamics import calls
 from ..constraints.table import check_constraints
 from ..engines.compiled import numba_kernels
@@ -29,9 +31,22 @@ from ..model.model import Model
 from ..model.robot import masked
 from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
+from ..recursions.friction import BRISTLES, DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
 from . import explicit
 from .constrained import Held, Rows, accelerate, held_by, projected
+from .friction_steps import (
+    COLUMNS,
+    OWN,
+    SMOOTH,
+    UNSOLVED,
+    VIOLATION,
+    Rubbing,
+    check_alone,
+    rubbing,
+    smooth_torque,
+    traced_step,
+)
 from .system import OK, State, System, held_torque
 
 Array = NDArray[Any]
@@ -41,7 +56,6 @@ EXPLICIT_METHODS: dict[str, Callable[..., None]] = {
     "velocity_verlet": explicit.velocity_verlet,
     "rk4": explicit.rk4,
 }
-DT = Argument("dt", (), "s", "step")
 LAW = (
     Argument("kp", ("nv",), "N m/rad | N/m", "gains of position"),
     Argument("kd", ("nv",), "N m s/rad | N s/m", "gains of velocity"),
@@ -71,16 +85,18 @@ class PD(NamedTuple):
 class Rollout:
     """States of a rollout after each recorded step; ``q, v = rollout`` unpacks them.
 
-    q      (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
-    v      (B, T, nv)  joint velocities [rad/s | m/s], likewise
-    t      (T,)        times of the records [s]; () for "last"
-    model  the Model
+    q         (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
+    v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
+    t         (T,)        times of the records [s]; () for "last"
+    model     the Model
+    bristles  (B, T, nv)  deflections of the bristles of LuGre friction [rad | m], likewise; None without any
     """
 
     q: Array
     v: Array
     t: Array
     model: Model
+    bristles: Array | None = None
 
     def __iter__(self) -> Iterator[Array]:
         return iter((self.q, self.v))
@@ -135,6 +151,8 @@ def rollout(
     check: bool = True,
     constraints: Any = None,
     stabilization: float | None = None,
+    friction: Friction | bool | None = None,
+    friction_method: str = "implicit",
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -148,19 +166,21 @@ def rollout(
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
-    check   whether a state that is not finite is an error; if not, it stays NaN
+    check   whether a state that is not finite is an error, and friction that is not solved; if not, it stays
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
+    friction, friction_method  as in ``simulate``; none by default, and none with constraints
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
-    Joint damping, friction and limits are ignored; there are no contacts.
+    Joint limits are ignored; there are no contacts.
 
     Returns a Rollout, which unpacks as (q, v).
     Raises
         ShapeError for shapes that do not match
         SimulationError for an invalid dt, steps, record, dtype or method, and for a state that is not finite, naming
-            the sample and the time
+            the sample and the time; for friction as ``simulate``, and where check finds Coulomb's law violated by more
+            than 0.01 rad/s or m/s
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
         ModelError for a model with mimic joints, or a kp of a joint whose position is not one number
@@ -181,6 +201,8 @@ def rollout(
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
+    found = rubbing(model, friction, friction_method, method, float(dt))
+    check_alone(found, constraints)
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
         forcing |= _law(model, pd)
@@ -201,6 +223,10 @@ def rollout(
         held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
         if held is not None:
             inputs |= {name: StepInput(x) for name, x in held.values.items()}
+    if found is not None:
+        inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
+        if found.own is not None:
+            states.append(np.zeros((B, core_shape(model, found.own)[0])))
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T and model.nv:
@@ -208,13 +234,17 @@ def rollout(
         calls["aba"](model, states[0][0], rest, rest)  # raises InertiaError naming the joint
         if model.nq != model.nv:
             calls["potential_energy"](model, states[0])  # raises ConfigurationError naming the joint
-        _run(model, method, states, inputs, records, T, every, check, float(dt), held)
-    q, v = records
+        _run(model, method, states, inputs, records, T, every, check, float(dt), held, found)
+    q, v, *own = records
+    bristles = own[0] if found is not None and found.own is BRISTLES else None
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
     if isinstance(record, str):
-        q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states)
+        q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states[:2])
+        bristles = bristles if bristles is None else bristles[:, -1] if T else states[2]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
-    return Rollout(q[0], v[0], t, model) if single else Rollout(q, v, t, model)
+    if single:
+        return Rollout(q[0], v[0], t, model, bristles if bristles is None else bristles[0])
+    return Rollout(q, v, t, model, bristles)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -332,13 +362,22 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
 
 
 @cache
-def step_specs(method: str, law: bool, forced: bool, held: tuple[Argument, ...] = ()) -> tuple[Spec, Spec]:
+def step_specs(
+    method: str,
+    law: bool,
+    forced: bool,
+    held: tuple[Argument, ...] = (),
+    way: str | None = None,
+    coefficients: tuple[str, ...] = (),
+) -> tuple[Spec, ...]:
     """Specs of the positions and of the velocities after a step, as functions of the state, dt, tau and the law.
 
     held  the inputs of constraints, as ``Held`` has them
+
+    way, coefficients  of friction; its own state comes third, in inputs and among the Specs
     """
 
-    def after(rows: Any, inputs: dict[str, Any]) -> State:
+    def after(rows: Any, inputs: dict[str, Any]) -> tuple[Any, ...]:
         q, v = inputs["q"].copy(), inputs["v"].copy()
         tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
         if law:
@@ -347,9 +386,19 @@ def step_specs(method: str, law: bool, forced: bool, held: tuple[Argument, ...] 
                 if row.kind in R1:
                     error[i] = inputs["q_ref"][row.q_index] - q[row.q_index]
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
+        if way in OWN:
+            v, own = traced_step(way, rows, inputs, tau)
+            moved = np.array([inputs["dt"] * x for x in v], object)
+            integrate(rows, inputs["q"], moved, q)
+            return q, v, own
+
+        def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
+            return _accelerate(system._replace(tau=tau + smooth_torque(rows, v, inputs)), q, v, a)
+
         under = Rows(rows, inputs) if held else None
+        free = accelerate if way == SMOOTH else _accelerate
         system = System(
-            _Kernels(_accelerate if under is None else under.accelerate, _integrate, _displacement_rate),
+            _Kernels(free if under is None else under.accelerate, _integrate, _displacement_rate),
             held_torque,
             None,
             rows,
@@ -364,31 +413,41 @@ def step_specs(method: str, law: bool, forced: bool, held: tuple[Argument, ...] 
         EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
         if under is not None:
             under.project(state.q, state.w)
-        return state
+        return state.q, state.w
 
-    names = ["q", "v", "dt", *(["tau"] if forced else []), *(x.name for x in (LAW if law else ()))]
-    names += [x.name for x in held]
-    given = (Q, V, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *held)
+    own = [OWN[way]] if way in OWN else []
+    given = (Q, V, *own, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *(COLUMNS[x] for x in coefficients))
+    given = (*(replace(x, optional=False) for x in given), *held)
+    names = [x.name for x in given]
 
-    def positions(rows: Any, *arrays: Any) -> None:
-        arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False))).q
+    def state_after(k: int) -> Callable[..., None]:
+        def recursion(rows: Any, *arrays: Any) -> None:
+            arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False)))[k]
 
-    def velocities(rows: Any, *arrays: Any) -> None:
-        arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False))).w
+        return recursion
 
-    summary, source = "A step of a rollout.", "see explicit"
-    q_after, v_after = Argument("q_after", ("nq",), "rad | m", "positions"), Argument("v_after", ("nv",), "rad/s", "")
-    return (
-        Spec(f"rollout_{method}_q", positions, None, given, q_after, summary, source, regroup=True),
-        Spec(f"rollout_{method}_v", velocities, None, given, v_after, summary, source, regroup=True),
-    )
+    label = "_".join(["rollout", method, *([way] if way else [])])
+    return tuple(
+        Spec(
+            f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
+            "A step of a rollout.", "see explicit", regroup=True,
+        )
+        for k, x in enumerate((Q, V, *own))
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=32)
 def _program(
-    model: Model, method: str, law: bool, forced: bool, held: tuple[Argument, ...], static: tuple[Any, ...]
+    model: Model,
+    method: str,
+    law: bool,
+    forced: bool,
+    held: tuple[Argument, ...],
+    way: str | None,
+    coefficients: tuple[str, ...],
+    static: tuple[Any, ...],
 ) -> Program:
-    return recording.record(step_specs(method, law, forced, held), model.bodies, static).program
+    return recording.record(step_specs(method, law, forced, held, way, coefficients), model.bodies, static).program
 
 
 def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
@@ -412,10 +471,11 @@ def _run(
     check: bool,
     dt: float,
     held: Held | None = None,
+    found: Rubbing | None = None,
 ) -> None:
-    law, forced = "kp" in inputs, "tau" in inputs
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
-    specs, given = step_specs(method, law, forced, last), list(inputs.values())
+    kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())))
+    specs, given = step_specs(*kind), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
     if (
@@ -429,13 +489,40 @@ def _run(
                 start = [x.astype(dtype, copy=False) for x in states]
                 forcing = [StepInput(x.rows.astype(dtype, copy=False)) for x in given]
             again = time_loop.run(kernel, start, forcing, records, steps, every)
-    if not len(again):
-        return
+    if len(again):
+        _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt)
+    if check and found is not None and found.own is VIOLATION and records[2].shape[1]:
+        beyond = records[2][:, :, 0] > UNSOLVED
+        if beyond.any():
+            samples = np.flatnonzero(beyond.any(axis=1))
+            k = int(np.argmax(beyond[samples[0]]))
+            raise SimulationError(
+                f"friction of sample {samples[0]} violates Coulomb's law by {records[2][samples[0], k, 0]:.2g} rad/s "
+                f"or m/s up to t = {(k + 1) * every * dt:.9g} s ({len(samples)} samples in all), expected at most "
+                f"{UNSOLVED:g} of a solved step; check=False lets it"
+            )
+
+
+def _again(
+    model: Model,
+    kind: tuple[Any, ...],
+    static: tuple[Any, ...],
+    held: Held | None,
+    states: list[Array],
+    inputs: dict[str, StepInput],
+    records: list[Array],
+    again: Array,
+    steps: int,
+    every: int,
+    check: bool,
+    dt: float,
+) -> None:
+    """Run some samples through all steps by the program in NumPy."""
     # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
-    program = _program(model, method, law, forced, last, static)
+    program = _program(model, *kind, static)
     lost, reason = np.full(len(again), -1), ""
     now = [x[again] for x in states]
-    rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in given]
+    rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in inputs.values()]
     for k in range(steps):
         columns = [x for s in now for x in s.T]
         for x in rows:
@@ -443,13 +530,14 @@ def _run(
         with np.errstate(all="ignore"):
             results = [np.broadcast_to(np.asarray(x, np.float64), len(again)) for x in program.run(columns)]
         before = now
-        now = [np.stack(results[: now[0].shape[1]], 1), np.stack(results[now[0].shape[1] :], 1)]
-        finite = np.isfinite(now[0]).all(1) & np.isfinite(now[1]).all(1)
+        ends = np.cumsum([0, *(s.shape[1] for s in now)])
+        now = [np.stack(results[a:b], 1) for a, b in pairwise(ends)]
+        finite = np.logical_and.reduce([np.isfinite(s).all(1) for s in now])
         just = np.flatnonzero((lost < 0) & ~finite)
         if held is not None and check and len(just) and not reason:
             at = again[just[0]]
             acting = {name: x[at, min(k, x.shape[1] - 1)] for name, x in zip(inputs, rows, strict=True)}
-            reason = _reason(model, method, held, [x[just[0]] for x in before], acting, int(at))
+            reason = _reason(model, kind[0], held, [x[just[0]] for x in before], acting, int(at))
         lost[just] = k
         if (k + 1) % every == 0:
             for r, x in zip(records, now, strict=True):

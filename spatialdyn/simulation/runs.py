@@ -16,7 +16,8 @@ from typing import Any, ParamSpec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_number, check_model
+from ..actuation.friction import Friction
+from ..calls.arguments import as_array, as_number, check_model, core_shape
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
@@ -35,6 +36,7 @@ from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
 from .energy import FAST, exploded, scale_of
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alone, rubbing, smooth_kernel
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
@@ -66,6 +68,8 @@ def simulate(
     atol: float = 1e-12,
     constraints: Any = None,
     stabilization: float | None = None,
+    friction: Friction | bool | None = None,
+    friction_method: str = "implicit",
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -90,10 +94,20 @@ def simulate(
               which is then RATTLE: symplectic, for equations of positions and joints whose position is one number
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
+    friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
+               a warning says so where the URDF has some; with False none acts. None with constraints
+    friction_method  how it acts:
+               implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
+                         dt; a joint that sticks has a velocity of 0 to the bit
+               lugre     with the same method: LuGre's bristles, a state of their own that starts undeflected. Below the
+                         static friction a joint bends them, and under a varying torque creeps
+               smooth    a torque -F(v) tanh(v/smoothing) - viscous v, with any method but variational; nothing sticks:
+                         a joint creeps under any torque. Explicit methods are stable up to a dt that is refused above
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
+    With friction, torque functions, fext and robots too long for a program make the steps run in Python.
     Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
     (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
     method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
@@ -101,7 +115,8 @@ def simulate(
 
     Returns Trajectory.
     Raises  ShapeError; SpatialDynError for an invalid dt, duration or method; ModelError for mimic joints;
-            SimulationError, with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
+            SimulationError for a friction_method that the method cannot take, or whose coefficients are missing; and,
+            with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
             nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
@@ -118,12 +133,14 @@ def simulate(
     >>> bool(abs(run.energy - run.energy[0]).max() < 1e-5)
     True
     """
-    q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext)
+    q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext, friction is None)
+    found = rubbing(model, friction, friction_method, method, as_number(dt))
     p = calls["momentum"](model, q, v)
     if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
+    check_alone(found, constraints)
     held = held_by(
         model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS, rattle.NAME], q, v, as_number(dt)
     )
@@ -131,7 +148,7 @@ def simulate(
         rattle.check_rattle(model, held)
     if held is not None and forces is not None:
         raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held)
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held, found)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -186,7 +203,7 @@ def hamilton_simulation(
 
 
 def _checked(
-    model: Model, q0: ArrayLike, moving: tuple[str, ArrayLike], method: str, fext: ArrayLike | None
+    model: Model, q0: ArrayLike, moving: tuple[str, ArrayLike], method: str, fext: ArrayLike | None, warn: bool = True
 ) -> tuple[Array, Array, Method, Array | None]:
     check_model(model)
     if model.mimic_matrix is not None:
@@ -198,9 +215,11 @@ def _checked(
     name, w0 = moving
     q, w = _vector("q0", q0, (model.nq,)), _vector(name, w0, (model.nv,))
     forces = None if fext is None else _vector("fext", fext, (model.njoints, 6))
-    if model.damping.any() or model.friction.any():
-        text = f'robot "{model.name}" has joint damping or friction, which simulate ignores; add them to torque'
-        warnings.warn(text, stacklevel=3 if name == "v0" else 4)  # a wrapper stands around the other
+    if warn and (model.damping.any() or model.friction.any()):
+        ours = name == "v0"  # of simulate
+        call, cure = ("simulate", " unless friction=True") if ours else ("hamilton_simulation", "; simulate takes them")
+        text = f'robot "{model.name}" has joint damping or friction, which {call} ignores{cure}'
+        warnings.warn(text, stacklevel=3 if ours else 4)  # a wrapper stands around the other
     return q, w, chosen, forces
 
 
@@ -228,6 +247,7 @@ def _every(record: int | None, total: int) -> int:
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
     fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float, held: Held | None = None,
+    found: Rubbing | None = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
@@ -241,9 +261,10 @@ def _run(
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with reporting(progress, "simulate") as report:
             if method.family is None:
-                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol))
+                resist = None if found is None else smooth_kernel(found)
+                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), resist)
             else:
-                _run_fixed(recorder, (q, v, p), asked, fext, report, held)
+                _run_fixed(recorder, (q, v, p), asked, fext, report, held, found)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
@@ -271,7 +292,7 @@ def _run(
 
 def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None], held: Held | None = None,
+    report: Callable[[int, int], None], held: Held | None, found: Rubbing | None,
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps = recorder.model, recorder.method, recorder.steps
@@ -296,19 +317,24 @@ def _run_fixed(
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
+    own = np.zeros(0 if found is None or found.own is None else core_shape(model, found.own)[0])
     bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
 
     @functools.cache
-    def system() -> System:
-        """With the kernels of the family, which take seconds to compile: a program does not need them."""
-        if held is None or recorder.moves_p:
-            return bare._replace(kernels=family.kernels(fext is not None))
-        return bare._replace(kernels=explicit.kernels_of(accelerate(held, model)))
+    def kernels() -> tuple[Any, Callable[..., None]]:
+        """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
+        if held is not None and not recorder.moves_p:
+            return explicit.kernels_of(accelerate(held, model)), advance
+        own_kernels = family.kernels(fext is not None)
+        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext)
 
-    at_once = program(recorder, method, torque, fext, state, held)
+    def system() -> System:
+        return bare._replace(kernels=kernels()[0])
+
+    at_once = program(recorder, method, torque, fext, state, held, found, own if len(own) else None)
     if at_once is None:
         family.start(system(), state)
-    now = (*state, recorder.at)
+    now = (*state, recorder.at, own)
     marked = [x.copy() for x in now]
 
     def mark() -> None:
@@ -318,11 +344,11 @@ def _run_fixed(
 
     def marking(system: System, t: float, h: float, state: State) -> None:
         mark()
-        advance(system, t, h, state)
+        kernels()[1](system, t, h, state)
 
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled and held is None:
+        if torque.compiled and held is None and found is None:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             try:
@@ -347,6 +373,11 @@ def _run_fixed(
             else:
                 run(first, count, h)
             mark()
+            if found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
+                raise SimulationError(
+                    f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
+                    f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"
+                )
             report(int(recorder.at[0]), steps.total)
             spent = max(time.perf_counter() - began, 1e-6)
             count = max(1, int(min(10.0 * count, count * SLICE / spent)))

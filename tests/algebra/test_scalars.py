@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from spatialdyn.algebra.scalars import atan2, cos, inline, register, select, sin, sqrt
+from spatialdyn.algebra.scalars import atan2, cos, exp, inline, register, select, sin, sqrt
 
 ODD = [0.0, -0.0, 5e-324, 1e-308, 1.0, -1.0, 1.7976931348623157e308, math.inf, -math.inf, math.nan]
 USUAL = [0.1, -0.7, math.pi / 2, math.pi, -math.pi, 3.0, 1e3, -1e5, 1e-9, 4.0]
@@ -35,6 +35,11 @@ def compiled_sqrt(x: float) -> float:
 
 
 @numba.njit(error_model="numpy")
+def compiled_exp(x: float) -> float:
+    return exp(x)
+
+
+@numba.njit(error_model="numpy")
 def compiled_atan2(y: float, x: float) -> float:
     return atan2(y, x)
 
@@ -55,6 +60,7 @@ def same(x: Any, y: Any, ulps: int) -> None:
 
 
 ONE = [(sin, compiled_sin, math.sin), (cos, compiled_cos, math.cos), (sqrt, compiled_sqrt, math.sqrt)]
+ONE += [(exp, compiled_exp, math.exp)]
 
 
 @pytest.mark.parametrize(("plain", "compiled", "reference"), ONE)
@@ -66,6 +72,8 @@ def test_plain_and_compiled_agree(plain: Any, compiled: Any, reference: Callable
         same(plain(x), reference(x), 0)
     except ValueError:  # where math raises
         assert math.isnan(plain(x))
+    except OverflowError:
+        assert plain(x) == math.inf
 
 
 def test_outside_their_domain_they_are_nan() -> None:
@@ -108,17 +116,19 @@ class Written:
 
 def test_an_engine_registers_what_they_are_for_its_numbers() -> None:
     x = Written("x")
-    for function in (sin, cos, sqrt):
+    for function in (sin, cos, sqrt, exp):
         with pytest.raises(TypeError):
             function(x)
     sin.register(Written)(lambda x: Written(f"sin {x.text}"))
     cos.register(Written)(lambda x: Written(f"cos {x.text}"))
     sqrt.register(Written)(lambda x: Written(f"sqrt {x.text}"))
+    exp.register(Written)(lambda x: Written(f"exp {x.text}"))
     atan2.register(Written)(lambda y, x: Written(f"atan2 {y.text} {x.text}"))
     select.register(Written)(lambda x, a, b: Written(f"{x.text} > 0 ? {a} : {b}"))
     assert sin(x) == Written("sin x")
     assert cos(x) == Written("cos x")
     assert sqrt(x) == Written("sqrt x")
+    assert exp(x) == Written("exp x")
     assert atan2(x, Written("y")) == Written("atan2 x y")
     assert select(x, 1.0, 2.0) == Written("x > 0 ? 1.0 : 2.0")
     assert sin(0.5) == math.sin(0.5)  # floats as before

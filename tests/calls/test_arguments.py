@@ -725,6 +725,29 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
         {"q0": (), "v0": (), "duration": (*NUMBERS, "nought"), "dt": NUMBERS, "method": (), "rtol": NUMBERS,
          "atol": NUMBERS, "record": ("none", *COUNTS, "huge"), "fext": ("none",)},
     ),
+    "simulate with friction": (
+        sd.simulate, {"q0": REST, "v0": REST, "duration": 1.0, "dt": 0.1, "method": "semi_implicit_euler"},
+        {"friction": ("none", "true", "numpy true"), "friction_method": ()},
+    ),
+    "rollout with friction": (
+        sd.rollout, {"q0": REST, "v0": REST, "dt": 0.1, "steps": 2},
+        {"friction": ("none", "true", "numpy true"), "friction_method": ()},
+    ),
+    "friction_torque": (
+        sd.friction_torque, {"v": REST, "friction": True},
+        {"v": (), "friction": ("true", "numpy true"), "out": ("none",)},
+    ),
+    "friction": (
+        sd.Friction.of, {},
+        {name: (*NUMBERS, *(("nought",) if name in ("coulomb", "viscous", "bristle_stiffness") else ()), "array",
+                *(("none",) if name not in ("coulomb", "viscous") else ()),
+                *(("nought",) if name in ("static", "bristle_damping") else ()))
+         for name in ("coulomb", "viscous", "static", "stribeck_velocity", "smoothing", "bristle_stiffness",
+                      "bristle_damping")},
+    ),
+    "torque_limits": (
+        sd.torque_limits, {"v": REST, "motor": sd.Motor([0.1, 0.1], 1.0, 24.0)}, {"v": (), "motor": ()},
+    ),
     "rollout": (
         sd.rollout, {"q0": REST, "v0": REST, "dt": 0.1, "steps": 2},
         {"q0": (), "v0": (), "tau": ("none",), "dt": (*NUMBERS, "array"), "steps": ("array", *NUMBERS, "nought"),

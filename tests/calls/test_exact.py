@@ -13,7 +13,10 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
+from spatialdyn.algebra.scalars import exp
 from spatialdyn.calls.dynamics import calls
+from spatialdyn.engines.numbers.multiprecision import arithmetic
+from spatialdyn.engines.numbers.symbolic import Ring
 from spatialdyn.model.robot import Mimic
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
@@ -219,6 +222,18 @@ def test_what_has_no_rational_value_is_said() -> None:
         sd.exact(free, sd.normalize, bits=None)(s["q"])
     with pytest.raises(sd.SpatialDynError, match="q: nan is no rational"):
         sd.exact(model, sd.crba, bits=None)([np.nan, 0.0])
+
+
+def test_exp_has_all_digits_and_rationals_and_symbols_refuse_it_by_name() -> None:
+    digits = arithmetic(BITS)
+    with mpmath.workprec(BITS):
+        assert abs(exp(digits.number("-0.7")) - mpmath.exp(mpmath.mpf("-0.7"))) < DIGITS
+    with pytest.raises(sd.SpatialDynError, match="exp of a rational"):
+        exp(arithmetic(None).number(1))
+    sympy = pytest.importorskip("sympy")
+    x = sympy.Symbol("x")
+    with pytest.raises(sd.SpatialDynError, match="exp of the symbolic"):
+        exp(Ring(plain=[x]).of(x))
 
 
 # --- what is refused ------------------------------------------------------------------------------------------

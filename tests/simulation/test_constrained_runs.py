@@ -346,6 +346,15 @@ def test_many_equations_run_by_the_table_kernel() -> None:
     assert abs(run.q - sd.simulate(model, q, v, 0.01, 1e-3, constraints=held).q).max() <= 1e-12
 
 
+def test_friction_and_constraints_together_are_refused() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    rubbing, text = sd.Friction(0.1, 0.1), "friction and constraints are given, expected one of them"
+    with pytest.raises(sd.SimulationError, match=text):
+        sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", constraints=pin_of(model), friction=rubbing)
+    with pytest.raises(sd.SimulationError, match=text):
+        sd.rollout(model, q, v, dt=1e-3, steps=5, constraints=pin_of(model), friction=rubbing)
+
+
 def test_a_branch_point_is_named_with_its_time() -> None:
     """All rods of a parallelogram on one line: it may open either way, and one equation is no longer independent."""
     model = four_bar(1.0, 1.0, 1.0, 1.0)

@@ -365,7 +365,7 @@ def test_a_state_that_blows_up_stops_and_says_when(arm: sd.Model, name: str) -> 
 def test_damping_that_acts_nowhere_is_said_once() -> None:
     model = sd.load_urdf("tree")
     with pytest.warns(
-        UserWarning, match='robot "tree" has joint damping or friction, which simulate ignores'
+        UserWarning, match='robot "tree" has joint damping or friction, which simulate ignores unless friction=True'
     ) as caught:
         sd.simulate(model, np.zeros(model.nq), np.zeros(model.nv), 0.02, 0.01)
     assert len(caught) == 1

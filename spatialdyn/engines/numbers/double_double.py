@@ -135,8 +135,9 @@ P3 = float(_HALF_PI - Fraction(P1) - Fraction(P2))
 @inline
 def _series(c: Any, h: float, l: float) -> tuple[float, float]:
     """Σ c_k x^k."""
-    sh, sl = c[TERMS - 1, 0], c[TERMS - 1, 1]
-    for k in range(TERMS - 2, -1, -1):
+    last = len(c) - 1
+    sh, sl = c[last, 0], c[last, 1]
+    for k in range(last - 1, -1, -1):
         sh, sl = multiply(sh, sl, h, l)
         sh, sl = add(sh, sl, c[k, 0], c[k, 1])
     return sh, sl
@@ -162,6 +163,34 @@ def sine(ah: float, al: float, quarter: float) -> tuple[float, float]:
     if turn >= 2.0:
         return -sh, -sl
     return sh, sl
+
+
+# ln 2 = 0.693147180559945309417232121458176568075500134360255254120680009493393621969694715605863326996418687542...
+_LN2 = Fraction(693147180559945309417232121458176568075500134360255254120680009493393621969694716, 10**81)
+L1 = float(_LN2)
+L2 = float(_LN2 - Fraction(L1))
+L3 = float(_LN2 - Fraction(L1) - Fraction(L2))
+POWERS = 26  # of the series of exp: the next is below 1e-37 at ln(2) / 2
+EXPONENTIAL = np.array([_pair(Fraction(1, math.factorial(k))) for k in range(POWERS)])
+
+
+@inline
+def exponential(ah: float, al: float) -> tuple[float, float]:
+    """e^a; its low part loses digits where it underflows, below e^-670."""
+    if ah > 709.782712893384:
+        return np.inf, 0.0
+    if ah < -745.2:
+        return 0.0, 0.0
+    n = np.rint(ah / L1)
+    ph, pl = two_product(n, L1)
+    rh, rl = add(ah, al, -ph, -pl)
+    ph, pl = two_product(n, L2)
+    rh, rl = add(rh, rl, -ph, -pl)
+    rh, rl = add(rh, rl, -n * L3, 0.0)
+    sh, sl = _series(EXPONENTIAL, rh, rl)
+    half = np.floor(0.5 * n)
+    a, b = 2.0**half, 2.0 ** (n - half)
+    return sh * a * b, sl * a * b
 
 
 # --- programs -----------------------------------------------------------------------------------------------
@@ -268,7 +297,7 @@ def interpreter() -> Callable[[Any, Any, Any], None]:
         if form.registers:
             register = "high(x, {0}, s), low(x, {0}, s)" if form.signs else "x[{0}, s], x[{0}, LANES + s]"
             text += branch(code, form.registers.format(**{name: register.format(name) for name in "abc"}))
-    functions = (add, subtract, multiply, divide, root, sine, choose, high, low)
+    functions = (add, subtract, multiply, divide, root, sine, exponential, choose, high, low)
     scope: dict[str, Any] = {function.__name__: function for function in functions}
     return numba_kernels.kernel_from_text("interpret", ["code", "value", "x"], text, {**scope, "LANES": LANES})
 

@@ -114,6 +114,7 @@ scalars.cos.register(Angle)(lambda q: (1.0 - q.tangent * q.tangent) / (1.0 + q.t
 scalars.sin.register(ExactRational)(_irrational("sin"))
 scalars.cos.register(ExactRational)(_irrational("cos"))
 scalars.sqrt.register(ExactRational)(_root)
+scalars.exp.register(ExactRational)(_irrational("exp"))
 scalars.atan2.register(ExactRational)(_irrational("atan2"))
 
 
@@ -203,6 +204,7 @@ def _context(bits: int) -> Any:
     scalars.sin.register(kind)(context.sin)
     scalars.cos.register(kind)(context.cos)
     scalars.sqrt.register(kind)(lambda x: context.sqrt(x) if x >= 0.0 else context.nan)
+    scalars.exp.register(kind)(context.exp)
     scalars.atan2.register(kind)(lambda y, x: context.atan2(y, context.mpf(x)))
     scalars.series_or_closed.register(kind)(lambda x, series, closed: closed)
     return context

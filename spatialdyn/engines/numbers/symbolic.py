@@ -138,6 +138,7 @@ def _unknown(name: str) -> Any:
 scalars.sin.register(Number)(lambda x: x.ring.turn(x.ring.expression(x))[1])
 scalars.cos.register(Number)(lambda x: x.ring.turn(x.ring.expression(x))[0])
 scalars.sqrt.register(Number)(_unknown("sqrt"))
+scalars.exp.register(Number)(_unknown("exp"))
 scalars.atan2.register(Number)(_unknown("atan2"))
 scalars.select.register(Number)(_unknown("select"))
 scalars.exceeds.register(Number)(lambda x, floor: 1.0 if x.num else 0.0)  # in almost every configuration

@@ -1,7 +1,8 @@
-"""LLVM text of straight-line code on vectors: arithmetic, sin, cos and atan2, transposition.
+"""LLVM text of straight-line code on vectors: arithmetic, sin, cos, exp and atan2, transposition.
 
 sin and cos: n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵², x - n π/2 in three parts (Cody, Waite), the
-minimax polynomials of fdlibm, quadrants by selection.
+minimax polynomials of fdlibm, quadrants by selection. exp: n = rint(x / ln 2) likewise, x - n ln 2 in two parts, a
+polynomial, times 2ⁿ.
 """
 
 from __future__ import annotations
@@ -68,6 +69,28 @@ ARCTANGENT = (
     -0.019175404711104935,
 )
 TAN_EIGHTH = 0.41421356237309503
+
+LN2 = {  # in two parts: the product of n and the first is exact
+    "double": (6.93147180369123816490e-01, 1.90821492927058770002e-10),
+    "float": (0.693359375, -0.00021219444005469057),
+}
+EXPONENT = {"double": (-746.0, 710.0), "float": (-104.0, 89.0)}  # beyond, exp is 0 or infinite
+# coefficients of (exp(r) - 1 - r) / r² on |r| <= ln(2) / 2: interpolated at Chebyshev points in 60 digits
+EXPONENTIAL = {
+    "double": (
+        0.5000000000000001,
+        0.16666666666666669,
+        0.041666666666623824,
+        0.008333333333330039,
+        0.0013888888917367081,
+        0.00019841269863171557,
+        2.4801521057868204e-05,
+        2.7557268276905696e-06,
+        2.7620201591031547e-07,
+        2.5100472505694996e-08,
+    ),
+    "float": (0.5, 0.16666576666119928, 0.04166655421298415, 0.008363232883682618, 0.0013926250831497611),
+}
 
 ZERO = "zeroinitializer"
 
@@ -196,6 +219,37 @@ class Vectors(Body):
             bits = self.put(f"bitcast {v} {value} to {self.bits}")
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
         return results[0], results[1]
+
+    def exp(self, x: str) -> str:
+        """exp x within one ulp; gradual underflow, infinite where it overflows.
+
+        2ⁿ is the product of two powers, each of an exponent that numbers have.
+        """
+        s, v, k = self.scalar, self.vector, self.constant
+        least, most = EXPONENT[s]
+        x = self.select(self.compare("ogt", x, k(most)), k(most), x)
+        x = self.select(self.compare("olt", x, k(least)), k(least), x)
+        shifted = self.fused(x, k(1.0 / math.log(2.0)), k(MAGIC[s]))
+        n = self.binary("fsub", shifted, k(MAGIC[s]))
+        large, small = LN2[s]
+        first = self.binary("fsub", x, self.binary("fmul", n, k(large)))  # exact
+        r = self.fused(n, k(-small), first)
+        low = self.fused(n, k(-small), self.binary("fsub", first, r))
+        p = k(EXPONENTIAL[s][-1])
+        for c in reversed(EXPONENTIAL[s][:-1]):
+            p = self.fused(r, p, k(c))
+        p = self.binary("fadd", k(1.0), self.binary("fadd", r, self.fused(self.binary("fmul", r, r), p, low)))
+        whole = self.put(f"sub {self.bits} {self._bits(shifted)}, {self._bits(k(MAGIC[s]))}")
+        half = self.put(f"ashr {self.bits} {whole}, {self.integer(1)}")
+        mantissa, bias = (52, 1023) if s == "double" else (23, 127)
+        for part in (half, self.put(f"sub {self.bits} {whole}, {half}")):
+            biased = self.put(f"add {self.bits} {part}, {self.integer(bias)}")
+            power = self.put(f"shl {self.bits} {biased}, {self.integer(mantissa)}")
+            p = self.binary("fmul", p, self.put(f"bitcast {self.bits} {power} to {v}"))
+        return p
+
+    def _bits(self, x: str) -> str:
+        return self.put(f"bitcast {self.vector} {x} to {self.bits}")
 
     def atan2(self, y: str, x: str) -> str:
         """The angle of the point (x, y) within 3 ulp; NaN at the origin, where it depends on the signs of zero.

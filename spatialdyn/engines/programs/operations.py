@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, ATAN2, SELECT = range(14)
+INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT = range(15)
 
 
 class Operation(NamedTuple):
@@ -104,6 +104,10 @@ FORMS: dict[int, Form] = {
         "cos", 1, ("sincos",), np.cos, "cos({a})", "cos({a})",
         lambda t, a: t.sincos(a)[1], lambda d, a: d.turn(a.factor)[1],
         registers="sine({a}, 1.0)", imports="cos", angle=True,
+    ),
+    EXP: Form(
+        "exp", 1, ("exp",), np.exp, "exp({a})", "exp({a})",
+        lambda t, a: t.exp(a), None, registers="exponential({a})", imports="exp", signs=True,
     ),
     ATAN2: Form(
         "atan2", 2, ("atan2",), np.arctan2, "atan2({a}, {b})", "atan2({a}, {b})",

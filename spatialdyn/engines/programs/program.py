@@ -56,7 +56,7 @@ class Program:
 
     @property
     def operations(self) -> dict[str, int]:
-        """Counts of mul, add, div, sqrt and sincos (a fused multiply-add is one of each, a sign is free), and depth."""
+        """Counts of mul, add, div, sqrt, sincos, exp ... (a fused multiply-add is one of each), and the depth."""
         count = dict.fromkeys((what for form in FORMS.values() for what in form.counts), 0)
         depth: list[int] = []
         angles = set()

@@ -22,6 +22,7 @@ from .operations import (
     CONST,
     COS,
     DIV,
+    EXP,
     INPUT,
     MUL,
     SELECT,
@@ -174,6 +175,10 @@ def _sqrt(x: Number) -> Number:
     return Number(x.tape, x.tape.line((SQRT, _operand(x), 0, 0, 0.0)), False)
 
 
+def _exp(x: Number) -> Number:
+    return Number(x.tape, x.tape.line((EXP, _operand(x), 0, 0, 0.0)), False)
+
+
 def _operand(x: Number) -> int:
     """An operand: a line, or -line - 1 for its negative."""
     return -x.line - 1 if x.minus else x.line
@@ -194,6 +199,7 @@ def _select(x: Number, positive: Any, otherwise: Any) -> Any:
 scalars.sin.register(Number)(_function(SIN, odd=True))
 scalars.cos.register(Number)(_function(COS, odd=False))
 scalars.sqrt.register(Number)(_sqrt)
+scalars.exp.register(Number)(_exp)
 scalars.atan2.register(Number)(_atan2)
 scalars.select.register(Number)(_select)
 

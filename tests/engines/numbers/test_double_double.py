@@ -13,7 +13,7 @@ from dense import Array
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.algebra.scalars import atan2, cos, select, sin, sqrt
+from spatialdyn.algebra.scalars import atan2, cos, exp, select, sin, sqrt
 from spatialdyn.calls.dynamics import calls
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers import double_double
@@ -24,6 +24,7 @@ from spatialdyn.recursions import SPECS
 
 ROUNDING = 4 * 2.0**-104  # of one operation: 10 · 2^-106 is the bound of a quotient
 SINES = 64 * 2.0**-104  # of a series of 15 terms and an angle that was reduced
+EXPONENTIAL = 64 * 2.0**-104  # of a series of 26 terms, times 1 + |x| for the argument's own error
 SOLVED = 1e-28  # 1e4 operations of 2^-104 on an M whose condition is below 1e3
 compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: an interpreter in Python")
 
@@ -82,17 +83,36 @@ def test_sine_and_cosine_have_100_bits(reach: float) -> None:
                 assert off <= SINES * max(abs(wanted), SINES)
 
 
+@pytest.mark.parametrize("reach", [1e-12, 0.3, 10.0, 600.0])
+def test_exp_has_a_hundred_bits(reach: float) -> None:
+    rng = np.random.default_rng(3)
+    with mpmath.workprec(300):
+        assert (
+            abs(sum(map(mpmath.mpf, (double_double.L1, double_double.L2, double_double.L3))) - mpmath.ln2) < 2.0**-150
+        )
+        for h in [*rng.uniform(-reach, reach, 100), 0.0, math.log(2.0) / 2.0]:
+            a = double_double.fast_two_sum(float(h), float(h) * 2.0**-55)
+            found = double_double.exponential(*a)
+            wanted = mpmath.exp(mpmath.mpf(a[0]) + mpmath.mpf(a[1]))
+            off = abs(mpmath.mpf(float(found[0])) + mpmath.mpf(float(found[1])) - wanted)
+            assert off <= EXPONENTIAL * (1.0 + reach) * wanted
+    assert double_double.exponential(710.0, 0.0) == (math.inf, 0.0)
+    assert double_double.exponential(-746.0, 0.0) == (0.0, 0.0)
+
+
 def test_every_operation_of_a_program_runs_with_its_signs() -> None:
     tape = Tape()
     x, y = tape.input(0), tape.input(1)
     made = [x + y, x - y, y - x, -(x * y), x / y, -x / y, sqrt(x * x), sin(-x), cos(-x), select(-x, y, -y), x * 0.3]
+    made.append(exp(-x))
     program = double_double.allocate_registers(Program(tape, made, 2, fuse=False))
     rng = np.random.default_rng(3)
     given = rng.normal(size=(2, 5))
     high, low = program(given)
     a, b = given
     wanted = [
-        a + b, a - b, b - a, -a * b, a / b, -a / b, abs(a), -np.sin(a), np.cos(a), np.where(-a > 0, b, -b), a * 0.3
+        a + b, a - b, b - a, -a * b, a / b, -a / b, abs(a), -np.sin(a), np.cos(a), np.where(-a > 0, b, -b), a * 0.3,
+        np.exp(-a),
     ]  # fmt: skip
     assert abs(high - wanted).max() <= 4 * np.finfo(float).eps
     assert (abs(low) <= abs(high) * 2.0**-52).all()

@@ -31,6 +31,7 @@ ULPS = 1.5  # of sin and cos in float64 for |q| <= MAX_ANGLE
 ABSOLUTE = {np.float64: 2.0**-53, np.float32: 2.0**-24}  # half an ulp of 1
 FLOAT32_SINE = 2.0  # of these, in float32: two roundings of the reduced angle and one of the polynomial
 ATAN2_ULPS = 3.0  # two roundings of its quotient's parts, one of the quotient, and the sums with multiples of π/4
+EXP_ULPS = 1.0  # half an ulp of the last sum, a quarter of the one before, and the polynomial's
 WIDTHS = (1, 2, 4, 8, 16)
 ROUNDING = 64  # eps of the largest entry
 SENTINEL = 7.25  # fills the memory behind the results, which must not be written
@@ -276,6 +277,43 @@ def test_sums_of_squares_are_held_to_their_range() -> None:
             runner = Runner(Program(tape, [*results[0], *results[1]], 2), layout, shape, np.float32)
             _, valid = runner(x[:, :1], x[:, 1:])
             np.testing.assert_array_equal(valid, np.array(kept, bool))
+
+
+# --- exp -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("shape", SHAPES, ids=name_of)
+def test_exp_is_within_one_ulp_from_underflow_to_overflow(shape: Shape, dtype: Any) -> None:
+    least, most = (-750.0, 709.78) if dtype is np.float64 else (-105.0, 88.7)
+    rng, wider = np.random.default_rng(shape.lanes), np.longdouble if dtype is np.float64 else np.float64
+    halves = np.arange(math.floor(least), math.ceil(most)) * (math.log(2.0) / 2.0)  # where n changes
+    x = np.concatenate(
+        [
+            rng.uniform(least, most, 1 << 14), rng.uniform(-2.0, 2.0, 1 << 14),
+            rng.choice([-1.0, 1.0], 1 << 12) * 10.0 ** rng.uniform(-20.0, 0.0, 1 << 12),
+            halves, np.nextafter(halves, 1e9), [0.0, -0.0, 1.0, -1.0, most, least],
+        ]
+    ).astype(dtype)  # fmt: skip
+    x = np.concatenate([x, np.zeros(-len(x) % 16, dtype)])
+    (found,), valid = Runner(*program_of(lambda x: [scalars.exp(x)], 1), shape, dtype)(x)
+    assert valid.all()
+    wanted = np.exp(x.astype(wider))
+    if np.finfo(np.longdouble).eps < 1e-18 or dtype is np.float32:
+        ulp = np.spacing(wanted.astype(dtype)).astype(wider)
+        assert (abs(found[:, 0] - wanted) / ulp).max() <= EXP_ULPS
+    assert (found[x == 0.0, 0] == 1.0).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_exp_beyond_the_range_is_zero_or_infinite_and_of_nan_nan(dtype: Any) -> None:
+    """An infinite exp that only a quotient reads leaves the sample valid: tanh is 1 there."""
+    x = np.array([-1e30, -np.inf, 1e30, np.inf, np.nan, 800.0, -800.0, 0.0] * 2)
+    made = program_of(lambda x, y: [1.0 / (1.0 + scalars.exp(y)), x * 0.0], 2)
+    for shape in SHAPES:
+        (found,), valid = Runner(*made, shape, dtype)(np.stack([0.0 * np.zeros(16), x], 1))
+        np.testing.assert_array_equal(valid, np.isfinite(x))
+        np.testing.assert_array_equal(found[valid, 0], np.array([1.0, 0.0, 0.0, 1.0, 0.5] * 2))
 
 
 # --- atan2 ---------------------------------------------------------------------------------------------

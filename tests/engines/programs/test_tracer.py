@@ -140,6 +140,14 @@ def test_sqrt_atan2_and_select_keep_the_signs_of_their_arguments() -> None:
         np.testing.assert_array_equal(one, other)
 
 
+def test_exp_keeps_the_sign_of_its_argument_and_is_written_once() -> None:
+    tape, (x,) = tape_of(1)
+    program = Program(tape, [scalars.exp(-x), scalars.exp(x) * scalars.exp(x)], 1)
+    assert program.operations["exp"] == 2
+    found = program.run([np.array([0.0, 2.0])])
+    np.testing.assert_array_equal(found[0], np.exp([-0.0, -2.0]))
+
+
 def test_select_at_zero_and_nan_takes_the_second() -> None:
     tape, (x,) = tape_of(1)
     program = Program(tape, [scalars.select(x, 1.0, 2.0)], 1)

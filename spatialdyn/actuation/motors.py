@@ -1,0 +1,182 @@
+"""Geared electric motors at the joints: what torque they can give at which velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, check_model
+from ..calls.dynamics import checked_call
+from ..calls.failures import joint_of_velocity
+from ..errors import ModelError, ShapeError
+from ..model.model import Model
+from ..recursions.motors import MOTOR_LIMITS
+
+Array = NDArray[np.float64]
+UNLIMITED = 1e300  # [N m | N] in place of infinity, which recursions take for an invalid sample
+EXPECTED: dict[str, tuple[Callable[[Array], Any], str]] = {  # of a value: whether it is valid, and in words
+    "ratio": (lambda x: np.isfinite(x) & (x != 0.0), "a finite number other than 0"),
+    "current": (lambda x: x > 0.0, "a number above 0"),
+    "torque": (lambda x: x > 0.0, "a number above 0"),
+    "efficiency": (lambda x: (x > 0.0) & (x <= 1.0), "a number above 0, at most 1"),
+}  # fmt: skip
+POSITIVE: tuple[Callable[[Array], Any], str] = (lambda x: (x > 0.0) & np.isfinite(x), "a finite number above 0")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Motor:
+    """Motors of the freedoms of a robot, each behind a gear; compared and hashed by content.
+
+    torque_constant  (nv,)  k_t [N m/A]
+    resistance       (nv,)  R of the winding [Ω]
+    voltage          (nv,)  largest voltage V of the supply, of either sign [V]
+    ratio            (nv,)  n = θ̇ / q̇ of the gear: turns of the motor [1 | rad/m]; 1 if left out
+    back_emf         (nv,)  k_e [V s/rad]; k_t if left out, which it is in these units
+    current          (nv,)  largest current [A]; infinite if left out
+    torque           (nv,)  largest torque at the joint, that of the gear [N m | N]; infinite if left out
+    efficiency       (nv,)  part η of the power that the gear passes, to the joint and back; 1 if left out
+
+    The winding has R i = V - k_e θ̇, without inductance, and gives τ = k_t i: at the joint stall - damping q̇ at the full
+    voltage. A value may be one number for all freedoms if another is an array.
+
+    stall_torque     (nv,)  n k_t V / R, or that of the largest current, before losses of the gear [N m | N]
+    no_load_speed    (nv,)  V / (k_e n) of the joint [rad/s | m/s]
+    damping          (nv,)  n² k_t k_e / R: what a shorted motor, and each one at a given voltage, adds to the viscous
+                            coefficient of ``Friction`` [N m s/rad | N s/m]
+
+    Raises  ShapeError for arrays that do not broadcast to (nv,). Values are checked where a model is there, by
+            ``torque_limits``: ModelError naming the joint.
+
+    >>> import spatialdyn as sd
+    >>> motor = sd.Motor(torque_constant=[0.03, 0.03], resistance=0.6, voltage=24.0, ratio=50.0, current=20.0)
+    >>> motor.stall_torque, motor.no_load_speed
+    (array([30., 30.]), array([16., 16.]))
+    """
+
+    torque_constant: Array
+    resistance: Array
+    voltage: Array
+    ratio: Array
+    back_emf: Array
+    current: Array
+    torque: Array
+    efficiency: Array
+
+    def __init__(
+        self,
+        torque_constant: ArrayLike,
+        resistance: ArrayLike,
+        voltage: ArrayLike,
+        ratio: ArrayLike = 1.0,
+        back_emf: ArrayLike | None = None,
+        current: ArrayLike = np.inf,
+        torque: ArrayLike = np.inf,
+        efficiency: ArrayLike = 1.0,
+    ) -> None:
+        """Keep copies of the values."""
+        emf = torque_constant if back_emf is None else back_emf
+        given = (torque_constant, resistance, voltage, ratio, emf, current, torque, efficiency)
+        arrays = {x.name: as_array(x.name, y) for x, y in zip(fields(self), given, strict=True)}
+        try:
+            shape = np.broadcast_shapes((1,), *(x.shape for x in arrays.values()))
+        except ValueError:
+            shape = ()
+        if len(shape) != 1:
+            listed = ", ".join(f"{name} {x.shape}" for name, x in arrays.items())
+            raise ShapeError(f"values of motors have shapes {listed}, expected (nv,) or one number")
+        for name, x in arrays.items():
+            value = np.array(np.broadcast_to(x, shape))
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+    @property
+    def stall_torque(self) -> Array:
+        """Torque of the motor at the joint at rest, by the largest voltage or current, before losses of the gear."""
+        current = np.minimum(self.voltage / self.resistance, self.current)
+        return np.asarray(abs(self.ratio) * self.torque_constant * current)
+
+    @property
+    def no_load_speed(self) -> Array:
+        """Velocity of the joint at which the largest voltage drives no current."""
+        return np.asarray(self.voltage / (self.back_emf * abs(self.ratio)))
+
+    @property
+    def damping(self) -> Array:
+        """Damping of the joint by the motor's own voltage."""
+        return np.asarray(self.ratio**2 * self.torque_constant * self.back_emf / self.resistance)
+
+    def check(self, model: Model) -> Motor:
+        """These motors, if they fit the model's joints. Raises ShapeError, ModelError naming the joint."""
+        n = check_model(model).nv
+        if len(self.ratio) != n:
+            raise ShapeError(f'motor has {len(self.ratio)} freedoms, expected the {n} of robot "{model.name}"')
+        for part in fields(self):
+            x = getattr(self, part.name)
+            valid, expected = EXPECTED.get(part.name, POSITIVE)
+            bad = ~valid(x)
+            if bad.any():
+                k = int(np.argmax(bad))
+                what = f'motor of joint "{joint_of_velocity(model, k).name}": {part.name.replace("_", " ")}'
+                raise ModelError(f"{what} is {x[k]:g}, expected {expected}")
+        return self
+
+    def _content(self) -> tuple[bytes, ...]:
+        return tuple((getattr(self, x.name) + 0.0).tobytes() for x in fields(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Motor) and self._content() == other._content()
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __reduce__(self) -> tuple[Callable[..., Motor], tuple[Any, ...]]:
+        return Motor, tuple(getattr(self, x.name) for x in fields(self))
+
+    def __repr__(self) -> str:
+        n, shown = len(self.ratio), (self.stall_torque, self.no_load_speed)
+        stall, free = (np.array2string(x, precision=4, separator=", ", threshold=8) for x in shown)
+        return f"<Motor of {n} freedom{'s' * (n != 1)}: stall torque {stall}, no-load speed {free}>"
+
+
+def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Array]:
+    """Least and largest torque that motors give at joint velocities: (n k_t / R) (±V - k_e n q̇), within their limits.
+
+    Source: after the equations of a DC motor, V = R i + k_e ω and τ = k_t i.
+
+    model  Model
+    v      (..., nv)  joint velocities [rad/s | m/s]
+    motor  Motor
+
+    Where a motor drives, the limit falls with the speed, to 0 at the no-load speed; where it brakes, it grows to that
+    of the current. Beyond the no-load speed both limits are against the motion: the motor can only brake. A gear of
+    efficiency η < 1 passes η of the torque of a motor that drives, and 1/η of one that brakes; at rest it counts as
+    driving.
+
+    Returns (lower, upper), both (..., nv) [N m | N]: a torque of the caller is in reach if it is between them, and
+            ``np.clip(tau, lower, upper)`` otherwise.
+    Raises
+        ShapeError for shapes that do not match
+        ModelError naming the joint with a value out of its range, or for mimic joints
+        NaN in a sample gives NaN in what depends on it, in no other sample.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> motor = sd.Motor(torque_constant=[0.03, 0.03], resistance=0.6, voltage=24.0, ratio=50.0, current=20.0)
+    >>> lower, upper = sd.torque_limits(model, [12.0, -12.0], motor)
+    >>> lower, upper
+    (array([-30., -15.]), array([15., 30.]))
+    """
+    if check_model(model).mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+    if not isinstance(motor, Motor):
+        raise ModelError(f"motor is {motor!r}, expected a Motor")
+    m = motor.check(model)
+    gain = abs(m.ratio) * m.torque_constant
+    most, limit = (np.minimum(x, UNLIMITED) for x in (gain * m.current, m.torque))
+    values = (v, gain * m.voltage / m.resistance, m.damping, most, m.efficiency, limit)
+    made = checked_call(MOTOR_LIMITS, model, values, (), None)
+    return made[..., 0, :], made[..., 1, :]

@@ -1,0 +1,133 @@
+"""Friction's coefficients are checked by joint and compared by content; its torque is the formula's."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+from spatialdyn.urdf.load import example_robots
+
+
+@pytest.fixture(scope="module")
+def arm() -> sd.Model:
+    return sd.load_urdf("two_link")
+
+
+def test_the_urdfs_damping_and_friction_are_of_the_model() -> None:
+    model = sd.load_urdf("tree")
+    found = sd.Friction.of(model)
+    np.testing.assert_array_equal(found.coulomb, model.friction)
+    np.testing.assert_array_equal(found.viscous, model.damping)
+    np.testing.assert_array_equal(found.static, model.friction)
+    assert found.viscous.any()
+    assert found.stribeck_velocity is None
+
+
+@pytest.mark.skipif(not example_robots(), reason="robots of example-robot-data")
+def test_a_floating_base_has_no_friction() -> None:
+    found = sd.Friction.of(sd.load_urdf("talos_full", root="floating"))
+    assert not found.coulomb[:6].any()
+    assert found.viscous[6:].any()
+
+
+def test_it_is_read_only_hashed_and_compared_by_content(arm: sd.Model) -> None:
+    one = sd.Friction([1.0, 2.0], 0.0, smoothing=0.1)
+    other = sd.Friction(np.array([1, 2]), [-0.0, 0.0], [1.0, 2.0], smoothing=[0.1, 0.1])
+    assert one == other
+    assert hash(one) == hash(other)
+    assert pickle.loads(pickle.dumps(one)) == one
+    assert one != sd.Friction([1.0, 2.0], 0.0, stribeck_velocity=0.1)  # the same numbers under another name
+    assert one != sd.Friction([1.0, 2.5], 0.0, smoothing=0.1)
+    with pytest.raises(ValueError, match="read-only"):
+        one.coulomb[0] = 3.0
+    given = np.array([1.0, 2.0])
+    made = sd.Friction(given, 0.0)
+    given[0] = 9.0
+    assert made.coulomb[0] == 1.0
+    assert "coulomb [1., 2.]" in repr(made)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"coulomb": [1.0, -1.0]}, '"joint2": coulomb is -1, expected a finite number of 0 or more'),
+        ({"viscous": [np.nan, 0.0]}, '"joint1": viscous is nan'),
+        ({"viscous": [np.inf, 0.0]}, '"joint1": viscous is inf'),
+        ({"static": [1.0, 0.5]}, '"joint2": static is 0.5, expected at least its Coulomb friction of 1'),
+        ({"stribeck_velocity": [0.0, 1.0]}, '"joint1": stribeck velocity is 0, expected a finite number above 0'),
+        ({"smoothing": [1.0, -2.0]}, '"joint2": smoothing is -2, expected a finite number above 0'),
+        ({"bristle_stiffness": -1.0}, '"joint1": bristle stiffness is -1'),
+        ({"bristle_damping": -1.0}, '"joint1": bristle damping is -1'),
+    ],
+)
+def test_bad_coefficients_are_named_by_joint(arm: sd.Model, changes: dict[str, Any], words: str) -> None:
+    given = {"coulomb": [1.0, 1.0], "viscous": 0.0, **changes}
+    with pytest.raises(sd.ModelError, match=words):
+        sd.Friction.of(arm, **given)
+    with pytest.raises(sd.ModelError, match=words):
+        sd.friction_torque(arm, [0.0, 0.0], sd.Friction(**given))
+    with pytest.raises(sd.ModelError, match=words):
+        sd.rollout(arm, [0, 0], [0, 0], dt=1e-3, steps=2, friction=sd.Friction(**given))
+
+
+def test_sizes_that_do_not_match_are_refused(arm: sd.Model) -> None:
+    with pytest.raises(sd.ShapeError, match=r"coulomb \(3,\), viscous \(2,\)"):
+        sd.Friction([1, 1, 1], [0, 1])
+    with pytest.raises(sd.ShapeError, match=r"coulomb \(1, 2\)"):
+        sd.Friction([[1, 1]], 0)
+    with pytest.raises(sd.ShapeError, match='friction has 3 freedoms, expected the 2 of robot "two_link"'):
+        sd.friction_torque(arm, [0, 0], sd.Friction([1, 1, 1], 0))
+    with pytest.raises(sd.ShapeError, match=r"v has shape \(3,\)"):
+        sd.friction_torque(arm, [0, 0, 0], sd.Friction([1, 1], 0))
+    with pytest.raises(sd.ModelError, match=r"friction is 0\.5, expected a Friction, or True"):
+        sd.friction_torque(arm, [0, 0], 0.5)  # type: ignore[arg-type]
+
+
+def test_torques_are_the_formulas(arm: sd.Model) -> None:
+    fc, b, fs, vs, e = (np.array(x) for x in ([1.0, 2.0], [0.1, 0.0], [1.5, 2.5], [0.2, 0.1], [0.01, 0.5]))
+    v = np.random.default_rng(0).normal(size=(3, 4, 2)) * 0.3
+    v[0, 0] = 0.0
+    level = fc + (fs - fc) * np.exp(-((v / vs) ** 2))
+    sharp = sd.friction_torque(arm, v, sd.Friction(fc, b, fs, vs))
+    np.testing.assert_allclose(sharp, -level * np.sign(v) - b * v, rtol=1e-14)
+    smooth = sd.friction_torque(arm, v, sd.Friction(fc, b, fs, vs, smoothing=e))
+    np.testing.assert_allclose(smooth, -level * np.tanh(v / e) - b * v, rtol=1e-13, atol=1e-15)
+    plain = sd.friction_torque(arm, v, sd.Friction(fc, b, fs))  # the static level acts at rest alone
+    np.testing.assert_allclose(plain, -fc * np.sign(v) - b * v, rtol=1e-14)
+    out = np.empty(v.shape)
+    assert sd.friction_torque(arm, v, sd.Friction(fc, b, fs), out=out) is out
+    np.testing.assert_array_equal(out, plain)
+    np.testing.assert_array_equal(sd.friction_torque(arm, v[1, 2], sd.Friction(fc, b, fs)), plain[1, 2])
+
+
+def test_far_velocities_and_nan_are_told_apart(arm: sd.Model) -> None:
+    friction = sd.Friction([1.0, 2.0], 0.0, 3.0, stribeck_velocity=1e-3, smoothing=1e-3)
+    v = np.array([[1e3, -1e3], [np.nan, 1e3], [1e-300, -1e-300]])
+    found = sd.friction_torque(arm, v, friction)
+    np.testing.assert_array_equal(found[0], [-1.0, 2.0])
+    assert np.isnan(found[1, 0])
+    assert abs(found[2]).max() <= 1e-15
+
+
+def test_friction_of_true_is_the_urdfs() -> None:
+    model = sd.load_urdf("tree")
+    v = np.ones(model.nv)
+    np.testing.assert_allclose(sd.friction_torque(model, v, True), -(model.friction + model.damping), rtol=1e-15)
+
+
+def test_mimic_joints_are_refused(arm: sd.Model) -> None:
+    builder = sd.ModelBuilder("pair").add_body("a", None, "revolute", (0, 0, 1), inertia=(1, (0, 0, 0), np.eye(3)))
+    builder.add_body(
+        "b",
+        "a",
+        "revolute",
+        (0, 0, 1),
+        inertia=(1, (0, 0, 0), np.eye(3)),
+        mimic={"leader": "a_joint", "multiplier": 2.0, "offset": 0.0},
+    )
+    with pytest.raises(sd.ModelError, match="mimic joints"):
+        sd.friction_torque(builder.build(mimic=True), [0.0], sd.Friction([1.0], 0.0))
