@@ -70,7 +70,7 @@ def checked_call(
     check_model(model)
     asked = [(x, value) for x, value in zip([x for x in spec.present if not x.static], values, strict=True)]
     given = [(x, value) for x, value in asked if value is not None or not x.optional]
-    plain = None if by_table or out is not None else _plain(given)
+    plain = None if by_table or out is not None or SPECS.get(spec.name) is not spec else _plain(given)
     if plain is not None:
         return calls[spec.name](model, **plain, **dict(zip(_words(spec), words, strict=True)))
     spec = numba_kernels.variant(spec, frozenset(x.name for x, _ in given))
