@@ -231,8 +231,8 @@ def _public_function(spec: Spec) -> Callable[..., Any]:
 
 
 def _words(spec: Spec) -> list[str]:
-    """The parameters of a call from which its static inputs are read."""
-    return [STATIC[x.name][0].partition("=")[0] for x in spec.present if x.name in STATIC]
+    """The parameters of a call from which its static inputs are read; interned, as the builtin wants keywords."""
+    return [sys.intern(STATIC[x.name][0].partition("=")[0]) for x in spec.present if x.name in STATIC]
 
 
 def _parameter(spec: Spec, name: str) -> Parameter:
