@@ -23,9 +23,9 @@ from .constrained import Held
 from .friction_steps import Rubbing
 from .methods import Method
 from .recorder import Recorder
-from .rollouts import EXPLICIT_METHODS, step_specs
 from .system import State
 from .torques import Torque
+from .traced_steps import EXPLICIT_METHODS, step_specs
 
 # Rows of the table times forward dynamics per step: 85 to 350 operations of the program each, 0.1 ms to compile one.
 # At the limit that is 3 s once per model, and the code (600 kB) exceeds the caches: twice the table kernel's speed.

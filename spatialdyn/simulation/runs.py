@@ -40,10 +40,10 @@ from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alon
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
-from .rollouts import EXPLICIT_METHODS
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
+from .traced_steps import EXPLICIT_METHODS
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]

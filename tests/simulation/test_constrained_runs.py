@@ -348,7 +348,10 @@ def test_many_equations_run_by_the_table_kernel() -> None:
 
 def test_friction_and_constraints_together_are_refused() -> None:
     model, (q, v) = four_bar(), four_bar_state()
-    rubbing, text = sd.Friction(np.full(3, 0.1), np.full(3, 0.1)), "friction and constraints are given, expected one of them"
+    rubbing, text = (
+        sd.Friction(np.full(3, 0.1), np.full(3, 0.1)),
+        "friction and constraints are given, expected one of them",
+    )
     with pytest.raises(sd.SimulationError, match=text):
         sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", constraints=pin_of(model), friction=rubbing)
     with pytest.raises(sd.SimulationError, match=text):

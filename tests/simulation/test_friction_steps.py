@@ -17,7 +17,7 @@ from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
 from spatialdyn.simulation import program_steps, rollouts, runs
 from spatialdyn.simulation.friction_steps import WAYS
-from spatialdyn.simulation.rollouts import step_specs
+from spatialdyn.simulation.traced_steps import step_specs
 
 EPS = float(np.finfo(float).eps)
 SAME = 1e3 * EPS  # a few dozen steps of rounding in another order, scaled

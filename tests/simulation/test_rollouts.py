@@ -12,7 +12,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import batch_kernels, recording
-from spatialdyn.simulation.rollouts import EXPLICIT_METHODS
+from spatialdyn.simulation.traced_steps import EXPLICIT_METHODS
 
 EPS = np.finfo(float).eps
 SAME = 1e3 * EPS  # a few dozen steps of rounding in another order, scaled
