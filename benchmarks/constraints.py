@@ -7,6 +7,7 @@ cond(KKT), relative.
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable
 from typing import Any
@@ -91,6 +92,7 @@ def per_call(functions: dict[str, tuple[Callable[[], Any], int]]) -> dict[str, t
 
 def main() -> None:
     """Check, measure, print."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     sd.set_num_threads(1)
     ours, held, theirs, models = pair(str(find_robot(ROBOT)), FEET)
     q, v, tau = states(ours, SAMPLES)

@@ -96,10 +96,10 @@ def slice_of(first: int, count: int, every: int) -> int:
 def _kernel(
     model: Model,
     method: Method,
-    held: tuple[Argument, ...],
-    static: tuple[Any, ...],
-    way: str | None,
-    coefficients: tuple[str, ...],
+    held: tuple[Argument, ...] = (),
+    static: tuple[Any, ...] = (),
+    way: str | None = None,
+    coefficients: tuple[str, ...] = (),
 ) -> Any:
     specs = step_specs(method.name, False, True, held, way, coefficients)
     rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)

@@ -30,12 +30,13 @@ computeStaticTorque(m, d, q, f)  aba(m, d, q, v, a)  aba(m, d, q, v, a, f)  comp
 computeJointJacobian(m, d, q, 2)  computeFrameJacobian(m, d, q, 1)  centerOfMass(m, d, q)
 jacobianCenterOfMass(m, d, q)  computeKineticEnergy(m, d, q, v)  computePotentialEnergy(m, d, q)
 integrate(m, q, v)  normalize(m, q)  dIntegrate(m, q, v)
+computeCentroidalMomentum(m, d, q, v)  computeCentroidalMomentumTimeVariation(m, d, q, v, a)
 """
 FIELDS = "oMi liMi oMf v a J tau ddq"
 OTHERS = """
 crba(m, d, q)  computeMinverse(m, d, q)  computeCoriolisMatrix(m, d, q, v)  ccrba(m, d, q, v)  dccrba(m, d, q, v)
 computeRNEADerivatives(m, d, q, v, a)  computeABADerivatives(m, d, q, v, a)  computeJointTorqueRegressor(m, d, q, v, a)
-dDifference(m, q, q1)  computeAllTerms(m, d, q, v)  computeCentroidalMomentum(m, d, q, v)
+dDifference(m, q, q1)  computeAllTerms(m, d, q, v)
 """
 
 
@@ -48,7 +49,6 @@ RATES = "computeJointJacobiansTimeVariation(m, d, q, v)"
 DIFFERENT = f"""
 {RATES}  {RATES}; updateFramePlacements(m, d); getFrameJacobianTimeVariation(m, d, 4, pin.LOCAL)
 {RATES}; getJointJacobianTimeVariation(m, d, 5, pin.WORLD)  computeCentroidalMap(m, d, q)
-computeCentroidalMomentum(m, d, q, v)  computeCentroidalMomentumTimeVariation(m, d, q, v, a)
 centerOfMass(m, d, q, v, a); d.vcom[0]  centerOfMass(m, d, q, v, a); d.acom[0]
 """
 MOVING = """

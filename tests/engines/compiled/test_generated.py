@@ -18,10 +18,10 @@ from spatialdyn.engines.compiled.generated import function_from_text
 
 
 def frame_of(call: Callable[[], Any], file: str) -> traceback.FrameSummary:
-    """The frame in that file of the error that a call raises."""
+    """The innermost frame in that file of the error that a call raises."""
     with pytest.raises(sd.SpatialDynError) as caught:
         call()
-    (found,) = [frame for frame in traceback.extract_tb(caught.value.__traceback__) if frame.filename == file]
+    *_, found = [frame for frame in traceback.extract_tb(caught.value.__traceback__) if frame.filename == file]
     return found
 
 

@@ -142,8 +142,8 @@ DIFFERENCES = (
     ),
     Difference(
         "configurations off their unit norm, not strict: computeJointJacobiansTimeVariation, "
-        "getFrameJacobianTimeVariation, getJointJacobianTimeVariation, computeCentroidalMap, "
-        "computeCentroidalMomentum, computeCentroidalMomentumTimeVariation, and data.vcom, data.acom of centerOfMass",
+        "getFrameJacobianTimeVariation, getJointJacobianTimeVariation, computeCentroidalMap, and data.vcom, data.acom "
+        "of centerOfMass",
         "sums of motions and inertias turned into the world's axes by matrices that are no rotations",
         "sums by this package's formulas, with the same matrices",
     ),
