@@ -25,6 +25,7 @@ from .programs.tiered_program import TieredProgram
 
 Arrays = Sequence[NDArray[np.float64]]
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
+MANY = 8192  # samples of a batch to prepare for
 _lock = threading.RLock()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
 RANGE = numba_kernels.NONFINITE + 1  # a status that the kernels do not have
@@ -137,12 +138,17 @@ def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallP
 
 
 def compile_program(spec: Spec, table: Table, static: tuple[Any, ...]) -> bool:
-    """Compile a call's program for one sample and for batches, instead of when it pays; False if it has none."""
+    """Compile a call's program for one sample and for batches, instead of when it pays; False if it has none.
+
+    Also for batches that bypass the CPU caches, if those of MANY samples do.
+    """
     made = program(spec, table, hashable(static))
     if made is None:
         return False
     for one in (True, False):
         made.program.compiled(one)
+    if 8 * math.prod(_core(spec, table, hashable(static))) * MANY >= batch_kernels.STREAM_BYTES:
+        made.program.compiled(one=False, stream=True)
     return True
 
 

@@ -89,7 +89,7 @@ class TieredProgram:
             if self._at_hand(one=False, stream=stream) is None and self._expect() > 0.0:
                 self._seconds -= 1e-9 * TILE_LINE_NS * self.interpreted.lines * samples
                 if self._seconds > 0.0:
-                    return self._tiles
+                    return (self._at_hand(one=False) if stream else None) or self._tiles
             return self.compiled(one=False, stream=stream)
 
     @cached_property

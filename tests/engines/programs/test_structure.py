@@ -147,3 +147,24 @@ def test_public_calls_of_many_payloads_are_right(monkeypatch: pytest.MonkeyPatch
         run.run_table_kernel(bare("rnea"), model, (q, v, a), (), wanted)
         np.testing.assert_allclose(sd.rnea(model, q, v, a), wanted, rtol=1e-13, atol=1e-13)
         np.testing.assert_array_equal(sd.rnea(model, q[0], v[0], a[0]), sd.rnea(model, q, v, a)[0])
+
+
+def test_large_results_are_prepared_for_or_written_by_the_code_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled code that goes through the CPU caches is better than none, until the other pays."""
+    empty_memory(monkeypatch)
+    monkeypatch.setattr(batch_kernels, "_from_disk_cache", lambda digest, kind: None)
+    spec, model = bare("crba"), arm()
+    tiers = TieredProgram((spec,), model.bodies, model.key)
+    assert tiers.batch(1, stream=True) is tiers.batch(1)  # both interpreted
+    plain = tiers.compiled(one=False)
+    assert tiers.batch(1, stream=True) is plain
+    tiers._seconds = 0.0
+    assert tiers.batch(1, stream=True) is tiers.compiled(one=False, stream=True)
+    assert tiers.compiled(one=False, stream=True) is not plain
+    prepared: list[tuple[bool, bool]] = []
+    monkeypatch.setattr(TieredProgram, "compiled", lambda self, one, stream=False: prepared.append((one, stream)))
+    for least, wanted in ((1 << 40, []), (1, [(False, True)])):
+        monkeypatch.setattr(batch_kernels, "STREAM_BYTES", least)
+        prepared.clear()
+        assert run.compile_program(spec, model, ())
+        assert prepared == [(True, False), (False, False), *wanted]
