@@ -27,6 +27,7 @@ from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.spec import Argument, Spec
 from .arguments import (
+    Array,
     as_array,
     as_flag,
     batch_shape,
@@ -70,12 +71,12 @@ def checked_call(
     check_model(model)
     asked = [(x, value) for x, value in zip([x for x in spec.present if not x.static], values, strict=True)]
     given = [(x, value) for x, value in asked if value is not None or not x.optional]
-    plain = None if by_table or out is not None or SPECS.get(spec.name) is not spec else _plain(given)
+    arrays = [as_array(x.name, value) for x, value in given]
+    plain = None if by_table or out is not None or SPECS.get(spec.name) is not spec else _plain(given, arrays)
     if plain is not None:
         return calls[spec.name](model, **plain, **dict(zip(_words(spec), words, strict=True)))
     spec = numba_kernels.variant(spec, frozenset(x.name for x, _ in given))
     varying = [x for x in spec.present if not x.static]
-    arrays = [as_array(x.name, value) for x, value in given]
     batch = broadcast(
         [x.name for x in varying], [batch_shape(model, x, a, static) for x, a in zip(varying, arrays, strict=True)]
     )
@@ -86,7 +87,7 @@ def checked_call(
         else check_out(out, shape, {x.name: a for x, a in zip(varying, arrays, strict=True)})
     )
     n, seen = math.prod(batch), out is not None
-    if not batch and not by_table and spec.name in SPECS:
+    if not batch and not by_table:
         _keep_plan(spec, model, static, words)
     if n:
         inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in zip(varying, arrays, strict=True)]
@@ -105,13 +106,14 @@ def checked_call(
     return result if out is not None or shape else float(result)
 
 
-def _plain(given: Sequence[tuple[Argument, Any]]) -> dict[str, Any] | None:
+def _plain(given: Sequence[tuple[Argument, Any]], arrays: Sequence[Array]) -> dict[str, Any] | None:
     """The inputs of one sample by name, as the builtin takes them. Returns None if not applicable: a batch, or inputs
     that are so already, which the builtin has declined.
+
+    arrays  the given values as arrays of float64
     """
     made: dict[str, Any] = {}
-    for x, value in given:
-        array = as_array(x.name, value)
+    for (x, value), array in zip(given, arrays, strict=True):
         if array.ndim != len(x.shape):
             return None
         if x.shape:

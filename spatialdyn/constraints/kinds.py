@@ -269,12 +269,7 @@ def _pose(constraint: Constraint, name: str, value: ArrayLike | None) -> Entries
     R = made[:3, :3]
     rigid = bool(abs(R @ R.T - np.eye(3)).max() <= UNIT_TOLERANCE and np.linalg.det(R) > 0.0)
     rigid &= made[3].tolist() == [0, 0, 0, 1]
-    if (
-        given.shape not in ((3,), (4, 4))
-        or not np.isfinite(made).all()
-        or not rigid
-        or made[3].tolist() != [0, 0, 0, 1]
-    ):
+    if given.shape not in ((3,), (4, 4)) or not np.isfinite(made).all() or not rigid:
         what = f"shape {given.shape}" if given.shape not in ((3,), (4, 4)) else str(given.tolist())
         raise ConstraintError(f"{constraint.label} has {name} {what}, expected a position (3,) or a pose (4, 4)")
     return tuple(map(tuple, made.tolist()))
