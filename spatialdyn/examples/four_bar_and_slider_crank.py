@@ -1,9 +1,9 @@
 """A four-bar and a slider-crank: mechanisms with a loop, closed by a constraint.
 
 Learn    ModelBuilder, PointConstraint, close_loops, mobility, constrained_dynamics, simulate(constraints=...).
-Look at  the crank's acceleration, which Lagrange's equation of the one freedom gives too; the energy, of which rk4 loses
-         little but ever more, and RATTLE more but never beyond a bound, both with the loop closed to rounding; and the
-         piston, where r cos θ + √(l² - r² sin² θ) says it is, whatever has moved it there.
+Look at  the crank's acceleration, which Lagrange's equation of the one freedom gives too; the energy, of which rk4
+         loses little but ever more, and RATTLE more but never beyond a bound, both with the loop closed to rounding;
+         and the piston, where r cos θ + √(l² - r² sin² θ) says it is, whatever has moved it there.
 """
 
 from __future__ import annotations

@@ -108,10 +108,17 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
     return Rubbing(way, tuple(inputs), tuple(inputs.values()))
 
 
-def check_alone(found: Rubbing | None, constraints: Any) -> None:
-    """Raises SimulationError where both friction and constraints are to act: their impulses would be one problem."""
-    if found is not None and constraints is not None:
-        raise SimulationError("friction and constraints are given, expected one of them")
+def check_together(found: Rubbing | None, constraints: Any) -> None:
+    """Raises SimulationError for friction that does not act beside constraints.
+
+    Of joints of a closed loop that stick, the friction torques are not determined, only their sum against the load:
+    whether the loop sticks is a problem of all of them at once, which the step of implicit friction does not solve.
+    """
+    if found is not None and constraints is not None and found.way != SMOOTH:
+        raise SimulationError(
+            f'friction_method is "{found.way}" and constraints are given, expected friction_method="smooth" with them: '
+            "which joints of a loop hold it is not determined"
+        )
 
 
 def _needed(value: Array | None, name: str, way: str) -> Array:

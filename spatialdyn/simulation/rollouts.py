@@ -36,7 +36,7 @@ from .friction_steps import (
     UNSOLVED,
     VIOLATION,
     Rubbing,
-    check_alone,
+    check_together,
     rubbing,
 )
 from .system import State, System, held_torque
@@ -151,7 +151,7 @@ def rollout(
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
-    friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    friction, friction_method  as in ``simulate``; none by default, "smooth" with constraints
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
     Joint limits are ignored; there are no contacts.
@@ -183,7 +183,7 @@ def rollout(
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     found = rubbing(model, friction, friction_method, method, float(dt))
-    check_alone(found, constraints)
+    check_together(found, constraints)
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
         forcing |= _law(model, pd)
@@ -194,6 +194,10 @@ def rollout(
     states = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in states]
     inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
     inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
+    if found is not None:
+        inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
+        if found.own is not None:
+            states.append(np.zeros((B, core_shape(model, found.own)[0])))
     held = None
     if constraints is not None or stabilization is not None:
         if number != np.float64:
@@ -204,10 +208,6 @@ def rollout(
         held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
         if held is not None:
             inputs |= {name: StepInput(x) for name, x in held.values.items()}
-    if found is not None:
-        inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
-        if found.own is not None:
-            states.append(np.zeros((B, core_shape(model, found.own)[0])))
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T and model.nv:

@@ -89,13 +89,14 @@ def step_specs(
             integrate(rows, inputs["q"], moved, q)
             return q, v, own
 
-        def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
-            return _accelerate(system._replace(tau=tau + smooth_torque(rows, v, inputs)), q, v, a)
-
         under = Rows(rows, inputs) if held else None
-        free = accelerate if way == SMOOTH else _accelerate
+        free = _accelerate if under is None else under.accelerate
+
+        def rubbing(system: System, q: Any, v: Any, a: Any) -> int:
+            return free(system._replace(tau=tau + smooth_torque(rows, v, inputs)), q, v, a)
+
         system = System(
-            _Kernels(free if under is None else under.accelerate, _integrate, _displacement_rate),
+            _Kernels(rubbing if way == SMOOTH else free, _integrate, _displacement_rate),
             held_torque,
             None,
             rows,

@@ -408,16 +408,41 @@ def test_many_equations_run_by_the_table_kernel() -> None:
     assert abs(run.q - sd.simulate(model, q, v, 0.01, 1e-3, constraints=held).q).max() <= 1e-12
 
 
-def test_friction_and_constraints_together_are_refused() -> None:
+def test_smooth_friction_acts_under_constraints() -> None:
+    """-F tanh(v/ε) - b v as a torque: simulate's program, its calls, RATTLE and a rollout agree; energy goes down."""
     model, (q, v) = four_bar(), four_bar_state()
-    rubbing, text = (
-        sd.Friction(np.full(3, 0.1), np.full(3, 0.1)),
-        "friction and constraints are given, expected one of them",
+    held, how = pin_of(model), {"friction_method": "smooth"}
+    rubbing = sd.Friction(np.full(3, 0.02), np.array([0.01, 0.02, 0.0]), smoothing=np.full(3, 0.05))
+
+    def law(t: float, q: Array, v: Array) -> Array:
+        return -(0.02 * np.tanh(v / 0.05) + np.array([0.01, 0.02, 0.0]) * v)
+
+    wanted = sd.simulate(model, q, v, 0.1, 1e-3, torque=law, constraints=held)
+    at_once = sd.simulate(model, q, v, 0.1, 1e-3, constraints=held, friction=rubbing, **how)
+    by_calls = sd.simulate(
+        model, q, v, 0.1, 1e-3, torque=lambda t, q, v: 0 * v, constraints=held, friction=rubbing, **how
     )
+    many = sd.rollout(
+        model, np.tile(q, (9, 1)), v, dt=1e-3, steps=100, method="rk4", constraints=held, friction=rubbing, **how
+    )
+    for found in (at_once.q, by_calls.q, np.vstack([q, many.q[4]])):
+        assert abs(found - wanted.q).max() <= 1e-12
+    rattle = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, friction=rubbing, **how)
+    assert abs(rattle.q[-1] - wanted.q[-1]).max() <= 1e-5
+    assert wanted.energy[-1] < wanted.energy[0] - 1e-3
+
+
+@pytest.mark.parametrize("way", ["implicit", "lugre"])
+def test_friction_that_sticks_is_refused_under_constraints(way: str) -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held, options = pin_of(model), {"bristle_stiffness": 1e4, "bristle_damping": 1e2}
+    rubbing = sd.Friction(np.full(3, 0.1), np.full(3, 0.1), **{x: np.full(3, y) for x, y in options.items()})
+    text = f'friction_method is "{way}" and constraints are given, expected friction_method="smooth" with them'
+    given = {"constraints": held, "friction": rubbing, "friction_method": way}
     with pytest.raises(sd.SimulationError, match=text):
-        sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", constraints=pin_of(model), friction=rubbing)
+        sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", **given)
     with pytest.raises(sd.SimulationError, match=text):
-        sd.rollout(model, q, v, dt=1e-3, steps=5, constraints=pin_of(model), friction=rubbing)
+        sd.rollout(model, q, v, dt=1e-3, steps=5, **given)
 
 
 def test_a_branch_point_is_named_with_its_time() -> None:
