@@ -44,6 +44,7 @@ from ..recursions.friction import (
 )
 from ..recursions.spec import Argument
 from . import explicit
+from .constrained import Held, bristles_held, projected
 from .system import State, System, set_status
 
 Array = NDArray[Any]
@@ -111,13 +112,13 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
 def check_together(found: Rubbing | None, constraints: Any) -> None:
     """Raises SimulationError for friction that does not act beside constraints.
 
-    Of joints of a closed loop that stick, the friction torques are not determined, only their sum against the load:
-    whether the loop sticks is a problem of all of them at once, which the step of implicit friction does not solve.
+    Of joints of a closed loop that stick, Coulomb's law does not determine the torques, only their sum against the
+    load: whether the loop sticks is a problem of all of them at once, and a projection would move joints that stick.
     """
-    if found is not None and constraints is not None and found.way != SMOOTH:
+    if found is not None and constraints is not None and found.way == IMPLICIT:
         raise SimulationError(
-            f'friction_method is "{found.way}" and constraints are given, expected friction_method="smooth" with them: '
-            "which joints of a loop hold it is not determined"
+            'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which '
+            "joints of a loop hold it is not determined"
         )
 
 
@@ -181,12 +182,17 @@ def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[A
 
 
 def by_kernels(
-    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None
-) -> tuple[Any, Callable[..., None]]:
+    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, model: Model,
+    held: Held | None = None,
+) -> tuple[Any, Callable[..., None]]:  # fmt: skip
     """The kernels and the step of a method with friction.
 
-    own  the state that the friction carries, written in place
+    own   the state that the friction carries, written in place
+    held  the constraints, None for none
     """
+    if held is not None and found.way == LUGRE:
+        law = dict(zip(found.inputs, found.values, strict=True))
+        return kernels, _held_step(bristles_held(held, model, law, own, fext), held, model)
     loaded = [] if fext is None else [fext]
     present = {*found.inputs, *(["fext"] if loaded else [])}
     if found.way == SMOOTH:
@@ -208,6 +214,19 @@ def by_kernels(
         explicit.move(system, t, displacement, state)
 
     return kernels, step
+
+
+def _held_step(bristles: Callable[..., None], held: Held, model: Model) -> Callable[..., None]:
+    """The step with bristles under constraints, and the projection after it."""
+
+    def step(system: System, t: float, h: float, state: State) -> None:
+        system.torque(system, t, state.q, state.w)
+        bristles(system, h, state)
+        displacement = state.work[1]
+        displacement[:] = h * state.w
+        explicit.move(system, t, displacement, state)
+
+    return projected(step, held, model)
 
 
 def smooth_kernel(found: Rubbing) -> Callable[..., Array]:

@@ -151,7 +151,7 @@ def rollout(
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
-    friction, friction_method  as in ``simulate``; none by default, "smooth" with constraints
+    friction, friction_method  as in ``simulate``; none by default; with constraints lugre or smooth
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
     Joint limits are ignored; there are no contacts.

@@ -97,7 +97,7 @@ def simulate(
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
-               a warning says so where the URDF has some; with False none acts. With constraints it is "smooth"
+               a warning says so where the URDF has some; with False none acts. With constraints implicit is refused
     friction_method  how it acts:
                implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
                          dt; a joint that sticks has a velocity of 0 to the bit
@@ -327,7 +327,9 @@ def _run_fixed(
             own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
         else:
             own_kernels = family.kernels(fext is not None)
-        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext)
+        return (
+            (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext, model, held)
+        )
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])

@@ -83,13 +83,15 @@ def step_specs(
                 if row.kind in R1:
                     error[i] = inputs["q_ref"][row.q_index] - q[row.q_index]
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
+        under = Rows(rows, inputs) if held else None
         if way in OWN:
-            v, own = traced_step(way, rows, inputs, tau)
+            v, own = traced_step(way, rows, inputs, tau) if under is None else under.after_bristles(inputs, tau)
             moved = np.array([inputs["dt"] * x for x in v], object)
             integrate(rows, inputs["q"], moved, q)
+            if under is not None:
+                under.project(q, v)
             return q, v, own
 
-        under = Rows(rows, inputs) if held else None
         free = _accelerate if under is None else under.accelerate
 
         def rubbing(system: System, q: Any, v: Any, a: Any) -> int:

@@ -432,13 +432,51 @@ def test_smooth_friction_acts_under_constraints() -> None:
     assert wanted.energy[-1] < wanted.energy[0] - 1e-3
 
 
-@pytest.mark.parametrize("way", ["implicit", "lugre"])
-def test_friction_that_sticks_is_refused_under_constraints(way: str) -> None:
+def bristly(level: float) -> sd.Friction:
+    """Friction of the four-bar's joints with bristles."""
+    made = {"bristle_stiffness": np.full(3, 1e3), "bristle_damping": np.full(3, 5.0)}
+    return sd.Friction(np.full(3, level), np.array([0.01, 0.0, 0.02]), **made)
+
+
+def test_bristles_share_the_load_of_a_loop() -> None:
+    """A four-bar that its joints hold: it comes to rest where σ z balances gravity in its one freedom."""
     model, (q, v) = four_bar(), four_bar_state()
-    held, options = pin_of(model), {"bristle_stiffness": 1e4, "bristle_damping": 1e2}
-    rubbing = sd.Friction(np.full(3, 0.1), np.full(3, 0.1), **{x: np.full(3, y) for x, y in options.items()})
-    text = f'friction_method is "{way}" and constraints are given, expected friction_method="smooth" with them'
-    given = {"constraints": held, "friction": rubbing, "friction_method": way}
+    held, how = pin_of(model), {"method": "semi_implicit_euler", "friction_method": "lugre"}
+    run = sd.rollout(model, q, 0 * v, dt=1e-3, steps=3000, constraints=held, friction=bristly(2.0), **how)
+    assert run.bristles is not None
+    end, z = run.q[-1], run.bristles[-1]
+    assert abs(run.v[-1]).max() <= 1e-8
+    assert abs(end - q).max() <= 0.01
+    assert left_open(model, held, end, run.v[-1])[0] <= 1e-12
+    J = sd.constraint_jacobian(model, held, end)[:2]
+    N = np.append(1.0, np.linalg.solve(J[:, 1:], -J[:, 0]))
+    load = sd.generalized_gravity(model, end)
+    assert abs(N @ load) > 0.1
+    assert abs(N @ (load + 1e3 * z)) <= 1e-6
+    assert (abs(1e3 * z) < 2.0).all()
+
+
+def test_bristles_under_constraints_are_the_same_on_lanes_in_a_program_and_by_calls() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held, friction, tau = pin_of(model), bristly(0.05), np.array([0.1, 0.0, -0.1])
+    how = {"constraints": held, "friction": friction, "friction_method": "lugre", "method": "semi_implicit_euler"}
+    at_once = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **how)
+    by_calls = sd.simulate(model, q, v, 0.05, 1e-3, torque=lambda t, q, v: tau, **how)
+    many = sd.rollout(model, np.tile(q, (9, 1)), v, tau, dt=1e-3, steps=50, **how)
+    for found in (by_calls.q[1:], many.q[4]):
+        assert abs(found - at_once.q[1:]).max() <= 1e-12
+    assert at_once.energy[-1] < sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, constraints=held).energy[-1] - 1e-3
+    unheld = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": sd.Constraints(model, [])}))
+    free = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": None}))
+    assert abs(unheld.q - free.q).max() <= 1e-12
+
+
+def test_coulombs_law_is_refused_under_constraints() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    text = (
+        'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which joints'
+    )
+    given = {"constraints": pin_of(model), "friction": bristly(0.1)}
     with pytest.raises(sd.SimulationError, match=text):
         sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", **given)
     with pytest.raises(sd.SimulationError, match=text):
