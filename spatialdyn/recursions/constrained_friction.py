@@ -7,8 +7,8 @@ function of its own deflection, linear in v⁺, so the step is ``constrained_mot
 from __future__ import annotations
 
 from ..algebra.scalars import inline
-from .constrained import FORCE, RANK, RATE, RESIDUAL, WORK, respond
-from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_error, write_jacobian
+from .constrained import FORCE, RANK, RATE, RESIDUAL, WORK, respond, stabilize
+from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_jacobian
 from .crba import crba
 from .friction import BRISTLES, DAMPING, DT, LAW, STIFFNESS, add_bristles
 from .ltdl import factor_tree
@@ -37,12 +37,7 @@ def held_bristle_step(
     write_jacobian(bodies, work, constraints, Y)
     write_drift(bodies, work, constraints, v, gamma)
     if rate is not None:
-        write_error(bodies, work, constraints, q, error)
-        for k in range(len(gamma)):
-            Jv = 0.0
-            for i in range(n):
-                Jv = Jv + Y[k, i] * v[i]
-            gamma[k] = gamma[k] + rate * (2.0 * Jv + rate * error[k])
+        stabilize(bodies, work, q, v, constraints, rate, Y, gamma, error)
     for i in range(n):
         pivots[i] = L[i, i]
     respond(bodies, constraints, L, Y, G, gamma, size, kept, ahead, force, residual, rank)
