@@ -173,6 +173,7 @@ class RigidConstraintData:
             raise OutOfScopeAttributeError(f"RigidConstraintData.{name}: scratch of Pinocchio's solver, none here")
         raise AttributeError(f"a RigidConstraintData has no attribute {name!r}")
 
+
 class _Contacts(StdVec):
     """A list of copies, which does not watch them."""
 
