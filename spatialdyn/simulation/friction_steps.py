@@ -21,6 +21,7 @@ from ..actuation.friction import Friction, check_friction
 from ..algebra.scalars import select
 from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
+from ..constraints.dynamics import constraint_jacobian
 from ..engines.compiled import numba_kernels
 from ..engines.programs.tracer import scratch
 from ..errors import SimulationError
@@ -43,8 +44,8 @@ from ..recursions.friction import (
     friction_torque,
 )
 from ..recursions.spec import Argument
-from . import explicit
-from .constrained import Held, bristles_held, projected
+from . import explicit, ledger
+from .constrained import Held, Rows, bristles_held, projected
 from .system import State, System, set_status
 
 Array = NDArray[Any]
@@ -54,7 +55,7 @@ STEPPED = "semi_implicit_euler"  # the method of "implicit" and "lugre"
 STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
 
-VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far")
+VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far", start=0.0)
 OWN = {IMPLICIT: VIOLATION, LUGRE: BRISTLES}  # the state of its own that a kind of friction carries from step to step
 COLUMNS = {
     "coulomb": COULOMB, "viscous": VISCOUS, "static": STATIC, "stribeck": STRIBECK, "smoothing": SMOOTHING,
@@ -161,21 +162,40 @@ def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
 
-def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, Any]:
-    """The velocities after a step, and the state of its own, of ``given`` inputs by name."""
+def traced_step(
+    way: str, rows: Any, given: dict[str, Any], tau: Any, under: Rows | None
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """The velocities after a step, the state of its own by name, forces as of ``solver``; of ``given`` inputs by name.
+
+    under  the constraints, None for none
+    """
     q, v, dt = given["q"], given["v"], given["dt"]
     n = len(v)
-    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((2, n), object)
+    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((3, n), object)
     pivots, M, R = (np.zeros(shape, object) for shape in ((n,), (n, n), (n, n)))
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
-        bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
-        return after[0], after[1]
+        forces: dict[str, Any] = {}
+        if under is None:
+            bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
+            ahead, bristles = after[0], after[1]
+        else:
+            ahead, bristles = under.after_bristles(given, tau)
+            forces[ledger.CONSTRAINTS.name] = lambda way: under.force * under.rates(q, way)
+        rubbed = _bristle_torque(z, bristles, 1.0 / dt, stiffness, damping) - given["viscous"] * ahead
+        return ahead, {BRISTLES.name: bristles}, {**forces, ledger.FRICTION.name: rubbed}
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
-    return after[0], np.array([largest], object)
+    rubbed = after[2] - given["viscous"] * after[0]
+    return after[0], {VIOLATION.name: np.array([largest], object)}, {ledger.FRICTION.name: rubbed}
+
+
+def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
+    """What bristles exert in a step of 1/rate that takes their deflection from z to ``after``."""
+    moved = np.array([rate * x for x in after - z], after.dtype)
+    return -(stiffness * after + damping * moved)
 
 
 # --- a step by kernels ----------------------------------------------------------------------------------
@@ -183,50 +203,72 @@ def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[A
 
 def by_kernels(
     found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, model: Model,
-    held: Held | None = None,
+    held: Held | None,
 ) -> tuple[Any, Callable[..., None]]:  # fmt: skip
     """The kernels and the step of a method with friction.
 
     own   the state that the friction carries, written in place
     held  the constraints, None for none
     """
-    if held is not None and found.way == LUGRE:
-        law = dict(zip(found.inputs, found.values, strict=True))
-        return kernels, _held_step(bristles_held(held, model, law, own, fext), held, model)
-    loaded = [] if fext is None else [fext]
-    present = {*found.inputs, *(["fext"] if loaded else [])}
     if found.way == SMOOTH:
         resist = smooth_kernel(found)
         return _smooth(kernels, resist), advance
+    solve = solver(found, fext, model, held)
+
+    def step(system: System, t: float, h: float, state: State) -> None:
+        system.torque(system, t, state.q, state.w)
+        after, changed, _ = solve(system, t, h, state, own)
+        state.w[:], own[:] = after, changed
+        displacement = state.work[1]
+        displacement[:] = h * state.w
+        explicit.move(system, t, displacement, state)
+
+    return kernels, step if held is None else projected(step, held, model)
+
+
+def solver(
+    found: Rubbing, fext: Array | None, model: Model, held: Held | None
+) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+    """``(system, t, h, state, own) -> v⁺, own⁺, forces`` of a step whose velocities are solved for.
+
+    forces are those of friction and of constraints, as ``carry_solved`` takes them
+    """
+    if held is not None:
+        return _held_solver(found, fext, model, held)
+    loaded = [] if fext is None else [fext]
     implicit = found.way == IMPLICIT
+    present = {*found.inputs, *(["fext"] if loaded else [])}
     kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
+    given = dict(zip(found.inputs, found.values, strict=True))
 
-    def step(system: System, t: float, h: float, state: State) -> None:
-        after = np.empty((2, len(state.w)))
-        system.torque(system, t, state.q, state.w)
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
+        after = np.empty((3 if implicit else 2, len(state.w)))
         bristles = [] if implicit else [own]
-        given = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
-        set_status(system, kernel(system.table, *given, after), t)
-        state.w[:] = after[0]
-        own[:] = max(own[0], after[1].max(initial=0.0)) if implicit else after[1]
-        displacement = state.work[1]
-        displacement[:] = h * state.w
-        explicit.move(system, t, displacement, state)
+        inputs = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
+        set_status(system, kernel(system.table, *inputs, after), t)
+        if implicit:
+            changed, rubbed = np.array([max(own[0], after[1].max(initial=0.0))]), after[2]
+        else:
+            changed, rubbed = after[1], _bristle_torque(own, after[1], 1.0 / h, given["stiffness"], given["damping"])
+        return after[0], changed, {ledger.FRICTION.name: rubbed - given["viscous"] * after[0]}
 
-    return kernels, step
+    return solve
 
 
-def _held_step(bristles: Callable[..., None], held: Held, model: Model) -> Callable[..., None]:
-    """The step with bristles under constraints, and the projection after it."""
+def _held_solver(
+    found: Rubbing, fext: Array | None, model: Model, held: Held
+) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+    """``solver`` of LuGre friction under constraints. It raises ConstraintError."""
+    law = dict(zip(found.inputs, found.values, strict=True))
+    step = bristles_held(held, model, law, fext)
 
-    def step(system: System, t: float, h: float, state: State) -> None:
-        system.torque(system, t, state.q, state.w)
-        bristles(system, h, state)
-        displacement = state.work[1]
-        displacement[:] = h * state.w
-        explicit.move(system, t, displacement, state)
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
+        after, changed, force = step(system, h, state, own)
+        rubbed = _bristle_torque(own, changed, 1.0 / h, law["stiffness"], law["damping"]) - law["viscous"] * after
+        J = constraint_jacobian(model, held.constraints, state.q)
+        return after, changed, {ledger.FRICTION.name: rubbed, ledger.CONSTRAINTS.name: lambda way: force * (J @ way)}
 
-    return projected(step, held, model)
+    return solve
 
 
 def smooth_kernel(found: Rubbing) -> Callable[..., Array]:

@@ -443,8 +443,7 @@ def test_bristles_share_the_load_of_a_loop() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held, how = pin_of(model), {"method": "semi_implicit_euler", "friction_method": "lugre"}
     run = sd.rollout(model, q, 0 * v, dt=1e-3, steps=3000, constraints=held, friction=bristly(2.0), **how)
-    assert run.bristles is not None
-    end, z = run.q[-1], run.bristles[-1]
+    end, z = run.q[-1], run.states["bristles"][-1]
     assert abs(run.v[-1]).max() <= 1e-8
     assert abs(end - q).max() <= 0.01
     assert left_open(model, held, end, run.v[-1])[0] <= 1e-12
@@ -469,6 +468,24 @@ def test_bristles_under_constraints_are_the_same_on_lanes_in_a_program_and_by_ca
     unheld = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": sd.Constraints(model, [])}))
     free = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": None}))
     assert abs(unheld.q - free.q).max() <= 1e-12
+
+
+@pytest.mark.parametrize("torque", [None, lambda t, q, v: 0.0 * v])
+def test_the_ledger_of_bristles_under_constraints_closes(torque: Any) -> None:
+    """Work of friction, of constraints (none of ideal ones but for h) and of projections, and an error of order h."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, errors = pin_of(model), []
+    for h in (1e-3, 5e-4):
+        run = sd.simulate(
+            model, q, v, 0.1, h, "semi_implicit_euler", torque, constraints=held, friction=bristly(0.05),
+            friction_method="lugre", record="work",
+        )  # fmt: skip
+        found = sd.energy_ledger(run, held)
+        assert found.work["friction"][-1].sum() < -1e-3
+        assert abs(found.work["constraints"].sum(axis=1)).max() <= 0.02 * abs(found.change).max()
+        errors.append(abs(found.error).max())
+    assert errors[0] <= 0.05 * abs(found.change).max()
+    assert 1.8 <= errors[0] / errors[1] <= 2.2
 
 
 def test_coulombs_law_is_refused_under_constraints() -> None:
