@@ -35,7 +35,7 @@ from .errors import (
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
-from .model.robot import Robot
+from .model.robot import Robot, Rotor
 from .urdf.load import load_urdf
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ __all__ = [
     "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame", "Friction",
     "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
     "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
+    "Rotor",
     "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
     "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation",
     "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",

@@ -95,7 +95,7 @@ def simplify(
     lock                as ``Model.reduced`` takes it: joint name -> coordinates, or names: locked at rest
     merge_lighter_than  mass [kg]: a joint whose subtree is lighter is locked at neutral, or at its nearest limit if
                         neutral is outside the limits
-    drop                some of "armature", "damping", "friction", "gravity": set to zero
+    drop                some of "armature" (rotors too), "damping", "friction", "gravity": set to zero
 
     Returns the Model and its Savings. The cost is the largest difference between the two models over 4096 random
     states, 64 for robots of more than 128 freedoms: a sample and no bound; its 99.9 % quantile, beside it, varies less
@@ -147,6 +147,7 @@ def _without(model: Model, dropped: tuple[str, ...]) -> Model:
     if not dropped:
         return model
     zeros: dict[str, Any] = {name: 0.0 for name in dropped if name != "gravity"}
+    zeros |= {"rotor": None} if "armature" in dropped else {}
     joints = tuple(replace(j, **zeros) for j in model.robot.joints)
     made = Model(replace(model.robot, joints=joints), model.options)
     return made.with_(gravity=(0.0, 0.0, 0.0)) if "gravity" in dropped else made

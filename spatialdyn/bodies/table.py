@@ -19,6 +19,8 @@ skewed         R ũ               the three are zero for other kinds
 S              motion subspace of the row, in body coordinates
 inertia        rigid inertia of the body about its frame's origin (zero where ``joint`` is 0)
 armature       reflected rotor inertia added to M_ii
+geared         whether a rotor turns with the row on the parent's body: 0 (none), ACROSS or ALONG its axis
+rotor          n J e of that rotor in the parent's axes: turns per q̇, axial inertia and axis
 inertia_bound  (a, b, c): a + 2 b t + c t² is at least SᵀI꜀S when translating joints have moved by t in all
 gravity        acceleration of gravity (row 0 only)
 
@@ -45,8 +47,11 @@ BODIES = table_dtype(
     S=Motion,
     inertia=Inertia,
     armature=float,
+    geared=int,
+    rotor=Vec,
     inertia_bound=Vec,
     gravity=Vec,
 )
 
+ACROSS, ALONG = 1, 2  # column geared: an axis e along that of a turning joint is fixed in its body too
 ANY_NORM = 1  # row 0: quaternions and (cos, sin) pairs of any norm are accepted

@@ -15,6 +15,7 @@ from .robot import (
     Mimic,
     Robot,
     RobotJoint,
+    Rotor,
     check_inertias,
     check_tree,
     floats,
@@ -64,6 +65,7 @@ class ModelBuilder:
         armature: float = 0.0,
         mimic: Mimic | Mapping[str, Any] | None = None,
         pitch: float = 0.0,
+        rotor: Rotor | None = None,
     ) -> ModelBuilder:
         """Add a link and the joint that connects it to its parent; returns the builder.
 
@@ -76,6 +78,7 @@ class ModelBuilder:
         armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``RobotJoint``
         mimic       Mimic, or a mapping with its fields
         pitch       of a helical joint: travel along its axis per radian [m/rad], of either sign
+        rotor       of a joint of one freedom: the motor's rotor, in place of an armature
 
         Raises ModelError, InertiaError naming the link or joint and the value.
         """
@@ -103,8 +106,9 @@ class ModelBuilder:
         along = floats(axis, 3, f"{what} has axis")
         made = make_joint(
             RobotJoint(
-                joint_name, joint, parent, name, tuple(placed), along, lower, upper, mimic=_mimic(mimic, what), **values
-            )
+                joint_name, joint, parent, name, tuple(placed), along, lower, upper, mimic=_mimic(mimic, what),
+                rotor=rotor, **values,
+            )  # fmt: skip
         )
         self._links[name] = Link(name) if inertia is None else make_link(name, inertia)
         self._joints.append(made)

@@ -17,7 +17,7 @@ from ..errors import InertiaError, ModelError
 from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tables
 from .joint_rows import Joint, frozen, joint_transform
 from .physical_inertia import inertia_defect, parallel_axis
-from .robot import Link, Robot, RobotJoint, check_tree, floats, make_link, masked
+from .robot import Link, Robot, RobotJoint, Rotor, check_tree, floats, make_link, masked, with_rotor
 
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
@@ -171,7 +171,7 @@ class Model:
                 options = replace(options, root="fixed", base=_moved(options.base, X))
             else:
                 at = _moved(joints[name].placement, X)
-                joints[name] = replace(joints[name], kind="fixed", placement=at, mimic=None)
+                joints[name] = replace(joints[name], kind="fixed", placement=at, mimic=None, rotor=None)
         for j in joints.values():
             if options.mimic and j.kind != "fixed" and j.mimic is not None and j.mimic.leader in lock:
                 raise ModelError(f'joint "{j.name}" mimics "{j.mimic.leader}", which is to be locked; lock both')
@@ -201,12 +201,14 @@ class Model:
         gravity: ArrayLike | None = None,
         armature: Mapping[str, float] | None = None,
         payload: Mapping[str, tuple[float, ArrayLike, ArrayLike]] | None = None,
+        rotors: Mapping[str, Rotor | None] | None = None,
     ) -> Model:
         """A new Model with other gravity, rotor inertias or loads.
 
         gravity   (3,) [m/s²]
         armature  joint name -> reflected rotor inertia [kg m² | kg], in place of the present one
         payload   frame -> (mass [kg], com (3,) [m], inertia (3, 3) about it [kg m²]) in that frame, added to its link
+        rotors    joint name -> Rotor, or None for none; it takes the place of the joint's armature
 
         Raises ModelError, InertiaError naming the joint or frame and the value.
         """
@@ -219,10 +221,19 @@ class Model:
                 raise ModelError(missing("joint", name, self.name, joints))
             if joints[name].kind == "fixed":
                 raise ModelError(f'joint "{name}" is fixed, expected one that moves for an armature of {value}')
-            (rotor,) = floats(value, 1, f'joint "{name}" has armature')
-            if not (math.isfinite(rotor) and rotor >= 0.0):
-                raise ModelError(f'joint "{name}" has armature {rotor}, expected a finite number >= 0')
-            joints[name] = replace(joints[name], armature=rotor)
+            (reflected,) = floats(value, 1, f'joint "{name}" has armature')
+            if not (math.isfinite(reflected) and reflected >= 0.0):
+                raise ModelError(f'joint "{name}" has armature {reflected}, expected a finite number >= 0')
+            if joints[name].rotor is not None:
+                raise ModelError(
+                    f'joint "{name}" has a rotor, whose n² J is its armature, expected it among rotors'
+                )
+            joints[name] = replace(joints[name], armature=reflected)
+        for name, rotor in _pairs("rotors", rotors):
+            if name not in joints:
+                raise ModelError(missing("joint", name, self.name, joints))
+            bare = replace(joints[name], armature=0.0, rotor=None)
+            joints[name] = bare if rotor is None else with_rotor(bare, rotor)
         links = {x.name: x for x in robot.links}
         child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
         for name, load in _pairs("payload", payload):

@@ -10,7 +10,7 @@ from ..algebra.articulated import (
     articulated_to_parent,
     subtract_outer,
 )
-from ..algebra.euclidean import Vec, neg, zero
+from ..algebra.euclidean import Vec, cross, dot, neg, scale, zero
 from ..algebra.public_arrays import read_force
 from ..algebra.records import (
     articulated_of,
@@ -44,6 +44,7 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
+from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
 from .steps import moved_by_joint
@@ -55,9 +56,9 @@ WORK = table_dtype(
     a=Motion,  # spatial acceleration; third sweep
     IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
     pA=Force,  # bias force; of the body alone, outward; of its subtree, inward
-    U=Force,  # IA S; inward
-    d=float,  # 1 / D = 1 / (S·U + armature); inward
-    u=float,  # τ - S·pA; inward
+    U=Force,  # IA S, and n J e of a rotor; inward
+    d=float,  # 1 / D = 1 / (S·IA S + armature); inward
+    u=float,  # τ - S·pA, and n J e·c of a rotor; inward
 )
 WORK_INVERSE = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
@@ -78,7 +79,10 @@ def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Mat
 
 @inline
 def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, pivots: Vector) -> None:
-    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
+    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero.
+
+    A rotor's n J e is part of the U that pairs with the parent's acceleration, and not of that which pairs with c.
+    """
     n = len(bodies) - 1
     if v is not None:
         put_motion(work[0].v, zero_motion())
@@ -109,11 +113,19 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         D = power(S, U) + b.armature
         d = 1.0 / D
         u = tau[i - 1] - power(S, pA)
+        if b.geared:
+            e = in_row_axes(b, X)
+            U = add_couple(U, e)
+            if v is not None:
+                u = u + dot(e, motion_of(here.c).w)
         Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
         pa = add_force(pa, scale_force(d * u, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
+        if v is not None and b.geared:
+            spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
+            put_force(parent.pA, add_couple(force_of(parent.pA), spun))
         put_force(here.U, U)
         here.d = d
         here.u = u
@@ -162,6 +174,8 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
         d = 1.0 / D
+        if b.geared:
+            U = add_couple(U, in_row_axes(b, X))
         Ia = subtract_outer(IA, U, scale_force(d, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(here.U, U)
