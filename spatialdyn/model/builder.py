@@ -106,9 +106,18 @@ class ModelBuilder:
         along = floats(axis, 3, f"{what} has axis")
         made = make_joint(
             RobotJoint(
-                joint_name, joint, parent, name, tuple(placed), along, lower, upper, mimic=_mimic(mimic, what),
-                rotor=rotor, **values,
-            )  # fmt: skip
+                joint_name,
+                joint,
+                parent,
+                name,
+                tuple(placed),
+                along,
+                lower,
+                upper,
+                mimic=_mimic(mimic, what),
+                rotor=rotor,
+                **values,
+            )
         )
         self._links[name] = Link(name) if inertia is None else make_link(name, inertia)
         self._joints.append(made)

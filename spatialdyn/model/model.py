@@ -225,9 +225,7 @@ class Model:
             if not (math.isfinite(reflected) and reflected >= 0.0):
                 raise ModelError(f'joint "{name}" has armature {reflected}, expected a finite number >= 0')
             if joints[name].rotor is not None:
-                raise ModelError(
-                    f'joint "{name}" has a rotor, whose n² J is its armature, expected it among rotors'
-                )
+                raise ModelError(f'joint "{name}" has a rotor, whose n² J is its armature, expected it among rotors')
             joints[name] = replace(joints[name], armature=reflected)
         for name, rotor in _pairs("rotors", rotors):
             if name not in joints:

@@ -57,7 +57,7 @@ class Rotor:
              the joint's own axis if left out
 
     It adds n² J to the diagonal of M, as an armature does, and n J of its angular momentum to that of the link: what
-    the armature alone leaves out, about 1/n of the rotor's effect. Source: Featherstone, RBDA (2008), chapter 9.
+    the armature alone leaves out, about 1/n of the rotor's effect.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link").with_(rotors={"joint2": sd.Rotor(1e-3, ratio=6.0)})

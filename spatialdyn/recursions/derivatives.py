@@ -216,9 +216,7 @@ def add_rotor(bodies: Bodies, work: Work, j: int, v: Vector, a: Vector) -> None:
     """Add the rotor of row j to 2B and f of the body that carries it."""
     parent = work[bodies[j].parent]
     e, de = rotor_in_root_axes(bodies, work, j)
-    put_coriolis_factor(
-        parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), rotor_factor(2.0 * v[j - 1], e))
-    )
+    put_coriolis_factor(parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), rotor_factor(2.0 * v[j - 1], e)))
     put_force(parent.f, add_couple(force_of(parent.f), add(scale(a[j - 1], e), scale(v[j - 1], de))))
 
 

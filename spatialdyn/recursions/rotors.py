@@ -13,8 +13,7 @@ same about every origin, and the momentum n J e·ω of row i. In the equation of
 and in every recursion a unit of q̇ of row i has the couple n J e in p beside the momentum of what it moves. The column
 ``rotor`` holds n J e; it is zero, and ``geared`` is 0, of a row that stands on the world, where ω = 0.
 
-Source: after Featherstone, RBDA (2008), chapter 9 (gears as constraints), and Jain, Rodriguez, Recursive dynamics
-algorithms for serial robots with geared motors; the forms of the Coriolis matrix and the derivatives are our own.
+A derivation of our own: the rotor as a further body of each recursion, tied to its joint by θ̇ = n q̇.
 """
 
 from __future__ import annotations

@@ -4,6 +4,9 @@
 "lugre"     bristles deflect between the surfaces, a state of their own, z
 "smooth"    a torque -F(v) tanh(v/ε) - b v in the equation of motion, by any method but ``variational``
 
+Motors are part of the implicit way: what their gears lose is dry friction in proportion to the load, what their own
+voltage takes is viscous (``recursions.motors.driven``).
+
 Each step is written for rows of a table, which the tracer records, and for kernels, where the step runs in Python: for
 torques that are functions, external forces, and robots too long for a program.
 """
@@ -18,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuation.friction import Friction, check_friction
+from ..actuation.motors import Motor, check_motor
 from ..algebra.scalars import select
 from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
@@ -42,6 +46,7 @@ from ..recursions.friction import (
     friction_step,
     friction_torque,
 )
+from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
 from . import explicit
 from .system import State, System, set_status
@@ -49,6 +54,7 @@ from .system import State, System, set_status
 Array = NDArray[Any]
 IMPLICIT, LUGRE, SMOOTH = WAYS = ("implicit", "lugre", "smooth")
 STEPPED = "semi_implicit_euler"  # the method of "implicit" and "lugre"
+CURRENT, VOLTAGE = DRIVES = ("current", "voltage")  # what a motor is given
 # largest h λ at which v⁺ of v̇ = -λ v stays bounded
 STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
@@ -57,7 +63,8 @@ VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Cou
 OWN = {IMPLICIT: VIOLATION, LUGRE: BRISTLES}  # the state of its own that a kind of friction carries from step to step
 COLUMNS = {
     "coulomb": COULOMB, "viscous": VISCOUS, "static": STATIC, "stribeck": STRIBECK, "smoothing": SMOOTHING,
-    "stiffness": STIFFNESS, "damping": DAMPING,
+    "stiffness": STIFFNESS, "damping": DAMPING, "stall": STALL, "supply": SUPPLY, "emf": EMF, "most": MOST,
+    "efficiency": EFFICIENCY, "limit": LIMIT,
 }  # fmt: skip
 
 
@@ -80,7 +87,10 @@ class Rubbing:
         return OWN.get(self.way)
 
 
-def rubbing(model: Model, friction: Friction | bool | None, way: str, method: str, dt: float) -> Rubbing | None:
+def rubbing(
+    model: Model, friction: Friction | bool | None, way: str, method: str, dt: float, motor: Motor | None = None,
+    drive: str = CURRENT,
+) -> Rubbing | None:  # fmt: skip
     """The friction of a run by the arguments of ``simulate`` and ``rollout``; None if none acts.
 
     Raises  SimulationError for an unknown way, one that the method cannot take, a coefficient that it needs, and a step
@@ -88,6 +98,16 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
     """
     if not isinstance(way, str) or way not in WAYS:
         raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
+    if not isinstance(drive, str) or drive not in DRIVES:
+        raise SimulationError(f"drive is {drive!r}, expected one of {', '.join(DRIVES)}")
+    if motor is not None:
+        if way != IMPLICIT or method != STEPPED:
+            raise SimulationError(
+                f'motor is given, friction_method is "{way}" and method "{method}", expected "{IMPLICIT}" and '
+                f'"{STEPPED}": gears rub, and motors brake, within its step'
+            )
+        if friction is None or friction is False:
+            friction = Friction(np.zeros(model.nv), 0.0)
     if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
         return None
     given = check_friction(model, friction)
@@ -105,6 +125,11 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
     if way == LUGRE:
         inputs["stiffness"] = _needed(given.bristle_stiffness, "bristle_stiffness", way)
         inputs["damping"] = _needed(given.bristle_damping, "bristle_damping", way)
+    if motor is not None:
+        m = check_motor(model, motor)
+        stall, emf, most, efficiency, limit = m.lines
+        inputs |= {"supply" if drive == VOLTAGE else "stall": stall, "emf": emf, "most": most}
+        inputs |= {"efficiency": efficiency, "limit": limit}
     return Rubbing(way, tuple(inputs), tuple(inputs.values()))
 
 
@@ -148,6 +173,18 @@ def smooth_torque(rows: Any, v: Any, given: dict[str, Any]) -> Any:
     return made
 
 
+def geared(given: dict[str, Any], v: Any, tau: Any, law: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torques and friction of a step with the motors of ``given``, their gears and brakes counted among friction."""
+    if "emf" not in given:
+        return tau, law
+    coulomb, viscous, static, stribeck = law
+    voltage = "supply" in given
+    lines = (given["supply" if voltage else "stall"], *(given[x] for x in ("emf", "most", "efficiency", "limit")))
+    found = np.array([driven(voltage, i, v, tau, *lines) for i in range(len(v))], np.asarray(tau).dtype)
+    push, slope, level = found.reshape((-1, 3)).T
+    return push, (coulomb + level, viscous + slope, static + level, stribeck)
+
+
 def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     """The coefficients that all ways have."""
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
@@ -163,6 +200,7 @@ def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[A
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
         bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
         return after[0], after[1]
+    tau, law = geared(given, v, tau, law)
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
@@ -181,6 +219,7 @@ def by_kernels(
     own  the state that the friction carries, written in place
     """
     loaded = [] if fext is None else [fext]
+    values = dict(zip(found.inputs, found.values, strict=True))
     present = {*found.inputs, *(["fext"] if loaded else [])}
     if found.way == SMOOTH:
         resist = smooth_kernel(found)
@@ -192,7 +231,9 @@ def by_kernels(
         after = np.empty((2, len(state.w)))
         system.torque(system, t, state.q, state.w)
         bristles = [] if implicit else [own]
-        given = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
+        tau, law = geared(values, state.w, system.tau, _law(values))
+        rest = [] if implicit else [values["stiffness"], values["damping"]]
+        given = (state.q, state.w, *bristles, tau, *loaded, h, *law, *rest)
         set_status(system, kernel(system.table, *given, after), t)
         state.w[:] = after[0]
         own[:] = max(own[0], after[1].max(initial=0.0)) if implicit else after[1]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..actuation.friction import Friction
+from ..actuation.motors import Motor
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model, core_shape
 from ..calls.dynamics import calls
@@ -134,6 +135,8 @@ def rollout(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    motor: Motor | None = None,
+    drive: str = "current",
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -152,6 +155,7 @@ def rollout(
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
     friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
     Joint limits are ignored; there are no contacts.
@@ -182,7 +186,7 @@ def rollout(
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    found = rubbing(model, friction, friction_method, method, float(dt))
+    found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
     check_alone(found, constraints)
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:

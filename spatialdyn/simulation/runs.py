@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction
+from ..actuation.motors import Motor
 from ..calls.arguments import as_array, as_number, check_model, core_shape
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
@@ -70,6 +71,8 @@ def simulate(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    motor: Motor | None = None,
+    drive: str = "current",
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -103,6 +106,11 @@ def simulate(
                          static friction a joint bends them, and under a varying torque creeps
                smooth    a torque -F(v) tanh(v/smoothing) - viscous v, with any method but variational; nothing sticks:
                          a joint creeps under any torque. Explicit methods are stable up to a dt that is refused above
+    motor, drive  Motor through which the torques act, with method="semi_implicit_euler" and implicit friction.
+               "current": torque is n k_t i of the current wanted, and the motor gives what its limits allow.
+               "voltage": torque is n k_t u / R of a voltage u, at rest; in motion the motor's own takes some away, as
+               damping does. Either way the gear loses its part of the load as dry friction, so a joint may stick under
+               load; ``tau`` of the result is what was wanted
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
@@ -134,7 +142,7 @@ def simulate(
     True
     """
     q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext, friction is None)
-    found = rubbing(model, friction, friction_method, method, as_number(dt))
+    found = rubbing(model, friction, friction_method, method, as_number(dt), motor, drive)
     p = calls["momentum"](model, q, v)
     if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
         calls["velocity_from_momentum"](model, q, p)

@@ -299,7 +299,9 @@ def test_constrained_dynamics_and_friction_steps_use_the_rotors_mass_matrix() ->
 # --- cost of rotors that are not there --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [s.name for s in SPECS.values() if s.traceable and "row" not in {i.name for i in s.present}])
+@pytest.mark.parametrize(
+    "name", [s.name for s in SPECS.values() if s.traceable and "row" not in {i.name for i in s.present}]
+)
 def test_without_a_rotor_its_numbers_are_not_read(name: str) -> None:
     """NaN in the columns of rows without a rotor changes no operation: nothing is computed with them."""
     spec, model = SPECS[name], sd.load_urdf("two_link")
@@ -428,7 +430,9 @@ def test_what_has_no_place_for_rotors_refuses_them_by_name() -> None:
 def test_identities_hold_with_rotors() -> None:
     model = leg()
     x = states(model, count=3)
-    dq, M, C = (np.array([plainly(model, name, x, k) for k in range(3)]) for name in ("momentum", "crba", "coriolis_matrix"))
+    dq, M, C = (
+        np.array([plainly(model, name, x, k) for k in range(3)]) for name in ("momentum", "crba", "coriolis_matrix")
+    )
     close(dq, (M @ x["v"][..., None])[..., 0])
     dM = np.array([plainly(model, "mass_matrix_dot", x, k) for k in range(3)])
     close(dM, C + C.swapaxes(-1, -2))
