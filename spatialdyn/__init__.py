@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .accuracy.tradeoff import recommend, trade
     from .actuation.friction import Friction, friction_torque
     from .actuation.motors import Motor, torque_limits
+    from .actuation.springs import spring_energy, spring_torque
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -101,23 +102,22 @@ __all__ = [
     "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame", "Friction",
     "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
     "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
-    "Rotor",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
-    "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation",
-    "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics",
-    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
-    "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
-    "specialize", "step", "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
+    "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
+    "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
+    "constrained_dynamics", "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose",
+    "exact", "forward_dynamics", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
+    "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "load_urdf",
+    "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity", "random_configuration",
+    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step", "to_drake",
+    "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_torque",
-    "actuation.motors": "Motor torque_limits",
+    "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
     "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",

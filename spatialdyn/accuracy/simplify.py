@@ -136,8 +136,9 @@ def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
         carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
         for k in range(model.njoints - 1, 0, -1):
             carried[model.joints[k].parent] += carried[k]
+        rotors = {j.name for j in model.robot.joints if j.spring is not None}  # without a link's mass, not without use
         for joint, mass in zip(model.joints[1:], carried[1:], strict=True):
-            if mass < lightest and joint.name not in locked:
+            if mass < lightest and joint.name not in {*locked, *rotors}:
                 locked[joint.name] = resting(model, joint)
     return locked
 

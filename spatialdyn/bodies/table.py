@@ -21,6 +21,10 @@ inertia        rigid inertia of the body about its frame's origin (zero where ``
 armature       reflected rotor inertia added to M_ii
 geared         whether a rotor turns with the row on the parent's body: 0 (none), ACROSS or ALONG its axis
 rotor          n J e of that rotor in the parent's axes: turns per q̇, axial inertia and axis
+spring         of a rotor that drives a joint through a spring, the joint's row; 0 for none
+stiffness      of that spring, at the joint
+spring_damping of that spring, at the joint
+gear           1/n, turns of that joint per turn of the rotor
 inertia_bound  (a, b, c): a + 2 b t + c t² is at least SᵀI꜀S when translating joints have moved by t in all
 gravity        acceleration of gravity (row 0 only)
 
@@ -49,6 +53,10 @@ BODIES = table_dtype(
     armature=float,
     geared=int,
     rotor=Vec,
+    spring=int,
+    stiffness=float,
+    spring_damping=float,
+    gear=float,
     inertia_bound=Vec,
     gravity=Vec,
 )

@@ -276,6 +276,7 @@ def tabulate(
         made = Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, placed, axis, pitch=joint.pitch)
         joints.append(made)
         at, row = at + nq, row + nv
+    _put_springs(bodies, moving, joints)
     bodies[0].q_index, bodies[0].dofs = at, len(joints)
     bodies[0].kind = table.ANY_NORM if options.any_norm else 0
     if options.any_norm and bodies["geared"].any():
@@ -294,6 +295,22 @@ def put_rotor(bodies: NDArray[Any], row: int, joint: RobotJoint, R: Mat3 | None)
         bodies["geared"][row] = table.ALONG if along else table.ACROSS
         e = scale(rotor.ratio * rotor.inertia, rotate(R, Vec(*rotor.axis)))
     put_vec(bodies[row].rotor, e)
+
+
+def _put_springs(bodies: NDArray[Any], moving: Sequence[Moving], joints: Sequence[Joint]) -> None:
+    """Write the springs of rotors. Raises ModelError naming a joint that does not move, or has two coordinates."""
+    where = {joint.name: joint for joint in joints}
+    for m in moving:
+        spring = m.joint.spring
+        if spring is not None:
+            driven, rotor = where.get(spring.joint), where[m.joint.name]
+            if driven is None or driven.nq != 1 or rotor.nq != 1:
+                raise ModelError(
+                    f'joint "{spring.joint}" is driven by the spring of "{rotor.name}", expected both to move, with '
+                    'one coordinate each (continuous="angle")'
+                )
+            bodies["spring"][rotor.row], bodies["gear"][rotor.row] = driven.row, 1.0 / spring.ratio
+            bodies["stiffness"][rotor.row], bodies["spring_damping"][rotor.row] = spring.stiffness, spring.damping
 
 
 def turns(kind: str) -> bool:

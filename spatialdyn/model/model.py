@@ -173,6 +173,10 @@ class Model:
                 at = _moved(joints[name].placement, X)
                 joints[name] = replace(joints[name], kind="fixed", placement=at, mimic=None, rotor=None)
         for j in joints.values():
+            if j.spring is not None and (j.name in lock) != (j.spring.joint in lock):
+                raise ModelError(
+                    f'joint "{j.spring.joint}" is driven by the spring of "{j.name}"; lock both or neither'
+                )
             if options.mimic and j.kind != "fixed" and j.mimic is not None and j.mimic.leader in lock:
                 raise ModelError(f'joint "{j.name}" mimics "{j.mimic.leader}", which is to be locked; lock both')
         return Model(replace(self.robot, joints=tuple(joints.values())), options)

@@ -71,6 +71,22 @@ class Rotor:
 
 
 @dataclass(frozen=True)
+class Spring:
+    """The spring between a rotor, whose joint has it, and the joint that it drives, both of one coordinate.
+
+    joint      name of the joint that it drives
+    stiffness  k at that joint [N m/rad | N/m]
+    damping    d at that joint [N m s/rad | N s/m]
+    ratio      n: turns of the rotor per unit of the joint, of either sign [1 | rad/m]
+    """
+
+    joint: str
+    stiffness: float
+    damping: float = 0.0
+    ratio: float = 1.0
+
+
+@dataclass(frozen=True)
 class RobotJoint:
     """A joint from link ``parent`` to link ``child``.
 
@@ -84,6 +100,7 @@ class RobotJoint:
                       planar joint, whose frame rotates, M v does not change as a true rotor's momentum does
     pitch             travel of a helical joint along its axis per radian [m/rad]; 0 for all others
     rotor             of a joint of one freedom: the exact form of its armature, which is then n² J
+    spring            of a rotor that is a joint of its own: what drives another joint, in simulations
     """
 
     name: str
@@ -102,6 +119,7 @@ class RobotJoint:
     mimic: Mimic | None = None
     pitch: float = 0.0
     rotor: Rotor | None = None
+    spring: Spring | None = None
 
 
 @dataclass(frozen=True)
@@ -421,7 +439,23 @@ def make_joint(joint: RobotJoint) -> RobotJoint:
                 f"{what} mimics with multiplier {m.multiplier} and offset {m.offset}, expected finite numbers"
             )
     joint = replace(joint, axis=tuple(axis.tolist()))
+    if joint.spring is not None:
+        _check_spring(joint, joint.spring)
     return joint if joint.rotor is None else with_rotor(joint, joint.rotor)
+
+
+def _check_spring(joint: RobotJoint, spring: Spring) -> None:
+    """Raise ModelError naming the joint that a spring drives, for a value out of its range."""
+    what = f'joint "{spring.joint}" is driven by a spring'
+    if joint.kind not in CODES or kind_of(joint.kind).nq != 1:
+        raise ModelError(f'{what} of joint "{joint.name}", which is {joint.kind}, expected one of one coordinate')
+    for name, x, valid, expected in (
+        ("stiffness", spring.stiffness, spring.stiffness > 0.0, "above 0"),
+        ("damping", spring.damping, spring.damping >= 0.0, "of 0 or more"),
+        ("ratio", spring.ratio, spring.ratio != 0.0, "other than 0"),
+    ):
+        if not (math.isfinite(x) and valid):
+            raise ModelError(f"{what} of {name} {x}, expected a finite number {expected}")
 
 
 def with_rotor(joint: RobotJoint, rotor: Rotor) -> RobotJoint:

@@ -51,7 +51,7 @@ def run_adaptive(
                 q, v = calls["normalize"](model, y[:nq]), y[nq:].copy()
                 tau = torque.at(step, t, q, v)
                 if resist is not None:
-                    tau = tau + resist(getattr(model, numba_kernels.TABLE), v)
+                    tau = tau + resist(getattr(model, numba_kernels.TABLE), q, v)
                 a = calls["aba"](model, q, v, tau, fext)
             except NonFiniteError as error:
                 raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error

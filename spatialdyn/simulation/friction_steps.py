@@ -49,6 +49,7 @@ from ..recursions.friction import (
 from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
 from . import explicit
+from .springs import spring_kernel, with_springs
 from .system import State, System, set_status
 
 Array = NDArray[Any]
@@ -198,9 +199,11 @@ def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[A
     pivots, M, R = (np.zeros(shape, object) for shape in ((n,), (n, n), (n, n)))
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
+        tau = with_springs(rows, q, v, tau)
         bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
         return after[0], after[1]
     tau, law = geared(given, v, tau, law)
+    tau = with_springs(rows, q, v, tau)
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
@@ -212,11 +215,12 @@ def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[A
 
 
 def by_kernels(
-    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None
+    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, springs: bool = False
 ) -> tuple[Any, Callable[..., None]]:
     """The kernels and the step of a method with friction.
 
-    own  the state that the friction carries, written in place
+    own      the state that the friction carries, written in place
+    springs  whether the model has some; of other methods ``kernels`` has them
     """
     loaded = [] if fext is None else [fext]
     values = dict(zip(found.inputs, found.values, strict=True))
@@ -227,11 +231,14 @@ def by_kernels(
     implicit = found.way == IMPLICIT
     kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
 
+    pull = spring_kernel() if springs else None
+
     def step(system: System, t: float, h: float, state: State) -> None:
         after = np.empty((2, len(state.w)))
         system.torque(system, t, state.q, state.w)
         bristles = [] if implicit else [own]
         tau, law = geared(values, state.w, system.tau, _law(values))
+        tau = tau if pull is None else tau + pull(system.table, state.q, state.w)
         rest = [] if implicit else [values["stiffness"], values["damping"]]
         given = (state.q, state.w, *bristles, tau, *loaded, h, *law, *rest)
         set_status(system, kernel(system.table, *given, after), t)

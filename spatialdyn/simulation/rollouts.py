@@ -40,6 +40,7 @@ from .friction_steps import (
     check_alone,
     rubbing,
 )
+from .springs import check_springs
 from .system import State, System, held_torque
 from .traced_steps import EXPLICIT_METHODS, step_specs
 
@@ -217,6 +218,7 @@ def rollout(
     if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, states[0][0], rest, rest)  # raises InertiaError naming the joint
+        check_springs(model, method, states[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, states[0])  # raises ConfigurationError naming the joint
         _run(model, method, states, inputs, records, T, every, check, float(dt), held, found)

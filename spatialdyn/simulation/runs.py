@@ -41,6 +41,7 @@ from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alon
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
+from .springs import check_springs, has_springs, spring_kernel, sprung
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
@@ -262,6 +263,9 @@ def _run(
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
     check_progress(progress)
+    check_springs(model, method.name, q, steps.dt)
+    if held is not None and method.name == rattle.NAME and has_springs(model):
+        raise SimulationError(f"{rattle.NAME} under constraints is given springs, expected an explicit method")
     recorder = Recorder(model, method, steps, _every(record, steps.total))
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
@@ -269,8 +273,7 @@ def _run(
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with reporting(progress, "simulate") as report:
             if method.family is None:
-                resist = None if found is None else smooth_kernel(found)
-                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), resist)
+                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), _passive(model, found))
             else:
                 _run_fixed(recorder, (q, v, p), asked, fext, report, held, found)
     except KeyboardInterrupt as interrupt:
@@ -282,7 +285,7 @@ def _run(
         error.trajectory = recorder.trajectory()
         raise
     trajectory = recorder.trajectory()
-    if asked.user is None and fext is None:  # their work is unknown
+    if asked.user is None and fext is None and not has_springs(model):  # their work is unknown
         T, V = recorder.split
         at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
         if at is not None:
@@ -296,6 +299,20 @@ def _run(
             diverged.trajectory = trajectory
             raise diverged
     return trajectory
+
+
+def _passive(model: Model, found: Rubbing | None) -> Callable[[Any, Array, Array], Array] | None:
+    """``(table, q, v) -> torques`` of smooth friction and of springs; None if there are neither."""
+    rub = None if found is None else smooth_kernel(found)
+    pull = spring_kernel() if has_springs(model) else None
+    if rub is None and pull is None:
+        return None
+
+    def torques(table: Any, q: Array, v: Array) -> Array:
+        made = np.zeros(len(v)) if rub is None else rub(table, v)
+        return made if pull is None else made + pull(table, q, v)
+
+    return torques
 
 
 def _run_fixed(
@@ -324,7 +341,7 @@ def _run_fixed(
     )
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
-    asks = held_torque if torque.user is None else user_torque
+    asks, springs = held_torque if torque.user is None else user_torque, has_springs(model)
     own = np.zeros(0 if found is None or found.own is None else core_shape(model, found.own)[0])
     bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
 
@@ -332,9 +349,11 @@ def _run_fixed(
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
         if held is not None and not recorder.moves_p:
-            return explicit.kernels_of(accelerate(held, model)), advance
+            under = explicit.kernels_of(accelerate(held, model))
+            return (sprung(under) if springs else under), advance
         own_kernels = family.kernels(fext is not None)
-        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext)
+        own_kernels = sprung(own_kernels) if springs else own_kernels
+        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext, springs)
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])
@@ -356,7 +375,7 @@ def _run_fixed(
 
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled and held is None and found is None:
+        if torque.compiled and held is None and found is None and not springs:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             try:

@@ -18,6 +18,7 @@ from ..recursions.spec import TAU, Argument, Q, Spec, V
 from . import explicit
 from .constrained import Rows
 from .friction_steps import COLUMNS, OWN, SMOOTH, smooth_torque, traced_step
+from .springs import with_springs
 from .system import OK, State, System, held_torque
 
 EXPLICIT_METHODS: dict[str, Callable[..., None]] = {
@@ -43,8 +44,8 @@ class _Kernels(NamedTuple):
 
 
 def _accelerate(system: System, q: Any, v: Any, a: Any) -> int:
-    n = len(a)
-    aba(system.table, scratch(WORK, n + 1), q, v, system.tau, None, a, np.zeros(n, object))
+    n, tau = len(a), with_springs(system.table, q, v, system.tau)
+    aba(system.table, scratch(WORK, n + 1), q, v, tau, None, a, np.zeros(n, object))
     return OK
 
 
@@ -92,10 +93,14 @@ def step_specs(
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
             return _accelerate(system._replace(tau=tau + smooth_torque(rows, v, inputs)), q, v, a)
 
+        def constrained(system: System, q: Any, v: Any, a: Any) -> int:
+            assert under is not None
+            return under.accelerate(system._replace(tau=with_springs(rows, q, v, tau)), q, v, a)
+
         under = Rows(rows, inputs) if held else None
         free = accelerate if way == SMOOTH else _accelerate
         system = System(
-            _Kernels(free if under is None else under.accelerate, _integrate, _displacement_rate),
+            _Kernels(free if under is None else constrained, _integrate, _displacement_rate),
             held_torque,
             None,
             rows,
