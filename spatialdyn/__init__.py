@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from .actuation.friction import Friction, friction_torque
     from .actuation.motors import Motor, torque_limits
     from .actuation.springs import spring_energy, spring_torque
+    from .actuation.transmissions import to_actuators, to_joints
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -87,12 +88,14 @@ if TYPE_CHECKING:
     from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
     from .model.builder import ModelBuilder
+    from .model.transmission import Transmission
     from .pictures.comparison_plots import plot
     from .pictures.scene import view
     from .simulation.methods import integrators
     from .simulation.rollouts import PD, Rollout, rollout
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.trajectory import Trajectory
+    from .urdf.transmissions import read_transmissions
     from .validate.comparison import compare_with_pinocchio
 
 __version__ = "0.1.0"
@@ -103,14 +106,15 @@ __all__ = [
     "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
     "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
     "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
-    "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
-    "constrained_dynamics", "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose",
-    "exact", "forward_dynamics", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
-    "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "load_urdf",
-    "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity", "random_configuration",
-    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step", "to_drake",
-    "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
+    "WeldConstraint", "assemble", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constraint_drift", "constraint_error", "constraint_jacobian",
+    "delassus", "diagnose", "exact", "forward_dynamics", "friction_torque", "from_drake", "from_mujoco",
+    "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators",
+    "kernels", "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity",
+    "random_configuration", "read_transmissions", "recommend", "rollout", "simplify", "simulate", "specialize",
+    "spring_energy", "spring_torque", "step", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits",
+    "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -118,6 +122,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_torque",
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
+    "actuation.transmissions": "to_actuators to_joints",
     "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
@@ -133,6 +138,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
+    "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
     "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
     "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",

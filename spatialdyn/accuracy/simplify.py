@@ -148,7 +148,7 @@ def _without(model: Model, dropped: tuple[str, ...]) -> Model:
     if not dropped:
         return model
     zeros: dict[str, Any] = {name: 0.0 for name in dropped if name != "gravity"}
-    zeros |= {"rotor": None} if "armature" in dropped else {}
+    zeros |= {"rotor": None, "shared": None} if "armature" in dropped else {}
     joints = tuple(replace(j, **zeros) for j in model.robot.joints)
     made = Model(replace(model.robot, joints=joints), model.options)
     return made.with_(gravity=(0.0, 0.0, 0.0)) if "gravity" in dropped else made

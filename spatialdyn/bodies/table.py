@@ -21,6 +21,9 @@ inertia        rigid inertia of the body about its frame's origin (zero where ``
 armature       reflected rotor inertia added to M_ii
 geared         whether a rotor turns with the row on the parent's body: 0 (none), ACROSS or ALONG its axis
 rotor          n J e of that rotor in the parent's axes: turns per q̇, axial inertia and axis
+coupled        whether motors behind a differential drive the row and its parent's together
+coupling       inertia of those motors off the diagonal of M, between the two
+partner        of that parent's row, the row behind it; 0 for none
 spring         of a rotor that drives a joint through a spring, the joint's row; 0 for none
 stiffness      of that spring, at the joint
 spring_damping of that spring, at the joint
@@ -53,6 +56,9 @@ BODIES = table_dtype(
     armature=float,
     geared=int,
     rotor=Vec,
+    coupled=int,
+    coupling=float,
+    partner=int,
     spring=int,
     stiffness=float,
     spring_damping=float,

@@ -152,7 +152,7 @@ def _inputs(
                 raise ModelError(f'joint "{where}" does not move, expected one that carries a body for "{name}"')
             chosen[name] = Parameter(kind, joint.row)
         elif name in ("gravity", "armature"):
-            if name == "armature" and model.bodies["geared"].any():
+            if name == "armature" and (model.bodies["geared"].any() or model.bodies["coupled"].any()):
                 raise ModelError(f'model "{model.name}" has rotors, expected none for armatures as inputs')
             chosen[name] = Parameter(name)
         else:

@@ -46,6 +46,7 @@ class ExactRobot:
     ring         of constants: rationals, radicals, sines and cosines of angles that are no fraction of π
     moving       (kind, axis, pitch, pose in the parent's body) of each joint, the world left out
     rotors       {index of a joint: (ratio, axis in the joint's frame) of its rotor}
+    couplings    {index of a joint: inertia that it shares with the joint before it}
     values       by name: mass ``m_1``, com ``c_1x``, inertia about it ``I_1xx``, origin of the joint in the body that
                  carries it ``l_1x``, armature ``J_1`` of joint 1's body with all that is fixed to it; ``g_x`` ...
     frames       "kind:name" -> pose in the body of its joint
@@ -55,6 +56,7 @@ class ExactRobot:
     ring: Ring
     moving: list[tuple[str, tuple[Any, ...], Any, Pose]]
     rotors: dict[int, tuple[Any, tuple[Any, ...]]]
+    couplings: dict[int, Any]
     values: dict[str, Number]
     frames: dict[str, Pose]
     assumptions: list[str]
@@ -182,6 +184,7 @@ def exact_robot(model: Model) -> ExactRobot:
         ring,
         [(m.joint.kind, m.joint.axis, m.joint.pitch, m.X) for m in moving],
         rotors,
+        {k: ring.of(read.decimal(m.joint.shared[1])) for k, m in enumerate(moving, 1) if m.joint.shared is not None},
         values,
         {f"{kind}:{name}": X for name, kind, _, X in frames},
         read.notes,
@@ -224,6 +227,8 @@ def exact_table(model: Model, known: ExactRobot, ring: Ring, chosen: Mapping[str
         first.parent = parent
         for row in rows[last - joint.nv + 1 : last + 1]:
             row.armature = values[f"J_{k}"]
+        if first.coupled:
+            first.coupling = ring.taken(known.couplings[k])
         if first.geared:
             ratio, along = known.rotors[k]
             e = rotate(R, Vec(*(ring.taken(x) for x in along)))

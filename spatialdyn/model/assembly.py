@@ -276,6 +276,7 @@ def tabulate(
         made = Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, placed, axis, pitch=joint.pitch)
         joints.append(made)
         at, row = at + nq, row + nv
+    _put_couplings(bodies, moving, joints)
     _put_springs(bodies, moving, joints)
     bodies[0].q_index, bodies[0].dofs = at, len(joints)
     bodies[0].kind = table.ANY_NORM if options.any_norm else 0
@@ -295,6 +296,21 @@ def put_rotor(bodies: NDArray[Any], row: int, joint: RobotJoint, R: Mat3 | None)
         bodies["geared"][row] = table.ALONG if along else table.ACROSS
         e = scale(rotor.ratio * rotor.inertia, rotate(R, Vec(*rotor.axis)))
     put_vec(bodies[row].rotor, e)
+
+
+def _put_couplings(bodies: NDArray[Any], moving: Sequence[Moving], joints: Sequence[Joint]) -> None:
+    """Write what motors behind a differential have off the diagonal. Raises ModelError naming joints that are apart."""
+    for k, m in enumerate(moving, start=1):
+        if m.joint.shared is not None:
+            name, inertia = m.joint.shared
+            row, before = joints[k].row, joints[joints[k].parent]
+            if before.name != name or before.nv != 1 or bodies["partner"][before.row]:
+                raise ModelError(
+                    f'joint "{m.joint.name}" shares motors with "{name}", expected the joint right before it, of one '
+                    "freedom, and one alone behind that"
+                )
+            bodies["coupled"][row], bodies["coupling"][row] = 1, inertia
+            bodies["partner"][before.row] = row
 
 
 def _put_springs(bodies: NDArray[Any], moving: Sequence[Moving], joints: Sequence[Joint]) -> None:

@@ -100,6 +100,8 @@ class RobotJoint:
                       planar joint, whose frame rotates, M v does not change as a true rotor's momentum does
     pitch             travel of a helical joint along its axis per radian [m/rad]; 0 for all others
     rotor             of a joint of one freedom: the exact form of its armature, which is then n² J
+    shared            (name, inertia) of the joint right before it whose motors it shares, and what they have off the
+                      diagonal of M between the two: see ``Transmission``
     spring            of a rotor that is a joint of its own: what drives another joint, in simulations
     """
 
@@ -119,6 +121,7 @@ class RobotJoint:
     mimic: Mimic | None = None
     pitch: float = 0.0
     rotor: Rotor | None = None
+    shared: tuple[str, float] | None = None
     spring: Spring | None = None
 
 

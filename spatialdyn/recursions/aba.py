@@ -24,7 +24,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inline
+from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -111,8 +111,11 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         IA, pA = articulated_of(here.IA), force_of(here.pA)
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
-        d = 1.0 / D
         u = tau[i - 1] - power(S, pA)
+        if b.partner > 0:
+            U, D = coupled_to_partner(bodies, work, i, U, D)
+            u = u - felt_of_partner(bodies, work, i, v)
+        d = 1.0 / D
         if b.geared:
             e = in_row_axes(b, X)
             U = add_couple(U, e)
@@ -133,6 +136,31 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
 
 
 @inline
+def coupled_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -> tuple[Force, Scalar]:
+    """U and D of a row that shares motors with the row behind it, its partner k, which is eliminated.
+
+    With m the coupling, q̈_k has the term -m/D_k q̈_i. Its force -m/D_k U_k is felt with q̈_i, and in the equation of row
+    i the rest of q̈_k brings back the same: twice in D.
+    """
+    k = bodies[i].partner
+    partner, m = work[k], bodies[k].coupling
+    W = force_to_parent(pose_of(partner.X), scale_force(-m * partner.d, force_of(partner.U)))
+    twice = 2.0 * power(motion_of(bodies[i].S), W)
+    return add_force(U, W), D + twice - m * m * partner.d
+
+
+@inline
+def felt_of_partner(bodies: Bodies, work: Work, i: int, v: Vector) -> Scalar:
+    """What the acceleration that the partner of row i has by itself takes of the row's torque; v may be None."""
+    k = bodies[i].partner
+    partner = work[k]
+    u = partner.u
+    if v is not None:
+        u = u - power(motion_of(partner.c), force_of(partner.U))
+    return bodies[k].coupling * (partner.d * u)
+
+
+@inline
 def aba_resolve(bodies: Bodies, work: Work, tau: Vector) -> None:
     """The second pass for other torques on a robot at rest: u of each row, from the X, U, D of ``aba_inward``."""
     for i in range(len(bodies)):
@@ -141,6 +169,8 @@ def aba_resolve(bodies: Bodies, work: Work, tau: Vector) -> None:
         here, parent = work[i], work[bodies[i].parent]
         pA = force_of(here.pA)
         here.u = tau[i - 1] - power(motion_of(bodies[i].S), pA)
+        if bodies[i].partner > 0:
+            here.u = here.u - felt_of_partner(bodies, work, i, None)
         pa = add_force(pA, scale_force(here.d * here.u, force_of(here.U)))
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(pose_of(here.X), pa)))
 
@@ -155,6 +185,8 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
         if v is not None:
             ai = add_motion(ai, motion_of(here.c))
         qdd = here.d * (here.u - power(ai, force_of(here.U)))
+        if b.coupled:
+            qdd = qdd - here.d * (b.coupling * a[b.parent - 1])
         put_motion(here.a, add_motion(ai, scale_motion(qdd, motion_of(b.S))))
         a[i - 1] = qdd
 
@@ -173,6 +205,8 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         X, S, IA = pose_of(here.X), motion_of(b.S), articulated_of(here.IA)
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
+        if b.partner > 0:
+            U, D = coupled_to_partner(bodies, work, i, U, D)
         d = 1.0 / D
         if b.geared:
             U = add_couple(U, in_row_axes(b, X))
@@ -203,6 +237,8 @@ def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
         for j in range(i + 1, b.last_row + 1):
             F = force_of(work[j].F)
             Mij = -d * power(S, F)
+            if b.partner > 0:
+                Mij = Mij - d * (bodies[b.partner].coupling * Minv[b.partner - 1, j - 1])
             Minv[i - 1, j - 1] = Mij
             put_force(work[j].F, force_to_parent(X, add_force(F, scale_force(Mij, U))))
 
@@ -214,6 +250,8 @@ def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
             here, parent = work[i], work[bodies[i].parent]
             P = motion_to_child(pose_of(here.X), motion_of(parent.P))
             Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
+            if bodies[i].coupled:
+                Mij = Mij - here.d * (bodies[i].coupling * Minv[bodies[i].parent - 1, j - 1])
             put_motion(here.P, add_motion(P, scale_motion(Mij, motion_of(bodies[i].S))))
             Minv[i - 1, j - 1] = Mij
             Minv[j - 1, i - 1] = Mij

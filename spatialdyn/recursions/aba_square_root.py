@@ -291,6 +291,6 @@ SPECS = (
         "roots of inertias.",
         "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "
         "constraint.", pivots=True, traceable=False, scratch=(("nv",),),
-        through_M=acceleration_through_M,
+        through_M=acceleration_through_M, lacks=("coupled",),
     ),
 )  # fmt: skip

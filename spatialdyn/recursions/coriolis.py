@@ -66,7 +66,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .hamilton import WORK_RATE as WORK_MOMENTUM
 from .hamilton import rate
-from .rotors import add_couple, rotor_factor, rotor_in_root_axes
+from .rotors import add_couple, of_other, rotor_factor, rotor_in_root_axes
 from .signatures import Bodies, Config, Matrix, Vector, Work
 from .spec import TAU, A, Argument, Q, Spec, V
 from .steps import body_velocity
@@ -245,6 +245,8 @@ def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector,
         f = force_of(here.f)
         tau[i - 1] = power(motion_of(b.S), f) + b.armature * a_r[i - 1]
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
+        if b.coupled or b.partner > 0:
+            tau[i - 1] = tau[i - 1] + of_other(bodies, i, a_r)
         if b.geared:
             e, w, dw = vec_of(b.rotor), motion_of(parent.w).w, motion_of(parent.a).w
             turned, de = cross(w, e), cross(motion_of(parent.v).w, e)

@@ -41,6 +41,8 @@ def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
                 F = add_couple(F, vec_of(b.rotor))
             j = bodies[j].parent
             Mij = power(motion_of(bodies[j].S), F)
+            if j == b.parent and b.coupled:
+                Mij = Mij + b.coupling
             M[i - 1, j - 1] = Mij
             M[j - 1, i - 1] = Mij
 

@@ -200,6 +200,9 @@ def rnea_derivatives(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector
                 F_dv, F_S, couple = add_couple(F_dv, de), add_couple(F_S, e), add(couple, de)
             i = bodies[i].parent
             _pair(work, i, j, F_dq, F_dv, F_S, couple, D)
+            if i == bodies[j].parent and bodies[j].coupled:
+                D[2, i - 1, j - 1] = D[2, i - 1, j - 1] + bodies[j].coupling
+                D[2, j - 1, i - 1] = D[2, j - 1, i - 1] + bodies[j].coupling
         if bodies[j].parent > 0:
             p = vec_of(here.X.p)
             put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_at_parent(p, I)))

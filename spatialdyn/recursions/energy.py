@@ -33,6 +33,8 @@ def kinetic_energy(bodies: Bodies, work: Work, q: Config, v: Vector, T: Vector) 
         vi = body_velocity(bodies, work, i, v)
         put_motion(here.v, vi)
         twice = twice + power(vi, momentum(inertia_of(b.inertia), vi)) + b.armature * v[i - 1] * v[i - 1]
+        if b.coupled:
+            twice = twice + 2.0 * b.coupling * v[i - 1] * v[b.parent - 1]
         if b.geared:
             twice = twice + 2.0 * v[i - 1] * dot(vec_of(b.rotor), motion_of(work[b.parent].v).w)
     T[0] = 0.5 * twice

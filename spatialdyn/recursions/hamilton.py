@@ -37,7 +37,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import place_joint
 from .aba import aba_inward, aba_outward
 from .energy import potential_energy
-from .rotors import add_rotor_momentum
+from .rotors import add_rotor_momentum, of_other
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, MassMatrix, Q, Spec, V
 from .steps import body_velocity
@@ -101,6 +101,8 @@ def generalized_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, p: Ve
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         h = force_of(here.p)
         p[i - 1] = power(motion_of(b.S), h) + b.armature * v[i - 1]
+        if b.coupled or b.partner > 0:
+            p[i - 1] = p[i - 1] + of_other(bodies, i, v)
         if b.geared:
             p[i - 1] = p[i - 1] + dot(vec_of(b.rotor), motion_of(parent.v).w)
         h = add_rotor_momentum(bodies, i, v, force_to_parent(pose_of(here.X), h))

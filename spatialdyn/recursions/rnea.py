@@ -21,7 +21,7 @@ from ..algebra.scalars import inline
 from ..algebra.spatial import Force, Inertia, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ..bodies.joints import joint_motion, place_joint
 from .rnea_off_norm import add_off_norm_forces
-from .rotors import add_couple
+from .rotors import add_couple, of_other
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
@@ -66,6 +66,8 @@ def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matr
         t = power(motion_of(b.S), f)
         if a is not None:
             t = t + b.armature * a[i - 1]
+            if b.coupled or b.partner > 0:
+                t = t + of_other(bodies, i, a)
         # f_λ += X* f_i
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
         if b.geared:

@@ -28,6 +28,18 @@ from .signatures import Bodies, Record, Vector, Work
 
 
 @inline
+def of_other(bodies: Bodies, i: int, x: Vector) -> Scalar:
+    """Σ coupling x over the row that motors drive together with row i: M x has it, beside the armatures' terms."""
+    b = bodies[i]
+    total = 0.0
+    if b.coupled:
+        total = total + b.coupling * x[b.parent - 1]
+    if b.partner > 0:
+        total = total + bodies[b.partner].coupling * x[b.partner - 1]
+    return total
+
+
+@inline
 def add_couple(f: Force, n: Vec) -> Force:
     """A force and a couple."""
     return Force(add(f.n, n), f.f)

@@ -80,6 +80,7 @@ class Spec:
                 MassMatrix, because M⁻¹ there is no recursion over the tree; a tuple has the parts along the output's
                 first axis. Every Spec with pivots has one.
     regroup     the output is unchanged when inertias are regrouped towards the root: it describes no single body
+    lacks       columns of the table whose terms the recursion has not: a model with some is refused
     source      where the recursion comes from
     """
 
@@ -97,6 +98,7 @@ class Spec:
     traceable: bool = True
     through_M: Callable[..., Any] | None = None
     parts: tuple[Argument, ...] = ()
+    lacks: tuple[str, ...] = ()
 
     @property
     def present(self) -> tuple[Argument, ...]:

@@ -43,6 +43,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
+from ..recursions.rotors import of_other
 from .symplectic import LARGEST, SLOW, SWEEPS, anderson_step, converged, relative
 from .system import OK, TURNED, State, System, copy, set_status
 
@@ -178,7 +179,7 @@ def _sum_inward(bodies: Any, work: Any, out: Any) -> None:
 def _add_rotors(bodies: Any, xi: Any, rotor: Any, side: float, out: Any) -> None:
     """out += momenta of the rotors, whose energy is ½ armature v²."""
     for i in range(1, len(bodies)):
-        rotor[i - 1] = bodies[i].armature * xi[i - 1]
+        rotor[i - 1] = bodies[i].armature * xi[i - 1] + of_other(bodies, i, xi)
     for i in range(1, len(bodies)):
         b, r = bodies[i], i - 1
         if b.kind == CONTINUED or b.armature == 0.0:
