@@ -192,6 +192,26 @@ def test_payloads_on_lanes_equal_pinocchios_one_by_one() -> None:
     assert found["tau"].shape == (2000, 7)
 
 
+def test_series_elastic_joint_has_the_frequency_and_the_blow_of_two_inertias_and_a_spring() -> None:
+    found = run("series_elastic_joint")
+    for k, x in found.items():
+        assert x["rate"] == pytest.approx(np.sqrt(k * (1 / 0.2 + 1 / 0.25)), rel=1e-14)
+        assert x["simulated rate"] == pytest.approx(x["rate"], rel=1e-5)
+        assert x["simulated"] == pytest.approx(x["torque"], rel=1e-4)
+        assert x["energy"] < 1e-8
+
+
+@compiled
+def test_rotor_on_a_leg_finds_the_diagonal_off_by_one_over_n() -> None:
+    found = run("rotor_on_a_leg")
+    assert [*found] == [6.0, 7.0, 8.0, 9.0, 10.0, 37.0]
+    for n, x in found.items():
+        assert x["bodies"] < 1e-13
+        assert x["rotors"] * n == pytest.approx(found[37.0]["rotors"] * 37.0, rel=0.15)
+    assert 0.1 < found[6.0]["rotors"] < 0.3
+    assert found[37.0]["a"] < 0.03 < found[6.0]["a"]
+
+
 @compiled
 def test_price_of_a_digit_keeps_its_promises_in_new_states() -> None:
     pytest.importorskip("mpmath")
