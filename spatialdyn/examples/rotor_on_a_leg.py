@@ -24,10 +24,10 @@ def leg(ratio: float, rotors: str) -> sd.Model:
     joints = {"hip": ((1, 0, 0), (0.2, 0.1, 0)), "thigh": ((0, 1, 0), (0, 0.1, 0)), "shank": ((0, 1, 0), (0, 0, -0.3))}
     parent = "trunk"
     for name, (axis, at) in joints.items():
-        turning = {"mimic": {"leader": name, "multiplier": ratio}} if rotors == "bodies" else {}
+        turning = {"leader": name, "multiplier": ratio} if rotors == "bodies" else None
         motor = (0.3, (0, 0, 0), J * (0.5 * np.eye(3) + 0.5 * np.outer(axis, axis)))
         kind = "continuous" if rotors == "bodies" else "fixed"
-        b.add_body(f"{name}_motor", parent, kind, axis, at, motor, **turning)  # its mass, turning or not
+        b.add_body(f"{name}_motor", parent, kind, axis, at, motor, mimic=turning)  # its mass, turning or not
         exact, armature = sd.Rotor(J, ratio) if rotors == "exact" else None, REFLECTED * (rotors == "diagonal")
         own = (1.0, (0, 0, -0.15), np.diag([0.01, 0.01, 0.001]))
         b.add_body(name, parent, "revolute", axis, at, own, name, armature=armature, rotor=exact)

@@ -4,11 +4,11 @@
 "lugre"     bristles deflect between the surfaces, a state of their own, z
 "smooth"    a torque -F(v) tanh(v/ε) - b v in the equation of motion, by any method but ``variational``
 
-Motors are part of the implicit way: what their gears lose is dry friction in proportion to the load, what their own
-voltage takes is viscous (``recursions.motors.driven``).
-
 Each step is written for rows of a table, which the tracer records, and for kernels, where the step runs in Python: for
 torques that are functions, external forces, and robots too long for a program.
+
+Motors are part of the implicit way: what their gears lose is dry friction in proportion to the load, what their own
+voltage takes is viscous (``recursions.motors.driven``).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from ..recursions.friction import (
 from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
 from . import explicit
-from .springs import spring_kernel, with_springs
+from .springs import spring_kernel
 from .system import State, System, set_status
 
 Array = NDArray[Any]
@@ -60,7 +60,7 @@ CURRENT, VOLTAGE = DRIVES = ("current", "voltage")  # what a motor is given
 STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
 
-VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far")
+VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far", start=0.0)
 OWN = {IMPLICIT: VIOLATION, LUGRE: BRISTLES}  # the state of its own that a kind of friction carries from step to step
 COLUMNS = {
     "coulomb": COULOMB, "viscous": VISCOUS, "static": STATIC, "stribeck": STRIBECK, "smoothing": SMOOTHING,
@@ -191,24 +191,37 @@ def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
 
-def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, Any]:
-    """The velocities after a step, and the state of its own, of ``given`` inputs by name."""
+def traced_step(
+    way: str, rows: Any, given: dict[str, Any], tau: Any, pull: Any = None
+) -> tuple[Any, dict[str, Any], Any]:
+    """The velocities after a step, the state of its own by name, friction's torques; of ``given`` inputs by name.
+
+    pull  torques beside tau, which pass no gear: of springs; None for none
+    """
     q, v, dt = given["q"], given["v"], given["dt"]
     n = len(v)
-    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((2, n), object)
+    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((3, n), object)
     pivots, M, R = (np.zeros(shape, object) for shape in ((n,), (n, n), (n, n)))
+    wanted = tau
+    tau, law = geared(given, v, tau, law)
+    lost = tau - wanted if tau is not wanted else 0.0
+    tau = tau if pull is None else tau + pull
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
-        tau = with_springs(rows, q, v, tau)
         bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
-        return after[0], after[1]
-    tau, law = geared(given, v, tau, law)
-    tau = with_springs(rows, q, v, tau)
+        rubbed = _bristle_torque(z, after[1], 1.0 / dt, stiffness, damping) - given["viscous"] * after[0]
+        return after[0], {BRISTLES.name: after[1]}, rubbed
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
-    return after[0], np.array([largest], object)
+    return after[0], {VIOLATION.name: np.array([largest], object)}, after[2] - law[1] * after[0] + lost
+
+
+def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
+    """What bristles exert in a step of 1/rate that takes their deflection from z to ``after``."""
+    moved = np.array([rate * x for x in after - z], after.dtype)
+    return -(stiffness * after + damping * moved)
 
 
 # --- a step by kernels ----------------------------------------------------------------------------------
@@ -222,33 +235,47 @@ def by_kernels(
     own      the state that the friction carries, written in place
     springs  whether the model has some; of other methods ``kernels`` has them
     """
-    loaded = [] if fext is None else [fext]
-    values = dict(zip(found.inputs, found.values, strict=True))
-    present = {*found.inputs, *(["fext"] if loaded else [])}
     if found.way == SMOOTH:
         resist = smooth_kernel(found)
         return _smooth(kernels, resist), advance
-    implicit = found.way == IMPLICIT
-    kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
-
-    pull = spring_kernel() if springs else None
+    solve = solver(found, fext, springs)
 
     def step(system: System, t: float, h: float, state: State) -> None:
-        after = np.empty((2, len(state.w)))
         system.torque(system, t, state.q, state.w)
-        bristles = [] if implicit else [own]
-        tau, law = geared(values, state.w, system.tau, _law(values))
-        tau = tau if pull is None else tau + pull(system.table, state.q, state.w)
-        rest = [] if implicit else [values["stiffness"], values["damping"]]
-        given = (state.q, state.w, *bristles, tau, *loaded, h, *law, *rest)
-        set_status(system, kernel(system.table, *given, after), t)
-        state.w[:] = after[0]
-        own[:] = max(own[0], after[1].max(initial=0.0)) if implicit else after[1]
+        after, changed, _ = solve(system, t, h, state, own)
+        state.w[:], own[:] = after, changed
         displacement = state.work[1]
         displacement[:] = h * state.w
         explicit.move(system, t, displacement, state)
 
     return kernels, step
+
+
+def solver(found: Rubbing, fext: Array | None, springs: bool = False) -> Callable[..., tuple[Array, Array, Array]]:
+    """``(system, t, h, state, own) -> v⁺, own⁺, friction torques`` of a step whose velocities are solved for."""
+    loaded = [] if fext is None else [fext]
+    implicit = found.way == IMPLICIT
+    present = {*found.inputs, *(["fext"] if loaded else [])}
+    kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
+    given = dict(zip(found.inputs, found.values, strict=True))
+    pull = spring_kernel() if springs else None
+
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, Array]:
+        after = np.empty((3 if implicit else 2, len(state.w)))
+        bristles = [] if implicit else [own]
+        tau, law = geared(given, state.w, system.tau, _law(given))
+        lost = tau - system.tau
+        tau = tau if pull is None else tau + pull(system.table, state.q, state.w)
+        rest = [] if implicit else [given["stiffness"], given["damping"]]
+        inputs = (state.q, state.w, *bristles, tau, *loaded, h, *law, *rest)
+        set_status(system, kernel(system.table, *inputs, after), t)
+        if implicit:
+            changed, rubbed = np.array([max(own[0], after[1].max(initial=0.0))]), after[2]
+        else:
+            changed, rubbed = after[1], _bristle_torque(own, after[1], 1.0 / h, given["stiffness"], given["damping"])
+        return after[0], changed, rubbed - law[1] * after[0] + lost
+
+    return solve
 
 
 def smooth_kernel(found: Rubbing) -> Callable[..., Array]:

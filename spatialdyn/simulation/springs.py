@@ -29,11 +29,11 @@ def has_springs(model: Model) -> bool:
 # --- a step, traced -------------------------------------------------------------------------------------
 
 
-def with_springs(rows: Any, q: Any, v: Any, tau: Any) -> Any:
-    """tau and the torques of the springs, as recorded numbers; tau itself without any."""
+def traced_springs(rows: Any, q: Any, v: Any) -> Any:
+    """The torques of the springs, as recorded numbers; None without any."""
     if not any(row.spring for row in rows):
-        return tau
-    made = np.array(tau, object)
+        return None
+    made = np.zeros(len(v), object)
     add_springs(rows, q, v, made)
     return made
 

@@ -10,6 +10,7 @@ import pytest
 from slow import slow_but
 
 import spatialdyn as sd
+from spatialdyn.simulation.springs import traced_springs
 
 K, D, J, N = 300.0, 0.5, 1e-4, 50.0
 INERTIA = 0.2  # of the arm about its joint
@@ -149,11 +150,30 @@ def test_models_keep_their_springs() -> None:
 
 
 def test_an_unset_spring_costs_nothing() -> None:
-    from spatialdyn.simulation.springs import with_springs
+    assert traced_springs(list(sd.load_urdf("two_link").bodies), None, None) is None
 
-    tau = np.zeros(2)
-    model = sd.load_urdf("two_link")
-    assert with_springs(list(model.bodies), None, None, tau) is tau
+
+@pytest.mark.parametrize("user", [False, True])
+@pytest.mark.parametrize("method", ["rk4", "dop853"])
+def test_the_ledger_counts_the_work_of_springs(method: str, user: bool) -> None:
+    model, tau = arm(), np.array([0.1, 0.02])
+    torque: Any = (lambda t, q, v: tau) if user else tau
+    run = sd.simulate(model, [0.1, 0.0], [0.0, 0.0], 0.2, 1e-3, method, torque, record="work")
+    ledger = sd.energy_ledger(run)
+    stored = sd.spring_energy(model, run.q)
+    np.testing.assert_allclose(ledger.work["springs"].sum(1), stored[0] - stored, rtol=0.0, atol=1e-6 * stored[0])
+    assert abs(ledger.error).max() < 1e-6 * abs(ledger.change).max()
+
+
+def test_the_ledger_counts_springs_beside_friction() -> None:
+    model = arm(D)
+    run = sd.simulate(
+        model, [0.1, 0.0], [0.0, 0.0], 0.2, 1e-4, "semi_implicit_euler", friction=sd.Friction([0.1, 1e-3], 0.0),
+        record="work",
+    )  # fmt: skip
+    ledger = sd.energy_ledger(run)
+    assert (ledger.work["friction"][-1] < 0.0).all()
+    assert abs(ledger.error).max() < 1e-10 * abs(ledger.change).max()
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,20 @@ def test_simulate_and_a_torque_function_take_the_same_steps(drive: str) -> None:
     np.testing.assert_array_equal(run.tau[1:], np.broadcast_to(tau, run.tau[1:].shape))
 
 
+@pytest.mark.parametrize("user", [False, True])
+def test_the_ledger_counts_what_gears_and_windings_take(lift: sd.Model, user: bool) -> None:
+    """The torque wanted does the work of the command; losses of gear and winding are friction's."""
+    m, force = motor(efficiency=0.7), np.array([100.0])
+    torque: Any = (lambda t, q, v: force) if user else force
+    own: dict[str, Any] = {"motor": m, "drive": "voltage", "record": "work"}
+    run = sd.simulate(lift, [0.0], [0.0], 0.5, 1e-3, METHOD, torque, **own)
+    ledger = sd.energy_ledger(run)
+    np.testing.assert_allclose(ledger.work["torque"][-1], force * (run.q[-1] - run.q[0]), rtol=0.01)
+    assert ledger.work["friction"][-1, 0] < 0.0
+    # the weight falls back by ½ h v of semi-implicit Euler: the rest is exact
+    assert abs(ledger.error).max() < 2.0 * 1e-3 * LOAD * abs(run.v).max()
+
+
 def test_motors_are_refused_where_they_cannot_act(lift: sd.Model) -> None:
     with pytest.raises(sd.SimulationError, match='method "rk4", expected "implicit" and "semi_implicit_euler"'):
         sd.simulate(lift, [0.0], [0.0], 1.0, 0.1, "rk4", motor=motor())
