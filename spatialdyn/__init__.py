@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from .calls.prepare import compile
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
+    from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
+    from .constraints.contact_points import Contacts, Plane
     from .constraints.dynamics import (
         ConstrainedImpact,
         ConstrainedMotion,
@@ -88,6 +90,7 @@ if TYPE_CHECKING:
     from .model.builder import ModelBuilder
     from .pictures.comparison_plots import plot
     from .pictures.scene import view
+    from .simulation.contact_steps import ContactRecord
     from .simulation.methods import integrators
     from .simulation.rollouts import PD, Rollout, rollout
     from .simulation.runs import hamilton_simulation, simulate
@@ -98,13 +101,14 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError",
-    "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame", "Friction",
-    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
-    "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
-    "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation",
-    "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics",
+    "Constraints", "ContactRecord", "ContactStep", "Contacts", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
+    "Exact", "Finding", "Frame", "Friction", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint",
+    "Recommendation", "Robot", "RollingConstraint", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt",
+    "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError",
+    "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation", "close_loops", "compare_with_pinocchio",
+    "compile", "conserved_quantities", "constrained_dynamics", "constraint_drift", "constraint_error",
+    "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "exact", "forward_dynamics",
     "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
     "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
     "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
@@ -121,6 +125,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
+    "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",
+    "constraints.contact_points": "Contacts Plane",
     "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
     "delassus",
     "constraints.kinds": "CouplerConstraint DistanceConstraint HingeConstraint PointConstraint RollingConstraint "
@@ -133,8 +139,9 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
-    "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
-    "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",
+    "simulation.contact_steps": "ContactRecord", "simulation.methods": "integrators",
+    "simulation.rollouts": "PD Rollout rollout", "simulation.runs": "hamilton_simulation simulate",
+    "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}

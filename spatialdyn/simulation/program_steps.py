@@ -20,6 +20,7 @@ from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
 from ..recursions.spec import Argument
 from .constrained import Held
+from .contact_steps import Touching
 from .friction_steps import Rubbing
 from .methods import Method
 from .recorder import Recorder
@@ -43,24 +44,29 @@ def program(
     held: Held | None = None,
     found: Rubbing | None = None,
     own: NDArray[np.float64] | None = None,
+    touch: Touching | None = None,
 ) -> Slice | None:
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
 
-    found, own  the friction of the run, and the state that it carries
+    found, touch  the friction and the contacts of the run
+    own           the state that they carry
     """
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
     equations, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     way, coefficients = (found.way, found.inputs) if found else (None, ())
-    kernel = _kernel(model, method, equations, static, way, coefficients)
+    if touch is not None:
+        static = (touch.contacts.table,)
+    kernel = _kernel(model, method, equations, static, way, coefficients, () if touch is None else touch.asks)
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows
     now = [state.q, state.w, *([own] if own is not None else [])]
     constants = [StepInput(x[None, None]) for x in (found.values if found else ())]
     constants += [StepInput(x) for x in (held.values.values() if held is not None else ())]
+    constants += [StepInput(x[None, None]) for x in (touch.values if touch is not None else ())]
 
     def run(first: int, count: int, h: float) -> bool:
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
@@ -78,6 +84,8 @@ def program(
             after = np.minimum(np.arange(first + every, done + 1, every), len(torque.held) - 1)
             q_rows[row : row + more], w_rows[row : row + more] = q, w
             tau_rows[row : row + more] = torque.held[after]
+            if recorder.own_rows is not None:
+                recorder.own_rows[row : row + more] = records[2][0]
             recorder.at[1] += more
         recorder.at[0] += count
         return True
@@ -100,8 +108,9 @@ def _kernel(
     static: tuple[Any, ...] = (),
     way: str | None = None,
     coefficients: tuple[str, ...] = (),
+    touch: tuple[Argument, ...] = (),
 ) -> Any:
-    specs = step_specs(method.name, False, True, held, way, coefficients)
+    specs = step_specs(method.name, False, True, held, way, coefficients, touch)
     rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):
         return None

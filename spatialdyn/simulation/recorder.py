@@ -15,6 +15,7 @@ from ..calls.specialize import Specialized, specialize
 from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model
+from .contact_steps import Touching
 from .methods import Method
 from .trajectory import Trajectory
 
@@ -63,9 +64,10 @@ class Recorder:
     t      times of all samples, those to come included [s]
     rows   arrays of q, of v or p, and of tau
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
+    own    the state that contacts carry, own_rows its samples; None if they are not recorded
     """
 
-    def __init__(self, model: Model, method: Method, steps: Steps, every: int) -> None:
+    def __init__(self, model: Model, method: Method, steps: Steps, every: int, touch: Touching | None = None) -> None:
         self.model, self.method, self.steps, self.every = model, method, steps, every
         kept = np.arange(0, steps.total + 1, every)
         if kept[-1] != steps.total:
@@ -76,6 +78,9 @@ class Recorder:
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
         self.at = np.zeros(2, np.int64)
         self.split = (np.empty(0), np.empty(0))
+        self.touch = touch
+        self.own: Array = np.zeros(0 if touch is None else touch.width)
+        self.own_rows = np.zeros((len(kept), touch.width)) if touch is not None and touch.records else None
 
     @property
     def moves_p(self) -> bool:
@@ -86,7 +91,13 @@ class Recorder:
         """Write one sample."""
         for rows, x in zip(self.rows, (q, w, tau), strict=True):
             rows[self.at[1]] = x
+        self.put_own()
         self.at[1] += 1
+
+    def put_own(self) -> None:
+        """Write the state that contacts carry to the sample to come."""
+        if self.own_rows is not None:
+            self.own_rows[self.at[1]] = self.own
 
     def end(self, t: float, q: Array, w: Array, tau: Array) -> None:
         """Write the state in which an interrupted simulation stopped, unless it is the last sample."""
@@ -104,7 +115,11 @@ class Recorder:
         t = np.array(self.t[:n])
         p = w if self.moves_p else p
         self.split = T, V
-        return Trajectory(t, q, v, p, tau, T + V, self.method.name, self.steps.dt, model.name, interrupted, model)
+        touched = None
+        if self.touch is not None and self.own_rows is not None:
+            touched = self.touch.record(q, self.own_rows[:n])
+        words = (self.method.name, self.steps.dt, model.name, interrupted, model)
+        return Trajectory(t, q, v, p, tau, T + V, *words, touched)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

@@ -32,6 +32,7 @@ from ..recursions.friction import BRISTLES
 from ..recursions.spec import Argument
 from . import explicit
 from .constrained import Held, accelerate, held_by, projected
+from .contact_steps import ContactRecord, Touching, check_few, touching, unsolved
 from .friction_steps import (
     UNSOLVED,
     VIOLATION,
@@ -71,6 +72,7 @@ class Rollout:
     t         (T,)        times of the records [s]; () for "last"
     model     the Model
     bristles  (B, T, nv)  deflections of the bristles of LuGre friction [rad | m], likewise; None without any
+    contacts  ContactRecord of these states, likewise; None unless asked for
     """
 
     q: Array
@@ -78,6 +80,7 @@ class Rollout:
     t: Array
     model: Model
     bristles: Array | None = None
+    contacts: ContactRecord | None = None
 
     def __iter__(self) -> Iterator[Array]:
         return iter((self.q, self.v))
@@ -134,6 +137,9 @@ def rollout(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    contacts: Any = None,
+    limits: bool = False,
+    record_contacts: bool = False,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -147,24 +153,27 @@ def rollout(
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
-    check   whether a state that is not finite is an error, and friction that is not solved; if not, it stays
+    check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
+            stays
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
     friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    contacts, limits, record_contacts  as in ``simulate``, of at most 12 points; joint limits are ignored unless
+            limits=True. Coefficients are inputs: other friction or restitution compiles nothing
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
-    Joint limits are ignored; there are no contacts.
 
     Returns a Rollout, which unpacks as (q, v).
     Raises
         ShapeError for shapes that do not match
         SimulationError for an invalid dt, steps, record, dtype or method, and for a state that is not finite, naming
             the sample and the time; for friction as ``simulate``, and where check finds Coulomb's law violated by more
-            than 0.01 rad/s or m/s
+            than 0.01 rad/s or m/s, or a contact's, naming sample, time and point
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ModelError for a model with mimic joints, or a kp of a joint whose position is not one number
+        ModelError for a model with mimic joints, a kp of a joint whose position is not one number, and more than 12
+            points in contact
         ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
             constraints where they contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
@@ -208,6 +217,11 @@ def rollout(
         inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
         if found.own is not None:
             states.append(np.zeros((B, core_shape(model, found.own)[0])))
+    touch = touching(model, contacts, limits, record_contacts, method, states[0], found, held)
+    check_few(touch)
+    if touch is not None:
+        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.asks[2:], touch.values, strict=True)}
+        states.append(np.zeros((B, touch.width)))
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
     if B and T and model.nv:
@@ -215,17 +229,21 @@ def rollout(
         calls["aba"](model, states[0][0], rest, rest)  # raises InertiaError naming the joint
         if model.nq != model.nv:
             calls["potential_energy"](model, states[0])  # raises ConfigurationError naming the joint
-        _run(model, method, states, inputs, records, T, every, check, float(dt), held, found)
+        _run(model, method, states, inputs, records, T, every, check, float(dt), held, found, touch)
     q, v, *own = records
     bristles = own[0] if found is not None and found.own is BRISTLES else None
+    touched = touch.record(q, own[0]) if touch is not None and touch.records else None
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
     if isinstance(record, str):
         q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states[:2])
         bristles = bristles if bristles is None else bristles[:, -1] if T else states[2]
+        if touched is not None and touch is not None:
+            touched = ContactRecord(*(x[:, -1] for x in touched)) if T else touch.record(q, states[2])
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
     if single:
-        return Rollout(q[0], v[0], t, model, bristles if bristles is None else bristles[0])
-    return Rollout(q, v, t, model, bristles)
+        touched = touched and ContactRecord(*(x[0] for x in touched))
+        return Rollout(q[0], v[0], t, model, bristles if bristles is None else bristles[0], touched)
+    return Rollout(q, v, t, model, bristles, touched)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -327,9 +345,11 @@ def _program(
     held: tuple[Argument, ...],
     way: str | None,
     coefficients: tuple[str, ...],
+    touch: tuple[Argument, ...],
     static: tuple[Any, ...],
 ) -> Program:
-    return recording.record(step_specs(method, law, forced, held, way, coefficients), model.bodies, static).program
+    specs = step_specs(method, law, forced, held, way, coefficients, touch)
+    return recording.record(specs, model.bodies, static).program
 
 
 def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
@@ -354,9 +374,11 @@ def _run(
     dt: float,
     held: Held | None = None,
     found: Rubbing | None = None,
+    touch: Touching | None = None,
 ) -> None:
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
-    kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())))
+    asks, static = (touch.asks, (touch.contacts.table,)) if touch is not None else ((), static)
+    kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())), asks)
     specs, given = step_specs(*kind), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
@@ -373,6 +395,11 @@ def _run(
             again = time_loop.run(kernel, start, forcing, records, steps, every)
     if len(again):
         _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt)
+    if check and touch is not None and records[2].shape[1]:
+        reasons = {k: x for k, own in enumerate(records[2][:, -1]) if (x := unsolved(touch, own, dt))}
+        if reasons:
+            k = min(reasons)
+            raise SimulationError(f"sample {k}: {reasons[k]} ({len(reasons)} samples in all); check=False lets it")
     if check and found is not None and found.own is VIOLATION and records[2].shape[1]:
         beyond = records[2][:, :, 0] > UNSOLVED
         if beyond.any():

@@ -35,6 +35,8 @@ from . import explicit, rattle
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
+from .contact_steps import Touching, touching, unsolved
+from .contact_steps import by_kernels as contact_step_by_kernels
 from .energy import FAST, exploded, scale_of
 from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alone, rubbing, smooth_kernel
 from .methods import Method, integrators
@@ -70,6 +72,9 @@ def simulate(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    contacts: Any = None,
+    limits: bool = False,
+    record_contacts: bool = False,
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -103,11 +108,15 @@ def simulate(
                          static friction a joint bends them, and under a varying torque creeps
                smooth    a torque -F(v) tanh(v/smoothing) - viscous v, with any method but variational; nothing sticks:
                          a joint creeps under any torque. Explicit methods are stable up to a dt that is refused above
+    contacts  Contacts of this model, with method="semi_implicit_euler": points that touch the ground, with Coulomb's
+              exact cone; see ``contact_step``. No constraints beside them, and smooth friction alone
+    limits    whether joints of one coordinate stop at their position limits, in the same steps
+    record_contacts  whether ``trajectory.contacts`` holds impulses, gaps and residuals
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
-    With friction, torque functions, fext and robots too long for a program make the steps run in Python.
+    With friction or contacts, torque functions, fext and robots too long for a program make the steps run in Python.
     Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
     (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
     method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
@@ -121,7 +130,8 @@ def simulate(
             nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
             ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
-            names, where they contradict each other or their rank changes;
+            names, where they contradict each other or their rank changes; SimulationError for a start in the ground or
+            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
@@ -148,7 +158,8 @@ def simulate(
         rattle.check_rattle(model, held)
     if held is not None and forces is not None:
         raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held, found)
+    touch = touching(model, contacts, limits, record_contacts, chosen.name, q, found, held)
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held, found, touch)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -247,14 +258,14 @@ def _every(record: int | None, total: int) -> int:
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
     fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float, held: Held | None = None,
-    found: Rubbing | None = None,
+    found: Rubbing | None = None, touch: Touching | None = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
     check_progress(progress)
-    recorder = Recorder(model, method, steps, _every(record, steps.total))
+    recorder = Recorder(model, method, steps, _every(record, steps.total), touch)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         asked = torque_of(torque, model.nv, steps)
@@ -318,6 +329,9 @@ def _run_fixed(
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
     own = np.zeros(0 if found is None or found.own is None else core_shape(model, found.own)[0])
+    touch = recorder.touch
+    if touch is not None:
+        own = recorder.own
     bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
 
     @functools.cache
@@ -325,13 +339,17 @@ def _run_fixed(
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
         if held is not None and not recorder.moves_p:
             return explicit.kernels_of(accelerate(held, model)), advance
-        own_kernels = family.kernels(fext is not None)
-        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext)
+        own_kernels, step = family.kernels(fext is not None), advance
+        if found is not None:
+            own_kernels, step = by_kernels(found, own_kernels, advance, own, fext)
+        if touch is not None:
+            step = contact_step_by_kernels(touch, own, fext, found)
+        return own_kernels, step
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])
 
-    at_once = program(recorder, method, torque, fext, state, held, found, own if len(own) else None)
+    at_once = program(recorder, method, torque, fext, state, held, found, own if len(own) else None, touch)
     if at_once is None:
         family.start(system(), state)
     now = (*state, recorder.at, own)
@@ -346,14 +364,18 @@ def _run_fixed(
         mark()
         kernels()[1](system, t, h, state)
 
+    def observe(system: System, t: float, state: State) -> None:
+        family.observe(system, t, state)
+        recorder.put_own()
+
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled and held is None and found is None:
+        if torque.compiled and held is None and found is None and touch is None:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             try:
                 with np.errstate(all="ignore"):
-                    drive(marking, family.observe, system(), state, *times)
+                    drive(marking, observe, system(), state, *times)
             except ConstraintError as error:
                 raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
         if status[0] != OK:
@@ -378,6 +400,8 @@ def _run_fixed(
                     f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
                     f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"
                 )
+            if touch is not None and unsolved(touch, own, steps.dt):
+                raise SimulationError(unsolved(touch, own, steps.dt))
             report(int(recorder.at[0]), steps.total)
             spent = max(time.perf_counter() - began, 1e-6)
             count = max(1, int(min(10.0 * count, count * SLICE / spent)))

@@ -1,4 +1,4 @@
-"""A step of a method of ``explicit`` as Specs, which are recorded: with a control law, friction or constraints."""
+"""A step of a method of ``explicit`` as Specs, which are recorded: with a law, friction, constraints, contacts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from . import explicit
+from . import contact_steps, explicit
 from .constrained import Rows
 from .friction_steps import COLUMNS, OWN, SMOOTH, smooth_torque, traced_step
 from .system import OK, State, System, held_torque
@@ -66,12 +66,13 @@ def step_specs(
     held: tuple[Argument, ...] = (),
     way: str | None = None,
     coefficients: tuple[str, ...] = (),
+    touch: tuple[Argument, ...] = (),
 ) -> tuple[Spec, ...]:
     """Specs of the positions and of the velocities after a step, as functions of the state, dt, tau and the law.
 
-    held  the inputs of constraints, as ``Held`` has them
-
+    held               the inputs of constraints, as ``Held`` has them
     way, coefficients  of friction; its own state comes third, in inputs and among the Specs
+    touch              the state that contacts carry, which comes third too, then their inputs
     """
 
     def after(rows: Any, inputs: dict[str, Any]) -> tuple[Any, ...]:
@@ -85,6 +86,13 @@ def step_specs(
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
         if way in OWN:
             v, own = traced_step(way, rows, inputs, tau)
+            moved = np.array([inputs["dt"] * x for x in v], object)
+            integrate(rows, inputs["q"], moved, q)
+            return q, v, own
+
+        if touch:
+            resisted = tau + smooth_torque(rows, v, inputs) if way == SMOOTH else tau
+            v, own = contact_steps.traced_step(touch[0], rows, inputs, resisted)
             moved = np.array([inputs["dt"] * x for x in v], object)
             integrate(rows, inputs["q"], moved, q)
             return q, v, own
@@ -112,9 +120,9 @@ def step_specs(
             under.project(state.q, state.w)
         return state.q, state.w
 
-    own = [OWN[way]] if way in OWN else []
+    own = [OWN[way]] if way in OWN else [*touch[:1]]
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *(COLUMNS[x] for x in coefficients))
-    given = (*(replace(x, optional=False) for x in given), *held)
+    given = tuple(replace(x, optional=False) for x in (*given, *held, *touch[1:]))
     names = [x.name for x in given]
 
     def state_after(k: int) -> Callable[..., None]:
@@ -123,7 +131,7 @@ def step_specs(
 
         return recursion
 
-    label = "_".join(["rollout", method, *([way] if way else [])])
+    label = "_".join(["rollout", method, *([way] if way else []), *(x.name for x in touch[:1])])
     return tuple(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
 from ..model.model import Model
+from .contact_steps import ContactRecord
 
 Array = NDArray[np.float64]
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
@@ -34,6 +35,7 @@ class Trajectory:
     robot        name of the model
     interrupted  whether Ctrl-C ended the simulation
     model        the Model; None after ``load``, as a file holds numbers only
+    contacts     ContactRecord of these times, None unless asked for; a file has none
     """
 
     t: Array
@@ -47,6 +49,7 @@ class Trajectory:
     robot: str
     interrupted: bool = False
     model: Model | None = None
+    contacts: ContactRecord | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -62,7 +65,7 @@ class Trajectory:
         )
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
+        """Write all but the model and contacts to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
         parts = {name: np.asarray(getattr(self, name)) for name in (*ARRAYS, *WORDS)}
         with open(path, "wb") as file:
             np.savez_compressed(file, allow_pickle=False, **parts)
