@@ -26,7 +26,7 @@ from ..algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..algebra.spatial import Force, Inertia, Pose
 from ..bodies.contact_table import CONTACTS
 from ..bodies.joints import place_joint
-from .constrained import DEPENDENT, felt
+from .constrained import DEPENDENT
 from .constraint_rows import carry_axes
 from .crba import crba
 from .dense import factor_dropping, quotient, solve_backward, solve_forward
@@ -48,7 +48,6 @@ WORK = table_dtype(
 )
 PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
 
-TURNS = 3  # of the direction in which a point slides, in each sweep
 LEAST = 0.1  # of G_nn: the least of what resists along a sliding point's impulse; beyond, friction jams the point
 RISE = 0.2  # of its depth that a point in the ground comes out in a step
 BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest
@@ -58,10 +57,13 @@ BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower on
 def contact_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Number, contacts: Record,
     mu: Vector, restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector,
-    pivots: Vector, L: Matrix, Y: Matrix, G: Matrix, b: Vector, force: Vector, C: Array, size: Vector, kept: Vector,
-    y: Vector, x: Vector,
+    pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Array, D: Vector,
+    sigma: Vector, x: Matrix,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, and what the impulses leave of the law.
+
+    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change of λ changes w by D⁻¹ Yᵀ of it: G as a
+    whole is not needed, only its blocks of single points.
 
     restitution  (np) may be None, for points that do not bounce
     after        (nv), written: v⁺
@@ -69,7 +71,7 @@ def contact_step(
     gap          (np), written: distance of each sphere from the ground before the step, negative in it
     stop         (nl), written: impulse on each joint, positive from its lower limit
     residual     (np + nl), written: by how much each point and joint misses its law [m/s | rad/s]
-    all that follows is scratch: b and force of 3 np + nl numbers, normals first
+    all that follows is scratch: Y and Z = Y D⁻¹ have the rows of b and force, three of a point, its normal first
     """
     n, points, limits = len(bodies) - 1, contacts[0].np, contacts[0].nl
     crba(bodies, work, q, L)
@@ -79,72 +81,62 @@ def contact_step(
     carry_axes(bodies, work)
     write_gaps(bodies, work, contacts, gap)
     write_rows(bodies, work, contacts, Y)
-    for k in range(len(b)):
-        s = 0.0
-        for i in range(n):
-            s = s + Y[k, i] * v[i]
-        b[k] = s
-        force[k] = 0.0
-
-    # G, and b with its targets
     for i in range(n):
         pivots[i] = L[i, i]
         after[i] = dt * (tau[i] - after[i])
-    felt(bodies, L, Y, G)
     solve_inward(bodies, L, after)
     for i in range(n):
-        after[i] = after[i] * (1.0 / L[i, i])
+        after[i] = after[i] * (1.0 / L[i, i])  # w without impulses
     for k in range(len(b)):
-        for l in range(k):
-            G[l, k] = G[k, l]
-        before = b[k]
+        b[k] = 0.0
         for i in range(n):
-            b[k] = b[k] + Y[k, i] * after[i]
-        if k < 3 * points and k % 3 == 0:
-            p = k // 3
-            c = target(gap[p], dt)
-            if restitution is not None:
-                c = bounced(c, gap[p], before, b[k], dt, restitution[p])
-            b[k] = b[k] + c
-    for p in range(points):
-        factor_block(G, p, n, C[p], size, kept)
+            b[k] = b[k] + Y[k, i] * v[i]
+        force[k] = 0.0
+        solve_inward(bodies, L, Y[k])
+        for i in range(n):
+            Z[k, i] = Y[k, i] * (1.0 / L[i, i])
 
-    # λ
-    for _ in range(contacts[0].sweeps):
+    # blocks of G, and targets in b
+    for p in range(points):
+        write_block(Y, Z, p, B[p])
+        c = target(gap[p], dt)
+        if restitution is not None:
+            c = bounced(c, gap[p], b[3 * p], velocity(Y, b, after, 3 * p), dt, restitution[p])
+        b[3 * p] = b[3 * p] + c
+        factor_block(B[p], n, C[p], x)
+    for l in range(limits):
+        D[l] = 0.0
+        for i in range(n):
+            D[l] = D[l] + Y[3 * points + l, i] * Z[3 * points + l, i]
+
+    # λ, and w with it
+    for sweep in range(contacts[0].sweeps):
         for l in range(limits):
             k = 3 * points + l
-            wanted = stopping(contacts[1 + points + l], q, dt, velocity(G, b, force, k, k, k + 1))
-            force[k] = wanted * (1.0 / G[k, k])
+            free = velocity(Y, b, after, k) - D[l] * force[k]
+            now = stopping(contacts[1 + points + l], q, dt, free) * (1.0 / D[l])
+            push(Z, k, now - force[k], after)
+            force[k] = now
         for p in range(points):
-            k = 3 * p
-            r = Vec(
-                velocity(G, b, force, k, k, k + 3),
-                velocity(G, b, force, k + 1, k, k + 3),
-                velocity(G, b, force, k + 2, k, k + 3),
-            )
-            solved = point_impulse(G, p, C[p], r, mu[p], Vec(force[k], force[k + 1], force[k + 2]), y, x)
+            k, now = 3 * p, force_of_point(force, p)
+            r = sub(velocity_of_point(Y, b, after, p), times(B[p], now))
+            solved = point_impulse(B[p], C[p], r, mu[p], p, sigma, sweep == 0, x)
+            push(Z, k, solved.x - now.x, after)
+            push(Z, k + 1, solved.y - now.y, after)
+            push(Z, k + 2, solved.z - now.z, after)
             force[k], force[k + 1], force[k + 2] = solved.x, solved.y, solved.z
 
     for p in range(points):
-        k = 3 * p
-        f = Vec(force[k], force[k + 1], force[k + 2])
-        u = Vec(velocity(G, b, force, k, 0, 0), velocity(G, b, force, k + 1, 0, 0), velocity(G, b, force, k + 2, 0, 0))
-        residual[p] = point_residual(G, p, u, mu[p], f)
+        f = force_of_point(force, p)
+        residual[p] = point_residual(B[p], velocity_of_point(Y, b, after, p), mu[p], f)
         f = unrotate(mat3_of(contacts[0].axes), f)
-        impulse[k], impulse[k + 1], impulse[k + 2] = f.x, f.y, f.z
+        impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
     for l in range(limits):
         k = 3 * points + l
-        pushed = G[k, k] * force[k]
-        wanted = stopping(contacts[1 + points + l], q, dt, velocity(G, b, force, k, k, k + 1))
+        pushed = D[l] * force[k]
+        wanted = stopping(contacts[1 + points + l], q, dt, velocity(Y, b, after, k) - pushed)
         residual[points + l] = magnitude(pushed - wanted)
         stop[l] = force[k]
-
-    # v⁺ = v + L⁻¹ D⁻¹ (h L⁻ᵀ (τ - bias) + Yᵀ λ)
-    for i in range(n):
-        s = 0.0
-        for k in range(len(b)):
-            s = s + Y[k, i] * force[k]
-        after[i] = after[i] + s * (1.0 / L[i, i])
     solve_outward(bodies, L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
@@ -217,13 +209,41 @@ def bounced(c: Scalar, gap: Scalar, before: Scalar, free: Scalar, dt: Number, re
 
 
 @inline
-def velocity(G: Matrix, b: Vector, force: Vector, k: int, first: int, end: int) -> Scalar:
-    """b_k + Σ G_kj λ_j over all j that are not first .. end - 1."""
+def velocity(Y: Matrix, b: Vector, w: Vector, k: int) -> Scalar:
+    """b_k + Y_k w."""
     s = b[k]
-    for j in range(len(b)):
-        if j < first or j >= end:
-            s = s + G[k, j] * force[j]
+    for i in range(len(w)):
+        s = s + Y[k, i] * w[i]
     return s
+
+
+@inline
+def velocity_of_point(Y: Matrix, b: Vector, w: Vector, p: int) -> Vec:
+    """The three velocities of a point."""
+    return Vec(velocity(Y, b, w, 3 * p), velocity(Y, b, w, 3 * p + 1), velocity(Y, b, w, 3 * p + 2))
+
+
+@inline
+def force_of_point(force: Vector, p: int) -> Vec:
+    """The three impulses of a point."""
+    return Vec(force[3 * p], force[3 * p + 1], force[3 * p + 2])
+
+
+@inline
+def push(Z: Matrix, k: int, change: Scalar, w: Vector) -> None:
+    """w += D⁻¹ Yᵀ of a change of λ_k."""
+    for i in range(len(w)):
+        w[i] = w[i] + Z[k, i] * change
+
+
+@inline
+def times(B: Matrix, f: Vec) -> Vec:
+    """B (3, 3) times a vector."""
+    return Vec(
+        B[0, 0] * f.x + B[0, 1] * f.y + B[0, 2] * f.z,
+        B[1, 0] * f.x + B[1, 1] * f.y + B[1, 2] * f.z,
+        B[2, 0] * f.x + B[2, 1] * f.y + B[2, 2] * f.z,
+    )
 
 
 @inline
@@ -242,52 +262,48 @@ def stopping(c: Record, q: Config, dt: Number, free: Scalar) -> Scalar:
 
 
 @inline
-def factor_block(G: Matrix, p: int, n: int, C: Matrix, size: Vector, kept: Vector) -> None:
-    """C (3, 3), the factors of a point's own block of G; directions in which it cannot move drop out."""
-    total = G[3 * p, 3 * p] + G[3 * p + 1, 3 * p + 1] + G[3 * p + 2, 3 * p + 2]
+def write_block(Y: Matrix, Z: Matrix, p: int, B: Matrix) -> None:
+    """B (3, 3), a point's own block of G."""
     for i in range(3):
-        size[i] = total
+        for j in range(i + 1):
+            s = 0.0
+            for l in range(Y.shape[1]):
+                s = s + Y[3 * p + i, l] * Z[3 * p + j, l]
+            B[i, j] = s
+            B[j, i] = s
+
+
+@inline
+def factor_block(B: Matrix, n: int, C: Matrix, x: Matrix) -> None:
+    """C (3, 3), the factors of B; directions in which the point cannot move drop out."""
+    for i in range(3):
+        x[0, i] = B[0, 0] + B[1, 1] + B[2, 2]
         for j in range(3):
-            C[i, j] = G[3 * p + i, 3 * p + j]
-    factor_dropping(C, size, DEPENDENT * (n + 3) * EPS, kept)
+            C[i, j] = B[i, j]
+    factor_dropping(C, x[0], DEPENDENT * (n + 3) * EPS, x[1])
 
 
 @inline
-def largest_eigenvalue(G: Matrix, p: int) -> Scalar:
-    """Of the block of G across a point's normal."""
-    half = 0.5 * (G[3 * p + 1, 3 * p + 1] - G[3 * p + 2, 3 * p + 2])
-    across = G[3 * p + 1, 3 * p + 2]
-    return 0.5 * (G[3 * p + 1, 3 * p + 1] + G[3 * p + 2, 3 * p + 2]) + sqrt(half * half + across * across)
+def largest_eigenvalue(B: Matrix) -> Scalar:
+    """Of the block of B across the normal."""
+    half = 0.5 * (B[1, 1] - B[2, 2])
+    return 0.5 * (B[1, 1] + B[2, 2]) + sqrt(half * half + B[1, 2] * B[1, 2])
 
 
 @inline
-def point_impulse(G: Matrix, p: int, C: Matrix, r: Vec, mu: Number, now: Vec, y: Vector, x: Vector) -> Vec:
-    """λ of one point under the velocity r that it has without an impulse of its own.
+def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, p: int, sigma: Vector, first: bool, x: Matrix) -> Vec:
+    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides.
 
-    C    the factors of its block of G
-    now  its impulse so far, from which the direction of sliding is sought
-    y, x are scratch
+    B, C   its block of G, and the factors; x is scratch
+    sigma  (np), written: of ``sliding_impulse``, which starts from that of the sweep before if this is not the first
     """
-    k = 3 * p
-    y[0], y[1], y[2] = -r.x, -r.y, -r.z
-    solve_forward(C, y)
-    solve_backward(C, y, x)
-    stick = Vec(x[0], x[1], x[2])
+    x[0, 0], x[0, 1], x[0, 2] = -r.x, -r.y, -r.z
+    solve_forward(C, x[0])
+    solve_backward(C, x[0], x[1])
+    stick = Vec(x[1, 0], x[1, 1], x[1, 2])
     pressed = mu * select(stick.x, stick.x, 0.0)
     inside = pressed * pressed - (stick.y * stick.y + stick.z * stick.z)
-
-    step = quotient(1.0, largest_eigenvalue(G, p))
-    slide = now
-    for _ in range(TURNS):
-        a = slide.y - step * (r.y + G[k + 1, k] * slide.x + G[k + 1, k + 1] * slide.y + G[k + 1, k + 2] * slide.z)
-        c = slide.z - step * (r.z + G[k + 2, k] * slide.x + G[k + 2, k + 1] * slide.y + G[k + 2, k + 2] * slide.z)
-        s = sqrt(a * a + c * c)
-        least = LEAST * G[k, k] * s
-        resists = G[k, k] * s + mu * (G[k, k + 1] * a + G[k, k + 2] * c)
-        resists = select(resists - least, resists, least)
-        g = -r.x / select(resists, resists, 1.0)
-        slide = Vec(g * s, mu * g * a, mu * g * c)
-
+    slide = sliding_impulse(B, C[0, 0], r, mu, p, sigma, first)
     return Vec(
         select(-r.x, select(inside, stick.x, slide.x), 0.0),
         select(-r.x, select(inside, stick.y, slide.y), 0.0),
@@ -296,14 +312,53 @@ def point_impulse(G: Matrix, p: int, C: Matrix, r: Vec, mu: Number, now: Vec, y:
 
 
 @inline
-def point_residual(G: Matrix, p: int, u: Vec, mu: Number, f: Vec) -> Scalar:
+def sliding_impulse(B: Matrix, each: Scalar, r: Vec, mu: Number, p: int, sigma: Vector, first: bool) -> Vec:
+    """λ of a point that slides: λ_t = μ λ_n d with a unit vector d, u_n = 0 and u_t = -s d with s of 0 or more.
+
+    Its speed s solves |(A + σ 1)⁻¹ a| = 1, where with m = -r_n, β = B_tn / B_nn and s = σ λ_n B_nn / m
+
+        a = r_t + m β,    A = μ (r_t βᵀ + m B_tt / B_nn),    d = -(A + σ 1)⁻¹ a.
+
+    A sweep takes one of Newton's steps on 1/|d|, which is nearly linear in σ; the first starts from the root that a
+    large σ would have, on the left of the largest one. Of the feet of a walking quadruped, 5 sweeps find σ to rounding.
+
+    each  1 / B_nn, 0 of a point that cannot move along its normal
+    """
+    m = select(-r.x, -r.x, 0.0)
+    n1, n2 = B[0, 1] * each, B[0, 2] * each
+    a1, a2 = r.y + m * n1, r.z + m * n2
+    A11, A12 = mu * (r.y * n1 + m * (B[1, 1] * each)), mu * (r.y * n2 + m * (B[1, 2] * each))
+    A21, A22 = mu * (r.z * n1 + m * (B[2, 1] * each)), mu * (r.z * n2 + m * (B[2, 2] * each))
+    trace, det = A11 + A22, A11 * A22 - A12 * A21
+    b1, b2 = A22 * a1 - A12 * a2, A11 * a2 - A21 * a1  # adj(A) a; adj(A + σ 1) a is b + σ a
+    if first:
+        square = a1 * a1 + a2 * a2
+        far = sqrt(square) - trace + (a1 * b1 + a2 * b2) / select(square, square, 1.0)
+        sigma[p] = select(far, far, 0.0)
+    s = sigma[p]
+    d1, d2 = b1 + s * a1, b2 + s * a2
+    square, whole = d1 * d1 + d2 * d2, (s + trace) * s + det
+    slope = (s + trace + s) * square - whole * (d1 * a1 + d2 * a2)
+    change = (whole - sqrt(square)) * square
+    s = s - select(slope, change, 0.0) / select(slope, slope, 1.0)
+    sigma[p] = select(s, s, 0.0)
+    d1, d2 = b1 + sigma[p] * a1, b2 + sigma[p] * a2
+    size = sqrt(d1 * d1 + d2 * d2)
+    resists, least = size - mu * (n1 * d1 + n2 * d2), LEAST * size
+    resists = select(resists - least, resists, least)
+    g = m * each / select(resists, resists, 1.0)
+    return Vec(g * size, -mu * g * d1, -mu * g * d2)
+
+
+@inline
+def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec) -> Scalar:
     """How far λ is from the projection onto the law of what it would be, in units of velocity: 0 if it is met.
 
     u  velocity after the step, along the normal with its target
     """
-    pushed = G[3 * p, 3 * p] * f.x
+    pushed = B[0, 0] * f.x
     normal = magnitude(select(u.x - pushed, pushed, u.x))
-    largest = largest_eigenvalue(G, p)
+    largest = largest_eigenvalue(B)
     a, c = f.y - quotient(u.y, largest), f.z - quotient(u.z, largest)
     s = sqrt(a * a + c * c)
     share = select(s - mu * f.x, mu * f.x / select(s, s, 1.0), 1.0)
@@ -325,7 +380,10 @@ CONTACT_STEP = Spec(
     Argument("result", ("nv+np+np+np+np+np+nl+nl",), "", "v, impulse, gap, stop, residual"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact``",
     pivots=True, regroup=True,
-    scratch=(("nv", "nv"), (_ROWS, "nv"), (_ROWS, _ROWS), (_ROWS,), (_ROWS,), ("np", 3, 3), (3,), (3,), (3,), (3,)),
+    scratch=(
+        ("nv", "nv"), (_ROWS, "nv"), (_ROWS, "nv"), (_ROWS,), (_ROWS,), ("np", 3, 3), ("np", 3, 3), ("nl",), ("np",),
+        (2, 3),
+    ),
     parts=(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL),
 )  # fmt: skip
 CONTACT_GAPS = Spec(
