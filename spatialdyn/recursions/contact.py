@@ -57,8 +57,8 @@ BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower on
 def contact_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Number, contacts: Record,
     mu: Vector, restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector,
-    pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Array, D: Vector,
-    sigma: Vector, x: Matrix,
+    pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Matrix, sigma: Vector,
+    x: Matrix, A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, and what the impulses leave of the law.
 
@@ -71,7 +71,8 @@ def contact_step(
     gap          (np), written: distance of each sphere from the ground before the step, negative in it
     stop         (nl), written: impulse on each joint, positive from its lower limit
     residual     (np + nl), written: by how much each point and joint misses its law [m/s | rad/s]
-    all that follows is scratch: Y and Z = Y D⁻¹ have the rows of b and force, three of a point, its normal first
+    all that follows is scratch: Y and Z = Y D⁻¹ have the rows of b and force, three of a point, its normal first;
+    the last seven are of joints with limits, as in ``lock``
     """
     n, points, limits = len(bodies) - 1, contacts[0].np, contacts[0].nl
     crba(bodies, work, q, L)
@@ -103,28 +104,46 @@ def contact_step(
         if restitution is not None:
             c = bounced(c, gap[p], b[3 * p], velocity(Y, b, after, 3 * p), dt, restitution[p])
         b[3 * p] = b[3 * p] + c
-        factor_block(B[p], n, C[p], x)
+        sigma[p] = 0.0
     for l in range(limits):
-        D[l] = 0.0
-        for i in range(n):
-            D[l] = D[l] + Y[3 * points + l, i] * Z[3 * points + l, i]
+        stopped[l] = 0.0
+        for m in range(limits):
+            A[l, m] = product(Y, Z, 3 * points + l, 3 * points + m)
 
     # λ, and w with it
     for sweep in range(contacts[0].sweeps):
         for l in range(limits):
-            k = 3 * points + l
-            free = velocity(Y, b, after, k) - D[l] * force[k]
-            now = stopping(contacts[1 + points + l], q, dt, free) * (1.0 / D[l])
-            push(Z, k, now - force[k], after)
-            force[k] = now
+            k, row = 3 * points + l, contacts[1 + points + l].row
+            x[0, 0], x[3, 0], x[4, 0] = A[l, l], velocity(Y, b, after, k), force[k]
+            for m in range(limits):
+                e[0, m] = A[l, m]
+            lock(bodies, contacts, row, l, 1, x, Y, b, after, A, a, e, s, g, stopped, bound)
+            free = x[3, 0] - x[0, 0] * force[k]
+            wanted = stopping(contacts[1 + points + l], q, dt, free)
+            force[k] = wanted * (1.0 / x[0, 0])
+            stopped[l] = select(wanted * wanted, 1.0, 0.0)
+            bound[l] = free + wanted
+            x[4, 0] = force[k] - x[4, 0]
+            push(Z, k, x[4, 0], after)
+            release(bodies, contacts, row, l, 1, x, Z, after, force, a, e, s, g)
         for p in range(points):
-            k, now = 3 * p, force_of_point(force, p)
-            r = sub(velocity_of_point(Y, b, after, p), times(B[p], now))
-            solved = point_impulse(B[p], C[p], r, mu[p], p, sigma, sweep == 0, x)
-            push(Z, k, solved.x - now.x, after)
-            push(Z, k + 1, solved.y - now.y, after)
-            push(Z, k + 2, solved.z - now.z, after)
+            k, row, now = 3 * p, contacts[1 + p].row, force_of_point(force, p)
+            u = velocity_of_point(Y, b, after, p)
+            x[3, 0], x[3, 1], x[3, 2] = u.x, u.y, u.z
+            for i in range(3):
+                for j in range(3):
+                    x[i, j] = B[p, i, j]
+                for m in range(limits):
+                    e[i, m] = product(Y, Z, k + i, 3 * points + m) if is_behind(bodies, contacts, m, row) else 0.0
+            lock(bodies, contacts, row, -1, 3, x, Y, b, after, A, a, e, s, g, stopped, bound)
+            r = sub(Vec(x[3, 0], x[3, 1], x[3, 2]), times(x, now))
+            factor_block(x, n, C)
+            solved = point_impulse(x, C, r, mu[p], p, sigma, sweep == 0)
             force[k], force[k + 1], force[k + 2] = solved.x, solved.y, solved.z
+            x[4, 0], x[4, 1], x[4, 2] = solved.x - now.x, solved.y - now.y, solved.z - now.z
+            for i in range(3):
+                push(Z, k + i, x[4, i], after)
+            release(bodies, contacts, row, -1, 3, x, Z, after, force, a, e, s, g)
 
     for p in range(points):
         f = force_of_point(force, p)
@@ -133,7 +152,7 @@ def contact_step(
         impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
     for l in range(limits):
         k = 3 * points + l
-        pushed = D[l] * force[k]
+        pushed = A[l, l] * force[k]
         wanted = stopping(contacts[1 + points + l], q, dt, velocity(Y, b, after, k) - pushed)
         residual[points + l] = magnitude(pushed - wanted)
         stop[l] = force[k]
@@ -262,25 +281,104 @@ def stopping(c: Record, q: Config, dt: Number, free: Scalar) -> Scalar:
 
 
 @inline
+def product(Y: Matrix, Z: Matrix, k: int, l: int) -> Scalar:
+    """G_kl."""
+    s = 0.0
+    for i in range(Y.shape[1]):
+        s = s + Y[k, i] * Z[l, i]
+    return s
+
+
+@inline
 def write_block(Y: Matrix, Z: Matrix, p: int, B: Matrix) -> None:
     """B (3, 3), a point's own block of G."""
     for i in range(3):
         for j in range(i + 1):
-            s = 0.0
-            for l in range(Y.shape[1]):
-                s = s + Y[3 * p + i, l] * Z[3 * p + j, l]
+            s = product(Y, Z, 3 * p + i, 3 * p + j)
             B[i, j] = s
             B[j, i] = s
 
 
 @inline
-def factor_block(B: Matrix, n: int, C: Matrix, x: Matrix) -> None:
-    """C (3, 3), the factors of B; directions in which the point cannot move drop out."""
+def is_behind(bodies: Bodies, contacts: Record, l: int, row: int) -> bool:
+    """Whether joint l carries the body of a row."""
+    at = contacts[1 + contacts[0].np + l].row
+    return at <= row <= bodies[at].last_row
+
+
+@inline
+def lock(
+    bodies: Bodies, contacts: Record, row: int, own: int, count: int, x: Matrix, Y: Matrix, b: Vector, w: Vector,
+    A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector,
+) -> None:  # fmt: skip
+    """Take joints that are stopped, and carry a row's body, out of ``count`` equations there, by Gaussian elimination.
+
+    The ground then feels the whole robot through a leg that is at its limits: in turn with its joints' limits it would
+    feel the leg alone, and hundreds of sweeps would pass the weight on.
+
+    own      the joint whose equation it is, -1 for a point's
+    x        (5, 3), written: the equations' block of G, then in row 3 their velocities
+    A, a     (nl, nl)  G of joints, and its copy, eliminated
+    e        (3, nl)   G of the equations and each joint, eliminated
+    s, g     (nl)      velocities less their bounds, and 1 / pivot, 0 of a joint that is not stopped
+    """
+    points = contacts[0].np
+    for l in range(contacts[0].nl):
+        g[l] = 0.0
+        if l != own and is_behind(bodies, contacts, l, row):
+            s[l] = velocity(Y, b, w, 3 * points + l) - bound[l]
+            for m in range(contacts[0].nl):
+                a[l, m] = A[l, m]
+    for l in range(contacts[0].nl):
+        if l != own and is_behind(bodies, contacts, l, row):
+            g[l] = stopped[l] * (1.0 / a[l, l])
+            for m in range(l + 1, contacts[0].nl):
+                if m != own and is_behind(bodies, contacts, m, row):
+                    share = a[m, l] * g[l]
+                    for j in range(l + 1, m + 1):
+                        if j != own and is_behind(bodies, contacts, j, row):
+                            a[m, j] = a[m, j] - share * a[j, l]
+                            a[j, m] = a[m, j]
+                    s[m] = s[m] - share * s[l]
+                    for i in range(count):
+                        e[i, m] = e[i, m] - share * e[i, l]
+            for i in range(count):
+                share = e[i, l] * g[l]
+                for j in range(count):
+                    x[i, j] = x[i, j] - share * e[j, l]
+                x[3, i] = x[3, i] - share * s[l]
+
+
+@inline
+def release(
+    bodies: Bodies, contacts: Record, row: int, own: int, count: int, x: Matrix, Z: Matrix, w: Vector, force: Vector,
+    a: Matrix, e: Matrix, s: Vector, g: Vector,
+) -> None:  # fmt: skip
+    """The impulses of the joints of ``lock``, after changes of the equations' impulses, in row 4 of x; force and w are
+    written.
+    """
+    points = contacts[0].np
+    for l in range(contacts[0].nl - 1, -1, -1):
+        if l != own and is_behind(bodies, contacts, l, row):
+            y = s[l]
+            for i in range(count):
+                y = y + e[i, l] * x[4, i]
+            for m in range(l + 1, contacts[0].nl):
+                if m != own and is_behind(bodies, contacts, m, row):
+                    y = y + a[m, l] * s[m]
+            s[l] = -g[l] * y  # in place of its velocity: the change of its impulse
+            force[3 * points + l] = force[3 * points + l] + s[l]
+            push(Z, 3 * points + l, s[l], w)
+
+
+@inline
+def factor_block(x: Matrix, n: int, C: Matrix) -> None:
+    """C (3, 3), the factors of the block in x; directions in which the point cannot move drop out."""
     for i in range(3):
-        x[0, i] = B[0, 0] + B[1, 1] + B[2, 2]
+        C[3, i] = x[0, 0] + x[1, 1] + x[2, 2]
         for j in range(3):
-            C[i, j] = B[i, j]
-    factor_dropping(C, x[0], DEPENDENT * (n + 3) * EPS, x[1])
+            C[i, j] = x[i, j]
+    factor_dropping(C[:3], C[3], DEPENDENT * (n + 3) * EPS, C[4])
 
 
 @inline
@@ -291,16 +389,16 @@ def largest_eigenvalue(B: Matrix) -> Scalar:
 
 
 @inline
-def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, p: int, sigma: Vector, first: bool, x: Matrix) -> Vec:
+def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, p: int, sigma: Vector, first: bool) -> Vec:
     """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides.
 
-    B, C   its block of G, and the factors; x is scratch
+    B, C   its block of G, and the factors, of which rows 3 and 4 are scratch
     sigma  (np), written: of ``sliding_impulse``, which starts from that of the sweep before if this is not the first
     """
-    x[0, 0], x[0, 1], x[0, 2] = -r.x, -r.y, -r.z
-    solve_forward(C, x[0])
-    solve_backward(C, x[0], x[1])
-    stick = Vec(x[1, 0], x[1, 1], x[1, 2])
+    C[3, 0], C[3, 1], C[3, 2] = -r.x, -r.y, -r.z
+    solve_forward(C[:3], C[3])
+    solve_backward(C[:3], C[3], C[4])
+    stick = Vec(C[4, 0], C[4, 1], C[4, 2])
     pressed = mu * select(stick.x, stick.x, 0.0)
     inside = pressed * pressed - (stick.y * stick.y + stick.z * stick.z)
     slide = sliding_impulse(B, C[0, 0], r, mu, p, sigma, first)
@@ -381,8 +479,8 @@ CONTACT_STEP = Spec(
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact``",
     pivots=True, regroup=True,
     scratch=(
-        ("nv", "nv"), (_ROWS, "nv"), (_ROWS, "nv"), (_ROWS,), (_ROWS,), ("np", 3, 3), ("np", 3, 3), ("nl",), ("np",),
-        (2, 3),
+        ("nv", "nv"), (_ROWS, "nv"), (_ROWS, "nv"), (_ROWS,), (_ROWS,), ("np", 3, 3), (5, 3), ("np",), (5, 3),
+        ("nl", "nl"), ("nl", "nl"), (3, "nl"), ("nl",), ("nl",), ("nl",), ("nl",),
     ),
     parts=(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL),
 )  # fmt: skip
