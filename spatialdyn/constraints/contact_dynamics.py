@@ -68,8 +68,7 @@ def contact_step(
     h = as_number(dt)
     if not 0.0 < h < math.inf:
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    bounces = contacts.restitution if contacts.restitution.any() else None
-    out = answer(CONTACT_STEP, contacts, (q, v, tau, None, h, contacts.friction, bounces))
+    out = answer(CONTACT_STEP, contacts, (q, v, tau, h, contacts.friction, contacts.restitution))
     n, k, stops = model.nv, len(contacts), int(contacts.table.sizes["nl"])
     ends = np.cumsum([n, 3 * k, k, stops])
     after, impulse, gap, _, residual = np.split(out, ends, axis=-1)

@@ -34,7 +34,7 @@ from .friction import DT
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
+from .spec import TAU, Argument, Q, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # of crba, then of rnea
@@ -55,7 +55,7 @@ BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower on
 
 @inline
 def contact_step(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Number, contacts: Record,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contacts: Record,
     mu: Vector, restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector,
     pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Matrix, sigma: Vector,
     x: Matrix, A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector,
@@ -65,7 +65,7 @@ def contact_step(
     With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change of λ changes w by D⁻¹ Yᵀ of it: G as a
     whole is not needed, only its blocks of single points.
 
-    restitution  (np) may be None, for points that do not bounce
+    mu, restitution  (np)
     after        (nv), written: v⁺
     impulse      (3 np), written: on each point, in the world's axes
     gap          (np), written: distance of each sphere from the ground before the step, negative in it
@@ -77,7 +77,7 @@ def contact_step(
     n, points, limits = len(bodies) - 1, contacts[0].np, contacts[0].nl
     crba(bodies, work, q, L)
     factor_tree(bodies, L)
-    rnea(bodies, work, q, v, None, fext, after)
+    rnea(bodies, work, q, v, None, None, after)
     put_mat3(work[0].R, mat3_of(contacts[0].axes))
     carry_axes(bodies, work)
     write_gaps(bodies, work, contacts, gap)
@@ -100,10 +100,8 @@ def contact_step(
     # blocks of G, and targets in b
     for p in range(points):
         write_block(Y, Z, p, B[p])
-        c = target(gap[p], dt)
-        if restitution is not None:
-            c = bounced(c, gap[p], b[3 * p], velocity(Y, b, after, 3 * p), dt, restitution[p])
-        b[3 * p] = b[3 * p] + c
+        free = velocity(Y, b, after, 3 * p)
+        b[3 * p] = b[3 * p] + target(gap[p], b[3 * p], free, dt, restitution[p])
         sigma[p] = 0.0
     for l in range(limits):
         stopped[l] = 0.0
@@ -212,17 +210,14 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, J: Matrix) -> None:
 
 
 @inline
-def target(gap: Scalar, dt: Number) -> Scalar:
-    """c of a point's normal: u_n + c is 0 where it just reaches the ground, or rises out of it."""
-    return select(gap, gap, RISE * gap) / dt
+def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> Scalar:
+    """c of a point's normal: u_n + c is 0 where it just reaches the ground, or rises out of it, or bounces.
 
-
-@inline
-def bounced(c: Scalar, gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> Scalar:
-    """c of a point that bounces if it reaches the ground within the step, fast enough: it leaves at e times its speed.
+    It bounces if it would reach the ground within the step, fast enough, and leaves at its share of the speed.
 
     before, free  velocities of its normal before the step, and after it without impulses
     """
+    c = select(gap, gap, RISE * gap) / dt
     fast = select(-before - BOUNCING, select(restitution, restitution * before, c), c)
     return select(-(gap / dt + free), fast, c)
 
@@ -467,14 +462,14 @@ def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec) -> Scalar:
 
 CONTACTS_ARGUMENT = Argument("contacts", (), "", "what may touch", static=True, table=CONTACTS, sizes=("np", "nl"))
 MU = Argument("mu", ("np",), "1", "coefficient of friction of each point")
-RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1", optional=True)
+RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1")
 IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world's axes")
 GAP = Argument("gap", ("np",), "m", "distance from the ground before the step, negative in it")
 STOP = Argument("stop", ("nl",), "N m s | N s", "on each joint with limits, positive from the lower one")
 RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "by how much each point and joint misses its law")
 _ROWS = "np+np+np+nl"
 CONTACT_STEP = Spec(
-    "contact_step", contact_step, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, CONTACTS_ARGUMENT, MU, RESTITUTION),
+    "contact_step", contact_step, WORK, (Q, V, TAU, DT, CONTACTS_ARGUMENT, MU, RESTITUTION),
     Argument("result", ("nv+np+np+np+np+np+nl+nl",), "", "v, impulse, gap, stop, residual"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact``",
     pivots=True, regroup=True,

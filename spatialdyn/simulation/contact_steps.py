@@ -79,8 +79,7 @@ class Touching:
     @property
     def asks(self) -> tuple[Argument, ...]:
         """That state, and the inputs that a step takes last, the table first."""
-        bounces = bool(self.contacts.restitution.any())
-        return (self.own, CONTACTS_ARGUMENT, *(MU, RESTITUTION)[: (1 + bounces) * (len(self.contacts) > 0)])
+        return (self.own, CONTACTS_ARGUMENT, *((MU, RESTITUTION) if len(self.contacts) else ()))
 
     @property
     def values(self) -> tuple[Array, ...]:
@@ -177,9 +176,8 @@ def traced_step(own: Argument, rows: Any, given: dict[str, Any], tau: Any) -> tu
     n, sizes = len(v), {"nv": len(v), "np": contacts[0].np, "nl": contacts[0].nl}
     shapes = [shape_in(x.shape, sizes) for x in CONTACT_STEP.parts] + CONTACT_STEP.extra_outputs(sizes)
     made = [np.full(shape, 0.0, object) for shape in shapes]
-    mu = given.get(MU.name, np.zeros(0, object))
-    work = scratch(WORK, n + 1)
-    contact_step(rows, work, q, v, tau, None, given["dt"], contacts, mu, given.get(RESTITUTION.name), *made)
+    mu, restitution = (given.get(x.name, np.zeros(0, object)) for x in (MU, RESTITUTION))
+    contact_step(rows, scratch(WORK, n + 1), q, v, tau, given["dt"], contacts, mu, restitution, *made)
     after, impulse, _, stop, residual = made[:5]
     now, which = residual[0], 0.0
     for k, x in enumerate(residual[1:], 1):
@@ -199,10 +197,8 @@ def by_kernels(found: Touching, own: Array, fext: Array | None, rubs: Rubbing | 
 
     rubs  smooth friction, None for none
     """
-    contacts, loaded = found.contacts, [] if fext is None else [fext]
-    bounces = [contacts.restitution] if contacts.restitution.any() else []
-    present = {*(["fext"] if loaded else []), *([RESTITUTION.name] if bounces else [])}
-    kernel = numba_kernels.sample_kernel(numba_kernels.variant(CONTACT_STEP, present))
+    contacts, model = found.contacts, found.contacts.model
+    kernel = numba_kernels.sample_kernel(CONTACT_STEP)
     table, k, stops = getattr(contacts.table, run.STATIC), len(contacts), contacts.table.sizes["nl"]
     resist = None if rubs is None else smooth_kernel(rubs)
 
@@ -211,7 +207,9 @@ def by_kernels(found: Touching, own: Array, fext: Array | None, rubs: Rubbing | 
         out = np.empty(n + 5 * k + 2 * stops)
         system.torque(system, t, state.q, state.w)
         tau = system.tau if resist is None else system.tau + resist(system.table, state.w)
-        given = (state.q, state.w, tau, *loaded, h, table, contacts.friction, *bounces)
+        if fext is not None:
+            tau = tau + calls["generalized_gravity"](model, state.q) - calls["static_torque"](model, state.q, fext)
+        given = (state.q, state.w, tau, h, table, contacts.friction, contacts.restitution)
         set_status(system, kernel(system.table, *given, out), t)
         after, impulse, _, stop, residual = np.split(out, np.cumsum([n, 3 * k, k, stops]))
         state.w[:] = after

@@ -15,7 +15,6 @@ from trees import random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines import run
-from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs import recording
 from spatialdyn.recursions.contact import CONTACT_GAPS, CONTACT_STEP
 
@@ -274,7 +273,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     contacts = sd.Contacts(model, feet, friction=0.5, restitution=0.3, limits=True)
     q, v, tau = states(model, contacts, 12, 7)
     rest = (np.full((1, 1), DT), contacts.friction[None], contacts.restitution[None])
-    spec = variant(CONTACT_STEP, {"restitution"})
+    spec = CONTACT_STEP
     width = model.nv + 5 * len(contacts) + 2 * int(contacts.table.sizes["nl"])
     program, kernel = np.empty((12, width)), np.empty((12, width))
     for made, function in ((program, run.batch), (kernel, run.run_table_kernel)):
@@ -285,7 +284,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     python = np.empty(width)
     sizes = {"nv": model.nv, **contacts.table.sizes}
     scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
-    given = (q[3], v[3], tau[3], None, DT, contacts.table.rows, contacts.friction, contacts.restitution)
+    given = (q[3], v[3], tau[3], DT, contacts.table.rows, contacts.friction, contacts.restitution)
     work = np.zeros(model.nv + 1, spec.work)
     spec.recursion(model.bodies, work, *given, *spec.split(python, sizes), *scratch)
     np.testing.assert_allclose(python, program[3], rtol=0.0, atol=1e4 * SAME)
@@ -323,11 +322,8 @@ def test_every_part_of_the_contacts_is_in_the_key_of_its_program() -> None:
         step = sd.contact_step(model, contacts, q[0], v[0], tau[0], DT)
         found.append(tuple(np.round(step.v, 12)))
         kernel = np.empty((1, model.nv + 5 * len(contacts) + 2 * int(contacts.table.sizes["nl"])))
-        bounces = {"restitution"} if contacts.restitution.any() else set()
         given = [q, v, tau, np.full((1, 1), DT), contacts.friction[None], contacts.restitution[None]]
-        run.run_table_kernel(
-            variant(CONTACT_STEP, bounces), model, given[: 5 + len(bounces)], (contacts.table,), kernel
-        )
+        run.run_table_kernel(CONTACT_STEP, model, given, (contacts.table,), kernel)
         np.testing.assert_allclose(step.v, kernel[0, : model.nv], rtol=0.0, atol=1e-9)
     assert len(set(found)) >= 7  # limits alone may not act here
 
@@ -340,7 +336,7 @@ def test_a_program_does_not_move_the_bodies_on_which_points_are_given(monkeypatc
     wanted = sd.contact_step(model, contacts, q[0], v[0], tau[0], DT)
     moved: list[int] = []
     monkeypatch.setattr(recording, "move_origins", lambda rows: moved.append(len(rows)))
-    recording.record((variant(CONTACT_STEP, set()), CONTACT_GAPS), model.bodies, (contacts.table, contacts.table))
+    recording.record((CONTACT_STEP, CONTACT_GAPS), model.bodies, (contacts.table, contacts.table))
     assert not moved
     assert off_the_law(contacts, q[0], v[0], tau[0], DT, wanted) <= 1e-4
 
