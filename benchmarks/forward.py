@@ -287,6 +287,7 @@ def costs(rounds: int, samples: int = 4096) -> dict[str, dict[str, float]]:
     chain = shapes(WITH_LAST, np.random.default_rng(0))
     model = ours(chain)
     s = state(model, np.random.default_rng(0))
+    sd.compile(model, ("aba", "aba_refined", "crba_solve"))  # else what is timed may be interpreted
     runs = {name: (lambda run=run: run(s.q, s.v, s.tau)) for name, run in ways(chain, model).items()}
     runs[EXTENDED] = lambda: sd.forward_dynamics(model, s.q, s.v, s.tau, method=EXTENDED)
     call = {name: 1e6 * t for name, t in interleaved(runs, rounds, 0.02).items()}
@@ -299,6 +300,7 @@ def costs(rounds: int, samples: int = 4096) -> dict[str, dict[str, float]]:
 def batch(model: sd.Model, rounds: int, samples: int) -> dict[str, float]:
     """Nanoseconds per sample of a batch on one thread, of every method."""
     q, v, tau = np.random.default_rng(0).normal(size=(3, samples, model.nv))
+    sd.compile(model, ("aba", "aba_refined", "crba_solve"))
     runs = {method: (lambda method=method: sd.forward_dynamics(model, q, v, tau, method=method)) for method in EVERY}
     sd.set_num_threads(1)
     return {name: 1e9 * t / samples for name, t in interleaved(runs, rounds, 0.05).items()}

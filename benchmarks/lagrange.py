@@ -72,6 +72,7 @@ def coriolis(robot: Case, rounds: int, seconds: float) -> dict[str, Any]:
     q, v = robot.state["q"], robot.state["v"]
     out = np.empty((len(q), model.nv, model.nv))
     part = list(zip(q[:256], v[:256], strict=True))
+    sd.compile(model, (sd.coriolis_matrix, sd.christoffel_symbols, sd.mass_matrix_derivatives))  # else interpreted
 
     def loop() -> None:
         for x, y in part:
@@ -106,6 +107,7 @@ def derivatives(robot: Case, call: str, rounds: int, seconds: float) -> dict[str
     given = [robot.state[letter] for letter in letters]
     one, out = [x[0] for x in given], aligned((len(given[0]), 3, model.nv, model.nv))
     part = list(zip(*(x[:256] for x in given), strict=True))
+    sd.compile(model, (function,))  # else what is timed may be interpreted
 
     def loop() -> None:
         for x in part:

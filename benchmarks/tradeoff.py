@@ -298,8 +298,8 @@ def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> flo
 
 # --- figures ------------------------------------------------------------------------------------------------
 
-NAMES = ("aba", "crba_solve", "aba_refined", "aba_square_root", *METHODS)
-COLOURS = dict(zip(NAMES, figures.COLOURS, strict=True))
+WAYS = ("aba", "crba_solve", "aba_refined", "aba_square_root", "extended")
+COLOURS = {**dict(zip((*WAYS[:4], *METHODS), figures.COLOURS, strict=True)), "extended": "black"}
 MARKS = {"lanes float32": "v", "lanes float64": "o", "untraced float64": "s"}
 SYMBOLS = dict(zip(METHODS, "osD^vPX*", strict=True))
 FLOOR = 1e-17
@@ -354,7 +354,7 @@ def legends(figure: Any, kind: str) -> None:
     front = Line2D([], [], ls=(0, (1, 1.5)), lw=2, color=figures.FAINT, label="front")
     if kind == "ways":
         made = [Line2D([], [], marker=m, ls="", color="0.4", label=name) for name, m in MARKS.items()]
-        made += [Line2D([], [], marker="o", ls="", color=COLOURS[name], label=name) for name in NAMES[:4]]
+        made += [Line2D([], [], marker="o", ls="", color=COLOURS[name], label=name) for name in WAYS]
         made.append(front)
     else:
         made = [

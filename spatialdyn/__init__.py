@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
     from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
     from .constraints.contact_points import Contacts, Plane
+    from .constraints.derivatives import ConstrainedDerivatives, constrained_dynamics_derivatives
     from .constraints.dynamics import (
         ConstrainedImpact,
         ConstrainedMotion,
@@ -100,20 +101,20 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError",
-    "Constraints", "ContactRecord", "ContactStep", "Contacts", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
-    "Exact", "Finding", "Frame", "Friction", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint",
-    "Recommendation", "Robot", "RollingConstraint", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt",
-    "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError",
-    "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation", "close_loops", "compare_with_pinocchio",
-    "compile", "conserved_quantities", "constrained_dynamics", "constraint_drift", "constraint_error",
-    "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "exact", "forward_dynamics",
-    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
-    "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
-    "specialize", "step", "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
+    "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts",
+    "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame", "Friction", "HingeConstraint",
+    "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor", "NonFiniteError",
+    "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout", "ShapeError",
+    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff",
+    "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation", "close_loops",
+    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
+    "contact_step", "delassus", "diagnose", "exact", "forward_dynamics", "friction_torque", "from_drake", "from_mujoco",
+    "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators",
+    "kernels", "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity",
+    "random_configuration", "recommend", "rollout", "simplify", "simulate", "specialize", "step", "to_drake",
+    "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -127,6 +128,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
     "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",
     "constraints.contact_points": "Contacts Plane",
+    "constraints.derivatives": "ConstrainedDerivatives constrained_dynamics_derivatives",
     "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
     "delassus",
     "constraints.kinds": "CouplerConstraint DistanceConstraint HingeConstraint PointConstraint RollingConstraint "

@@ -42,9 +42,9 @@ def forward_dynamics(
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
             "aba"          aba              1     1      1e-15    1e-13    1e-10    1e-7     1e-4
             "crba"         crba_solve       1     0.8    1e-15    1e-12    1e-9     1e-6     1e-3
-            "refined"      aba_refined      1.5   1.7    1e-15    1e-15    2e-15    3e-15    2e-13
-            "square_root"  aba_square_root  3.5   120    1e-15    1e-15    2e-15    3e-15    2e-15
-            "extended"                      160   7      1e-16    1e-16    1e-16    1e-16    1e-16
+            "refined"      aba_refined      1.2   1.7    1e-15    1e-15    2e-15    3e-15    2e-13
+            "square_root"  aba_square_root  60    120    1e-15    1e-15    2e-15    3e-15    2e-15
+            "extended"                      400   7      1e-16    1e-16    1e-16    1e-16    1e-16
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
 
             The same for parallel axes oblique to their frames, which are parallel to rounding only:

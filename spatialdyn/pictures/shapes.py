@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SpatialDynError, UrdfError
-from ..urdf.load import read_source
+from ..urdf.sources import read_source
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float, float]  # red, green, blue, opacity, each from 0 to 1

@@ -1,19 +1,16 @@
 """From a URDF to a checked Robot.
 
-A source becomes bytes (``robot_files`` finds robots by name). The strict reader of its XML (``strict_xml``) raises for
-what is broken and returns only what dynamics needs: a description, of the same attributes as yourdfpy's. Either becomes
-a ``Robot``, whose ``notes`` list what is odd but valid.
+The bytes of a source (``sources``) go to the strict reader of XML (``strict_xml``), which raises for what is broken and
+returns only what dynamics needs: a description, of the same attributes as yourdfpy's. Either becomes a ``Robot``, whose
+``notes`` list what is odd but valid.
 """
 
 from __future__ import annotations
 
 import math
-import os
-import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -40,16 +37,15 @@ from ..model.robot import (
     rpy_of,
 )
 from .robot_files import example_robots, find_robot, robot_names
+from .sources import bytes_of, file_of, is_yourdfpy
 from .strict_xml import (
     LIMITED,
     RIGHT,
-    SIZE_LIMIT,
     URDF_KINDS,
     Part,
     StrictReader,
     angle_notes,
     off_right,
-    sane_text,
     snapped,
 )
 
@@ -59,7 +55,6 @@ Array = NDArray[np.float64]
 Made = TypeVar("Made")
 Where = Callable[[str, str], str]  # ("link" | "joint", name) -> file and line, a prefix of messages
 
-LONGEST_NAME = 4096  # characters of a path
 UNTURNED = np.eye(3)
 
 
@@ -113,10 +108,10 @@ def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tup
     real = isinstance(snap, (int, float, np.integer, np.floating))
     if snap is not None and not (real and 0.0 <= snap < 0.5 * RIGHT):
         raise UrdfError(f"snap is {snap!r}, expected an angle from 0 to pi/4, or None")
-    if _is_yourdfpy(source):
+    if is_yourdfpy(source):
         robot = _robot(source.robot, nowhere, [], snap)
         return check_inertias(robot, inertia, stacklevel=stacklevel), nowhere
-    label, data = _bytes_of(source)
+    label, data = bytes_of(source)
     reader = StrictReader(label, snap)
     robot = _robot(_description(reader.read(data)), reader.where, reader.notes, None)
     robot = replace(robot, source=file_of(source))
@@ -134,87 +129,6 @@ def _check_leaders(robot: Robot, where: Where) -> None:
                 f'{where("joint", joint.name)}<mimic joint="{joint.mimic.leader}"> of joint "{joint.name}" '
                 f'names no joint of robot "{robot.name}", expected one'
             )
-
-
-# --- sources -----------------------------------------------------------------------------------------------
-
-
-def _is_yourdfpy(source: Any) -> bool:
-    """Whether the source is a yourdfpy.URDF, without importing yourdfpy: if it is one, that is imported."""
-    module = sys.modules.get("yourdfpy")
-    return module is not None and isinstance(source, module.URDF)
-
-
-def file_of(source: Any) -> str:
-    """The absolute path of the file that a source of ``load_urdf`` is; empty for text, streams and a yourdfpy.URDF."""
-    if isinstance(source, str) and not source.lstrip("\ufeff \t\r\n").startswith("<"):
-        return os.path.abspath(_path_of(source))
-    name = os.fsdecode(source) if isinstance(source, os.PathLike) else getattr(source, "name", None)
-    return os.path.abspath(name) if isinstance(name, str) and os.path.isfile(name) else ""
-
-
-def read_source(source: Any) -> tuple[str, bytes]:
-    """``file_of`` a source of ``load_urdf``, and its text, unchecked. Raises UrdfError if it cannot be read."""
-    return file_of(source), _bytes_of(source)[1]
-
-
-def _bytes_of(source: Any) -> tuple[str, bytes]:
-    """A name for messages, and the XML in UTF-8 or its declared encoding. Raises UrdfError."""
-    if isinstance(source, (bytes, bytearray)):
-        return sane_text("<text>", bytes(source))
-    if isinstance(source, str):
-        if source.lstrip("\ufeff \t\r\n").startswith("<"):
-            return sane_text("<text>", source)
-        return read_path(_path_of(source))
-    if isinstance(source, os.PathLike):
-        return read_path(source)
-    if hasattr(source, "read"):
-        name = getattr(source, "name", None)
-        label = os.path.basename(name) if isinstance(name, str) else "<file>"
-        try:
-            return sane_text(label, source.read(SIZE_LIMIT + 1))
-        except UnicodeDecodeError as error:
-            raise UrdfError(f"{label}: is no text ({error.reason}), expected a <robot> element") from None
-    raise UrdfError(
-        f"source is of type {type(source).__name__}, expected a path, URDF text, an open file, a yourdfpy.URDF "
-        "or the name of a robot"
-    )
-
-
-def read_path(path: str | os.PathLike[str], what: str = "a URDF file") -> tuple[str, bytes]:
-    """The name and text of a URDF or SRDF file. Raises UrdfError."""
-    path = Path(os.fsdecode(path))
-    if os.path.isdir(path):
-        raise UrdfError(f"{path} is a directory, expected {what}")
-    try:
-        size = path.stat().st_size
-        if size > SIZE_LIMIT:
-            raise UrdfError(f"{path.name}: has {size} bytes, expected at most {SIZE_LIMIT}")
-        with path.open("rb") as file:
-            return sane_text(path.name, file.read(SIZE_LIMIT + 1))
-    except FileNotFoundError:
-        raise UrdfError(f"{path}: no such file, expected {what}") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, UrdfError):
-            raise
-        raise UrdfError(f"{path}: cannot be read ({error}), expected {what}") from error
-
-
-def _path_of(source: str) -> Path:
-    """The path that a string names: a file, else a robot's file, else the string itself."""
-    path = Path(source)
-    if len(source) > LONGEST_NAME:
-        raise UrdfError(
-            f"source is {source[:40]!r}... of {len(source)} characters, expected URDF text, a path or a name"
-        )
-    if os.path.isfile(source) or path.suffix in (".urdf", ".xml", ".xacro") or path.is_absolute():
-        return path
-    try:
-        return find_robot(source)
-    except UrdfError:
-        if source and os.path.isdir(source):
-            return path
-        raise
 
 
 # --- what was read, as yourdfpy describes it ---------------------------------------------------------------

@@ -10,6 +10,7 @@ import dense
 import mpmath
 import numpy as np
 import pytest
+from slow import slow_but
 from trees import SCREWS, random_state, random_tree
 
 import spatialdyn as sd
@@ -286,7 +287,9 @@ def test_symbols_of_a_screw_are_the_textbooks() -> None:
 
 
 @COMPILED
-@pytest.mark.parametrize("method", ["rk4", "variational", "gauss4", "stormer_verlet", "implicit_midpoint"])
+@pytest.mark.parametrize(
+    "method", slow_but(["rk4", "gauss4"], ["rk4", "variational", "gauss4", "stormer_verlet", "implicit_midpoint"])
+)
 def test_every_family_of_integrators_keeps_a_screws_energy(method: str) -> None:
     """The nut falls along its thread at a constant acceleration: q = q0 + a t²/2."""
     J, m, p = 0.7, 2.0, 0.3

@@ -40,7 +40,12 @@ ROOTS = ("fixed", "floating")
 ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots())}
 RECORDED = 14  # freedoms: larger robots by the table kernel, which programs of every robot are held to elsewhere
 REFUSED = "ur3"  # its <robot> has no name
-LONG = {"tiago_dual", "romeo"}  # ten times as long as the others; "tiago" and "romeo_laas_small" are their like
+LIKE = {  # robots whose like is tried at once
+    "tiago_dual", "romeo", "go1", "go2", "b1", "a1", "laikago", "anymal_b_simple_description/anymal", "tiago_no_hand",
+    "hextilt_flying_arm_5", "alexander_v1.lowerBodyOnly", "so101", "xarm7", "ur3_robot", "ur3_gripper", "ur5_gripper",
+    "ur10_robot", "ur3_joint_limited_robot", "ur5_joint_limited_robot", "ur10_joint_limited_robot", "panda_collision",
+    "double_pendulum_simple", "solo12", "quadruped", "talos_left_arm",
+}  # fmt: skip
 FEW, MANY = (4, 20) if not numba_kernels.PLAIN else (1, 1)  # states of a robot
 FREEDOMS = math.inf if not numba_kernels.PLAIN else 9  # of a robot that plain Python gets through in some seconds
 BOUND_MIMIC = 1e-12  # scaled: both sides are our own sums, in another order
@@ -69,7 +74,7 @@ def test_ur3_is_refused_here_and_by_pinocchio() -> None:
 
 
 @pytest.mark.parametrize("root", ROOTS)
-@pytest.mark.parametrize("name", slow_but({*ROBOTS} - LONG, [name for name in ROBOTS if name != REFUSED]))
+@pytest.mark.parametrize("name", slow_but({*ROBOTS} - LIKE, [name for name in ROBOTS if name != REFUSED]))
 def test_every_call_equals_pinocchio(name: str, root: str) -> None:
     hold_every_call(name, root, FEW)
 

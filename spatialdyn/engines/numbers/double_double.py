@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from ...algebra.scalars import inline
 from ...errors import SpatialDynError
 from ..compiled import numba_kernels
+from ..programs.constants import SPLITTER
 from ..programs.operations import CONST, FORMS, INPUT, name_of, operands, signed
 from ..programs.program import Program
 from ..programs.tracer import Tape, table
@@ -33,7 +34,6 @@ from ..programs.tracer import Tape, table
 Array = NDArray[np.float64]
 
 EPS = 2.0**-104  # an operation is off by a few of these at most, sin and cos by twice that
-SPLITTER = 134217729.0  # 2^27 + 1
 
 
 # --- numbers of two floats ----------------------------------------------------------------------------------

@@ -18,11 +18,10 @@ from functools import cached_property
 from typing import Any
 
 from ...errors import SpatialDynError
+from .constants import SPLITTER
 from .operations import ADD, CONST, COS, FMS, FORMS, INPUT, MUL, SIN, SUB, Operation, name_of, signed
 from .program import Program
 from .tracer import Number, Tape
-
-SPLITTER = 134217729.0  # 2^27 + 1
 
 Pair = tuple[Any, Any]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import UrdfError
-from ....urdf.load import read_path
+from ....urdf.sources import read_path
 from ..types.arguments import ArgumentError, described, expected
 from .joint import JointModel
 from .model import Model
