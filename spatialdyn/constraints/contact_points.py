@@ -138,8 +138,7 @@ class Contacts:
 
     def with_limits(self) -> Contacts:
         """These contacts, and the joints' position limits."""
-        given = (dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution))
-        return Contacts(self.model, *given, self.terrain, self.sweeps, True)
+        return Contacts(*self._given(), limits=True)
 
     @property
     def stops(self) -> tuple[str, ...]:
@@ -173,8 +172,14 @@ class Contacts:
         return hash((self.model, self._content()))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        given = [dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)]
-        return Contacts, (self.model, *given, self.terrain, self.sweeps, self.limits)
+        return Contacts, (*self._given(), self.limits)
+
+    def _given(self) -> tuple[Any, Any, Any, Any, Plane, int]:
+        """What makes contacts like these, but for limits."""
+        radii, friction, restitution = (
+            dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)
+        )
+        return self.model, radii, friction, restitution, self.terrain, self.sweeps
 
     def __repr__(self) -> str:
         stops = ", joint limits" if self.limits else ""

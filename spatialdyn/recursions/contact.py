@@ -298,7 +298,8 @@ def write_block(Y: Matrix, Z: Matrix, p: int, B: Matrix) -> None:
 def is_behind(bodies: Bodies, contacts: Record, l: int, row: int) -> bool:
     """Whether joint l carries the body of a row."""
     at = contacts[1 + contacts[0].np + l].row
-    return at <= row <= bodies[at].last_row
+    carries: bool = at <= row <= bodies[at].last_row
+    return carries
 
 
 @inline

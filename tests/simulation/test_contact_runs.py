@@ -409,7 +409,7 @@ def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monke
     model, contacts, q0 = robot
     rough = sd.Contacts(model, dict.fromkeys(contacts.names, 0.02), sweeps=1)
     v0 = np.zeros((2, 18))
-    v0[0, :6], v0[1, :6] = 0.5, 1.0
+    v0[:, 2], v0[:, 3] = -0.5, [0.5, 1.0]
     monkeypatch.setattr(contact_steps, "UNSOLVED", 1e-12)
     kept: dict[str, Any] = dict(dt=DT, steps=30, contacts=rough)
     words = r'point ".h_foot" misses its law by \S+ m/s in the step from t = \S+ s, expected at most 1e-12'
