@@ -77,14 +77,14 @@ class Touching:
         return int(shape_in(self.own.shape, self.contacts.table.sizes)[0])
 
     @property
-    def asks(self) -> tuple[Argument, ...]:
+    def arguments(self) -> tuple[Argument, ...]:
         """That state, and the inputs that a step takes last, the table first."""
         return (self.own, CONTACTS_ARGUMENT, *((MU, RESTITUTION) if len(self.contacts) else ()))
 
     @property
     def values(self) -> tuple[Array, ...]:
         """(np,) of the inputs that are no table."""
-        return (self.contacts.friction, self.contacts.restitution)[: len(self.asks) - 2]
+        return (self.contacts.friction, self.contacts.restitution)[: len(self.arguments) - 2]
 
     def record(self, q: Array, own: Array) -> ContactRecord:
         """What was recorded: positions (..., nq), and the state of its own (..., width)."""

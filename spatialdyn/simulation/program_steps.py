@@ -59,7 +59,7 @@ def program(
     way, coefficients = (found.way, found.inputs) if found else (None, ())
     if touch is not None:
         static = (touch.contacts.table,)
-    kernel = _kernel(model, method, equations, static, way, coefficients, () if touch is None else touch.asks)
+    kernel = _kernel(model, method, equations, static, way, coefficients, () if touch is None else touch.arguments)
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows

@@ -220,7 +220,7 @@ def rollout(
     touch = touching(model, contacts, limits, record_contacts, method, states[0], found, held)
     check_few(touch)
     if touch is not None:
-        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.asks[2:], touch.values, strict=True)}
+        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.arguments[2:], touch.values, strict=True)}
         states.append(np.zeros((B, touch.width)))
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
@@ -377,8 +377,8 @@ def _run(
     touch: Touching | None = None,
 ) -> None:
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
-    asks, static = (touch.asks, (touch.contacts.table,)) if touch is not None else ((), static)
-    kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())), asks)
+    extra, static = (touch.arguments, (touch.contacts.table,)) if touch is not None else ((), static)
+    kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())), extra)
     specs, given = step_specs(*kind), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
