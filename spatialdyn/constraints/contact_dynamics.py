@@ -70,8 +70,8 @@ def contact_step(
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     out = answer(CONTACT_STEP, contacts, (q, v, tau, h, contacts.friction, contacts.restitution))
     n, k, stops = model.nv, len(contacts), int(contacts.table.sizes["nl"])
-    ends = np.cumsum([n, 3 * k, k, stops])
-    after, impulse, gap, _, residual = np.split(out, ends, axis=-1)
+    ends = np.cumsum([n, 3 * k, k, stops, k + stops])
+    after, impulse, gap, _, residual, _ = np.split(out, ends, axis=-1)
     moved = calls["integrate"](model, q, h * after)
     worst = residual.max(axis=-1, initial=0.0)
     return ContactStep(

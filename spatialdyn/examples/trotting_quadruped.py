@@ -37,7 +37,7 @@ def main(save: str | None = None, quick: bool = False) -> dict[str, np.ndarray]:
     steps = round((4 if quick else 12) * PERIOD / DT)
     q_ref = references(model, steps)
     kp, kd = np.r_[np.zeros(6), np.full(12, 8.0)], np.r_[np.zeros(6), np.full(12, 0.2)]
-    mus, runs = (0.8, 0.4, 0.2, 0.05), []
+    mus, runs, records = (0.8, 0.4, 0.2, 0.05), [], []
     weight = sd.total_mass(model) * 9.81
     print("  μ   way in x [m]   mean load / weight   feet down   residual 95 % [m/s]")
     for mu in mus:
@@ -49,11 +49,12 @@ def main(save: str | None = None, quick: bool = False) -> dict[str, np.ndarray]:
         )
         assert run.contacts is not None
         runs.append(run)
+        records.append(run.contacts)
         force, last = run.contacts.impulse / DT, round(2 * PERIOD / DT)  # of two strides
         load, down = force[-last:, :, 2].sum(axis=1).mean() / weight, (force[-last:, :, 2] > 0.0).mean()
         residual = np.percentile(run.contacts.residual, 95)
         print(f"{mu:4.2f} {run.q[-1, 0]:14.3f} {load:20.4f} {4 * down:11.2f} {residual:21.1e}")
-    forces = np.array([run.contacts.impulse / DT for run in runs])
+    forces = np.array([record.impulse / DT for record in records])
     if save:
         figure, axes = picture(2, width=11.0)
         seen = slice(-round(2 * PERIOD / DT), None)
@@ -66,9 +67,9 @@ def main(save: str | None = None, quick: bool = False) -> dict[str, np.ndarray]:
         for one in axes:
             one.legend()
         write(figure, save)
-    kept = {"x": [r.q[:, 0] for r in runs], "z": [r.q[:, 2] for r in runs], "force": list(forces)}
-    kept |= {"residual": [r.contacts.residual for r in runs], "mu": mus, "weight": weight}
-    return {name: np.array(x) for name, x in kept.items()}
+    kept = {"x": np.array([r.q[:, 0] for r in runs]), "z": np.array([r.q[:, 2] for r in runs]), "force": forces}
+    residuals = np.array([record.residual for record in records])
+    return {**kept, "residual": residuals, "mu": np.array(mus), "weight": np.array(weight)}
 
 
 if __name__ == "__main__":

@@ -55,10 +55,10 @@ BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower on
 
 @inline
 def contact_step(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contacts: Record,
-    mu: Vector, restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contacts: Record, mu: Vector,
+    restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector, energy: Vector,
     pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Matrix, sigma: Vector,
-    x: Matrix, A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector,
+    x: Matrix, A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector, before: Vector,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, and what the impulses leave of the law.
 
@@ -71,8 +71,9 @@ def contact_step(
     gap          (np), written: distance of each sphere from the ground before the step, negative in it
     stop         (nl), written: impulse on each joint, positive from its lower limit
     residual     (np + nl), written: by how much each point and joint misses its law [m/s | rad/s]
+    energy       (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
     all that follows is scratch: Y and Z = Y D⁻¹ have the rows of b and force, three of a point, its normal first;
-    the last seven are of joints with limits, as in ``lock``
+    seven are of joints with limits, as in ``lock``; before has the rows' velocities at the beginning
     """
     n, points, limits = len(bodies) - 1, contacts[0].np, contacts[0].nl
     crba(bodies, work, q, L)
@@ -92,6 +93,7 @@ def contact_step(
         b[k] = 0.0
         for i in range(n):
             b[k] = b[k] + Y[k, i] * v[i]
+        before[k] = b[k]
         force[k] = 0.0
         solve_inward(bodies, L, Y[k])
         for i in range(n):
@@ -146,6 +148,9 @@ def contact_step(
     for p in range(points):
         f = force_of_point(force, p)
         residual[p] = point_residual(B[p], velocity_of_point(Y, b, after, p), mu[p], f)
+        energy[p] = 0.0
+        for k in range(3 * p, 3 * p + 3):
+            energy[p] = energy[p] + 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
         f = unrotate(mat3_of(contacts[0].axes), f)
         impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
     for l in range(limits):
@@ -154,6 +159,7 @@ def contact_step(
         wanted = stopping(contacts[1 + points + l], q, dt, velocity(Y, b, after, k) - pushed)
         residual[points + l] = magnitude(pushed - wanted)
         stop[l] = force[k]
+        energy[points + l] = 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
     solve_outward(bodies, L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
@@ -468,17 +474,18 @@ IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world
 GAP = Argument("gap", ("np",), "m", "distance from the ground before the step, negative in it")
 STOP = Argument("stop", ("nl",), "N m s | N s", "on each joint with limits, positive from the lower one")
 RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "by how much each point and joint misses its law")
+ENERGY = Argument("energy", ("np+nl",), "J", "work of the impulses of each point and joint")
 _ROWS = "np+np+np+nl"
 CONTACT_STEP = Spec(
     "contact_step", contact_step, WORK, (Q, V, TAU, DT, CONTACTS_ARGUMENT, MU, RESTITUTION),
-    Argument("result", ("nv+np+np+np+np+np+nl+nl",), "", "v, impulse, gap, stop, residual"),
+    Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact``",
     pivots=True, regroup=True,
     scratch=(
         ("nv", "nv"), (_ROWS, "nv"), (_ROWS, "nv"), (_ROWS,), (_ROWS,), ("np", 3, 3), (5, 3), ("np",), (5, 3),
-        ("nl", "nl"), ("nl", "nl"), (3, "nl"), ("nl",), ("nl",), ("nl",), ("nl",),
+        ("nl", "nl"), ("nl", "nl"), (3, "nl"), ("nl",), ("nl",), ("nl",), ("nl",), (_ROWS,),
     ),
-    parts=(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL),
+    parts=(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL, ENERGY),
 )  # fmt: skip
 CONTACT_GAPS = Spec(
     "contact_gaps", contact_gaps, PLACES, (Q, CONTACTS_ARGUMENT),

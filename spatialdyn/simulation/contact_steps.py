@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,8 @@ from ..errors import ModelError, SimulationError
 from ..model.model import Model
 from ..recursions.contact import CONTACT_STEP, CONTACTS_ARGUMENT, MU, RESTITUTION, WORK, contact_step
 from ..recursions.spec import Argument, shape_in
-from . import explicit
+from . import explicit, ledger
+from .contact_record import ContactRecord
 from .friction_steps import SMOOTH, STEPPED, Rubbing, smooth_kernel
 from .system import State, System, set_status
 
@@ -36,23 +37,10 @@ START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond 
 UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
 WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
 
-SOLVED = Argument("contact_residual", (WORST,), "", "residual now, the largest so far, its point, its step, the step")
-RECORDED = Argument("contact_record", (f"{WORST}+np+np+np+nl",), "", "the same, then impulses, of points and joints")
-
-
-class ContactRecord(NamedTuple):
-    """Contacts at the recorded times, (N, ...) of a simulation, (B, T, ...) of a rollout.
-
-    impulse   (..., k, 3)  of the step that ends there, on each of the k points, in the world's axes [N s]
-    gap       (..., k)     distance of each sphere from the ground, negative in it [m]
-    residual  (...)        by how much the impulses of that step miss Coulomb's law at worst [m/s]
-    stop      (..., nv)    impulse of joint limits in that step, positive from the lower one [N m s | N s]
-    """
-
-    impulse: Array
-    gap: Array
-    residual: Array
-    stop: Array
+SOLVED = Argument(
+    "contact_residual", (WORST,), "", "residual now, largest so far, its point, its step, step", start=0.0
+)
+RECORDED = Argument("contact_record", (f"{WORST}+np+np+np+nl",), "", "the same, and impulses", start=0.0)
 
 
 @dataclass(frozen=True)
@@ -170,15 +158,19 @@ def unsolved(found: Touching, own: Array, dt: float) -> str:
 # --- a step, traced -------------------------------------------------------------------------------------
 
 
-def traced_step(own: Argument, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, Any]:
-    """The velocities after a step, and the state of its own, of ``given`` inputs by name."""
+def traced_step(own: Argument, rows: Any, given: dict[str, Any], tau: Any, rubbed: Any) -> tuple[Any, Any, Any]:
+    """The velocities after a step, states after it by name, forces that do work; of ``given`` inputs by name.
+
+    rubbed  torques of smooth friction, None for none
+    """
     q, v, contacts, before = given["q"], given["v"], given[CONTACTS_ARGUMENT.name], given[own.name]
     n, sizes = len(v), {"nv": len(v), "np": contacts[0].np, "nl": contacts[0].nl}
     shapes = [shape_in(x.shape, sizes) for x in CONTACT_STEP.parts] + CONTACT_STEP.extra_outputs(sizes)
     made = [np.full(shape, 0.0, object) for shape in shapes]
     mu, restitution = (given.get(x.name, np.zeros(0, object)) for x in (MU, RESTITUTION))
-    contact_step(rows, scratch(WORK, n + 1), q, v, tau, given["dt"], contacts, mu, restitution, *made)
-    after, impulse, _, stop, residual = made[:5]
+    whole = tau if rubbed is None else tau + rubbed
+    contact_step(rows, scratch(WORK, n + 1), q, v, whole, given["dt"], contacts, mu, restitution, *made)
+    after, impulse, _, stop, residual, work = made[:6]
     now, which = residual[0], 0.0
     for k, x in enumerate(residual[1:], 1):
         more = x - now
@@ -186,7 +178,10 @@ def traced_step(own: Argument, rows: Any, given: dict[str, Any], tau: Any) -> tu
     _, worst, at, step, count = before[:WORST]
     more = now - worst
     solved = [now, select(more, now, worst), select(more, which, at), select(more, count, step), count + 1.0]
-    return after, np.array(solved + ([*impulse, *stop] if own is RECORDED else []), object)
+    states = {own.name: np.array(solved + ([*impulse, *stop] if own.name == RECORDED.name else []), object)}
+    if ledger.CONTACTS.name in given:
+        states[ledger.CONTACTS.name] = given[ledger.CONTACTS.name] + work
+    return after, states, {} if rubbed is None else {ledger.FRICTION.name: rubbed}
 
 
 # --- a step by kernels ----------------------------------------------------------------------------------
@@ -197,30 +192,51 @@ def by_kernels(found: Touching, own: Array, fext: Array | None, rubs: Rubbing | 
 
     rubs  smooth friction, None for none
     """
-    contacts, model = found.contacts, found.contacts.model
-    kernel = numba_kernels.sample_kernel(CONTACT_STEP)
-    table, k, stops = getattr(contacts.table, run.STATIC), len(contacts), contacts.table.sizes["nl"]
-    resist = None if rubs is None else smooth_kernel(rubs)
+    solve = solver(found, fext, rubs)
 
     def step(system: System, t: float, h: float, state: State) -> None:
-        n = len(state.w)
-        out = np.empty(n + 5 * k + 2 * stops)
         system.torque(system, t, state.q, state.w)
-        tau = system.tau if resist is None else system.tau + resist(system.table, state.w)
-        if fext is not None:
-            tau = tau + calls["generalized_gravity"](model, state.q) - calls["static_torque"](model, state.q, fext)
-        given = (state.q, state.w, tau, h, table, contacts.friction, contacts.restitution)
-        set_status(system, kernel(system.table, *given, out), t)
-        after, impulse, _, stop, residual = np.split(out, np.cumsum([n, 3 * k, k, stops]))
-        state.w[:] = after
-        own[0] = residual.max(initial=0.0)
-        if own[0] > own[1]:
-            own[1:4] = own[0], np.argmax(residual), own[4]
-        own[4] += 1.0
-        if found.records:
-            own[WORST:] = np.concatenate([impulse, stop])
+        after, states, _ = solve(system, t, h, state, {found.own.name: own})
+        state.w[:], own[:] = after, states[found.own.name]
         displacement = state.work[1]
         displacement[:] = h * state.w
         explicit.move(system, t, displacement, state)
 
     return step
+
+
+def solver(found: Touching, fext: Array | None, rubs: Rubbing | None) -> Callable[..., tuple[Array, Any, Any]]:
+    """``(system, t, h, state, own) -> v⁺, states after by name, forces that do work``, as ``traced_step``."""
+    contacts, model = found.contacts, found.contacts.model
+    kernel = numba_kernels.sample_kernel(CONTACT_STEP)
+    table, k, stops = getattr(contacts.table, run.STATIC), len(contacts), contacts.table.sizes["nl"]
+    resist = None if rubs is None else smooth_kernel(rubs)
+    ends = np.cumsum([model.nv, 3 * k, k, stops, k + stops])
+
+    def solve(system: System, t: float, h: float, state: State, own: Any) -> tuple[Array, Any, Any]:
+        out, tau, forces = np.empty(ends[-1] + k + stops), system.tau, {}
+        if resist is not None:
+            forces[ledger.FRICTION.name] = resist(system.table, state.w)
+            tau = tau + forces[ledger.FRICTION.name]
+        if fext is not None:
+            q = np.array(state.q)
+            forces[ledger.EXTERNAL.name] = calls["generalized_gravity"](model, q) - calls["static_torque"](
+                model, q, fext
+            )
+            tau = tau + forces[ledger.EXTERNAL.name]
+        given = (state.q, state.w, tau, h, table, contacts.friction, contacts.restitution)
+        set_status(system, kernel(system.table, *given, out), t)
+        after, impulse, _, stop, residual, work = np.split(out, ends)
+        now = own[found.own.name].copy()
+        now[0] = residual.max(initial=0.0)
+        if now[0] > now[1]:
+            now[1:4] = now[0], np.argmax(residual), now[4]
+        now[4] += 1.0
+        if found.records:
+            now[WORST:] = np.concatenate([impulse, stop])
+        states = {found.own.name: now}
+        if ledger.CONTACTS.name in own:
+            states[ledger.CONTACTS.name] = own[ledger.CONTACTS.name] + work
+        return after, states, forces
+
+    return solve

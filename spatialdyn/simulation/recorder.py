@@ -15,7 +15,9 @@ from ..calls.specialize import Specialized, specialize
 from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model
+from .carried import Carried
 from .contact_steps import Touching
+from .control_laws import Control, law_torques
 from .methods import Method
 from .trajectory import Trajectory
 
@@ -63,11 +65,14 @@ class Recorder:
     at     (2,)  steps done, samples written
     t      times of all samples, those to come included [s]
     rows   arrays of q, of v or p, and of tau
+    touch  the contacts of the run, None for none
+    carried, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
-    own    the state that contacts carry, own_rows its samples; None if they are not recorded
     """
 
-    def __init__(self, model: Model, method: Method, steps: Steps, every: int, touch: Touching | None = None) -> None:
+    def __init__(
+        self, model: Model, method: Method, steps: Steps, every: int, carried: Carried, touch: Touching | None = None
+    ) -> None:
         self.model, self.method, self.steps, self.every = model, method, steps, every
         kept = np.arange(0, steps.total + 1, every)
         if kept[-1] != steps.total:
@@ -76,11 +81,11 @@ class Recorder:
         self.t: Array = np.asarray(kept * steps.dt, np.float64)
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
+        self.carried, self.touch = carried, touch
+        self.own = np.concatenate([np.empty(0), *(x[0] for x in carried.starts)])
+        self.own_rows = np.empty((len(kept), len(self.own)))
         self.at = np.zeros(2, np.int64)
         self.split = (np.empty(0), np.empty(0))
-        self.touch = touch
-        self.own: Array = np.zeros(0 if touch is None else touch.width)
-        self.own_rows = np.zeros((len(kept), touch.width)) if touch is not None and touch.records else None
 
     @property
     def moves_p(self) -> bool:
@@ -91,13 +96,8 @@ class Recorder:
         """Write one sample."""
         for rows, x in zip(self.rows, (q, w, tau), strict=True):
             rows[self.at[1]] = x
-        self.put_own()
+        self.own_rows[self.at[1]] = self.own
         self.at[1] += 1
-
-    def put_own(self) -> None:
-        """Write the state that contacts carry to the sample to come."""
-        if self.own_rows is not None:
-            self.own_rows[self.at[1]] = self.own
 
     def end(self, t: float, q: Array, w: Array, tau: Array) -> None:
         """Write the state in which an interrupted simulation stopped, unless it is the last sample."""
@@ -106,8 +106,8 @@ class Recorder:
             self.t[row] = t
             self.put(q, w, tau)
 
-    def trajectory(self, interrupted: bool = False) -> Trajectory:
-        """The samples so far; computes v from the recorded p, or p from v, for all samples at once."""
+    def trajectory(self, control: Control | None = None, interrupted: bool = False) -> Trajectory:
+        """The samples so far; computes v from the recorded p, or p from v, and a law's torques, of all at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
         v = _of_samples(model, ("velocity_from_momentum",), q, w)[0] if self.moves_p else w
@@ -115,11 +115,14 @@ class Recorder:
         t = np.array(self.t[:n])
         p = w if self.moves_p else p
         self.split = T, V
-        touched = None
-        if self.touch is not None and self.own_rows is not None:
-            touched = self.touch.record(q, self.own_rows[:n])
+        states = self.carried.shown(self.own_rows[:n].copy())
+        if control is not None and n:
+            tau += law_torques(control, model, q, v, states, self.kept[:n], self.steps.dt, self.steps.total)
         words = (self.method.name, self.steps.dt, model.name, interrupted, model)
-        return Trajectory(t, q, v, p, tau, T + V, *words, touched)
+        touched = None
+        if self.touch is not None and self.touch.records:
+            touched = self.touch.record(q, self.own_rows[:n, : self.touch.width])  # theirs come first
+        return Trajectory(t, q, v, p, tau, T + V, *words, states, touched)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
