@@ -274,7 +274,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     q, v, tau = states(model, contacts, 12, 7)
     rest = (np.full((1, 1), DT), contacts.friction[None], contacts.restitution[None])
     spec = CONTACT_STEP
-    width = model.nv + 5 * len(contacts) + 2 * int(contacts.table.sizes["nl"])
+    (width,) = recording.shape_of(spec.output, model.bodies, (contacts.table,))
     program, kernel = np.empty((12, width)), np.empty((12, width))
     for made, function in ((program, run.batch), (kernel, run.run_table_kernel)):
         assert not len(function(spec, model, [q, v, tau, *rest], (contacts.table,), made).samples)
@@ -321,7 +321,7 @@ def test_every_part_of_the_contacts_is_in_the_key_of_its_program() -> None:
         contacts = sd.Contacts(model, **{"points": feet, **changes})
         step = sd.contact_step(model, contacts, q[0], v[0], tau[0], DT)
         found.append(tuple(np.round(step.v, 12)))
-        kernel = np.empty((1, model.nv + 5 * len(contacts) + 2 * int(contacts.table.sizes["nl"])))
+        kernel = np.empty((1, *recording.shape_of(CONTACT_STEP.output, model.bodies, (contacts.table,))))
         given = [q, v, tau, np.full((1, 1), DT), contacts.friction[None], contacts.restitution[None]]
         run.run_table_kernel(CONTACT_STEP, model, given, (contacts.table,), kernel)
         np.testing.assert_allclose(step.v, kernel[0, : model.nv], rtol=0.0, atol=1e-9)

@@ -329,6 +329,51 @@ def test_friction_and_restitution_are_inputs_and_no_part_of_the_program() -> Non
     assert len(set(ends)) == 4
 
 
+# --- work -----------------------------------------------------------------------------------------------
+
+
+def test_the_ledger_of_a_mass_that_brakes_is_its_friction() -> None:
+    """½ m v² is lost to the ground, on lanes and by kernels."""
+    model = mass()
+    contacts = sd.Contacts(model, {"z": 0.0}, friction=0.3)
+    args = (model, np.zeros(3), [1.0, 0.0, 0.0], 0.5, DT, STEPPED)
+    for torque in (None, lambda t, q, v: np.zeros(3)):
+        run = sd.simulate(*args, torque=torque, contacts=contacts, record="work")
+        ledger = sd.energy_ledger(run, contacts=contacts)
+        assert ledger.labels["contacts"] == ('point "z"',)
+        assert ledger.work["contacts"][-1] == pytest.approx([-0.5], abs=1e-12)
+        assert (np.diff(ledger.work["contacts"][:, 0]) <= 0.0).all()
+        assert abs(ledger.error).max() <= 1e-12
+
+
+def test_the_ledger_of_a_landing_has_points_limits_and_torques() -> None:
+    """Impulses do ½ λᵀ(u⁻ + u⁺): an inelastic landing takes the energy of the fall; a joint at its limit gives none."""
+    model = limited()
+    run = sd.simulate(
+        model, [0.0, 0.1], [1.0, 0.0], 0.6, 1e-4, STEPPED, limits=True, torque=[0.3, 0.0],
+        record=(10, "work"), record_contacts=True,
+    )  # fmt: skip
+    ledger = sd.energy_ledger(run)
+    assert set(ledger.work) == {"torque", "contacts"}
+    assert ledger.work["contacts"].shape[1] == 2
+    assert ledger.work["contacts"][-1, 1] == pytest.approx(-G * 0.3, rel=1e-3)
+    assert abs(ledger.error).max() <= 2e-3  # of first order in the step
+    with pytest.raises(sd.SimulationError, match="contacts have 1 points and limits, expected the 2 of the trajectory"):
+        sd.energy_ledger(run, contacts=sd.Contacts(model, {"a": 0.0}))
+
+
+def test_a_control_law_stands_beside_contacts(robot: Any) -> None:
+    """Carried with the step, and the same as its torque by a function."""
+    model, contacts, q0 = robot
+    kd = np.r_[np.zeros(6), np.full(12, 1.5)]
+    law = sd.PD(np.zeros(18), kd, q0)
+    wanted = sd.rollout(model, q0, np.zeros(18), dt=DT, steps=20, pd=law, contacts=contacts)
+    damp = lambda t, q, v: -kd * v  # noqa: E731
+    found = sd.simulate(model, q0, np.zeros(18), 20 * DT, DT, STEPPED, torque=damp, contacts=contacts, record="work")
+    np.testing.assert_allclose(found.v[1:], wanted.v, rtol=0.0, atol=1e-9)
+    assert sd.energy_ledger(found).work["torque"][-1].sum() < 0.0
+
+
 # --- cost of none ---------------------------------------------------------------------------------------
 
 COUNTS = {(STEPPED, False): (87, 56, 2), (STEPPED, True): (93, 68, 2), ("rk4", False): (353, 239, 8)}
