@@ -98,7 +98,7 @@ class Spec:
     pivots: bool = False
     regroup: bool = False
     term_shape: tuple[str, ...] = ()
-    scratch: tuple[tuple[str, ...], ...] = ()
+    scratch: tuple[tuple[str | int, ...], ...] = ()
     traceable: bool = True
     through_M: Callable[..., Any] | None = None
     parts: tuple[Argument, ...] = ()

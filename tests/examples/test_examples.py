@@ -316,3 +316,34 @@ def test_a_free_top_is_jacobis_and_a_heavy_one_precesses() -> None:
     assert found["swapped"] > 1.0
     assert abs(found["rate"]) < 1e-4
     assert found["lean"] < 1e-4
+
+
+@compiled
+def test_the_balls_impacts_are_the_geometric_series() -> None:
+    found = run("bouncing_ball")
+    fall = np.sqrt(2.0 / G)
+    np.testing.assert_allclose(found["hits"][:3], fall * np.array([1.0, 2.0, 2.5]), atol=3e-4)
+    np.testing.assert_allclose(found["impulse"][:3], 0.75 * np.sqrt(2.0 * G) * 0.5 ** np.arange(3), rtol=2e-3)
+    assert found["rest"] == pytest.approx(3.0 * fall, abs=2e-3)
+
+
+@compiled
+def test_the_box_slides_by_coulombs_law_or_rests() -> None:
+    found = run("box_on_an_incline")
+    wanted = np.maximum(0.0, G * (np.sin(0.3) - found["mu"] * np.cos(0.3)))
+    np.testing.assert_allclose(found["acceleration"], wanted, rtol=0.0, atol=1e-8)
+    assert (found["creep"] <= [32e-6, 0.26e-6, 2e-11]).all()
+
+
+@robots
+@compiled
+def test_the_trot_carries_its_weight_within_the_cone() -> None:
+    found = run("trotting_quadruped")
+    force = found["force"]  # (frictions, steps, feet, 3)
+    for mu, one in zip(found["mu"], force, strict=True):
+        assert (np.linalg.norm(one[..., :2], axis=-1) <= mu * one[..., 2] + 1e-9).all()
+    strides = force[:, -640:, :, 2].sum(axis=2).mean(axis=1)
+    np.testing.assert_allclose(strides / found["weight"], 1.0, atol=0.1)
+    assert np.percentile(found["residual"], 95) <= 1e-4
+    assert (found["z"] > 0.15).all()  # none falls
+    assert found["x"][1, -1] > 1.5 * found["x"][3, -1] > 0.0
