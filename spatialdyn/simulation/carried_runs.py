@@ -86,7 +86,7 @@ def carrying(
     moved = () if control is None else moved_states(control.spec)
     moving = (*moved, *(x.name for x in work if x != ledger.PROJECTION))
     pull = spring_kernel() if springs else None
-    solve = solver(found, fext, springs) if found is not None and found.way in OWN else None
+    solve = solver(found, fext, model, held, springs) if found is not None and found.way in OWN else None
     press = None if touch is None else contact_steps.solver(touch, fext, found)
     resist = smooth_kernel(found) if found is not None and found.way == SMOOTH else None
     motion = None if held is None else motion_under(held, model, fext)
@@ -124,8 +124,7 @@ def carrying(
                 now = system._replace(tau=tau)
                 if solve is None or press is not None:
                     return press(now, t, h, state, own)  # type: ignore[misc]
-                after, changed, friction = solve(now, t, h, state, own[name])
-                forces = {ledger.FRICTION.name: friction}
+                after, changed, forces = solve(now, t, h, state, own[name])
                 if fext is not None and work:
                     forces[ledger.EXTERNAL.name] = external(model, state.q, fext)
                 if pull is not None:
@@ -138,16 +137,12 @@ def carrying(
             explicit.move(system, t, displacement, state)
         else:
             after = carry(advance, system, t, h, state, own, acting)  # type: ignore[arg-type]
-            if (
-                held is not None
-                and system.status[0] == OK
-                and np.isfinite(state.q).all()
-                and np.isfinite(state.w).all()
-            ):
-                before = energy_of(model, state)
-                project(held, model, state.q, state.w)
-                if ledger.PROJECTION in work:
-                    after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
+        finite = np.isfinite(state.q).all() and np.isfinite(state.w).all()
+        if held is not None and system.status[0] == OK and finite:
+            before = energy_of(model, state)
+            project(held, model, state.q, state.w)
+            if ledger.PROJECTION in work:
+                after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
         for name, x in zip(names, carried.views(recorder.own), strict=True):
             x[...] = after[name]
 

@@ -36,7 +36,7 @@ from .constrained import Held, accelerate, held_by, projected
 from .contact_record import ContactRecord
 from .contact_steps import Touching, check_few, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_alone, rubbing
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_together, rubbing
 from .springs import check_springs
 from .system import State, System, held_torque
 from .traced_steps import EXPLICIT_METHODS, carried_by, step_specs
@@ -166,7 +166,7 @@ def rollout(
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
-    friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    friction, friction_method  as in ``simulate``; none by default; with constraints lugre or smooth
     motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
@@ -204,7 +204,7 @@ def rollout(
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
-    check_alone(found, constraints)
+    check_together(found, constraints)
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}

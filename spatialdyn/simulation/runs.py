@@ -44,7 +44,7 @@ from .contact_steps import Touching, touching, unsolved
 from .contact_steps import by_kernels as contact_step_by_kernels
 from .control_laws import Control, check_control
 from .energy import FAST, exploded, scale_of
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alone, rubbing, smooth_kernel
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_together, rubbing, smooth_kernel
 from .ledger import work_states
 from .methods import Method, integrators
 from .program_steps import program, slice_of
@@ -115,7 +115,7 @@ def simulate(
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
-               a warning says so where the URDF has some; with False none acts. None with constraints
+               a warning says so where the URDF has some; with False none acts. With constraints implicit is refused
     friction_method  how it acts:
                implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
                          dt; a joint that sticks has a velocity of 0 to the bit
@@ -177,7 +177,7 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    check_alone(found, constraints)
+    check_together(found, constraints)
     known = [*EXPLICIT_METHODS, *HELD_SYMPLECTIC]
     held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt))
     if held is not None and chosen.name in HELD_SYMPLECTIC:
@@ -421,15 +421,17 @@ def _run_fixed(
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
         if held is not None and not recorder.moves_p and not (control or work):
-            under = explicit.kernels_of(accelerate(held, model, fext))
-            return (sprung(under) if springs else under), advance
-        own_kernels = family.kernels(fext is not None)
+            own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
+        else:
+            own_kernels = family.kernels(fext is not None)
         if control is not None or work:
             return carrying(recorder, own_kernels, found, held, control, work, fext, springs, touch)
         if touch is not None:
             return own_kernels, contact_step_by_kernels(touch, own, fext, found)
         own_kernels = sprung(own_kernels) if springs else own_kernels
-        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext, springs)
+        if found is None:
+            return own_kernels, advance
+        return by_kernels(found, own_kernels, advance, own, fext, model, held, springs)
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])

@@ -125,6 +125,16 @@ def step_specs(
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
             return free(system, q, v, a)[0]
 
+        def project(q: Any, v: Any, carried: dict[str, Any]) -> None:
+            """Project onto the constraints, if there are any, and count what that adds."""
+            if under is None:
+                return
+            before = under.energy(q, v) if ledger.PROJECTION in work else None
+            under.project(q, v)
+            if before is not None:
+                name = ledger.PROJECTION.name
+                carried[name] = carried[name] + (under.energy(q, v) - before)
+
         law_now = None if control is None else law_on(control, rows, inputs)
         acting = Acting(free, law_now, held_law, moving)
         carried = {x.name: inputs[x.name] for x in own}
@@ -135,14 +145,15 @@ def step_specs(
                     rubbed = smooth_torque(rows, v, inputs) if way == SMOOTH else None
                     return contact_steps.traced_step(touch[0], rows, inputs, tau, rubbed)
                 pull = traced_springs(rows, inputs["q"], inputs["v"])
-                after, changed, friction = traced_step(str(way), rows, inputs, tau, pull)
+                after, changed, forces = traced_step(str(way), rows, inputs, tau, under, pull)
                 springs = {} if pull is None else {ledger.SPRINGS.name: pull}
-                return after, changed, {ledger.FRICTION.name: friction, **springs}
+                return after, changed, {**forces, **springs}
 
-            v, after = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
+            v, carried = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
             moved = np.array([inputs["dt"] * x for x in v], object)
             integrate(rows, inputs["q"], moved, q)
-            return q, v, *(after[x.name] for x in own)
+            project(q, v, carried)
+            return q, v, *(carried[x.name] for x in own)
 
         kernels = _Kernels(accelerate, _integrate, _displacement_rate)
         system = System(kernels, held_torque, None, rows, None, None, None, None, tau, None)
@@ -151,12 +162,7 @@ def step_specs(
             carried = carry(EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, carried, acting)
         else:
             EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
-        if under is not None:
-            before = under.energy(state.q, state.w) if ledger.PROJECTION in work else None
-            under.project(state.q, state.w)
-            if before is not None:
-                name = ledger.PROJECTION.name
-                carried[name] = carried[name] + (under.energy(state.q, state.w) - before)
+        project(state.q, state.w, carried)
         return state.q, state.w, *(carried[x.name] for x in own)
 
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *(COLUMNS[x] for x in coefficients))

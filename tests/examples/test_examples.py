@@ -50,6 +50,32 @@ def test_arms_in_symbols_have_the_chapters_entries_and_the_rotation_it_leaves_ou
     np.testing.assert_allclose(sd.crba(thick, [0.5, 0.3, -0.2])[1:, 1:], thin[1:, 1:], atol=1e-14)
 
 
+def test_a_four_bar_and_a_slider_crank_move_as_their_one_freedom() -> None:
+    """θ̈ by Lagrange's equation of one freedom; RATTLE's energy of order h² = 1.6e-5 s², rk4's by its small drift."""
+    found = run("four_bar_and_slider_crank")
+    assert found["a"] == pytest.approx(-24.563653911232, abs=1e-11)
+    assert found["loop"] < 1e-9
+    assert found["piston"] < 1e-9
+    assert found["RATTLE"] < 1.3e-3
+    assert found["rk4"] < 1e-3
+    assert found["turns"] > 2 * np.pi
+
+
+def test_a_sleigh_glides_on_and_a_disc_falls_over() -> None:
+    found = run("sleigh_and_rolling_disc")
+    assert (found["u"], found["w"]) == pytest.approx((1.2187797062, 0.1214964200), abs=1e-10)
+    assert found["sleigh"] < 1e-9
+    assert found["slow"] > 0.3
+    assert found["fast"] < 0.0025
+
+
+def test_a_blade_on_a_slope_stays_up_where_a_variation_lets_it_down() -> None:
+    found = run("rolling_is_no_variation")
+    assert found["off"] < 1e-8
+    assert found["down"] == pytest.approx(G * np.sin(0.3) / 8.0, abs=1e-6)
+    assert found["slid"] > 10 * found["down"]
+
+
 @robots
 @compiled
 def test_gravity_compensation_holds_what_it_knows_and_equals_pinocchios() -> None:
