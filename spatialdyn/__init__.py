@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .accuracy.tradeoff import recommend, trade
     from .actuation.friction import Friction, friction_torque
     from .actuation.motors import Motor, torque_limits
+    from .calls.bounded import bounded
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -102,7 +103,7 @@ __all__ = [
     "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
     "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
     "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
-    "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "check_conservation",
+    "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation",
     "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics",
     "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
@@ -117,7 +118,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_torque",
     "actuation.motors": "Motor torque_limits",
-    "calls.exact": "Exact exact",
+    "calls.bounded": "bounded", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",

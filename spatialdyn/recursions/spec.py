@@ -80,6 +80,8 @@ class Spec:
                 MassMatrix, because M⁻¹ there is no recursion over the tree; a tuple has the parts along the output's
                 first axis. Every Spec with pivots has one.
     regroup     the output is unchanged when inertias are regrouped towards the root: it describes no single body
+    residual    of a call that solves: the name of the call that gives its input back from its output, as rnea gives
+                back aba's tau, or whose product with its output is 1, as crba's with minverse's
     source      where the recursion comes from
     """
 
@@ -97,6 +99,7 @@ class Spec:
     traceable: bool = True
     through_M: Callable[..., Any] | None = None
     parts: tuple[Argument, ...] = ()
+    residual: str = ""
 
     @property
     def present(self) -> tuple[Argument, ...]:

@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +18,15 @@ from ...bodies.joints import pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
 from ...bodies.static_table import StaticTable
 from ...errors import SpatialDynError
+from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec, shape_in, sizes_of
+from ..compiled.numba_kernels import variant
 from . import float32_range, host_cpu
 from .constants import constant
+from .error_bound import Bounded, Bounding
 from .kernel_layout import KernelLayout
 from .move_origins import move_origins
+from .operations import SUB
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .program import Program
@@ -31,6 +36,7 @@ from .tracer import Number, Tape, evaluate, table
 
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_PRODUCT = 12  # freedoms of an inverse M whose residual M M⁻¹ - 1 bounds it: n³ products
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 POSITION = "rad | m"  # unit of the inputs that are positions
 
@@ -50,6 +56,7 @@ class ProgramOptions(NamedTuple):
     outputs        for each call the flat indices of the wanted entries of its output; empty for all of all calls
     ranged         reject samples whose result may depend on numbers below or above float32's range
     double_double  in double-double, on the table without regrouping: its numbers are exact
+    bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -57,6 +64,7 @@ class ProgramOptions(NamedTuple):
     outputs: tuple[tuple[int, ...], ...] = ()
     ranged: bool = False
     double_double: bool = False
+    bounds: bool = False
 
 
 ALL = ProgramOptions()
@@ -91,6 +99,8 @@ def record(
     Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
     """
+    if options.bounds:
+        return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
     for spec in specs:
         if not spec.traceable:
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
@@ -168,6 +178,88 @@ def record(
         tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of
     )
     return Recording(program, layout)
+
+
+def _with_bounds(
+    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
+) -> Recording:
+    """One call with bounds: by running error analysis, or of what is solved for by its residual, which is sharper."""
+    (spec,) = specs
+    matrix = len(spec.output.shape) == 2
+    if not spec.residual or (matrix and len(bodies) - 1 > MOST_PRODUCT):
+        program, layout = record(specs, bodies, static, options, dtype)
+        made = Bounding(dtype, program.operations["depth"], host_cpu.host()[3])
+        results = made.run(program, made.inputs(program.inputs))
+        bounds = [made.absolute(results[k].b) for k in layout.outputs[0]]
+        return _beside(made, program, layout, layout.outputs[0], results, bounds)
+    whole = options._replace(outputs=())
+    program, layout = record(specs, bodies, static, whole, dtype)
+    given = variant(SPECS[spec.residual], {x.name for x in spec.present})
+    back, inverse = (record((x,), bodies, (), whole, dtype).program for x in (given, SPECS["minverse"]))
+    depth = sum(x.operations["depth"] for x in (program, back, inverse))
+    made = Bounding(dtype, depth + len(bodies), host_cpu.host()[3])
+    inputs = made.inputs(program.inputs)
+    results = made.run(program, inputs, bounds=False)
+    columns = _columns(spec, options, bodies, inputs)
+    n = len(bodies) - 1
+    entries = made.run(inverse, _chosen(SPECS["minverse"], options, bodies, columns, inputs))[: n * n]
+    rows = [entries[n * i : n * i + n] for i in range(n)]
+    if matrix:
+        mass = made.run(back, _chosen(given, options, bodies, columns, inputs))
+        by_column = [made.solved(rows, made.product(mass, [x.x for x in results[j : n * n : n]], j)) for j in range(n)]
+        bounds = [by_column[j][i] for i in range(n) for j in range(n)]
+    else:
+        columns[spec.output.name] = [made.exact(x.x) for x in results[:n]]
+        found = made.run(back, _chosen(given, options, bodies, columns, inputs))
+        wanted = columns[given.output.name]
+        bounds = made.solved(rows, [made.apply(SUB, x, y) for x, y in zip(found, wanted, strict=True)])
+    places = options.outputs[0] if options.outputs else layout.outputs[0]
+    return _beside(made, program, layout, places, results, [bounds[k] for k in places])
+
+
+def _beside(
+    made: Bounding,
+    program: Program,
+    layout: KernelLayout,
+    places: Sequence[int],
+    results: Sequence[Bounded],
+    bounds: Sequence[Any],
+) -> Recording:
+    """A program with its results at these places, then their bounds."""
+    outputs = [x.x for x in results] + list(bounds)
+    beside = tuple(range(len(results), len(outputs)))
+    layout = replace(layout, outputs=(tuple(places), beside), bounds=1)
+    return Recording(Program(made.tape, outputs, program.inputs, fuse=False), layout)
+
+
+def _columns(
+    spec: Spec, options: ProgramOptions, bodies: NDArray[Any], inputs: Sequence[Bounded]
+) -> dict[str, list[Bounded]]:
+    """The entries of each input of a call: from its columns, or constants."""
+    known, order, found = dict(options.fixed), iter(inputs), {}
+    for x in spec.present:
+        entries = known.get(x.name, (math.nan,) * math.prod(shape_of(x, bodies)))
+        found[x.name] = [next(order) if math.isnan(e) else Bounded(e, 0.0) for e in entries]
+    return found
+
+
+def _chosen(
+    spec: Spec,
+    options: ProgramOptions,
+    bodies: NDArray[Any],
+    columns: dict[str, list[Bounded]],
+    inputs: Sequence[Bounded],
+) -> list[Bounded]:
+    """The inputs of another call's program with the same options: entries by name, then the parameters."""
+    known = dict(options.fixed)
+    chosen = [
+        entry
+        for x in spec.present
+        for entry, constant in zip(columns[x.name], known.get(x.name, columns[x.name]), strict=True)
+        if not isinstance(constant, float) or math.isnan(constant)
+    ]
+    count = sum(math.prod(parameter_shape(p, len(bodies) - 1)) for p in options.parameters)
+    return [*chosen, *inputs[len(inputs) - count :]]
 
 
 def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
