@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .calls.prepare import compile
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
+    from .constraints.derivatives import ConstrainedDerivatives, constrained_dynamics_derivatives
     from .constraints.dynamics import (
         ConstrainedImpact,
         ConstrainedMotion,
@@ -98,16 +99,17 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError",
-    "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "Exact", "Finding", "Frame", "Friction",
-    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
-    "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
-    "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation",
-    "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constraint_drift", "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics",
-    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
+    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
+    "ConstrainedMotion", "ConstraintError", "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
+    "Exact", "Finding", "Frame", "Friction", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation",
+    "Robot", "RollingConstraint", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint",
+    "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics", "friction_torque",
+    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact",
+    "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
     "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
     "specialize", "step", "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view",
     "wrench_at",
@@ -122,6 +124,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
+    "constraints.derivatives": "ConstrainedDerivatives constrained_dynamics_derivatives",
     "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
     "delassus",
     "constraints.kinds": "CouplerConstraint DistanceConstraint HingeConstraint PointConstraint RollingConstraint "

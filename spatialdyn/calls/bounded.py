@@ -25,6 +25,7 @@ def bounded(
     frame: str | Frame | None = None,
     reference: str = "local",
     classical: bool = False,
+    constraints: Any = None,
 ) -> Specialized:
     """A call of one model as a compiled program that returns (result, bound): no entry is off by more than its bound.
 
@@ -37,7 +38,7 @@ def bounded(
     that round to those, and its bound counts that. A sample that the program leaves to the table kernel (angles above
     1e5, joints of next to no articulated inertia, numbers beyond float32's safe range) has an infinite bound.
 
-    model, dtype, fixed, inputs, outputs, frame, reference, classical   as of ``specialize``
+    model, dtype, fixed, inputs, outputs, frame, reference, classical, constraints   as of ``specialize``
     call   a public call such as ``sd.rnea``
 
     Returns a Specialized of two results: that of the call, and a bound of each of its entries, in the same units.
@@ -55,10 +56,14 @@ def bounded(
     if not callable(call):
         raise SpatialDynError(f"call is {call!r}, expected one public call, such as sd.rnea")
     constants = {} if fixed is None else fixed
-    request = read_request(model, call, dtype, constants, inputs, outputs, frame, reference, classical, bounds=True)
+    request = read_request(
+        model, call, dtype, constants, inputs, outputs, frame, reference, classical, constraints, bounds=True
+    )
     if numba_kernels.PLAIN:
         raise SpatialDynError("NUMBA_DISABLE_JIT is set, expected it not to be: bounds are computed by programs")
-    made = of_request(request, bounded, (model, call, dtype, fixed, inputs, outputs, frame, reference, classical))
+    made = of_request(
+        request, bounded, (model, call, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
+    )
     if made.engine == "untraced":
         name = request.specs[0].name
         raise SpatialDynError(f'{name} of "{model.name}" has no program in {request.dtype}, expected one for bounds')

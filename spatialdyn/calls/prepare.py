@@ -10,14 +10,17 @@ from ..engines import run
 from ..engines.compiled import numba_kernels
 from ..errors import SpatialDynError
 from ..model.model import Frame, Model
-from ..recursions import SPECS
+from ..recursions import SPECS, constrained, constraint_rows
 from ..recursions.spec import Spec
 from .arguments import check_model
-from .dynamics import calls as public_calls
 from .progress import Progress, Steps, check_progress, reporting
-from .specs import static_of
+from .specs import spec_of, static_of
 
 FRAME = "row"  # the static input that only calls of a frame have
+OF_CONSTRAINTS = (  # calls with a table of constraints
+    constrained.MOTION, constrained.RESPONSE, constrained.DELASSUS,
+    constraint_rows.JACOBIAN, constraint_rows.ERROR, constraint_rows.DRIFT,
+)  # fmt: skip
 
 
 def compile_calls(
@@ -28,6 +31,7 @@ def compile_calls(
     classical: bool = False,
     fext: bool = False,
     progress: Progress = False,
+    constraints: Any = None,
 ) -> dict[str, float]:
     """Compile calls of a model, for single samples and for batches, and keep the code on disk.
 
@@ -39,6 +43,7 @@ def compile_calls(
     frame      of the calls that have one, in whose program it is a constant; as are ``reference`` and ``classical``
     fext       with external forces, where a call takes them; without them is another program
     progress   True for a bar (needs rich), or a function of the number of calls compiled and their total
+    constraints  Constraints of this model, for calls such as ``sd.constrained_dynamics``: by default those too
 
     Returns {name of a call: seconds it took}, next to nothing for calls that were compiled already.
     Raises  SpatialDynError for an unknown call, or one of a frame without a frame; ModelError for an unknown frame.
@@ -50,15 +55,14 @@ def compile_calls(
     """
     check_model(model)
     check_progress(progress)
-    names = _names(calls, frame is not None)
+    specs = _specs(calls, frame is not None, constraints is not None)
     if not isinstance(fext, bool):
         raise SpatialDynError(f"fext is {fext!r}, expected True or False")
     tasks = []
-    for name in names:  # before the first takes long
-        spec = SPECS[name]
+    for spec in specs:  # before the first takes long
         chosen = frozenset(x.name for x in spec.present if x.optional and fext and x.name == "fext")
         spec = numba_kernels.variant(spec, chosen)
-        tasks.append((name, spec, _static(spec, model, frame, reference, classical)))
+        tasks.append((spec.name, spec, _static(spec, model, frame, reference, classical, constraints)))
     seconds = {}
     with reporting(progress, "compile") as report:
         steps = Steps(report, len(tasks))
@@ -70,31 +74,34 @@ def compile_calls(
     return seconds
 
 
-def _names(calls: Any, with_frame: bool) -> list[str]:
-    """Names of the calls, each once. Raises SpatialDynError for an unknown one, or one that lacks its frame."""
+def _specs(calls: Any, with_frame: bool, with_constraints: bool) -> list[Spec]:
+    """Specs of the calls, each once. Raises SpatialDynError for an unknown one, or one that lacks what it needs."""
     if calls is None:
-        return [name for name in SPECS if with_frame or not _of_frame(SPECS[name])]
+        found = [spec for spec in SPECS.values() if with_frame or not _of_frame(spec)]
+        return found + (list(OF_CONSTRAINTS) if with_constraints else [])
     listed = [calls] if isinstance(calls, str) or callable(calls) else list(calls)
-    by_call = {id(call): name for name, call in public_calls.items()}
-    names = []
+    found = []
     for call in listed:
-        name = call if isinstance(call, str) else by_call.get(id(call))
-        if name not in SPECS:
+        spec = SPECS.get(call) if isinstance(call, str) else spec_of(call)
+        if spec is None:
             shown = repr(call) if isinstance(call, str) else getattr(call, "__name__", repr(call))
             raise SpatialDynError(f"calls has {shown}, expected some of {', '.join(SPECS)}")
-        if _of_frame(SPECS[name]) and not with_frame:
-            raise SpatialDynError(f"call {name} has a frame, expected its name, frame=")
-        names.append(name)
-    return list(dict.fromkeys(names))
+        if _of_frame(spec) and not with_frame:
+            raise SpatialDynError(f"call {spec.name} has a frame, expected its name, frame=")
+        found.append(spec)
+    return list(dict.fromkeys(found))
 
 
-def _static(spec: Spec, model: Model, frame: str | Frame | None, reference: str, classical: bool) -> tuple[Any, ...]:
+def _static(
+    spec: Spec, model: Model, frame: str | Frame | None, reference: str, classical: bool, constraints: Any
+) -> tuple[Any, ...]:
     """Values of a call's static inputs: of those that were given for all calls, the ones that it takes."""
     names = {x.name for x in spec.present if x.static}
     if not names:
         return ()
     taken = reference if "reference" in names else "local"
-    return tuple(static_of(model, names, frame, taken, classical and "classical" in names).values())
+    framed, held = frame if FRAME in names else None, constraints if "constraints" in names else None
+    return tuple(static_of(model, names, framed, taken, classical and "classical" in names, held).values())
 
 
 def _of_frame(spec: Spec) -> bool:

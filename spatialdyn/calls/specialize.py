@@ -39,6 +39,7 @@ def specialize(
     frame: str | Frame | None = None,
     reference: str = "local",
     classical: bool = False,
+    constraints: Any = None,
 ) -> Specialized:
     """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
 
@@ -56,6 +57,10 @@ def specialize(
               may be negative.
     outputs   joint names or indices that select entries of the axes "nv" and "njoints" of the results
     frame, reference, classical   as of the public calls that have them
+    constraints  Constraints of this model, of calls with a table of them, in float64. The result of
+              ``sd.constrained_dynamics`` is then a, force, residual and rank side by side (nv+nc+2,), and equations
+              that contradict others are no error: their residual says so. ``inputs="rate"`` adds 1/T of its
+              stabilization
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
 
@@ -73,8 +78,9 @@ def specialize(
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
     constants = {} if fixed is None else fixed
-    request = read_request(model, calls, dtype, constants, inputs, outputs, frame, reference, classical)
-    return of_request(request, specialize, (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical))
+    request = read_request(model, calls, dtype, constants, inputs, outputs, frame, reference, classical, constraints)
+    arguments = (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
+    return of_request(request, specialize, arguments)
 
 
 def of_request(
@@ -125,7 +131,7 @@ class Specialized:
         self._kernel: batch_kernels.Kernel | None = None
         bodies, numbers = request.model.bodies, sum(map(math.prod, self._shapes))
         in_range = request.dtype == np.float64 or not float32_range.beyond(bodies)
-        if in_range and not numba_kernels.PLAIN and recording.fits(request.specs, bodies, numbers):
+        if in_range and not numba_kernels.PLAIN and recording.fits(request.specs, bodies, numbers, request.tables):
             self._kernel = self._compile(one=False)
         self._single_due = self._kernel is not None and request.dtype == np.float64
 

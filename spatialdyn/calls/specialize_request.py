@@ -24,7 +24,7 @@ from .failures import off_unit_norm
 from .specs import specs_of, static_of
 
 Names = str | Sequence[str] | Mapping[str, str | Sequence[str] | None]
-EXTRA_INPUTS = "fext, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
+EXTRA_INPUTS = "fext, rate, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
 
 
 class Array(NamedTuple):
@@ -62,11 +62,16 @@ class SpecializeRequest(NamedTuple):
         places = () if self.output_places is None else tuple(tuple(x.ravel().tolist()) for x in self.output_places)
         return recording.ProgramOptions(fixed, self.parameters, places, self.dtype == np.float32, bounds=self.bounds)
 
+    @property
+    def tables(self) -> tuple[Any, ...]:
+        """The values of static inputs, of which tables have sizes."""
+        return tuple(self.static.values())
+
     def inputs(self) -> list[Array]:
         """The remaining inputs, in order."""
         left = []
         for x in self.arguments:
-            core = core_shape(self.model, x)
+            core = core_shape(self.model, x, self.tables)
             if x.name not in self.constants:
                 left.append(Array(x.name, core, shape_text(x.shape)))
                 continue
@@ -82,9 +87,12 @@ class SpecializeRequest(NamedTuple):
         """The results, in order."""
         found = []
         for k, spec in enumerate(self.specs):
-            whole = self.output_places is None
-            shape = core_shape(self.model, spec.output) if self.output_places is None else self.output_places[k].shape
-            found.append(Array(spec.output.name, shape, shape_text(spec.output.shape if whole else shape)))
+            if self.output_places is None:
+                shape, text = core_shape(self.model, spec.output, self.tables), shape_text(spec.output.shape)
+            else:
+                shape = self.output_places[k].shape
+                text = shape_text(shape)
+            found.append(Array(spec.output.name, shape, text))
         return [*found, *(x._replace(name="bound") for x in found if self.bounds)]
 
 
@@ -103,6 +111,7 @@ def read_request(
     frame: str | Frame | None,
     reference: str,
     classical: bool,
+    constraints: Any,
     bounds: bool = False,
 ) -> SpecializeRequest:
     """The request of ``specialize``'s arguments, or of ``bounded``'s. Raises as they do."""
@@ -114,17 +123,21 @@ def read_request(
     present = optional | {name for name in constants if constants[name].any()}
     specs = tuple(numba_kernels.variant(spec, frozenset(present & {x.name for x in spec.present})) for spec in specs)
     given = {x.name: x for spec in specs for x in spec.present}
+    static = [x.name for x in given.values() if x.static]
+    values = static_of(model, static, frame, reference, classical, constraints)
+    if constraints is not None and _dtype(dtype) != np.float64:
+        raise SpatialDynError("dtype is float32, expected float64 with constraints: ranks need its digits")
     return SpecializeRequest(
         model=model,
         specs=specs,
         several=bounds or not callable(calls),
         dtype=_dtype(dtype),
         arguments=tuple(x for x in given.values() if not x.static),
-        static=static_of(model, [x.name for x in given.values() if x.static], frame, reference, classical),
+        static=values,
         constants={name: x for name, x in constants.items() if name in given},
         parameter_names=names,
         parameters=chosen,
-        output_places=_output_places(model, outputs, specs),
+        output_places=_output_places(model, outputs, specs, tuple(values.values())),
         bounds=bounds,
     )
 
@@ -250,7 +263,9 @@ def _constant(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np
     return x
 
 
-def _output_places(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple[NDArray[np.intp], ...] | None:
+def _output_places(
+    model: Model, outputs: Any, specs: tuple[Spec, ...], static: tuple[Any, ...]
+) -> tuple[NDArray[np.intp], ...] | None:
     """For each call the flat indices of the selected entries of its output, in the shape of the result."""
     if outputs is None:
         return None
@@ -261,7 +276,7 @@ def _output_places(model: Model, outputs: Any, specs: tuple[Spec, ...]) -> tuple
         raise SpatialDynError(f"outputs is {outputs!r}, expected None: no result has an entry per joint")
     wanted = []
     for spec in specs:
-        core = core_shape(model, spec.output)
+        core = core_shape(model, spec.output, static)
         axes = []
         for symbol, size in zip(spec.output.shape, core, strict=True):
             places: list[int] = []

@@ -71,7 +71,7 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
     """Raise ConstraintError if equations of a sample contradict others.
 
     out     (..., nv + nc + 2) with residual and rank at the end
-    values  the inputs of ``spec`` in order, each (..., n); None for one left out
+    values  the inputs of ``spec`` in order; None for one left out
     """
     model, nc = constraints.model, constraints.nc
     least = CONTRADICTION * (model.nv + nc) * EPS
@@ -80,7 +80,8 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
         return
     batch = out.shape[:-1]
     index = np.unravel_index(bad[0], batch)
-    sample = [_sample(x, batch, index) for x in values]
+    cores = [core_shape(model, x, (constraints.table,)) for x in spec.present if not x.static]
+    sample = [_sample(x, batch, index, core) for x, core in zip(values, cores, strict=True)]
     where = "" if not batch else f" in sample {', '.join(str(int(k)) for k in index)}"
     kept, left, size = _dropped(spec, constraints, sample)
     share = (1.0 - kept) * left * left / np.where(size > 0.0, size, 1.0)
@@ -92,13 +93,9 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
     )
 
 
-def _sample(x: Any, batch: tuple[int, ...], index: Any) -> Any:
-    """One sample of an input (..., n), or of a number."""
-    if x is None:
-        return None
-    given = np.asarray(x, np.float64)
-    core = given.shape[-1:] if given.ndim else ()
-    return np.broadcast_to(given, batch + core)[index]
+def _sample(x: Any, batch: tuple[int, ...], index: Any, core: tuple[int, ...]) -> Any:
+    """One sample of an input."""
+    return None if x is None else np.broadcast_to(np.asarray(x, np.float64), batch + core)[index]
 
 
 def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[Array, Array, Array]:

@@ -61,6 +61,7 @@ def constrained_dynamics(
     tau: ArrayLike,
     stabilization: float | None = None,
     minimum_norm: bool = False,
+    fext: ArrayLike | None = None,
 ) -> ConstrainedMotion: ...
 
 
@@ -73,8 +74,9 @@ def constrained_dynamics(
 def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained | ConstrainedMotion:
     """Forward dynamics under constraints: M a + C v + g = tau + Jᵀ force and J a + J̇ v = 0.
 
-    ``constrained_dynamics(model, constraints, q, v, tau, stabilization=None, minimum_norm=False)`` takes a table of
-    Constraints, ``constrained_dynamics(model, q, v, tau, J, drift, damping=0.0)`` any Jacobian J of independent rows.
+    ``constrained_dynamics(model, constraints, q, v, tau, stabilization=None, minimum_norm=False, fext=None)`` takes a
+    table of Constraints, ``constrained_dynamics(model, q, v, tau, J, drift, damping=0.0)`` any Jacobian J with
+    independent rows.
 
     Source: after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree. a is the acceleration
     nearest to that without constraints, in the metric of M, that meets them (Gauss's principle).
@@ -87,6 +89,7 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
                    of an integrator, or None for J a + J̇ v = 0
     minimum_norm   where equations depend on others, the force of the least sum of squares instead of that of the
                    equations that come first: it is shared among them, whatever their order
+    fext           (..., njoints, 6)  force on each joint's body, in the joint's frame, linear first [N | N m]
     J              (..., m, nv)  Jacobian, such as rows of ``frame_jacobian`` at the feet
     drift          (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
     damping                      0 or more; above 0 the constraints are soft, J a + drift = -damping force, and rows

@@ -129,11 +129,12 @@ def constrained_motion(
     tau: ArrayLike,
     stabilization: Any = None,
     minimum_norm: bool = False,
+    fext: ArrayLike | None = None,
 ) -> ConstrainedMotion:
     """``constrained_dynamics`` with a table of constraints."""
     rate = None if stabilization is None else 1.0 / stabilization_time(stabilization)
-    out = call(constrained.MOTION, model, constraints, q, v, tau, rate)
-    found = ConstrainedMotion(*_parts(constrained.MOTION, model, constraints, out, q, v, tau, rate))
+    out = call(constrained.MOTION, model, constraints, q, v, tau, fext, rate)
+    found = ConstrainedMotion(*_parts(constrained.MOTION, model, constraints, out, q, v, tau, fext, rate))
     if minimum_norm is False or not as_flag("minimum_norm", minimum_norm):
         return found
     J = np.broadcast_to(constraint_jacobian(model, constraints, q), (*found.force.shape, model.nv))

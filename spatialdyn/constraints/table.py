@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.constraint_table import ALIGN, CONSTRAINTS, DISTANCE, ORIENT, POINT, ROLLING, TERM
 from ..bodies.kinds import R1
@@ -134,6 +134,27 @@ class Constraints:
             found = ", ".join(given) or "one [constraint]"
             raise ConstraintError(f"constraints in TOML have {found}, expected entries [[constraint]] alone")
         return cls(model, [_of_entry(k, x) for k, x in enumerate(entries)])
+
+    @classmethod
+    def of_mjcf(cls, model: Model, text: str, q: ArrayLike | None = None) -> Constraints:
+        """The active equalities of an MJCF text, ``<mujoco>`` or its ``<equality>``, on a robot with the same names.
+
+        text  with ``connect``, ``weld`` and ``joint``; a body, or a site, is the frame of that name
+        q     (nq,)  the configuration in which loops are closed, where the text leaves that to the model's beginning,
+              MuJoCo's qpos0; the neutral one if left out [rad | m]
+
+        Constraints are rigid: ``solref``, ``solimp`` and ``torquescale``, which make them soft, are left out.
+        Raises  ConstraintError naming element and line for other equalities, such as tendons, a curved ``polycoef``, a
+                joint that is held at a number, and what is no such text; otherwise as the class
+
+        >>> import spatialdyn as sd
+        >>> text = '<equality><joint joint1="joint2" joint2="joint1" polycoef="0.1 -2"/></equality>'
+        >>> sd.Constraints.of_mjcf(sd.load_urdf("two_link"), text).items[0].ratio
+        -2.0
+        """
+        from .mjcf import constraints_of_mjcf
+
+        return cls(model, constraints_of_mjcf(check_model(model), text, q))
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"Constraints are immutable, {name} cannot be set")

@@ -19,7 +19,7 @@ from .dense import factor_dropping, quotient, solve_backward, solve_forward
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
-from .spec import TAU, A, Argument, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # of crba, then of rnea
@@ -41,6 +41,7 @@ def constrained_motion(
     q: Config,
     v: Vector,
     tau: Vector,
+    fext: Matrix,
     constraints: Record,
     rate: Vector,
     a: Vector,
@@ -60,12 +61,12 @@ def constrained_motion(
 
     residual (1)  of the rows that dropped out, relative: 0 if they agree with the others
     rank (1)      how many rows are independent
-    L, Y, G, gamma, error, size and kept are scratch; rate may be None
+    L, Y, G, gamma, error, size and kept are scratch; fext and rate may be None
     """
     n = len(bodies) - 1
     crba(bodies, work, q, L)
     factor_tree(bodies, L)
-    rnea(bodies, work, q, v, None, None, a)
+    rnea(bodies, work, q, v, None, fext, a)
     turn_rows(bodies, work)
     write_jacobian(bodies, work, constraints, Y)
     write_drift(bodies, work, constraints, v, gamma)
@@ -234,7 +235,7 @@ RATE = Argument("rate", (), "1/s", "1/T of the stabilization", optional=True)
 _SOURCE = "after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree."
 _DENSE = (("nv", "nv"), ("nc", "nv"), ("nc", "nc"))
 MOTION = Spec(
-    "constrained_motion", constrained_motion, WORK, (Q, V, TAU, CONSTRAINTS_ARGUMENT, RATE),
+    "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE),
     Argument("result", ("nv+nc+2",), "", "a, force, residual, rank"),
     "Forward dynamics under constraints: a, their forces, residual and rank.", _SOURCE,
     pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",), ("nc",)),

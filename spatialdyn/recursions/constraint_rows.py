@@ -145,15 +145,20 @@ def to_ground(c: Record, s: Seen) -> Vec:
 
 
 @inline
-def rate_to_ground(c: Record, s: Seen, w: Vec) -> Vec:
-    """Rate of ``to_ground`` for a body that turns at w: the lowest point moves in it."""
+def slope_to_ground(c: Record, s: Seen, du: Vec) -> Vec:
+    """Rate of ``to_ground`` for a wheel's axis that changes at du: the lowest point moves in it."""
     u, n = rotate(s.A, line(mat3_of(c.D), 0)), line(mat3_of(c.D), 1)
-    du = cross(w, u)
     along, rate = dot(n, u), dot(n, du)
     square = 1.0 - along * along
     up = sub(n, scale(along, u))
     dup = neg(add(scale(rate, u), scale(along, du)))
     return scale(-c.value / sqrt(square), add(dup, scale(along * rate / square, up)))
+
+
+@inline
+def rate_to_ground(c: Record, s: Seen, w: Vec) -> Vec:
+    """Rate of ``to_ground`` for a body that turns at w."""
+    return slope_to_ground(c, s, cross(w, rotate(s.A, line(mat3_of(c.D), 0))))
 
 
 @inline

@@ -98,12 +98,13 @@ def held_by(
 # --- steps by calls --------------------------------------------------------------------------------------
 
 
-def accelerate(held: Held, model: Model) -> Callable[..., int]:
+def accelerate(held: Held, model: Model, fext: Array | None = None) -> Callable[..., int]:
     """``accelerate(system, q, v, a) -> OK`` by calls. It raises ConstraintError."""
     time, known = None if held.rate is None else 1.0 / held.rate, int(held.rank[0])
 
     def found(system: System, q: Array, v: Array, a: Array) -> int:
-        motion = constrained_motion(model, held.constraints, np.array(q), np.array(v), system.tau.copy(), time)
+        given = np.array(q), np.array(v), system.tau.copy()
+        motion = constrained_motion(model, held.constraints, *given, time, fext=fext)
         check_rank(held, motion.rank, known)
         a[:] = motion.a
         return OK
@@ -165,7 +166,7 @@ class Rows:
 
     def accelerate(self, system: System, q: Any, v: Any, a: Any) -> int:
         """a under the constraints."""
-        found, _, residual, rank = self._run(constrained.MOTION, q, v, system.tau, self.constraints, self.rate)
+        found, _, residual, rank = self._run(constrained.MOTION, q, v, system.tau, None, self.constraints, self.rate)
         off = rank[0] - self.rank
         self.wrong = self.wrong + exceeds(residual[0], self.least) + exceeds(off * off, 0.5)
         a[:] = found

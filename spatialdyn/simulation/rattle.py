@@ -32,19 +32,20 @@ NAME = "stormer_verlet"
 ROUNDING = 8.0 * EPS  # of an iterate
 
 
-def check_rattle(model: Model, held: Held) -> None:
-    """Raise SimulationError for what RATTLE cannot do."""
+def check_symplectic(model: Model, held: Held, method: str) -> None:
+    """Raise SimulationError for what a symplectic method with constraints cannot do."""
     rates = [x.label for x in held.constraints if isinstance(x, (RollingConstraint, VelocityConstraint))]
     expected = "expected equations of positions; explicit methods take those of velocities"
     if rates:
-        raise SimulationError(f"{NAME} is given {rates[0]}, {expected}")
+        raise SimulationError(f"{method} is given {rates[0]}, {expected}")
     if held.rate is not None:
-        raise SimulationError(f"stabilization is {1 / held.rate:g} s, expected None for {NAME}: it keeps φ = 0")
-    for joint in model.joints[1:]:
+        raise SimulationError(f"stabilization is {1 / held.rate:g} s, expected None for {method}: it keeps φ = 0")
+    for joint in model.joints[1:] if method == NAME else ():
         if int(model.bodies[joint.row]["kind"]) not in R1:
             what = f'joint "{joint.name}" ({joint.kind})'
             raise SimulationError(
-                f"{NAME} under constraints is given {what}, expected joints whose position is one number"
+                f"{NAME} under constraints is given {what}, expected joints whose position is one number; "
+                "method variational takes all"
             )
 
 

@@ -31,7 +31,7 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
-from . import explicit, rattle
+from . import constrained_variational, explicit, rattle
 from .adaptive import run_adaptive
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
@@ -49,6 +49,7 @@ from .trajectory import Trajectory
 Array = NDArray[np.float64]
 P = ParamSpec("P")
 SAMPLES = 10_000  # recorded by default, at most
+HELD_SYMPLECTIC = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.held_variational}
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
@@ -90,8 +91,9 @@ def simulate(
               The first and the last state are always recorded
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
-    constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them, and stormer_verlet,
-              which is then RATTLE: symplectic, for equations of positions and joints whose position is one number
+    constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them, and for equations of
+              positions two symplectic ones: variational, and stormer_verlet, which is then RATTLE, for joints whose
+              position is one number
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
@@ -141,13 +143,10 @@ def simulate(
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
     check_alone(found, constraints)
-    held = held_by(
-        model, constraints, stabilization, chosen.name, [*EXPLICIT_METHODS, rattle.NAME], q, v, as_number(dt)
-    )
-    if held is not None and chosen.name == rattle.NAME:
-        rattle.check_rattle(model, held)
-    if held is not None and forces is not None:
-        raise SimulationError("fext is given, expected None with constraints; add the torques Jᵀ f to torque")
+    known = [*EXPLICIT_METHODS, *HELD_SYMPLECTIC]
+    held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt))
+    if held is not None and chosen.name in HELD_SYMPLECTIC:
+        rattle.check_symplectic(model, held, chosen.name)
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held, found)
 
 
@@ -301,7 +300,8 @@ def _run_fixed(
     assert method.advance is not None
     advance = method.advance
     if held is not None:
-        advance = rattle.rattle(held, model) if recorder.moves_p else projected(method.advance, held, model)
+        symplectic = HELD_SYMPLECTIC.get(method.name)
+        advance = projected(method.advance, held, model) if symplectic is None else symplectic(held, model)
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     status = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
@@ -324,7 +324,7 @@ def _run_fixed(
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
         if held is not None and not recorder.moves_p:
-            return explicit.kernels_of(accelerate(held, model)), advance
+            return explicit.kernels_of(accelerate(held, model, fext)), advance
         own_kernels = family.kernels(fext is not None)
         return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext)
 

@@ -283,6 +283,55 @@ def test_the_least_force_is_shared_among_equations_that_depend_on_each_other() -
     assert several.force[4] == pytest.approx(least.force, abs=1e-13)
 
 
+def test_external_forces_act_as_the_torques_they_are() -> None:
+    """M a + h = τ + Σ Jᵀ fext + Jᵀ λ; of a batch too."""
+    model, held, s, J, _, _, _ = consistent(0)
+    fext = np.random.default_rng(0).normal(size=(model.njoints, 6))
+    found = sd.constrained_dynamics(model, held, s.q, s.v, s.tau, fext=fext)
+    left = sd.rnea(model, s.q, s.v, found.a, fext) - s.tau - J.T @ found.force
+    assert abs(left).max() <= 1e5 * EPS * abs(J.T @ found.force).max()
+    several = sd.constrained_dynamics(model, held, np.tile(s.q, (9, 1)), s.v, s.tau, fext=fext)
+    assert (several.a == found.a).all()
+    exact = sd.exact(model, sd.constrained_dynamics, constraints=held)(s.q, s.v, s.tau, fext=fext)[0].astype(float)
+    assert abs(found.a - exact).max() <= 1e-9 * abs(exact).max()
+
+
+# --- programs of one model ---------------------------------------------------------------------------------
+
+
+def test_a_specialized_program_has_constraints_too() -> None:
+    """With a load and the stabilization as inputs; a, force, residual and rank side by side."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, tau = pin_of(model), np.array([0.1, 0.2, 0.3])
+    k = sd.specialize(model, sd.constrained_dynamics, constraints=held)
+    assert k.signature == "(q (nq,), v (nv,), tau (nv,)) -> result (nv+nc+2,)"
+    wanted = np.concatenate([np.atleast_1d(x) for x in sd.constrained_dynamics(model, held, q, v, tau)])
+    assert k(q, v, tau) == pytest.approx(wanted, abs=1e-12)
+    assert k(np.tile(q, (9, 1)), v, tau)[4] == pytest.approx(wanted, abs=1e-12)
+    loaded = sd.specialize(model, sd.constrained_dynamics, inputs=["rate", "mass:rocker_joint"], constraints=held)
+    wanted = sd.constrained_dynamics(model, held, q, v, tau, stabilization=0.1)
+    assert loaded(q, v, tau, 10.0, 0.4)[:3] == pytest.approx(wanted.a, abs=1e-11)
+    J = sd.specialize(model, sd.constraint_jacobian, constraints=held)
+    assert J(q) == pytest.approx(sd.constraint_jacobian(model, held, q), abs=1e-15)
+    with pytest.raises(sd.SpatialDynError, match="constraints are None, expected Constraints of this model"):
+        sd.specialize(model, sd.constrained_dynamics)
+    with pytest.raises(sd.SpatialDynError, match="expected None: no call takes them"):
+        sd.specialize(model, sd.rnea, constraints=held)
+    with pytest.raises(sd.SpatialDynError, match="dtype is float32, expected float64 with constraints"):
+        sd.specialize(model, sd.constrained_dynamics, np.float32, constraints=held)
+
+
+def test_calls_with_constraints_are_compiled_ahead() -> None:
+    model = four_bar()
+    held = pin_of(model)
+    seconds = sd.compile(model, [sd.constraint_error, "generalized_gravity"], constraints=held)
+    assert list(seconds) == ["constraint_error", "generalized_gravity"]
+    with pytest.raises(sd.SpatialDynError, match="constraints are None, expected Constraints of this model"):
+        sd.compile(model, sd.constraint_error)
+    with pytest.raises(sd.SpatialDynError, match="calls has impact, expected some of"):
+        sd.compile(model, sd.impact, constraints=held)
+
+
 # --- exact numbers and symbols --------------------------------------------------------------------------
 
 

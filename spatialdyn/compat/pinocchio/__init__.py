@@ -28,6 +28,7 @@ from .algorithms.jacobians import *
 from .algorithms.kinematics import *
 from .algorithms.parallel import *
 from .algorithms.regressors import *
+from .algorithms.rigid_constraints import *
 from .algorithms.tangent_map import *
 from .coverage.coverage import coverage as coverage
 from .coverage.coverage import missing

@@ -22,6 +22,7 @@ from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, described, number
 from ..types.frame import Convention
 from .dynamics import computeAllTerms, crba
+from .rigid_constraints import impulse_of_contacts
 
 __all__ = [
     "computeKKTContactDynamicMatrixInverse", "forwardDynamics", "getKKTContactDynamicMatrixInverse",
@@ -75,8 +76,11 @@ def impulseDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
     restitution_coefficient  e, from 0 (default) to 1
     damping                  μ, J v⁺ + e J v⁻ = -μ Λ; 0 by default
 
-    Raises as forwardDynamics, and ConstraintError for an e outside 0 to 1
+    ``(model, data, q, v, contact_models, contact_datas[, r_coeff[, prox_settings]])`` takes contacts, as
+    constraintDynamics does. Raises as forwardDynamics, and ConstraintError for an e outside 0 to 1
     """
+    if "contact_models" in named or (len(arguments) > 2 and isinstance(arguments[2], list)):
+        return impulse_of_contacts(model, data, *arguments, **named)
     found = None if named else _fast_call(IMPACT, model, data, arguments)
     if found is not None:
         return found

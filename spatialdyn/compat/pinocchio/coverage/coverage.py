@@ -24,8 +24,8 @@ SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a dif
 
 _GEOMETRY = "geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements"
 _CONSTRAINTS = (
-    "constraint solvers: forwardDynamics or impulseDynamics with the constraints' Jacobian, "
-    "computeKKTContactDynamicMatrixInverse for the matrix"
+    "other constraints and solvers: constraintDynamics of RigidConstraintModel, forwardDynamics and impulseDynamics "
+    "with a Jacobian, spatialdyn.Constraints"
 )
 _MJCF = "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF"
 _ELLIPSOID = "a joint that URDF does not have: JointModelComposite of those there are"
@@ -33,19 +33,15 @@ _NOT_ITS = "a foreign module in the wheel's namespace: import it by its own name
 _CONTAINER = "a container of C++: a list or dict of Python"
 
 INSTEAD: tuple[tuple[str, str], ...] = (
-    (
-        "ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDelassusMatrix computeDampedDelassusMatrixInverse",
-        _CONSTRAINTS,
-    ),
-    ("Constraint* Contact ContactCholesky* *ConstraintModel *ConstraintData", _CONSTRAINTS),
-    ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* Baumgarte*", _CONSTRAINTS),
+    ("ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDampedDelassusMatrixInverse", _CONSTRAINTS),
+    ("Constraint* Contact *ConstraintModel *ConstraintData", _CONSTRAINTS),
+    ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit*", _CONSTRAINTS),
     (
         "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone",
         _CONSTRAINTS,
     ),
-    ("NonNegativeOrthantCone ProximalSettings constraintDynamics initConstraintDynamics lcaba", _CONSTRAINTS),
-    ("computeConstraintDynamicsDerivatives computeImpulseDynamicsDerivatives contactInverseDynamics", _CONSTRAINTS),
-    ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel getConstraint*", _CONSTRAINTS),
+    ("NonNegativeOrthantCone lcaba computeImpulseDynamicsDerivatives contactInverseDynamics", _CONSTRAINTS),
+    ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel", _CONSTRAINTS),
     ("computeJointMinimalOrdering StdVec_Contact", _CONSTRAINTS),
     ("buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*", _MJCF),
     ("JointModelEllipsoid JointDataEllipsoid", _ELLIPSOID),

@@ -54,10 +54,44 @@ DIFFERENCES = (
         "OutOfScopeError, a NotImplementedError and AttributeError",
     ),
     Difference(
-        "RigidConstraintModel, RigidConstraintData: what takes a constraint solver (calc, jacobian, compliances, "
-        "m_baumgarte_parameters; lambdas_joint1, extended_motion_propagators_joint1 and _joint2)",
-        "Jacobians, errors, forces, its own scratch",
-        "OutOfScopeError, a NotImplementedError",
+        "RigidConstraintModel, RigidConstraintData: calc, jacobian, setCompliance, retrieveCompliance; lambdas_joint1, "
+        "extended_motion_propagators_joint1 and _joint2",
+        "one contact's part of a solver, its scratch",
+        "OutOfScopeError, an AttributeError",
+    ),
+    Difference(
+        "RigidConstraintData: contact_acceleration and its kin, contact1_acceleration_drift, "
+        "contact2_acceleration_drift",
+        "written by constraintDynamics",
+        "zero",
+    ),
+    Difference(
+        "constraintDynamics, impulseDynamics of contacts that depend on each other with mu = 0, the default",
+        "nan",
+        "ConstraintError naming the rank",
+    ),
+    Difference(
+        "constraintDynamics before initConstraintDynamics", "an error or nan", "its answer: nothing has to be prepared"
+    ),
+    Difference(
+        "getConstraintsJacobian, getConstraintJacobian before the contacts' data were computed",
+        "their last placements, or zeros",
+        "J at the q of data.oMi",
+    ),
+    Difference(
+        "computeDelassusMatrix in LOCAL_WORLD_ALIGNED, or between two joints",
+        "in the axes of frame 1, the second joint left out",
+        "J M⁻¹ Jᵀ with the J of getConstraintsJacobian",
+    ),
+    Difference(
+        "impulseDynamics of contacts between two joints",
+        "J v is not what the restitution asks for",
+        "J v after the impact is -r_coeff J v before it",
+    ),
+    Difference(
+        "computeConstraintDynamicsDerivatives of a CONTACT_6D in LOCAL_WORLD_ALIGNED with a gain Kp",
+        "off by some 10 %",
+        "the derivative of its constraintDynamics",
     ),
     Difference(
         "visualize.BaseVisualizer, visualize.GepettoVisualizer, visualize.RVizVisualizer, visualize.Panda3dVisualizer",

@@ -65,6 +65,7 @@ FIELDS: dict[str, tuple[tuple[Size, ...], Any]] = {
     "potentialEnergyRegressor": ((_parameters,), None),
     "staticRegressor": ((3, lambda model: 4 * (model.njoints - 1)), None),
     **{name: ((0,), None) for name in ("lambda_c", "impulse_c")},
+    **{name: ((0, "nv"), None) for name in ("dlambda_dq", "dlambda_dv", "dlambda_dtau")},
     **{name: ((), float) for name in ("kinetic_energy", "potential_energy", "mechanical_energy")},
 }
 
@@ -294,8 +295,8 @@ def _restored(model: Model, fields: dict[str, Array]) -> Data:
 
 
 SCRATCH = """
-    B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dlambda_dq dlambda_dtau
-    dlambda_dv dvc_dq end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
+    B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dvc_dq
+    end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
     mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba
     oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in
     start_idx_v_fromRow supports_fromRow tau_in v_in vxI

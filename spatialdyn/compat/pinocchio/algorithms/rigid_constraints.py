@@ -1,0 +1,451 @@
+"""Dynamics of contacts and loops, ``RigidConstraintModel``, under Pinocchio's names.
+
+A contact is a Jacobian J of frame 1 seen from frame 2, in the axes of frame 1 (LOCAL) or of the world, and γ with
+J a + γ = 0, errors times the gains of Baumgarte included. ``constraints.contact`` solves them.
+"""
+
+from __future__ import annotations
+
+import copy
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....calls import dynamics
+from ....constraints.contact import Solved, inverse, solve
+from ....errors import ConstraintError, ShapeError, SimulationError
+from ....recursions.spec import LOCAL as IN_FRAME
+from ..data.data import Data, library_of
+from ..data.dispatch import forces, vector
+from ..explog import Jlog6, log6
+from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
+from ..model.model import Model
+from ..types.arguments import ArgumentError, described, expected, number
+from ..types.frame import Convention, ReferenceFrame
+from ..types.motion import Force, Motion
+from ..types.se3 import SE3
+from .derivatives import _call_about_frame
+from .dynamics import computeAllTerms, crba
+from .jacobians import _last_filled
+
+__all__ = [
+    "ConstraintCholeskyDecomposition", "ContactCholeskyDecomposition", "computeConstraintDynamicsDerivatives",
+    "computeDelassusMatrix", "constraintDynamics", "getConstraintJacobian", "getConstraintsJacobian",
+    "initConstraintDynamics",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+
+class Side(NamedTuple):
+    """A frame of a contact: its pose, and in its own axes J (6, nv), velocity and acceleration (6,)."""
+
+    X: SE3
+    J: Array
+    V: Array
+    A: Array
+
+
+class Contact(NamedTuple):
+    """A contact at a state, in the axes of frame 1: frame 2 from there, its action matrix X, J, J v, γ and the error.
+
+    turn  (size, size) takes rows and forces to the axes of the reference frame
+    """
+
+    model: RigidConstraintModel
+    sides: tuple[Side, Side]
+    M: SE3
+    X: Array
+    J: Array
+    Jv: Array
+    error: Array
+    gamma: Array
+    turn: Array
+
+
+# --- J and γ ---------------------------------------------------------------------------------------------
+
+
+def _cross(V: Array) -> Array:
+    """The matrix of V × on motions, linear first; its negative transpose is that on forces."""
+    return np.asarray(Motion(V).action)
+
+
+def _side(at: SimpleNamespace, joint: int, placement: SE3) -> Side:
+    """A frame at q, v and, if there is one, at a; without it A is the drift."""
+    where = int(at.library.rows[joint]), placement._x
+    J = _call_about_frame("frame_jacobian", at, *where, IN_FRAME)
+    if at.a is None:
+        A = _call_about_frame("jacobian_dot_times_v", at, *where, IN_FRAME)
+    else:
+        A = _call_about_frame("frame_acceleration", at, *where, IN_FRAME, 0)
+    return Side(SE3(_call_about_frame("frame_placement", at, *where)), J, J @ at.v, A)
+
+
+def _contact(at: SimpleNamespace, model: RigidConstraintModel) -> Contact:
+    """A contact at q, v."""
+    sides = one, two = tuple(
+        _side(at, joint, placement)
+        for joint, placement in ((model.joint1_id, model.joint1_placement), (model.joint2_id, model.joint2_placement))
+    )
+    M, aligned = one.X.actInv(two.X), model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
+    if model.type == ContactType.CONTACT_3D:
+        X = np.hstack([M.rotation, np.zeros((3, 3))])
+        J, error = one.J[:3] - X @ two.J, -M.translation
+        points = [side.A[:3] + np.cross(side.V[3:], side.V[:3]) for side in sides]
+        gamma = points[0] - M.rotation @ points[1]
+    else:
+        X = M.toActionMatrix()
+        J, error = one.J - X @ two.J, -log6(M).vector
+        gamma = one.A - X @ two.A
+        if not aligned:  # in the world's axes Pinocchio leaves it out: it is 0 where J v is
+            gamma = gamma + _cross(one.V) @ (X @ two.V)
+    gains, Jv = model.m_baumgarte_parameters, J @ at.v
+    gamma = gamma + gains.Kd * Jv + gains.Kp * error
+    turn = np.kron(np.eye(len(J) // 3), one.X.rotation) if aligned else np.eye(len(J))
+    return Contact(model, sides, M, X, J, Jv, error, gamma, turn)
+
+
+def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
+    """Contacts and their data, checked."""
+    for x, kind in ((models, RigidConstraintModel), (datas, RigidConstraintData)):
+        if not isinstance(x, list) or not all(isinstance(one, kind) for one in x):
+            raise ArgumentError(f"contacts are {described(x)}, expected a list of {kind.__name__}")
+    if len(models) != len(datas):
+        raise ShapeError(f"{len(models)} contacts have {len(datas)} data, expected one for each")
+    for model in models:
+        if model.reference_frame == ReferenceFrame.WORLD:
+            raise ConstraintError(f'reference_frame of "{model.name}" is WORLD, expected LOCAL or LOCAL_WORLD_ALIGNED')
+    return list(zip(models, datas, strict=True))
+
+
+def _system(at: SimpleNamespace, pairs: Any) -> tuple[list[Contact], Array, Array]:
+    """The contacts, and J (m, nv) and γ (m,) of all."""
+    contacts = [_contact(at, x) for x, _ in pairs]
+    J = np.vstack([np.empty((0, at.library.model.nv)), *(c.turn @ c.J for c in contacts)])
+    return contacts, J, np.concatenate([np.empty(0), *(c.turn @ c.gamma for c in contacts)])
+
+
+def _note(contacts: list[Contact], pairs: Any) -> None:
+    """Write placements, velocities and errors to the contacts' data."""
+    for c, (_, own) in zip(contacts, pairs, strict=True):
+        own.oMc1, own.oMc2, own.c1Mc2 = c.sides[0].X, c.sides[1].X, c.M
+        own.contact1_velocity, own.contact2_velocity = (Motion(side.V) for side in c.sides)
+        rest = np.zeros(6 - len(c.J))
+        own.contact_placement_error = Motion(np.append(c.error, rest))
+        own.contact_velocity_error = Motion(np.append(c.Jv, rest))
+
+
+def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> SimpleNamespace:
+    """A state, as the calls about a frame take it."""
+    v = np.zeros(model.nv) if v is None else v
+    return SimpleNamespace(library=library_of(model, data), q=q, v=v, a=a)
+
+
+# --- calls -----------------------------------------------------------------------------------------------
+
+
+def initConstraintDynamics(model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
+    """Check a list of RigidConstraintModel and their RigidConstraintData; nothing has to be prepared here."""
+    library_of(model, data)
+    _pairs(contact_models, contact_datas)
+
+
+def constraintDynamics(
+    model: Model, data: Data, q: Any, v: Any, tau: Any, contact_models: Any, contact_datas: Any,
+    prox_settings: ProximalSettings | None = None,
+) -> Array:  # fmt: skip
+    """Accelerations a (nv,) under contacts: M a + b = τ + Jᵀ λ and J a + γ = 0; also ``data.ddq``, with λ in
+    ``data.lambda_c`` and in the contacts' ``contact_force``.
+
+    q, v, tau                      (nq,), (nv,), (nv,)
+    contact_models, contact_datas  lists of RigidConstraintModel and RigidConstraintData
+    prox_settings                  a ProximalSettings; with mu = 0, the default, the contacts have to be independent
+
+    Raises ConstraintError naming the rank of contacts that are not independent, if mu is 0; as ``rnea``
+    """
+    pairs, settings = _pairs(contact_models, contact_datas), _settings(prox_settings)
+    computeAllTerms(model, data, q, v)
+    tau = vector("tau", tau, model.nv)
+    at = _at(model, data, *(vector(name, x, n) for name, x, n in (("q", q, model.nq), ("v", v, model.nv))))
+    contacts, J, gamma = _system(at, pairs)
+    _note(contacts, pairs)
+    solved = _solved(at, data.array("M"), tau - data.array("nle"), J, gamma, settings)
+    _store(data, pairs, "lambda_c", solved.force)
+    data.put("ddq", solved.x)
+    data.__dict__["_contacts"] = at, contacts, J, solved
+    return np.array(solved.x)
+
+
+def impulse_of_contacts(
+    model: Model, data: Data, q: Any, v: Any, contact_models: Any, contact_datas: Any, r_coeff: Any = 0.0,
+    prox_settings: ProximalSettings | None = None,
+) -> Array:  # fmt: skip
+    """``impulseDynamics`` of a list of contacts."""
+    pairs, settings, e = _pairs(contact_models, contact_datas), _settings(prox_settings), number(r_coeff, "r_coeff")
+    if not 0.0 <= e <= 1.0:
+        raise ConstraintError(f"r_coeff is {e}, expected 0 to 1")
+    v = vector("v", v, model.nv)
+    crba(model, data, q, Convention.WORLD)
+    at = _at(model, data, vector("q", q, model.nq), v)
+    contacts, J, _ = _system(at, pairs)
+    _note(contacts, pairs)
+    solved = _solved(at, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), settings)
+    _store(data, pairs, "impulse_c", solved.force)
+    data.put("dq_after", v + solved.x)
+    return np.asarray(v + solved.x)
+
+
+def _settings(given: Any) -> ProximalSettings:
+    return ProximalSettings() if given is None else expected(given, ProximalSettings, "prox_settings")  # type: ignore[no-any-return]
+
+
+def _store(data: Data, pairs: Any, name: str, force: Array) -> None:
+    data.put(name, force)
+    first = 0
+    for x, own in pairs:
+        size = x.residualSize()
+        own.contact_force = Force(np.append(force[first : first + size], np.zeros(6 - size)))
+        first += size
+
+
+def _solved(at: Any, M: Array, r: Array, J: Array, gamma: Array, settings: ProximalSettings) -> Solved:
+    """x and λ; with mu above 0 by proximal iterations J x + γ = -mu (λ - λ before)."""
+    force, mu = np.zeros(len(gamma)), settings.mu
+    for k in range(max(1, settings.max_iter)):
+        solved = solve(at.library.model, M, r, J, gamma - mu * force, mu)
+        settings.iter = k + 1
+        settings.relative_residual = float(abs(solved.force - force).max(initial=0.0))
+        settings.absolute_residual = float(abs(J @ solved.x + gamma).max(initial=0.0))
+        small = settings.relative_accuracy * abs(solved.force).max(initial=0.0)
+        force = solved.force
+        if mu == 0.0 or settings.absolute_residual <= settings.absolute_accuracy or settings.relative_residual <= small:
+            break
+    return solved
+
+
+def getConstraintsJacobian(model: Model, data: Data, constraint_models: Any, constraint_datas: Any) -> Array:
+    """J (m, nv) of contacts, at the q of ``data.oMi``."""
+    run = _last_filled(model, data, "oMi", "computeJointJacobians")
+    return _system(_at(model, data, run.q.copy()), _pairs(constraint_models, constraint_datas))[1]
+
+
+def getConstraintJacobian(model: Model, data: Data, constraint_model: Any, constraint_data: Any) -> Array:
+    """J (3 or 6, nv) of a contact, at the q of ``data.oMi``."""
+    return getConstraintsJacobian(model, data, [constraint_model], [constraint_data])
+
+
+def computeDelassusMatrix(
+    model: Model, data: Data, q: Any, contact_models: Any, contact_datas: Any, mu: float = 0.0
+) -> Array:
+    """G = J M⁻¹ Jᵀ (m, m) of contacts; with mu above 0 (G⁻¹ + mu)⁻¹, as in Pinocchio."""
+    M = crba(model, data, q)
+    J = _system(_at(model, data, vector("q", q, model.nq)), _pairs(contact_models, contact_datas))[1]
+    G = J @ np.linalg.solve(M, J.T)
+    G = np.linalg.solve(np.eye(len(G)) + number(mu, "mu") * G, G)
+    return np.asarray(0.5 * (G + G.T))
+
+
+# --- derivatives -----------------------------------------------------------------------------------------
+
+
+def computeConstraintDynamicsDerivatives(
+    model: Model, data: Data, contact_models: Any, contact_datas: Any, settings: ProximalSettings | None = None
+) -> tuple[Array, ...]:
+    """∂a and ∂λ by q, v and τ: ``ddq_dq, ddq_dv, ddq_dtau, dlambda_dq, dlambda_dv, dlambda_dtau``, at the inputs of the
+    last constraintDynamics; also fields of ``data``.
+
+    M a + b = τ + Jᵀ λ and J a + γ = 0 are differentiated: M ∂a - Jᵀ ∂λ = ∂(τ - b - M a + Jᵀ λ), J ∂a = -∂(J a + γ).
+    Raises SimulationError if constraintDynamics was not called with these contacts.
+    """
+    pairs, found = _pairs(contact_models, contact_datas), data.__dict__.get("_contacts")
+    _settings(settings)
+    if found is None or len(found[1]) != len(pairs) or library_of(model, data) is not found[0].library:
+        raise SimulationError("data holds no such contacts, expected constraintDynamics to be called before")
+    before, contacts, J, solved = found
+    at, n, m = _at(model, data, before.q, before.v, solved.x), model.nv, len(J)
+    fext, rows, first = [Force.Zero() for _ in range(model.njoints)], np.zeros((m, 2 * n)), 0
+    by_force, turning = np.zeros((n, n)), np.zeros((m, n))
+    for c in contacts:
+        part = slice(first, first + len(c.J))
+        force = c.turn.T @ solved.force[part]
+        rows[part] = c.turn @ _rows_by_state(at, c)
+        by_force += _load(c, force, fext)
+        if c.model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED:  # forces turn with frame 1
+            w = c.sides[0].J[3:]
+            turning[part] = c.turn @ np.vstack([np.cross(w, f, axisa=0, axisb=0).T for f in force.reshape(-1, 3)])
+        first += len(c.J)
+    given = forces(fext, at.library, model.njoints)
+    by_q, by_v, _ = dynamics.table_call("rnea_derivatives", at.library.model, at.q, at.v, at.a, given)
+    right = np.vstack([np.hstack([by_force - by_q, -by_v, np.eye(n)]), np.hstack([-rows, np.zeros((m, n))])])
+    x = inverse(at.library.model, solved) @ right
+    parts = [*np.hsplit(x[:n], 3), *np.hsplit(-x[n:], 3)]
+    parts[3] = parts[3] + turning
+    for name, part in zip(_PARTS, parts, strict=True):
+        data.put(name, part)
+    return tuple(parts)
+
+
+_PARTS = ("ddq_dq", "ddq_dv", "ddq_dtau", "dlambda_dq", "dlambda_dv", "dlambda_dtau")
+
+
+def _seen(c: Contact) -> Array:
+    """The motion (6, nv) of frame 2 seen from frame 1, in its axes."""
+    return np.asarray(c.M.toActionMatrix() @ c.sides[1].J - c.sides[0].J)
+
+
+def _rows_by_state(at: Any, c: Contact) -> Array:
+    """∂(J a + γ) by q and v (size, 2 nv), in the axes of frame 1."""
+    places = (c.model.joint1_id, c.model.joint1_placement), (c.model.joint2_id, c.model.joint2_placement)
+    rows = [(int(at.library.rows[joint]), place._x) for joint, place in places]
+    point, gains = c.model.type == ContactType.CONTACT_3D, c.model.m_baumgarte_parameters
+    (A1_q, A1_v, _), (A2_q, A2_v, _) = (
+        _call_about_frame("frame_acceleration_derivatives", at, *where, IN_FRAME, int(point)) for where in rows
+    )
+    dV1, dV2 = (_call_about_frame("frame_velocity_derivatives", at, *where, IN_FRAME)[0] for where in rows)
+    one, two = (_side(at, joint, place) for joint, place in places)
+    S, X = _seen(c), c.M.toActionMatrix()
+    if point:
+        R = c.M.rotation
+
+        def turned(x: Array) -> Array:
+            """∂(R x) for a constant x."""
+            return np.cross(S[3:], R @ x, axisa=0).T
+
+        A2 = two.A[:3] + np.cross(two.V[3:], two.V[:3])
+        by_q, by_v = A1_q[:3] - R @ A2_q[:3] - turned(A2), A1_v[:3] - R @ A2_v[:3]
+        rate = dV1[:3] - R @ dV2[:3] - turned(two.V[:3])
+        error = -S[:3] - np.cross(S[3:], c.M.translation, axisa=0).T
+    else:
+
+        def moved(x: Array) -> Array:
+            """∂(X x) for a constant x."""
+            return -_cross(X @ x) @ S
+
+        V2 = X @ two.V
+        by_q, by_v = A1_q - X @ A2_q - moved(two.A), A1_v - X @ A2_v
+        if c.model.reference_frame == ReferenceFrame.LOCAL:
+            by_q = by_q - _cross(V2) @ dV1 + _cross(one.V) @ (moved(two.V) + X @ dV2)
+            by_v = by_v - _cross(V2) @ one.J + _cross(one.V) @ (X @ two.J)
+        rate = dV1 - X @ dV2 - moved(two.V)
+        error = -Jlog6(c.M) @ np.linalg.solve(X, S)
+    return np.hstack([by_q + gains.Kd * rate + gains.Kp * error, by_v + gains.Kd * c.J])
+
+
+def _load(c: Contact, force: Array, fext: list[Force]) -> Array:
+    """Add the contact's forces to those on joints, in their frames; what Jᵀ λ changes by beside (nv, nv)."""
+    wrench = np.append(force, np.zeros(6 - len(force)))
+    S, X = _seen(c), c.M.toActionMatrix()
+    if len(force) == 3:  # at the origin of frame 2
+        R = c.M.rotation
+        second = np.append(R.T @ force, np.zeros(3))
+        change = np.vstack([R.T @ np.cross(S[3:], force, axisa=0).T, np.zeros((3, S.shape[1]))])
+    else:
+        second = X.T @ wrench
+        change = X.T @ np.stack([-_cross(s).T @ wrench for s in S.T], axis=1)
+    on = (c.model.joint1_id, c.model.joint1_placement, wrench), (c.model.joint2_id, c.model.joint2_placement, -second)
+    for joint, place, x in on:
+        fext[joint] = fext[joint] + place.act(Force(x))
+    return np.asarray(c.sides[1].J.T @ change)
+
+
+# --- the factors -----------------------------------------------------------------------------------------
+
+
+class ConstraintCholeskyDecomposition:
+    """K = U D Uᵀ of K = [-mu 1, J; Jᵀ, M], U upper triangular with unit diagonal: ``(model, data, contact_models,
+    contact_datas)``, then ``compute`` with the M of ``data``.
+    """
+
+    def __init__(self, model: Any = None, data: Any = None, contact_models: Any = (), contact_datas: Any = ()) -> None:
+        self._J, self._M, self._mu = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
+        if model is not None:
+            self.rebuild(model, data, contact_models, contact_datas)
+
+    def rebuild(self, model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
+        """Take the sizes of other contacts."""
+        library_of(model, data)
+        size = sum(x.residualSize() for x, _ in _pairs([*contact_models], [*contact_datas]))
+        self._J, self._M, self._mu = np.zeros((size, model.nv)), np.zeros((model.nv,) * 2), np.zeros(size)
+
+    def compute(self, model: Model, data: Data, contact_models: Any, contact_datas: Any, mu: Any = 0.0) -> None:
+        """Take J at the q of ``data.oMi`` and the M of ``data``; mu is a number or one for each row."""
+        self._J = getConstraintsJacobian(model, data, contact_models, contact_datas)
+        self._M = np.array(data.array("M"))
+        self._mu = np.zeros(len(self._J))
+        self.updateDamping(mu)
+
+    def updateDamping(self, mu: Any) -> None:
+        """Set mu, a number or one for each row."""
+        self._mu = np.zeros(len(self._J)) + np.asarray(mu, float)
+
+    def getDamping(self) -> Array:
+        """mu as a diagonal matrix."""
+        return np.diag(self._mu)
+
+    def size(self) -> int:
+        """Rows of K."""
+        return len(self._J) + len(self._M)
+
+    def constraintDim(self) -> int:
+        """Rows of J."""
+        return len(self._J)
+
+    def matrix(self) -> Array:
+        """K."""
+        return np.block([[np.diag(-self._mu), self._J], [self._J.T, self._M]])
+
+    def _factors(self) -> tuple[Array, Array]:
+        K = self.matrix()
+        n = len(K)
+        U, D = np.eye(n), np.zeros(n)
+        for k in range(n - 1, -1, -1):
+            D[k] = K[k, k]
+            U[:k, k] = K[:k, k] / D[k]
+            K[:k, :k] -= np.outer(U[:k, k], K[:k, k])
+        return U, D
+
+    @property
+    def U(self) -> Array:
+        """U."""
+        return self._factors()[0]
+
+    @property
+    def D(self) -> Array:
+        """D (size,)."""
+        return self._factors()[1]
+
+    @property
+    def Dinv(self) -> Array:
+        """1 / D."""
+        return np.asarray(1.0 / self.D)
+
+    def solve(self, matrix: Any) -> Array:
+        """K⁻¹ x."""
+        return np.linalg.solve(self.matrix(), np.asarray(matrix, float))
+
+    def inverse(self) -> Array:
+        """K⁻¹."""
+        return np.linalg.inv(self.matrix())
+
+    def getInverseOperationalSpaceInertiaMatrix(self, enforce_symmetry: bool = False) -> Array:
+        """J M⁻¹ Jᵀ + mu 1."""
+        G = self._J @ np.linalg.solve(self._M, self._J.T) + self.getDamping()
+        return np.asarray(0.5 * (G + G.T))
+
+    def getOperationalSpaceInertiaMatrix(self) -> Array:
+        """(J M⁻¹ Jᵀ + mu 1)⁻¹."""
+        return np.linalg.inv(self.getInverseOperationalSpaceInertiaMatrix())
+
+    def getInverseMassMatrix(self) -> Array:
+        """M⁻¹."""
+        return np.linalg.inv(self._M)
+
+    def copy(self) -> ConstraintCholeskyDecomposition:
+        """An independent copy."""
+        return copy.deepcopy(self)
+
+
+ContactCholeskyDecomposition = ConstraintCholeskyDecomposition
