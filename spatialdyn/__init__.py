@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .accuracy.results import Option, Recommendation, Tradeoff
     from .accuracy.simplify import simplify
     from .accuracy.tradeoff import recommend, trade
-    from .actuation.friction import Friction, friction_torque
+    from .actuation.friction import Friction, friction_regressor, friction_torque
     from .actuation.motors import Motor, torque_limits
     from .calls.bounded import bounded
     from .calls.dynamics import *
@@ -90,6 +90,8 @@ if TYPE_CHECKING:
     from .model.builder import ModelBuilder
     from .pictures.comparison_plots import plot
     from .pictures.scene import view
+    from .simulation.control_laws import Control
+    from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
     from .simulation.rollouts import PD, Rollout, rollout
     from .simulation.runs import hamilton_simulation, simulate
@@ -100,25 +102,25 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
-    "ConstrainedMotion", "ConstraintError", "Constraints", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
-    "Exact", "Finding", "Frame", "Friction", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "PointConstraint", "Recommendation",
-    "Robot", "RollingConstraint", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
-    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint",
-    "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
-    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
-    "constraint_error", "constraint_jacobian", "delassus", "diagnose", "exact", "forward_dynamics", "friction_torque",
-    "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact",
-    "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
-    "project_configuration", "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate",
-    "specialize", "step", "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "ConstrainedMotion", "ConstraintError", "Constraints", "Control", "CouplerConstraint", "Diagnosis",
+    "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction", "HingeConstraint", "Impact",
+    "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option",
+    "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout", "ShapeError", "SimulationError",
+    "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
+    "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
+    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "delassus",
+    "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor", "friction_torque", "from_drake",
+    "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints",
+    "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration",
+    "project_velocity", "random_configuration", "recommend", "rollout", "simplify", "simulate", "specialize", "step",
+    "to_drake", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
-    "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_torque",
+    "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_regressor friction_torque",
     "actuation.motors": "Motor torque_limits",
     "calls.bounded": "bounded", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
@@ -137,6 +139,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
+    "simulation.control_laws": "Control", "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
     "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",

@@ -65,6 +65,7 @@ DRAW: dict[str, set[str]] = {
     "lagrangian.symbolic_manipulator": {"_repr_html_"},
     "simulation.trajectory": {"plot", "report", "_repr_html_"},
     "simulation.rollouts": {"plot", "_repr_html_"},
+    "simulation.ledger": {"plot"},
     "calls.progress": {"bar"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
     "accuracy.findings": {"report", "_repr_html_"},
@@ -84,9 +85,9 @@ SHARED = {
     "constraint_rows", "dense",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "engines", "pictures"}  # the last reads meshes and writes pages
-# themselves, and a script; one reads an environment variable
+# themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port",
+    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.simulate",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..actuation.friction import Friction, check_friction
 from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import calls
 from ..calls.forward_dynamics import EXTENDED
@@ -45,7 +46,9 @@ BESIDE = 100.0  # times the other of the two
 HUGE = 300.0  # metres: no link reaches that far, whatever its radius of gyration
 
 
-def diagnose(model: Model, q: ArrayLike | None = None, progress: Progress = False) -> Diagnosis:
+def diagnose(
+    model: Model, q: ArrayLike | None = None, progress: Progress = False, friction: Friction | bool | None = None
+) -> Diagnosis:
     """Oddities of a model, what they cost and what helps.
 
     * links with an inertia that is not physical, and moving links without mass
@@ -58,17 +61,19 @@ def diagnose(model: Model, q: ArrayLike | None = None, progress: Progress = Fals
     * calls whose program has a digit less than the table kernel
     * links too light or too heavy for float32's range, whose programs fall back to float64
     * the largest time step of explicit integrators, with joint damping as a torque
+    * with friction: joints whose bristles may give energy, where b < σ1 (F_s - F_c)/F_c
 
     model   Model
     q       (nq,)   the only state to examine [rad | m]; by default neutral and random ones, the same in every call
     progress        True for a bar (needs rich), or a function of the number of steps done and their total
+    friction        a Friction of the joints, or True for that of the URDF
 
     Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``programs``, ``stiffest`` and the number of
     ``states``; ``print`` shows it, ``to_json()`` writes it. Long robots are examined in fewer states: neutral and 512
     others up to 157 freedoms, 250 at 200, 2 at 1000. It compiles programs of batches once per model, which takes
     seconds: of five calls up to 32 freedoms, of rnea and aba up to 128. There are no digits for a model with mimic
     joints or a joint with zero articulated inertia.
-    Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms.
+    Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms; ModelError, ShapeError for friction.
 
     >>> import spatialdyn as sd
     >>> found = sd.diagnose(sd.load_urdf("two_link"))
@@ -79,16 +84,18 @@ def diagnose(model: Model, q: ArrayLike | None = None, progress: Progress = Fals
     """
     check_model(model)
     check_progress(progress)
+    rubs = None if friction is None or friction is False else check_friction(model, friction)
     with reporting(progress, "diagnose") as report:
         steps = Steps(report, 2 + len(INPUTS))
-        found = _diagnose(model, q, steps)
+        found = _diagnose(model, q, steps, rubs)
         steps.next(steps.total)
         return found
 
 
-def _diagnose(model: Model, q: ArrayLike | None, steps: Steps) -> Diagnosis:
+def _diagnose(model: Model, q: ArrayLike | None, steps: Steps, friction: Friction | None) -> Diagnosis:
     positions, arrays = _states(model, q)
     findings = [*_links(model), *_units(model), *_mass_ratios(model)]
+    findings += [] if friction is None else _active_bristles(model, friction)
     condition: dict[str, float] = {}
     digits: dict[str, dict[str, float]] = {}
     programs: dict[str, dict[str, float]] = {}
@@ -336,6 +343,30 @@ def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
         f"to dt {stiffest.dt:.2g} s only",
         f"add armature to the joint (it moves {stiffest.inertia:.2g}), damp it less, or lock it",
     )  # fmt: skip
+
+
+def _active_bristles(model: Model, friction: Friction) -> Iterator[Finding]:
+    """Joints whose LuGre friction is not passive from v to its torque: it gives energy in some motions.
+
+    b >= σ1 (F_s - F_c)/F_c makes it passive (Barabanov and Ortega, Necessary and sufficient conditions for passivity of
+    the LuGre friction model, 2000).
+    """
+    if friction.bristle_damping is None:
+        return
+    for k, (fc, fs, b, d) in enumerate(
+        zip(friction.coulomb, friction.static, friction.viscous, friction.bristle_damping, strict=True)
+    ):
+        rise = d * (fs - fc)  # F_c times the least b
+        if b * fc < rise:
+            joint = _joint_at(model, k)
+            least = rise / fc if fc > 0.0 else math.inf
+            yield Finding(
+                "warning", "friction", _link(model, joint),
+                f'hangs on joint "{joint.name}", whose bristles may give energy: its damping of {b:.4g} is below '
+                f"{least:.4g}, its bristle damping times (static - Coulomb) / Coulomb friction",
+                f"damp it by {least:.4g}, lower bristle_damping or the static friction, or take "
+                'friction_method="implicit"',
+            )  # fmt: skip
 
 
 # --- digits ----------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ class Finding(NamedTuple):
     """One oddity of a model.
 
     severity  "note": worth knowing, "warning": costs digits, "error": results are wrong or refused
-    kind      inertia, units, mass ratio, condition, unfelt, singular, digits, programs, range or time step
+    kind      inertia, units, mass ratio, condition, unfelt, singular, digits, programs, range, time step or friction
     link      name of the link
     message   the finding, with its figure
     remedy    what to do

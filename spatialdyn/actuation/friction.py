@@ -14,7 +14,7 @@ from ..calls.dynamics import checked_call
 from ..calls.failures import joint_of_velocity
 from ..errors import ModelError, ShapeError
 from ..model.model import Model
-from ..recursions.friction import AT_ONCE, FRICTION_TORQUE
+from ..recursions.friction import AT_ONCE, FRICTION_REGRESSOR, FRICTION_TORQUE
 
 Array = NDArray[np.float64]
 POSITIVE = ("stribeck_velocity", "smoothing")  # the others may be 0
@@ -188,4 +188,37 @@ def friction_torque(model: Model, v: ArrayLike, friction: Friction | bool, out: 
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     x = check_friction(model, friction)
     made: Array = checked_call(FRICTION_TORQUE, model, (v, *x.law, x.smoothing), (), out)
+    return made
+
+
+def friction_regressor(model: Model, v: ArrayLike, out: Any = None) -> Array:
+    """Regressor F of joint friction in inverse dynamics: motors give F (F_c, b) more, F_c sgn v + b v.
+
+    Source: the definition; with it the columns of ``joint_torque_regressor`` go on to friction.
+
+    model  Model
+    v      (..., nv)  joint velocities [rad/s | m/s]
+    out    (..., nv, 2, nv)  written in place if given: float64, C order, the shape of the result
+
+    Flat, F stands beside Y: (Y, F) (π, F_c, b) = rnea - armature a + friction's torque, as in the example. A joint at
+    rest has 0 for Coulomb's friction: what keeps it there is no function of v.
+
+    Returns F (..., nv, 2, nv): of each joint's torque, sgn v by F_c and v by b of each joint [1 | rad/s | m/s].
+    Raises
+        ShapeError for shapes that do not match, or an out that overlaps an input
+        ModelError for mimic joints
+        NaN in a sample gives NaN in what depends on it, in no other sample.
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model, (q, v, a) = sd.load_urdf("two_link"), np.array([[0.5, -0.3], [1.0, -2.0], [0.2, 0.4]])
+    >>> friction = sd.Friction([0.5, 0.3], [0.1, 0.2])
+    >>> Y, F = sd.joint_torque_regressor(model, q, v, a), sd.friction_regressor(model, v)
+    >>> columns = np.concatenate([Y.reshape(2, -1), F.reshape(2, -1)], axis=1)
+    >>> parameters = np.concatenate([np.ravel(sd.inertial_parameters(model)), friction.coulomb, friction.viscous])
+    >>> bool(np.allclose(columns @ parameters, sd.rnea(model, q, v, a) - sd.friction_torque(model, v, friction)))
+    True
+    """
+    if check_model(model).mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+    made: Array = checked_call(FRICTION_REGRESSOR, model, (v,), (), out)
     return made

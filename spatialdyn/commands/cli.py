@@ -21,7 +21,7 @@ COMMANDS = {
     "check": "oddities of inertias, mass ratios, digits and time steps, and remedies",
     "derive": "M, C, g, energies in closed form",
     "compare": "errors and times of every call against Pinocchio",
-    "simulate": "free motion of a robot, its energy, a plot and a file of it",
+    "simulate": "motion of a robot without motors, its energy, a plot and a file of it",
     "view": "a robot in the browser, or in one page to keep",
     "trade": "error and cost of every option for a task, and the cheapest within a tolerance",
     "compile": "compile a robot's calls ahead, and keep the code on disk",

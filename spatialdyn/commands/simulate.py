@@ -1,22 +1,31 @@
-"""``spatialdyn simulate ROBOT``: a free motion of a robot, and the change of its energy."""
+"""``spatialdyn simulate ROBOT``: motion of a robot without torques of motors, and where its energy goes."""
 
 from __future__ import annotations
 
 import argparse
 import warnings
 from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 
+from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..calls.prepare import compile_calls
 from ..calls.states import random_configuration
+from ..constraints.loops import close_loops
+from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError
 from ..model.model import Model
 from ..pictures.scene import view
 from ..pictures.stage import viser_module
 from ..simulation import Trajectory, integrators, simulate
+from ..simulation.carried_runs import ADAPTIVE
 from ..simulation.energy import scale_of
+from ..simulation.friction_steps import SMOOTH, STEPPED, WAYS
+from ..simulation.ledger import EnergyLedger, energy_ledger
+from ..simulation.traced_steps import EXPLICIT_METHODS
 from .printing import shown
 from .robots import add_quiet, add_robot, load, parse_numbers
 from .targets import check_file, check_plot, check_report
@@ -30,14 +39,28 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="seconds (default: 10)")
     parser.add_argument("--dt", type=float, default=1e-3, metavar="S", help="step in seconds (default: 0.001)")
-    parser.add_argument("--method", choices=list(integrators), default="rk4", metavar="METHOD", help=_methods())
+    parser.add_argument("--method", choices=list(integrators), metavar="METHOD", help=_methods())
     parser.add_argument(
-        "--q0", metavar="Q", help="joint positions, separated by commas (default: random, always the same)"
-    )
+        "--q0", metavar="Q",
+        help="joint positions, separated by commas (default: random, always the same; with --constraints, closed)",
+    )  # fmt: skip
     parser.add_argument("--v0", metavar="V", help="joint velocities, separated by commas (default: zeros)")
     parser.add_argument(
         "--record", type=int, metavar="K", help="record every K-th step (default: 10 000 samples at most)"
     )
+    parser.add_argument(
+        "--friction", nargs="?", const="", metavar="NAME=X,...",
+        help="joint friction and damping of the URDF act, but for these coefficients of sd.Friction",
+    )  # fmt: skip
+    parser.add_argument(
+        "--friction-method", choices=WAYS, default=WAYS[0], help=f"how friction acts (default: {WAYS[0]})"
+    )
+    parser.add_argument("--constraints", metavar="FILE", help="loops of the robot: a TOML file of [[constraint]]")
+    parser.add_argument(
+        "--stabilization", type=float, metavar="S",
+        help="seconds in which errors of the constraints die away (default: none are left, by projection)",
+    )  # fmt: skip
+    parser.add_argument("--ledger", metavar="FILE", help="draw the work of friction and constraints to a picture")
     parser.add_argument("--plot", metavar="FILE", help="draw q, v and energy to a PNG, SVG, PDF, JPG or WebP file")
     parser.add_argument("--report", metavar="FILE", help="write one HTML page of it all, which needs no network")
     parser.add_argument("--save", metavar="FILE", help="write the trajectory to an npz file, or a page of it (.html)")
@@ -47,11 +70,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def _methods() -> str:
-    return f"one of {', '.join(integrators)} (default: rk4)"
+    return f"one of {', '.join(integrators)} (default: rk4; with --friction, {STEPPED}, unless it is smooth)"
 
 
 def _run(arguments: argparse.Namespace) -> int:
     check_plot(arguments.plot)
+    check_plot(arguments.ledger, "--ledger")
     page = arguments.save is not None and arguments.save.lower().endswith(PAGES)
     check_report(arguments.report)
     check_file("--save", arguments.save)
@@ -60,9 +84,20 @@ def _run(arguments: argparse.Namespace) -> int:
     with shown("reading", "robots", arguments.quiet):
         model = load(arguments)
         compile_calls(model, ("kinetic_energy", "potential_energy"))  # else Ctrl-C has to wait for them
+    friction, constraints = _friction(model, arguments), _constraints(model, arguments.constraints)
+    stepped = friction is not None and arguments.friction_method != SMOOTH
+    method = arguments.method or (STEPPED if stepped else "rk4")
+    works = friction is not None or constraints is not None
+    if arguments.ledger and not works:
+        raise SpatialDynError(
+            "--ledger was given, expected --friction or --constraints beside it: no other work is done"
+        )
+    works = works and (method in EXPLICIT_METHODS or method in ADAPTIVE)
     q0 = parse_numbers("--q0", arguments.q0, model.nq)
     if q0 is None:
         q0 = random_configuration(model, np.random.default_rng(0))
+        if constraints is not None:
+            q0 = close_loops(model, constraints, q0)
     v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None
     with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
@@ -70,11 +105,14 @@ def _run(arguments: argparse.Namespace) -> int:
         try:
             run = simulate(
                 model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt,
-                arguments.method, record=arguments.record, progress=report,
+                method, record=(arguments.record, "work") if works else arguments.record, progress=report,
+                friction=friction, friction_method=arguments.friction_method, constraints=constraints,
+                stabilization=arguments.stabilization,
             )  # fmt: skip
         except SimulationInterrupt as interrupt:
             run, stopped = interrupt.trajectory, interrupt
-    for line in _report(model, run):
+    ledger = energy_ledger(run, constraints) if works else None
+    for line in _report(model, run, ledger):
         print(line)
     for warning in caught:
         print(f"note    {warning.message}")
@@ -89,6 +127,9 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         _write("--plot", arguments.plot, lambda path: run.plot(path=path))
         print(f"drawn   {arguments.plot}")
+    if arguments.ledger and ledger is not None:
+        _write("--ledger", arguments.ledger, lambda path: ledger.plot(path=path))
+        print(f"drawn   {arguments.ledger}")
     if arguments.report:
         run.report(arguments.report)
         print(f"written {arguments.report}")
@@ -101,6 +142,35 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
+    """The friction of the options, None for none. Raises SpatialDynError."""
+    if arguments.friction is None:
+        return None
+    changes: dict[str, float] = {}
+    for word in filter(None, arguments.friction.split(",")):
+        name, _, value = word.partition("=")
+        try:
+            changes[name.strip()] = float(value)
+        except ValueError:
+            raise SpatialDynError(f"--friction has {word!r}, expected NAME=NUMBER") from None
+    names = [x.name for x in fields(Friction)]
+    unknown = [name for name in changes if name not in names]
+    if unknown:
+        raise SpatialDynError(f"--friction has {unknown[0]}, expected some of {', '.join(names)}")
+    return Friction.of(model, **{name: np.full(model.nv, x) for name, x in changes.items()})
+
+
+def _constraints(model: Model, path: str | None) -> Constraints | None:
+    """The constraints of a TOML file, None for none. Raises SpatialDynError."""
+    if path is None:
+        return None
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpatialDynError(f"--constraints is {path!r}, which cannot be read: {error}") from None
+    return Constraints.of_toml(model, text)
+
+
 def _write(option: str, path: str, write: Callable[[str], None]) -> None:
     """Write a file. Raises SpatialDynError if the system refuses."""
     try:
@@ -109,7 +179,7 @@ def _write(option: str, path: str, write: Callable[[str], None]) -> None:
         raise SpatialDynError(f"{option} is {path!r}: {error.strerror}, expected a file that can be written") from None
 
 
-def _report(model: Model, run: Trajectory) -> list[str]:
+def _report(model: Model, run: Trajectory, ledger: EnergyLedger | None) -> list[str]:
     """The report of a run, in a few lines."""
     method = integrators[run.method]
     change = run.energy - run.energy[0]
@@ -122,11 +192,16 @@ def _report(model: Model, run: Trajectory) -> list[str]:
         f"its scale; kinetic at most {T.max():.4g} J",
         f"q(end)  {np.array2string(run.q[-1], precision=6, max_line_width=10_000)}",
     ]
+    if ledger is not None:
+        works = ", ".join(f"{kind} {x[-1].sum():.3g} J" for kind, x in ledger.work.items() if kind != "torque")
+        lines.append(f"work    {works}; the integrator's error {ledger.error[-1]:.3g} J")
+        far = float(abs(ledger.error).max())
     if not far <= LARGE * scale:
         cure = "rtol and atol" if method.family is None else "dt"
+        drives = "drives" if ledger is None else "else drives"
         lines.append(
-            f"warning energy changes by {_share(far, scale)} of its scale though nothing drives the robot, expected at "
-            f"most {LARGE:.0%}: the motion is not to be trusted; reduce {cure}"
+            f"warning energy changes by {_share(far, scale)} of its scale though nothing {drives} the robot, expected "
+            f"at most {LARGE:.0%}: the motion is not to be trusted; reduce {cure}"
         )
     return lines
 

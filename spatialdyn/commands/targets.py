@@ -9,21 +9,21 @@ from ..errors import SpatialDynError
 from ..pictures.figures import FORMATS, need_matplotlib
 
 
-def check_plot(path: str | None) -> None:
+def check_plot(path: str | None, option: str = "--plot") -> None:
     """Raise SpatialDynError unless a plot can be written to a file of this name; None passes."""
     if path is None:
         return
     Figure = need_matplotlib().figure.Figure
     if Path(path).suffix[1:].lower() not in FORMATS:
-        raise SpatialDynError(f"--plot is {path!r}, expected a name that ends in one of .{', .'.join(FORMATS)}")
-    check_file("--plot", path)
+        raise SpatialDynError(f"{option} is {path!r}, expected a name that ends in one of .{', .'.join(FORMATS)}")
+    check_file(option, path)
     figure = Figure()
     figure.subplots()
     try:  # some formats need packages that may be missing
         figure.savefig(io.BytesIO(), format=Path(path).suffix[1:].lower())
     except Exception as error:
         reason = str(error).partition("\n")[0]
-        raise SpatialDynError(f"--plot is {path!r}, which Matplotlib cannot write: {reason}") from error
+        raise SpatialDynError(f"{option} is {path!r}, which Matplotlib cannot write: {reason}") from error
 
 
 def check_report(path: str | None) -> None:

@@ -26,7 +26,7 @@ from ..algebra.spatial import Force, Inertia, Pose
 from .crba import crba
 from .ltdl import factor_tree, solve_tree
 from .rnea import rnea
-from .signatures import Bodies, Config, Matrix, Number, Vector, Work
+from .signatures import Array, Bodies, Config, Matrix, Number, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 # Sweeps that choose which joints stick. The first ones correct every joint, the others those alone that violate
@@ -86,6 +86,15 @@ def friction_torque(
 
 
 @inline
+def friction_regressor(bodies: Bodies, v: Vector, F: Array) -> None:
+    """F (nv, 2, nv): sgn v, then v, on the diagonal; -F (F_c, b) is the friction torque of moving joints."""
+    F[:] = 0.0
+    for i in range(len(bodies) - 1):
+        F[i, 0, i] = select(v[i], 1.0, select(-v[i], -1.0, 0.0))
+        F[i, 1, i] = v[i]
+
+
+@inline
 def friction_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Number, coulomb: Vector,
     viscous: Vector, static: Vector, stribeck: Vector, after: Matrix, pivots: Vector, M: Matrix, R: Matrix,
@@ -95,7 +104,8 @@ def friction_step(
     f - (w/h) v⁺ is within ±F for a joint that sticks, and beyond, against v⁺, for one that moves. With the weight
     w = 1/(M⁻¹)_ii the guess settles in a few sweeps; with M_ii or D it may cycle.
 
-    after  (2, nv), written: v⁺, and by how much Coulomb's law is violated [rad/s | m/s], 0 once the guess has settled
+    after  (3, nv), written: v⁺; by how much Coulomb's law is violated [rad/s | m/s], 0 once the guess has settled; the
+           dry friction torque [N m | N]
     M      (nv, nv), written: M + h b
     R      (nv, nv), written: scratch
     """
@@ -139,6 +149,8 @@ def friction_step(
                     far = after[1, i - 1] - least
                     here.stuck = select(far, here.sticks, here.stuck)
                     here.push = select(far, push, here.push)
+    for i in range(1, n + 1):
+        after[2, i - 1] = work[i].friction
 
 
 @inline
@@ -240,7 +252,7 @@ STRIBECK = Argument("stribeck", ("nv",), "rad/s | m/s", "velocity of the fall be
 SMOOTHING = Argument("smoothing", ("nv",), "rad/s | m/s", "velocity over which the sign changes", optional=True)
 STIFFNESS = Argument("stiffness", ("nv",), "N m/rad | N/m", "of the bristles")
 DAMPING = Argument("damping", ("nv",), "N m s/rad | N s/m", "of the bristles")
-BRISTLES = Argument("bristles", ("nv",), "rad | m", "deflection of the bristles")
+BRISTLES = Argument("bristles", ("nv",), "rad | m", "deflection of the bristles", start=0.0)
 LAW = (COULOMB, VISCOUS, STATIC, STRIBECK)
 
 FRICTION_TORQUE = Spec(
@@ -248,9 +260,14 @@ FRICTION_TORQUE = Spec(
     Argument("friction", ("nv",), "N m | N", "friction torques"),
     "Friction torques -F(v) sgn v - b v.", "see ``recursions.friction``",
 )  # fmt: skip
+FRICTION_REGRESSOR = Spec(
+    "friction_regressor", friction_regressor, None, (V,),
+    Argument("F", ("nv", 2, "nv"), "1 | rad/s | m/s", "torque per coefficient"),
+    "Regressor of joint friction.", "see ``recursions.friction``",
+)  # fmt: skip
 FRICTION_STEP = Spec(
     "friction_step", friction_step, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, *LAW),
-    Argument("after", (2, "nv"), "rad/s | m/s", "velocities after a step, and the violation of Coulomb's law"),
+    Argument("after", (3, "nv"), "", "velocities after a step, violation of Coulomb's law, dry friction torque"),
     "A step of the velocities under dry friction and damping.", "see ``recursions.friction``", pivots=True,
     regroup=True, scratch=(("nv", "nv"), ("nv", "nv")),
 )  # fmt: skip

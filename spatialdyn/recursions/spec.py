@@ -37,6 +37,9 @@ class Argument:
                     entries are taken where another output is contracted with G
     is_force        an input that pairs with velocities, as a torque does: with mimic joints, the followers' entries
                     are 0 where those of a velocity follow by G
+    start           of a state of the Spec's own, which a run carries from step to step: its entries at the beginning
+                    of a run that is given no others. The part NAME_rate of the output is its rate, which the run
+                    integrates, or the part NAME_after the state at the end of a step; both flat
     """
 
     name: str
@@ -50,6 +53,7 @@ class Argument:
     is_force: bool = False
     table: np.dtype | None = None
     sizes: tuple[str, ...] = ()
+    start: float | None = None
 
 
 class MassMatrix(Protocol):
@@ -105,6 +109,11 @@ class Spec:
     def present(self) -> tuple[Argument, ...]:
         """The inputs that the call has."""
         return tuple(x for x in self.inputs if x is not None)
+
+    @property
+    def states(self) -> tuple[Argument, ...]:
+        """The inputs that are states of its own."""
+        return tuple(x for x in self.present if x.start is not None)
 
     def extra_outputs(self, sizes: Mapping[str, int]) -> list[tuple[int, ...]]:
         """Shapes of the arrays that the recursion takes after its output, which the call does not return."""

@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 def run_adaptive(
     recorder: Recorder, q: Array, v: Array, torque: Torque, fext: Array | None,
     report: Callable[[int, int], None], tolerances: tuple[float, float],
-    resist: Callable[..., Array] | None = None,
+    acts: Callable[[int, Array, Array, Array, Array], tuple[Array, Array]],
 ) -> None:  # fmt: skip
-    """Integrate and record; ``resist(table, v)`` gives friction torques.
+    """Integrate and record; ``acts`` adds to the torque what else acts, and gives the rates of the states carried.
 
     Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
     try:
@@ -41,22 +41,20 @@ def run_adaptive(
         raise SpatialDynError('SciPy is not installed; pip install "spatialdyn[simulation]"') from error
     solver = {"dop853": integrate.DOP853, "radau": integrate.Radau}[recorder.method.name]
     model, steps = recorder.model, recorder.steps
-    nq, y = model.nq, np.concatenate([q, v])
+    nq, own, y = model.nq, model.nq + model.nv, np.concatenate([q, v, recorder.own])
     rate = kernel(coordinate_rate, 1, 1, 1)
     dq = np.empty(nq)
 
     def slope(step: int) -> Callable[[float, Array], Array]:
         def at(t: float, y: Array) -> Array:
             try:
-                q, v = calls["normalize"](model, y[:nq]), y[nq:].copy()
-                tau = torque.at(step, t, q, v)
-                if resist is not None:
-                    tau = tau + resist(getattr(model, numba_kernels.TABLE), v)
+                q, v = calls["normalize"](model, y[:nq]), y[nq:own].copy()
+                tau, rates = acts(step, q, v, y[own:], torque.at(step, t, q, v))
                 a = calls["aba"](model, q, v, tau, fext)
             except NonFiniteError as error:
                 raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
             rate(getattr(model, numba_kernels.TABLE), q, v, dq)
-            return np.concatenate([dq, a])
+            return np.concatenate([dq, a, rates])
 
         return at
 
@@ -69,7 +67,8 @@ def run_adaptive(
             try:
                 problem = run.step()
             except KeyboardInterrupt:
-                at, (q, v) = reached[0], (calls["normalize"](model, reached[1][:nq]), reached[1][nq:])
+                at, (q, v) = reached[0], (calls["normalize"](model, reached[1][:nq]), reached[1][nq:own])
+                recorder.own[:] = reached[1][own:]
                 recorder.end(at, q, v, torque.unasked(min(int(at / steps.dt), end)))
                 raise
             if run.status == "failed":
@@ -88,7 +87,8 @@ def _record(recorder: Recorder, run: Any, torque: Torque, end: int) -> None:
     while recorder.at[1] < len(recorder.t) and (t := recorder.t[recorder.at[1]]) <= last:
         within = within or run.dense_output()
         y = within(t)
-        q, v = calls["normalize"](model, y[: model.nq]), y[model.nq :].copy()
+        q, v = calls["normalize"](model, y[: model.nq]), y[model.nq : model.nq + model.nv].copy()
+        recorder.own[:] = y[model.nq + model.nv :]
         recorder.put(q, v, torque.at(int(recorder.kept[recorder.at[1]]), t, q, v))
 
 

@@ -19,6 +19,7 @@ from ..calls.arguments import as_number
 from ..calls.dynamics import calls
 from ..constraints.calls import CONTRADICTION
 from ..constraints.dynamics import (
+    ConstrainedMotion,
     constrained_motion,
     constraint_error,
     constraint_jacobian,
@@ -30,7 +31,7 @@ from ..constraints.table import Constraints, check_constraints
 from ..engines.programs.tracer import scratch
 from ..errors import ConstraintError, SimulationError
 from ..model.model import Model
-from ..recursions import constrained, constraint_rows
+from ..recursions import constrained, constraint_rows, energy
 from ..recursions.configuration import integrate
 from ..recursions.constraint_rows import CONSTRAINTS_ARGUMENT
 from ..recursions.spec import Argument, Spec, sizes_of
@@ -98,15 +99,25 @@ def held_by(
 # --- steps by calls --------------------------------------------------------------------------------------
 
 
-def accelerate(held: Held, model: Model, fext: Array | None = None) -> Callable[..., int]:
-    """``accelerate(system, q, v, a) -> OK`` by calls. It raises ConstraintError."""
+def motion_under(held: Held, model: Model, fext: Array | None = None) -> Callable[..., ConstrainedMotion]:
+    """``(system, q, v) -> ConstrainedMotion`` by calls. It raises ConstraintError."""
     time, known = None if held.rate is None else 1.0 / held.rate, int(held.rank[0])
 
-    def found(system: System, q: Array, v: Array, a: Array) -> int:
+    def motion(system: System, q: Array, v: Array) -> ConstrainedMotion:
         given = np.array(q), np.array(v), system.tau.copy()
-        motion = constrained_motion(model, held.constraints, *given, time, fext=fext)
-        check_rank(held, motion.rank, known)
-        a[:] = motion.a
+        found = constrained_motion(model, held.constraints, *given, time, fext=fext)
+        check_rank(held, found.rank, known)
+        return found
+
+    return motion
+
+
+def accelerate(held: Held, model: Model, fext: Array | None = None) -> Callable[..., int]:
+    """``accelerate(system, q, v, a) -> OK`` by calls. It raises ConstraintError."""
+    motion = motion_under(held, model, fext)
+
+    def found(system: System, q: Array, v: Array, a: Array) -> int:
+        a[:] = motion(system, q, v).a
         return OK
 
     return found
@@ -154,6 +165,7 @@ class Rows:
         self.rate, self.rank, self.wrong = inputs.get("rate"), inputs["rank"], 0.0
         self.n, self.m = len(rows) - 1, int(self.constraints[0].nc)
         self.least = CONTRADICTION * (self.n + self.m) * EPS
+        self.force: Any = None  # of the equations, at the last acceleration
 
     def _run(self, spec: Spec, *inputs: Any) -> list[Any]:
         """The outputs of a Spec with parts, optional inputs None."""
@@ -166,24 +178,40 @@ class Rows:
 
     def accelerate(self, system: System, q: Any, v: Any, a: Any) -> int:
         """a under the constraints."""
-        found, _, residual, rank = self._run(constrained.MOTION, q, v, system.tau, None, self.constraints, self.rate)
+        found, self.force, residual, rank = self._run(
+            constrained.MOTION, q, v, system.tau, None, self.constraints, self.rate
+        )
         off = rank[0] - self.rank
         self.wrong = self.wrong + exceeds(residual[0], self.least) + exceeds(off * off, 0.5)
         a[:] = found
         return OK
 
+    def rates(self, q: Any, v: Any) -> Any:
+        """J v."""
+        J = np.zeros((self.m, self.n), object)
+        constraint_rows.constraint_jacobian(
+            self.rows, scratch(constraint_rows.WORK, self.n + 1), q, self.constraints, J
+        )
+        return J @ v
+
+    def energy(self, q: Any, v: Any) -> Any:
+        """T + V, but for a constant."""
+        T, V = np.zeros(1, object), np.zeros(1, object)
+        energy.kinetic_energy(self.rows, scratch(energy.WORK_KINETIC, self.n + 1), q, v, T)
+        energy.potential_energy(self.rows, scratch(energy.WORK_MOMENT, self.n + 1), q, V)
+        return T + V
+
     def project(self, q: Any, w: Any) -> None:
         """Write the projected state, infinite if something is wrong."""
         rows, n = self.rows, self.n
         if self.rate is None:
-            work, phi, J = scratch(constraint_rows.WORK, n + 1), np.zeros(self.m, object), np.zeros((self.m, n), object)
+            work, phi = scratch(constraint_rows.WORK, n + 1), np.zeros(self.m, object)
             constraint_rows.constraint_error(rows, work, q, self.constraints, phi)
             change = self._run(constrained.RESPONSE, q, -phi, self.constraints)[0]
             moved = q.copy()
             integrate(rows, q, change, moved)
             q[:] = moved
-            constraint_rows.constraint_jacobian(rows, work, q, self.constraints, J)
-            w[:] = w + self._run(constrained.RESPONSE, q, -(J @ w), self.constraints)[0]
+            w[:] = w + self._run(constrained.RESPONSE, q, -self.rates(q, w), self.constraints)[0]
         lost = self.wrong / exceeds(1.0, self.wrong)
         for i in range(n):
             w[i] = w[i] + lost

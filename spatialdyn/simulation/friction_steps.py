@@ -53,7 +53,7 @@ STEPPED = "semi_implicit_euler"  # the method of "implicit" and "lugre"
 STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
 
-VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far")
+VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far", start=0.0)
 OWN = {IMPLICIT: VIOLATION, LUGRE: BRISTLES}  # the state of its own that a kind of friction carries from step to step
 COLUMNS = {
     "coulomb": COULOMB, "viscous": VISCOUS, "static": STATIC, "stribeck": STRIBECK, "smoothing": SMOOTHING,
@@ -153,21 +153,28 @@ def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
 
-def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, Any]:
-    """The velocities after a step, and the state of its own, of ``given`` inputs by name."""
+def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, dict[str, Any], Any]:
+    """The velocities after a step, the state of its own by name, friction's torques; of ``given`` inputs by name."""
     q, v, dt = given["q"], given["v"], given["dt"]
     n = len(v)
-    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((2, n), object)
+    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((3, n), object)
     pivots, M, R = (np.zeros(shape, object) for shape in ((n,), (n, n), (n, n)))
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
         bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
-        return after[0], after[1]
+        rubbed = _bristle_torque(z, after[1], 1.0 / dt, stiffness, damping) - given["viscous"] * after[0]
+        return after[0], {BRISTLES.name: after[1]}, rubbed
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
-    return after[0], np.array([largest], object)
+    return after[0], {VIOLATION.name: np.array([largest], object)}, after[2] - given["viscous"] * after[0]
+
+
+def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
+    """What bristles exert in a step of 1/rate that takes their deflection from z to ``after``."""
+    moved = np.array([rate * x for x in after - z], after.dtype)
+    return -(stiffness * after + damping * moved)
 
 
 # --- a step by kernels ----------------------------------------------------------------------------------
@@ -180,27 +187,42 @@ def by_kernels(
 
     own  the state that the friction carries, written in place
     """
-    loaded = [] if fext is None else [fext]
-    present = {*found.inputs, *(["fext"] if loaded else [])}
     if found.way == SMOOTH:
         resist = smooth_kernel(found)
         return _smooth(kernels, resist), advance
-    implicit = found.way == IMPLICIT
-    kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
+    solve = solver(found, fext)
 
     def step(system: System, t: float, h: float, state: State) -> None:
-        after = np.empty((2, len(state.w)))
         system.torque(system, t, state.q, state.w)
-        bristles = [] if implicit else [own]
-        given = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
-        set_status(system, kernel(system.table, *given, after), t)
-        state.w[:] = after[0]
-        own[:] = max(own[0], after[1].max(initial=0.0)) if implicit else after[1]
+        after, changed, _ = solve(system, t, h, state, own)
+        state.w[:], own[:] = after, changed
         displacement = state.work[1]
         displacement[:] = h * state.w
         explicit.move(system, t, displacement, state)
 
     return kernels, step
+
+
+def solver(found: Rubbing, fext: Array | None) -> Callable[..., tuple[Array, Array, Array]]:
+    """``(system, t, h, state, own) -> v⁺, own⁺, friction torques`` of a step whose velocities are solved for."""
+    loaded = [] if fext is None else [fext]
+    implicit = found.way == IMPLICIT
+    present = {*found.inputs, *(["fext"] if loaded else [])}
+    kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
+    given = dict(zip(found.inputs, found.values, strict=True))
+
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, Array]:
+        after = np.empty((3 if implicit else 2, len(state.w)))
+        bristles = [] if implicit else [own]
+        inputs = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
+        set_status(system, kernel(system.table, *inputs, after), t)
+        if implicit:
+            changed, rubbed = np.array([max(own[0], after[1].max(initial=0.0))]), after[2]
+        else:
+            changed, rubbed = after[1], _bristle_torque(own, after[1], 1.0 / h, given["stiffness"], given["damping"])
+        return after[0], changed, rubbed - given["viscous"] * after[0]
+
+    return solve
 
 
 def smooth_kernel(found: Rubbing) -> Callable[..., Array]:

@@ -18,8 +18,9 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, recording, time_loop
 from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
-from ..recursions.spec import Argument
+from ..recursions.spec import Argument, Spec
 from .constrained import Held
+from .control_laws import Control, step_kernel
 from .friction_steps import Rubbing
 from .methods import Method
 from .recorder import Recorder
@@ -42,23 +43,30 @@ def program(
     state: State,
     held: Held | None = None,
     found: Rubbing | None = None,
-    own: NDArray[np.float64] | None = None,
+    control: Control | None = None,
+    work: tuple[Argument, ...] = (),
 ) -> Slice | None:
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
 
-    found, own  the friction of the run, and the state that it carries
+    found, control, work  the friction of the run, its control law, and the states of its work
     """
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
     equations, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     way, coefficients = (found.way, found.inputs) if found else (None, ())
-    kernel = _kernel(model, method, equations, static, way, coefficients)
+    spec, values = None, {}
+    if control is not None:
+        spec, static = control.spec, (*static, *control.static)
+        values = control.rows(model, 1, steps.total)
+    kernel = _kernel(
+        model, method, equations, static, way, coefficients, spec, control is not None and control.held, work
+    )
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows
-    now = [state.q, state.w, *([own] if own is not None else [])]
+    now = [state.q, state.w, *(recorder.own[at] for at in recorder.carried.slices)]
     constants = [StepInput(x[None, None]) for x in (found.values if found else ())]
     constants += [StepInput(x) for x in (held.values.values() if held is not None else ())]
 
@@ -67,6 +75,8 @@ def program(
         torques = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
         records = [np.empty((1, count // every, len(x))) for x in now]
         forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(torques[None])), *constants]
+        for x in values.values():
+            forcing.append(StepInput(x if x.shape[1] == 1 else np.ascontiguousarray(x[:, first : first + count])))
         if len(time_loop.run(kernel, [x[None] for x in now], forcing, records, count, every)):
             return False
         for x, (rows,) in zip(now, records, strict=True):
@@ -78,6 +88,9 @@ def program(
             after = np.minimum(np.arange(first + every, done + 1, every), len(torque.held) - 1)
             q_rows[row : row + more], w_rows[row : row + more] = q, w
             tau_rows[row : row + more] = torque.held[after]
+            recorder.own_rows[row : row + more] = np.concatenate(
+                [np.empty((more, 0)), *(x for (x,) in records[2:])], axis=1
+            )
             recorder.at[1] += more
         recorder.at[0] += count
         return True
@@ -100,9 +113,12 @@ def _kernel(
     static: tuple[Any, ...] = (),
     way: str | None = None,
     coefficients: tuple[str, ...] = (),
+    control: Spec | None = None,
+    held_law: bool = False,
+    work: tuple[Argument, ...] = (),
 ) -> Any:
-    specs = step_specs(method.name, False, True, held, way, coefficients)
+    specs = step_specs(method.name, False, True, held, way, coefficients, control, held_law, work)
     rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):
         return None
-    return batch_kernels.kernel(specs, model.bodies, model.key, static, one=True)
+    return step_kernel(specs, model, static, one=True, by_content=control is not None)

@@ -15,6 +15,8 @@ from ..calls.specialize import Specialized, specialize
 from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model
+from .carried import Carried
+from .control_laws import Control, law_torques
 from .methods import Method
 from .trajectory import Trajectory
 
@@ -62,10 +64,11 @@ class Recorder:
     at     (2,)  steps done, samples written
     t      times of all samples, those to come included [s]
     rows   arrays of q, of v or p, and of tau
+    carried, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
     """
 
-    def __init__(self, model: Model, method: Method, steps: Steps, every: int) -> None:
+    def __init__(self, model: Model, method: Method, steps: Steps, every: int, carried: Carried) -> None:
         self.model, self.method, self.steps, self.every = model, method, steps, every
         kept = np.arange(0, steps.total + 1, every)
         if kept[-1] != steps.total:
@@ -74,6 +77,9 @@ class Recorder:
         self.t: Array = np.asarray(kept * steps.dt, np.float64)
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
+        self.carried = carried
+        self.own = np.concatenate([np.empty(0), *(x[0] for x in carried.starts)])
+        self.own_rows = np.empty((len(kept), len(self.own)))
         self.at = np.zeros(2, np.int64)
         self.split = (np.empty(0), np.empty(0))
 
@@ -86,6 +92,7 @@ class Recorder:
         """Write one sample."""
         for rows, x in zip(self.rows, (q, w, tau), strict=True):
             rows[self.at[1]] = x
+        self.own_rows[self.at[1]] = self.own
         self.at[1] += 1
 
     def end(self, t: float, q: Array, w: Array, tau: Array) -> None:
@@ -95,8 +102,8 @@ class Recorder:
             self.t[row] = t
             self.put(q, w, tau)
 
-    def trajectory(self, interrupted: bool = False) -> Trajectory:
-        """The samples so far; computes v from the recorded p, or p from v, for all samples at once."""
+    def trajectory(self, control: Control | None = None, interrupted: bool = False) -> Trajectory:
+        """The samples so far; computes v from the recorded p, or p from v, and a law's torques, of all at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
         v = _of_samples(model, ("velocity_from_momentum",), q, w)[0] if self.moves_p else w
@@ -104,7 +111,11 @@ class Recorder:
         t = np.array(self.t[:n])
         p = w if self.moves_p else p
         self.split = T, V
-        return Trajectory(t, q, v, p, tau, T + V, self.method.name, self.steps.dt, model.name, interrupted, model)
+        states = self.carried.shown(self.own_rows[:n].copy())
+        if control is not None and n:
+            tau += law_torques(control, model, q, v, states, self.kept[:n], self.steps.dt, self.steps.total)
+        words = (self.method.name, self.steps.dt, model.name, interrupted, model)
+        return Trajectory(t, q, v, p, tau, T + V, *words, states)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

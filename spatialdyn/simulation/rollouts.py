@@ -7,8 +7,8 @@ another through all steps, their states in the first-level cache.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -18,29 +18,24 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..actuation.friction import Friction
 from ..bodies.kinds import R1
-from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model, core_shape
+from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
 from ..constraints.table import check_constraints
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, float32_range, recording, time_loop
+from ..engines.programs import float32_range, recording, time_loop
 from ..engines.programs.program import Program
 from ..engines.programs.time_loop import StepInput
 from ..errors import ConstraintError, ModelError, ShapeError, SimulationError
 from ..model.model import Model
 from ..model.robot import masked
-from ..recursions.friction import BRISTLES
-from ..recursions.spec import Argument
+from ..recursions.spec import Argument, Spec
 from . import explicit
+from .carried import carried
 from .constrained import Held, accelerate, held_by, projected
-from .friction_steps import (
-    UNSOLVED,
-    VIOLATION,
-    Rubbing,
-    check_alone,
-    rubbing,
-)
+from .control_laws import Control, check_control, step_kernel
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_alone, rubbing
 from .system import State, System, held_torque
-from .traced_steps import EXPLICIT_METHODS, step_specs
+from .traced_steps import EXPLICIT_METHODS, carried_by, step_specs
 
 Array = NDArray[Any]
 
@@ -70,14 +65,20 @@ class Rollout:
     v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
     t         (T,)        times of the records [s]; () for "last"
     model     the Model
-    bristles  (B, T, nv)  deflections of the bristles of LuGre friction [rad | m], likewise; None without any
+    states    {name: (B, T, ...)}  states that it carried beside them, likewise: "bristles" (nv) of LuGre friction
+              [rad | m], those of a control law
     """
 
     q: Array
     v: Array
     t: Array
     model: Model
-    bristles: Array | None = None
+    states: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def bristles(self) -> Array | None:
+        """Deflections (B, T, nv) of the bristles of LuGre friction [rad | m]; None without any."""
+        return self.states.get("bristles")
 
     def __iter__(self) -> Iterator[Array]:
         return iter((self.q, self.v))
@@ -134,6 +135,8 @@ def rollout(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    control: Control | None = None,
+    states: Mapping[str, ArrayLike] | None = None,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -152,6 +155,9 @@ def rollout(
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
     friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
+    states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
+             left out start as their Spec says
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
     Joint limits are ignored; there are no contacts.
@@ -184,14 +190,18 @@ def rollout(
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     found = rubbing(model, friction, friction_method, method, float(dt))
     check_alone(found, constraints)
+    if check_control(control) is not None and pd is not None:
+        raise SimulationError("control and pd are given, expected one of them")
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
         forcing |= _law(model, pd)
-    states, axes = _states(model, q0, v0), [x.shape[:-1] for x, _ in forcing.values()]
+    start, axes = _states(model, q0, v0), [x.shape[:-1] for x, _ in forcing.values()]
+    if control is not None:
+        axes += control.axes(model)
     several = {name: x.shape[:1] for name, (x, _) in forcing.items() if x.ndim == 3}
-    (B,) = broadcast(["q0", "v0", *several], [states[0].shape[:1], states[1].shape[:1], *several.values()])
+    several |= {f"values of control ({k})": x[:1] for k, x in enumerate(axes[len(forcing) :]) if len(x) == 2}
+    (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
     T = _steps(steps, [lead[-1] for lead in axes if lead])
-    states = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in states]
     inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
     inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
     held = None
@@ -201,31 +211,31 @@ def rollout(
         if constraints is not None and check_constraints(model, constraints).nc > recording.MOST_EQUATIONS:
             most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
             raise SimulationError(f"constraints have {constraints.nc} equations, {most}")
-        held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], states[0], states[1], float(dt))
-        if held is not None:
-            inputs |= {name: StepInput(x) for name, x in held.values.items()}
+        held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], start[0], start[1], float(dt))
     if found is not None:
         inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
-        if found.own is not None:
-            states.append(np.zeros((B, core_shape(model, found.own)[0])))
+    if held is not None:
+        inputs |= {name: StepInput(x) for name, x in held.values.items()}
+    if control is not None:
+        inputs |= {name: StepInput(x) for name, x in control.rows(model, B, T).items()}
+    own = carried_by(found.way if found else None, None if control is None else control.spec, ())
+    beside = carried(model, own, () if control is None else control.static, states, B)
+    now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *beside.starts)]
     every = _every(record, T)
-    records = [np.empty((B, T // every, x.shape[1]), number) for x in states]
+    records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
         rest = np.zeros(model.nv)
-        calls["aba"](model, states[0][0], rest, rest)  # raises InertiaError naming the joint
+        calls["aba"](model, now[0][0], rest, rest)  # raises InertiaError naming the joint
         if model.nq != model.nv:
-            calls["potential_energy"](model, states[0])  # raises ConfigurationError naming the joint
-        _run(model, method, states, inputs, records, T, every, check, float(dt), held, found)
-    q, v, *own = records
-    bristles = own[0] if found is not None and found.own is BRISTLES else None
+            calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
+        _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control)
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
+    single = single and all(len(x) == 1 for x in beside.starts)
     if isinstance(record, str):
-        q, v = (q[:, -1], v[:, -1]) if T else (x.copy() for x in states[:2])
-        bristles = bristles if bristles is None else bristles[:, -1] if T else states[2]
+        records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
-    if single:
-        return Rollout(q[0], v[0], t, model, bristles if bristles is None else bristles[0])
-    return Rollout(q, v, t, model, bristles)
+    q, v, *after = [x[0] for x in records] if single else records
+    return Rollout(q, v, t, model, beside.shown(np.concatenate(after, axis=-1)) if after else {})
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -327,9 +337,12 @@ def _program(
     held: tuple[Argument, ...],
     way: str | None,
     coefficients: tuple[str, ...],
+    control: Spec | None,
+    held_law: bool,
     static: tuple[Any, ...],
 ) -> Program:
-    return recording.record(step_specs(method, law, forced, held, way, coefficients), model.bodies, static).program
+    specs = step_specs(method, law, forced, held, way, coefficients, control, held_law)
+    return recording.record(specs, model.bodies, static).program
 
 
 def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
@@ -354,9 +367,12 @@ def _run(
     dt: float,
     held: Held | None = None,
     found: Rubbing | None = None,
+    control: Control | None = None,
 ) -> None:
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())))
+    kind += (None, False) if control is None else (control.spec, control.held)
+    static += () if control is None else control.static
     specs, given = step_specs(*kind), list(inputs.values())
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
@@ -365,7 +381,7 @@ def _run(
         and recording.fits(specs, model.bodies, static=static)
         and _holds(model, states[0][0], dtype)
     ):
-        kernel = batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype)
+        kernel = step_kernel(specs, model, static, dtype, by_content=control is not None)
         if kernel is not None:
             with np.errstate(over="ignore"):
                 start = [x.astype(dtype, copy=False) for x in states]
@@ -419,7 +435,7 @@ def _again(
         if held is not None and check and len(just) and not reason:
             at = again[just[0]]
             acting = {name: x[at, min(k, x.shape[1] - 1)] for name, x in zip(inputs, rows, strict=True)}
-            reason = _reason(model, kind[0], held, [x[just[0]] for x in before], acting, int(at))
+            reason = _reason(model, kind[0], held, [x[just[0]] for x in before[:2]], acting, int(at))
         lost[just] = k
         if (k + 1) % every == 0:
             for r, x in zip(records, now, strict=True):

@@ -10,14 +10,14 @@ import functools
 import math
 import time
 import warnings
-from collections.abc import Callable
-from typing import Any, ParamSpec
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction
-from ..calls.arguments import as_array, as_number, check_model, core_shape
+from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
@@ -31,19 +31,25 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
+from ..recursions.spec import Argument
 from . import constrained_variational, explicit, rattle
 from .adaptive import run_adaptive
+from .carried import carried
+from .carried_runs import beside as rates_beside
+from .carried_runs import carrying, check_carrying
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
+from .control_laws import Control, check_control
 from .energy import FAST, exploded, scale_of
 from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alone, rubbing, smooth_kernel
+from .ledger import work_states
 from .methods import Method, integrators
 from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
 from .torques import Torque, torque_of
-from .traced_steps import EXPLICIT_METHODS
+from .traced_steps import EXPLICIT_METHODS, carried_by
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -63,7 +69,7 @@ def simulate(
     method: str = "rk4",
     torque: ArrayLike | Callable[..., Any] | None = None,
     fext: ArrayLike | None = None,
-    record: int | None = None,
+    record: int | str | Sequence[int | str] | None = None,
     progress: Progress = False,
     rtol: float = 1e-9,
     atol: float = 1e-12,
@@ -71,6 +77,8 @@ def simulate(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    control: Control | None = None,
+    states: Mapping[str, ArrayLike] | None = None,
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -88,7 +96,8 @@ def simulate(
               recorded sample
     fext      (njoints, 6)  constant force on each joint's body, in the joint's frame [N | N m]
     record    k records every k-th step; by default every step of up to 10 000, else at most 10 000 evenly spaced ones.
-              The first and the last state are always recorded
+              The first and the last state are always recorded. "work" or (k, "work") records the work of torques,
+              friction and constraints too, states that the method integrates with the motion: ``energy_ledger``
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
     constraints    Constraints of this model, which (q0, v0) meets; explicit methods take them, and for equations of
@@ -106,10 +115,15 @@ def simulate(
                smooth    a torque -F(v) tanh(v/smoothing) - viscous v, with any method but variational; nothing sticks:
                          a joint creeps under any torque. Explicit methods are stable up to a dt that is refused above
 
+    control   a ``Control``: a law whose torque is added to ``torque``, with states of its own
+    states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
+              work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
+
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
-    With friction, torque functions, fext and robots too long for a program make the steps run in Python.
+    With friction, control or record="work", which explicit methods and SciPy's take, torque functions, fext and robots
+    too long for a program make the steps run in Python.
     Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
     (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
     method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
@@ -137,6 +151,8 @@ def simulate(
     """
     q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext, friction is None)
     found = rubbing(model, friction, friction_method, method, as_number(dt))
+    every, works = _wanted(record)
+    check_carrying(check_control(control), works, chosen.name)
     p = calls["momentum"](model, q, v)
     if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
         calls["velocity_from_momentum"](model, q, p)
@@ -147,7 +163,8 @@ def simulate(
     held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt))
     if held is not None and chosen.name in HELD_SYMPLECTIC:
         rattle.check_symplectic(model, held, chosen.name)
-    return _run(model, q, v, p, chosen, duration, dt, torque, forces, record, progress, rtol, atol, held, found)
+    acting = Acting(held, found, control, works, forces is not None)
+    return _run(model, q, v, p, chosen, duration, dt, torque, forces, every, progress, rtol, atol, acting, states)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -198,6 +215,45 @@ def hamilton_simulation(
     return _run(model, q, v, momenta, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
 
 
+class Acting(NamedTuple):
+    """What acts in a run beside torques: constraints, friction, a control law; and whether work is recorded.
+
+    pushed  whether external forces act
+    """
+
+    held: Held | None = None
+    found: Rubbing | None = None
+    control: Control | None = None
+    works: bool = False
+    pushed: bool = False
+
+    @property
+    def work(self) -> tuple[Argument, ...]:
+        """The states of the work that is recorded."""
+        held = self.held
+        if not self.works:
+            return ()
+        projects = held is not None and held.rate is None
+        return work_states(self.found is not None, self.pushed, held is not None, projects)
+
+    @property
+    def static(self) -> tuple[Any, ...]:
+        """Static tables that give sizes of states."""
+        return (
+            *(() if self.held is None else (self.held.constraints.table,)),
+            *(() if self.control is None else self.control.static),
+        )
+
+    @property
+    def carried(self) -> tuple[Argument, ...]:
+        """The states that the run carries."""
+        spec = None if self.control is None else self.control.spec
+        return carried_by(None if self.found is None else self.found.way, spec, self.work)
+
+
+FREE = Acting()
+
+
 # --- arguments -------------------------------------------------------------------------------------------
 
 
@@ -232,6 +288,15 @@ def _vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     return np.array(x, order="C")
 
 
+def _wanted(record: Any) -> tuple[int | None, bool]:
+    """The argument ``record`` as its number of steps, and whether work is recorded."""
+    asked = [*record] if isinstance(record, (tuple, list)) else [record]
+    numbers = [x for x in asked if not (isinstance(x, str) and x == "work")]
+    if len(numbers) > 1:
+        raise SpatialDynError(f'record is {record!r}, expected a number of steps, "work", or both')
+    return (numbers[0] if numbers else None), len(numbers) < len(asked)
+
+
 def _every(record: int | None, total: int) -> int:
     if record is None:
         return max(1, math.ceil(total / SAMPLES))
@@ -245,35 +310,37 @@ def _every(record: int | None, total: int) -> int:
 
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
-    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float, held: Held | None = None,
-    found: Rubbing | None = None,
+    fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
+    acting: Acting = FREE, states: Any = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
     check_progress(progress)
-    recorder = Recorder(model, method, steps, _every(record, steps.total))
+    beside = carried(model, acting.carried, acting.static, states)
+    recorder = Recorder(model, method, steps, _every(record, steps.total), beside)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         asked = torque_of(torque, model.nv, steps)
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with reporting(progress, "simulate") as report:
             if method.family is None:
-                resist = None if found is None else smooth_kernel(found)
-                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), resist)
+                resist = None if acting.found is None else smooth_kernel(acting.found)
+                acts = rates_beside(recorder, acting.control, acting.work, resist, fext)
+                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), acts)
             else:
-                _run_fixed(recorder, (q, v, p), asked, fext, report, held, found)
+                _run_fixed(recorder, (q, v, p), asked, fext, report, acting)
     except KeyboardInterrupt as interrupt:
-        trajectory = recorder.trajectory(interrupted=True)
+        trajectory = recorder.trajectory(acting.control, interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
         stopped.trajectory = trajectory
         raise stopped from interrupt
     except SimulationError as error:
-        error.trajectory = recorder.trajectory()
+        error.trajectory = recorder.trajectory(acting.control)
         raise
-    trajectory = recorder.trajectory()
-    if asked.user is None and fext is None:  # their work is unknown
+    trajectory = recorder.trajectory(acting.control)
+    if asked.user is None and fext is None and acting.control is None:  # their work is unknown
         T, V = recorder.split
         at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
         if at is not None:
@@ -291,10 +358,11 @@ def _run(
 
 def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None], held: Held | None, found: Rubbing | None,
+    report: Callable[[int, int], None], acting: Acting,
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
-    model, method, steps = recorder.model, recorder.method, recorder.steps
+    model, method, steps, own = recorder.model, recorder.method, recorder.steps, recorder.own
+    held, found, control, work = acting.held, acting.found, acting.control, acting.work
     family = method.family
     assert family is not None
     assert method.advance is not None
@@ -317,21 +385,22 @@ def _run_fixed(
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
     asks = held_torque if torque.user is None else user_torque
-    own = np.zeros(0 if found is None or found.own is None else core_shape(model, found.own)[0])
     bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
 
     @functools.cache
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
-        if held is not None and not recorder.moves_p:
+        if held is not None and not recorder.moves_p and not (control or work):
             return explicit.kernels_of(accelerate(held, model, fext)), advance
         own_kernels = family.kernels(fext is not None)
+        if control is not None or work:
+            return carrying(recorder, own_kernels, found, held, control, work, fext)
         return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext)
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])
 
-    at_once = program(recorder, method, torque, fext, state, held, found, own if len(own) else None)
+    at_once = program(recorder, method, torque, fext, state, held, found, control, work)
     if at_once is None:
         family.start(system(), state)
     now = (*state, recorder.at, own)
@@ -346,14 +415,18 @@ def _run_fixed(
         mark()
         kernels()[1](system, t, h, state)
 
+    def observing(system: System, t: float, state: State) -> None:
+        family.observe(system, t, state)
+        recorder.own_rows[recorder.at[1]] = own
+
     def run(first: int, count: int, h: float) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled and held is None and found is None:
+        if torque.compiled and acting._replace(pushed=False) == FREE:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             try:
                 with np.errstate(all="ignore"):
-                    drive(marking, family.observe, system(), state, *times)
+                    drive(marking, observing, system(), state, *times)
             except ConstraintError as error:
                 raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
         if status[0] != OK:

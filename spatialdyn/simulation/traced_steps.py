@@ -15,8 +15,10 @@ from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from . import explicit
+from . import explicit, ledger
+from .carried import Acting, carry, carry_solved
 from .constrained import Rows
+from .control_laws import inputs_of, law_on, moved_states, states_of
 from .friction_steps import COLUMNS, OWN, SMOOTH, smooth_torque, traced_step
 from .system import OK, State, System, held_torque
 
@@ -58,6 +60,11 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
     return OK
 
 
+def carried_by(way: str | None, control: Spec | None, work: tuple[Argument, ...]) -> tuple[Argument, ...]:
+    """The states that a step carries, in their order: of friction, of a control law, of work."""
+    return (*([OWN[way]] if way in OWN else []), *(() if control is None else states_of(control)), *work)
+
+
 @cache
 def step_specs(
     method: str,
@@ -66,13 +73,22 @@ def step_specs(
     held: tuple[Argument, ...] = (),
     way: str | None = None,
     coefficients: tuple[str, ...] = (),
+    control: Spec | None = None,
+    held_law: bool = False,
+    work: tuple[Argument, ...] = (),
 ) -> tuple[Spec, ...]:
-    """Specs of the positions and of the velocities after a step, as functions of the state, dt, tau and the law.
+    """Specs of the positions, the velocities and the states carried after a step, by states, dt, tau and the law.
 
     held  the inputs of constraints, as ``Held`` has them
 
-    way, coefficients  of friction; its own state comes third, in inputs and among the Specs
+    way, coefficients  of friction
+    control, held_law  the Spec of a ``Control``, and whether its torque is held over the step
+    work               the states of the work that is recorded, of ``ledger``
+
+    The states carried (of friction, of the control law, of work) come third, in inputs and among the Specs.
     """
+    own = carried_by(way, control, work)
+    moving = (*(() if control is None else moved_states(control)), *(x.name for x in work if x != ledger.PROJECTION))
 
     def after(rows: Any, inputs: dict[str, Any]) -> tuple[Any, ...]:
         q, v = inputs["q"].copy(), inputs["v"].copy()
@@ -83,38 +99,54 @@ def step_specs(
                 if row.kind in R1:
                     error[i] = inputs["q_ref"][row.q_index] - q[row.q_index]
             tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
-        if way in OWN:
-            v, own = traced_step(way, rows, inputs, tau)
-            moved = np.array([inputs["dt"] * x for x in v], object)
-            integrate(rows, inputs["q"], moved, q)
-            return q, v, own
+        under = Rows(rows, inputs) if held else None
+
+        def free(system: System, q: Any, v: Any, a: Any) -> tuple[int, dict[str, Any]]:
+            powers = {ledger.TORQUE.name: system.tau * v}
+            if way == SMOOTH:
+                friction = smooth_torque(rows, v, inputs)
+                powers[ledger.FRICTION.name] = friction * v
+                system = system._replace(tau=system.tau + friction)
+            (_accelerate if under is None else under.accelerate)(system, q, v, a)
+            if under is not None and ledger.CONSTRAINTS in work:
+                powers[ledger.CONSTRAINTS.name] = under.force * under.rates(q, v)
+            return OK, powers
 
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
-            return _accelerate(system._replace(tau=tau + smooth_torque(rows, v, inputs)), q, v, a)
+            return free(system, q, v, a)[0]
 
-        under = Rows(rows, inputs) if held else None
-        free = accelerate if way == SMOOTH else _accelerate
-        system = System(
-            _Kernels(free if under is None else under.accelerate, _integrate, _displacement_rate),
-            held_torque,
-            None,
-            rows,
-            None,
-            None,
-            None,
-            None,
-            tau,
-            None,
-        )
+        law_now = None if control is None else law_on(control, rows, inputs)
+        acting = Acting(free, law_now, held_law, moving)
+        carried = {x.name: inputs[x.name] for x in own}
+        if way in OWN:
+
+            def solve(tau: Any) -> Any:
+                after, changed, friction = traced_step(way, rows, inputs, tau)
+                return after, changed, {ledger.FRICTION.name: friction}
+
+            v, after = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
+            moved = np.array([inputs["dt"] * x for x in v], object)
+            integrate(rows, inputs["q"], moved, q)
+            return q, v, *(after[x.name] for x in own)
+
+        kernels = _Kernels(accelerate, _integrate, _displacement_rate)
+        system = System(kernels, held_torque, None, rows, None, None, None, None, tau, None)
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
-        EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
+        if control is not None or work:
+            carried = carry(EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, carried, acting)
+        else:
+            EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
         if under is not None:
+            before = under.energy(state.q, state.w) if ledger.PROJECTION in work else None
             under.project(state.q, state.w)
-        return state.q, state.w
+            if before is not None:
+                name = ledger.PROJECTION.name
+                carried[name] = carried[name] + (under.energy(state.q, state.w) - before)
+        return state.q, state.w, *(carried[x.name] for x in own)
 
-    own = [OWN[way]] if way in OWN else []
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *(COLUMNS[x] for x in coefficients))
-    given = (*(replace(x, optional=False) for x in given), *held)
+    others = () if control is None else inputs_of(control)
+    given = (*(replace(x, optional=False) for x in given), *held, *others)
     names = [x.name for x in given]
 
     def state_after(k: int) -> Callable[..., None]:
@@ -127,7 +159,7 @@ def step_specs(
     return tuple(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
-            "A step of a rollout.", "see explicit", regroup=True,
+            "A step of a rollout.", "see explicit", regroup=control is None or control.regroup,
         )
         for k, x in enumerate((Q, V, *own))
     )  # fmt: skip

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
 from zipfile import BadZipFile
@@ -17,6 +17,7 @@ from ..model.model import Model
 Array = NDArray[np.float64]
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
 WORDS = ("method", "dt", "robot", "interrupted")
+STATE = "state "  # before the names of states in a file
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,6 +35,8 @@ class Trajectory:
     robot        name of the model
     interrupted  whether Ctrl-C ended the simulation
     model        the Model; None after ``load``, as a file holds numbers only
+    states       {name: (N, ...)}  states that the run carried beside q and v: "bristles" (N, nv) of LuGre friction
+                 [rad | m], those of a control law, and work [J] if it was recorded
     """
 
     t: Array
@@ -47,6 +50,17 @@ class Trajectory:
     robot: str
     interrupted: bool = False
     model: Model | None = None
+    states: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def bristles(self) -> Array | None:
+        """Deflections (N, nv) of the bristles of LuGre friction [rad | m]; None without any."""
+        return self.states.get("bristles")
+
+    @property
+    def end(self) -> dict[str, Any]:
+        """The last state as arguments q0, v0 and states of ``simulate``, which goes on from there."""
+        return {"q0": self.q[-1], "v0": self.v[-1], "states": {name: x[-1] for name, x in self.states.items()}}
 
     def __len__(self) -> int:
         return len(self.t)
@@ -64,6 +78,7 @@ class Trajectory:
     def save(self, path: str | PathLike[str]) -> None:
         """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
         parts = {name: np.asarray(getattr(self, name)) for name in (*ARRAYS, *WORDS)}
+        parts |= {STATE + name: x for name, x in self.states.items()}
         with open(path, "wb") as file:
             np.savez_compressed(file, allow_pickle=False, **parts)
 
@@ -74,18 +89,22 @@ class Trajectory:
             with open(path, "rb") as file, np.load(file, allow_pickle=False) as parts:
                 arrays = [parts[name] for name in ARRAYS]
                 words = [parts[name].item() for name in WORDS]
+                states = {name.removeprefix(STATE): parts[name] for name in parts if name.startswith(STATE)}
         except (KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
             raise SpatialDynError(f"{path} holds no trajectory: {error}") from error
-        return cls(*arrays, *words)
+        return replace(cls(*arrays, *words), states=states)
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with the time as index and columns q0 ..., v0 ..., p0 ..., tau0 ..., energy."""
+        """A pandas DataFrame: time as index, columns q0 ..., v0 ..., p0 ..., tau0 ..., energy, NAME0 ... of states."""
         try:
             import pandas
         except ImportError as error:
             raise SpatialDynError("pandas is not installed, expected it for a DataFrame; pip install pandas") from error
         columns = {f"{name}{k}": x for name in ("q", "v", "p", "tau") for k, x in enumerate(getattr(self, name).T)}
-        return pandas.DataFrame({**columns, "energy": self.energy}, index=pandas.Index(self.t, name="t"))
+        columns["energy"] = self.energy
+        for name, x in self.states.items():
+            columns |= {f"{name}{k}": y for k, y in enumerate(x.reshape((len(x), -1)).T)}
+        return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def plot(
         self, what: str | Sequence[str] = ("q", "v", "energy"), *, joints: str | Sequence[str] | None = None,

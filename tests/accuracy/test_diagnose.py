@@ -644,3 +644,18 @@ def test_check_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["check", "two_link", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["findings"] == []
     assert cli.main(["check", "no_such_robot"]) == 2
+
+
+def test_bristles_that_may_give_energy_are_named() -> None:
+    """Around a slow cycle about rest LuGre friction gives energy where b < σ1 (F_s - F_c)/F_c, and takes it above."""
+    model = sd.load_urdf("two_link")
+    rests = dict(static=[1.5, 1.0], stribeck_velocity=1e-3, bristle_stiffness=1e5, bristle_damping=300.0)
+    found = sd.diagnose(model, friction=sd.Friction([1.0, 1.0], [149.0, 0.0], **rests)).of("friction")
+    assert [(x.severity, x.link) for x in found] == [("warning", model.names[1].replace("joint", "link"))]
+    assert (
+        'hangs on joint "joint1", whose bristles may give energy: its damping of 149 is below 150' in found[0].message
+    )
+    assert not sd.diagnose(model, friction=sd.Friction([1.0, 1.0], [150.0, 0.0], **rests)).of("friction")
+    assert not sd.diagnose(model, friction=True).of("friction")
+    with pytest.raises(sd.ModelError, match="friction is 3"):
+        sd.diagnose(model, friction=3)  # type: ignore[arg-type]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.urdf.load import example_robots
@@ -131,3 +132,30 @@ def test_mimic_joints_are_refused(arm: sd.Model) -> None:
     )
     with pytest.raises(sd.ModelError, match="mimic joints"):
         sd.friction_torque(builder.build(mimic=True), [0.0], sd.Friction([1.0], 0.0))
+
+
+# --- the regressor --------------------------------------------------------------------------------------
+
+
+def test_the_regressor_of_friction_goes_on_where_that_of_torques_ends() -> None:
+    """(Y, F) (π, F_c, b) is what motors give, in batches too."""
+    model = random_tree(5, 4).model
+    rng, n = np.random.default_rng(0), model.nv
+    q, (v, a) = sd.random_configuration(model, rng, (6,)), rng.normal(size=(2, 6, n))
+    v[:, 0] = 0.0
+    friction = sd.Friction(rng.uniform(0.1, 1.0, n), rng.uniform(0.1, 1.0, n))
+    F = sd.friction_regressor(model, v)
+    assert F.shape == (6, n, 2, n)
+    columns = np.concatenate([sd.joint_torque_regressor(model, q, v, a).reshape(6, n, -1), F.reshape(6, n, -1)], axis=2)
+    parameters = np.concatenate([np.ravel(sd.inertial_parameters(model)), friction.coulomb, friction.viscous])
+    wanted = sd.rnea(model, q, v, a) - sd.friction_torque(model, v, friction) - model.armature * a
+    np.testing.assert_allclose(columns @ parameters, wanted, rtol=0.0, atol=1e-11)
+    np.testing.assert_array_equal(F[0, :, 0], np.diag(np.sign(v[0])))
+    np.testing.assert_array_equal(sd.friction_regressor(model, v[0]), F[0])
+
+
+def test_the_regressor_of_friction_refuses_mimic_joints() -> None:
+    made = sd.ModelBuilder("pair").add_body("a", None, "revolute", inertia=(1.0, (0, 0, 0), np.eye(3)))
+    made.add_body("b", "a", "revolute", inertia=(1.0, (0, 0, 0), np.eye(3)), mimic={"leader": "a_joint"})
+    with pytest.raises(sd.ModelError, match='model "pair" has mimic joints'):
+        sd.friction_regressor(made.build(mimic=True), [0.0])

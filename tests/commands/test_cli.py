@@ -446,3 +446,63 @@ def test_a_trajectory_that_cannot_be_saved_is_an_error_in_one_line(
     monkeypatch.setattr(Trajectory, "save", full)
     assert cli.main(["simulate", "two_link", "--duration", "0.01", "--dt", "0.01", "--save", "run.npz"]) == 2
     assert "--save is 'run.npz': No space left on device, expected" in capsys.readouterr().err
+
+
+# --- friction and constraints of a simulation ---------------------------------------------------------------
+
+
+def test_simulate_lets_friction_act_and_says_what_it_took(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, drawn = str(tmp_path / "run.npz"), tmp_path / "ledger.png"
+    options = ["--q0", "0.5,-0.3", "--duration", "0.2", "--dt", "0.002", "--save", path]
+    status, out, err = run(
+        capsys, "simulate", "two_link", *options, "--friction", "coulomb=0.4,viscous=0.1", "--ledger", str(drawn)
+    )
+    assert (status, err) == (0, "")
+    assert "by semi_implicit_euler" in out
+    model, friction = sd.load_urdf("two_link"), sd.Friction([0.4, 0.4], [0.1, 0.1])
+    wanted = sd.simulate(
+        model, [0.5, -0.3], [0.0, 0.0], 0.2, 0.002, "semi_implicit_euler", friction=friction, record="work"
+    )  # fmt: skip
+    kept = Trajectory.load(path)
+    np.testing.assert_array_equal(kept.q, wanted.q)
+    lost = sd.energy_ledger(wanted).work["friction"][-1].sum()
+    assert f"work    friction {lost:.3g} J; the integrator's error" in out
+    assert drawn.read_bytes()[:4] == b"\x89PNG"
+    smooth = ["--friction", "coulomb=0.4,smoothing=1", "--friction-method", "smooth"]
+    status, out, err = run(capsys, "simulate", "two_link", *options, *smooth)
+    assert (status, err) == (0, "")
+    assert "by rk4" in out
+
+
+def test_simulate_holds_the_constraints_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    loops, path = tmp_path / "loops.toml", str(tmp_path / "run.npz")
+    loops.write_text('[[constraint]]\nkind = "coupler"\njoint = "joint2"\nto = "joint1"\nratio = -2\n')
+    options = ["--duration", "0.2", "--dt", "0.01", "--constraints", str(loops), "--save", path]
+    status, out, err = run(capsys, "simulate", "two_link", *options)
+    assert (status, err) == (0, "")
+    kept = Trajectory.load(path)
+    np.testing.assert_allclose(kept.q[:, 1], -2.0 * kept.q[:, 0], rtol=0.0, atol=1e-11)
+    assert "work    constraints " in out
+    assert "projection " in out
+    status, out, err = run(capsys, "simulate", "two_link", *options, "--stabilization", "0.1")
+    assert (status, err) == (0, "")
+    assert "projection" not in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--friction", "coulomb"], "--friction has 'coulomb', expected NAME=NUMBER"),
+        (["--friction", "dry=1"], "--friction has dry, expected some of coulomb, viscous"),
+        (["--friction", "coulomb=-1"], 'friction of joint "joint1": coulomb is -1'),
+        (["--friction", "--method", "rk4"], 'friction_method is "implicit" and method "rk4"'),
+        (["--constraints", "nowhere.toml"], "--constraints is 'nowhere.toml', which cannot be read"),
+        (["--stabilization", "0.1"], "stabilization is 0.1, expected None: no constraints are given"),
+        (["--ledger", "x.png"], "--ledger was given, expected --friction or --constraints beside it"),
+        (["--friction", "--ledger", "x.nope"], "--ledger is 'x.nope', expected a name that ends in one of"),
+    ],
+)
+def test_simulate_refuses_what_cannot_act(options: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "simulate", "two_link", "--duration", "0.1", *options)
+    assert (status, out) == (2, "")
+    assert message in err

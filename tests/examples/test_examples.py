@@ -264,3 +264,35 @@ def test_vector_environment_steps_as_the_equations_say() -> None:
     observed, _, _, truncated, info = environment.step(force)
     assert truncated.all()
     assert abs(observed).max() <= 0.05 < abs(info["final_obs"]).max()
+
+
+@compiled
+def test_a_dry_oscillator_stops_beside_its_rest_and_a_belt_makes_it_stick() -> None:
+    found = run("stick_slip")
+    x, v = found["implicit"]
+    assert x == pytest.approx(-0.01, abs=3e-8)
+    assert v == 0.0
+    assert found["smooth"][1] == pytest.approx(1e-3 * np.arctanh(-100.0 * found["smooth"][0] / 2.0), rel=1e-3)
+    assert found["slip"] == pytest.approx(0.471239, abs=2e-4)
+    assert found["stick"] == pytest.approx(0.2, abs=2e-4)
+
+
+@compiled
+def test_an_energy_ledger_closes_with_the_order_of_its_method() -> None:
+    found = run("energy_ledger")
+    for way, order in (("implicit", 1), ("smooth", 4)):
+        errors = [abs(found[way, dt].error[-1]) for dt in (2e-3, 1e-3, 5e-4)]
+        assert errors[1] / errors[2] == pytest.approx(2.0**order, rel=0.3)
+        assert (found[way, 5e-4].work["friction"][-1] < 0.0).all()
+
+
+@compiled
+def test_a_free_top_is_jacobis_and_a_heavy_one_precesses() -> None:
+    pytest.importorskip("scipy")
+    found = run("spinning_top")
+    for method, order in (("velocity_verlet", 2), ("rk4", 4)):
+        assert found[method][0] / found[method][1] == pytest.approx(2.0**order, rel=0.1)
+    assert found["gauss6"][1] < 1e-12
+    assert found["swapped"] > 1.0
+    assert abs(found["rate"]) < 1e-4
+    assert found["lean"] < 1e-4

@@ -482,3 +482,34 @@ def test_documented_names_of_plots_are_those_that_work(mixed: sd.Model) -> None:
         assert f'"{name}"' in (sd.Trajectory.plot.__doc__ or "")
     for name in comparison_plots.COMPARED:
         assert f'"{name}"' in (sd.plot.__doc__ or "")
+
+
+# --- ledgers --------------------------------------------------------------------------------------------
+
+
+def account(model: sd.Model) -> sd.EnergyLedger:
+    """A ledger of made-up numbers."""
+    t = 0.1 * np.arange(N)
+    work = {
+        kind: scale * np.sin(t)[:, None] * np.ones(model.nv) for kind, scale in (("torque", 2.0), ("friction", -1.0))
+    }
+    names = tuple(x.label for x in coordinates(model, "v", model.nv))
+    change = sum(x.sum(axis=1) for x in work.values()) + 1e-6 * t
+    return sd.EnergyLedger(t, change, work, dict.fromkeys(work, names), 1e-6 * t, model.name, "rk4")
+
+
+def test_a_ledger_shows_energy_works_and_the_error_on_a_log_axis(mixed: sd.Model, tmp_path: Path) -> None:
+    found = account(mixed)
+    works, error = found.plot(path=tmp_path / "ledger.png").axes
+    assert labels(works) == ["change of T + V", "work of torque", "work of friction"]
+    assert works.get_ylabel() == "energy and work [J]"
+    np.testing.assert_array_equal(works.lines[2].get_ydata(), found.work["torque"].sum(axis=1))
+    assert (error.get_ylabel(), error.get_yscale()) == ("|ε| [J]", "log")
+    assert (tmp_path / "ledger.png").read_bytes()[:4] == b"\x89PNG"
+    joints = found.plot(kind="friction").axes[0]
+    assert len(labels(joints)) == mixed.nv
+    assert joints.get_ylabel() == "work of friction [J]"
+    with pytest.raises(SpatialDynError, match="kind is 'contact', expected one of torque, friction"):
+        found.plot(kind="contact")
+    with pytest.raises(SpatialDynError, match="expected 2"):
+        found.plot(ax=joints)

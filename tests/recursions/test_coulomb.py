@@ -127,7 +127,7 @@ def test_coulombs_law_holds_at_the_end_of_the_step(name: str, torque: float) -> 
     """In every one of 2000 random states, to rounding."""
     model = sd.load_urdf(name)
     s = states(model, 2000, torque)
-    found = in_numpy(model, STEP, list(s.values())).reshape(-1, 2, model.nv)
+    found = in_numpy(model, STEP, list(s.values())).reshape(-1, 3, model.nv)
     off, _ = violation(model, s, found[:, 0])
     assert off.max() <= SOLVED[name]
     own = found[:, 1].max(axis=1)
@@ -141,7 +141,7 @@ def test_coulombs_law_holds_at_the_end_of_the_step(name: str, torque: float) -> 
 def test_a_humanoid_is_solved_too() -> None:
     model = sd.load_urdf("talos_full")
     s = states(model, 300, 1.0)
-    found = in_numpy(model, STEP, list(s.values())).reshape(-1, 2, model.nv)
+    found = in_numpy(model, STEP, list(s.values())).reshape(-1, 3, model.nv)
     assert violation(model, s, found[:, 0])[0].max() <= SOLVED["talos_full"]
 
 
@@ -149,7 +149,7 @@ def test_a_guess_that_has_not_settled_is_reported(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(friction, "SWEEPS", 1)
     model = random_tree(4, 6, ["revolute"]).model
     s = states(model, 300, 1.0)
-    found = in_numpy(model, STEP, list(s.values())).reshape(-1, 2, model.nv)
+    found = in_numpy(model, STEP, list(s.values())).reshape(-1, 3, model.nv)
     off, _ = violation(model, s, found[:, 0])
     assert (off > 1e-3).any()
     np.testing.assert_allclose(found[:, 1].max(axis=1), off, rtol=1e-6, atol=1e-12)
@@ -160,18 +160,18 @@ def test_a_guess_that_cycles_is_ended_by_correcting_the_worst_alone(monkeypatch:
     """One of 20 000 states of one of eleven trees whose guesses, each joint corrected at once, return for ever."""
     model = random_tree(3, 8, ["revolute"]).model
     s = {name: x[14778:14779] if len(x) > 1 else x for name, x in states(model, 20_000, 1.0, 3).items()}
-    solved = in_numpy(model, STEP, list(s.values())).reshape(2, model.nv)
+    solved = in_numpy(model, STEP, list(s.values())).reshape(3, model.nv)
     assert (solved[1] == 0.0).all()
     assert violation(model, s, solved[:1])[0][0] <= SOLVED["panda"]
     monkeypatch.setattr(friction, "BOLD", 99)
-    assert in_numpy(model, STEP, list(s.values())).reshape(2, model.nv)[1].max() > 1e-3
+    assert in_numpy(model, STEP, list(s.values())).reshape(3, model.nv)[1].max() > 1e-3
 
 
 def test_the_weights_are_those_of_the_inverse_mass_matrix() -> None:
     model = random_tree(7, 5, floating=True).model
     s = states(model, 1, 1.0)
     n, rows = model.nv, table(model.bodies)
-    work, after, pivots = scratch(friction.WORK, n + 1), np.zeros((2, n)), np.zeros(n)
+    work, after, pivots = scratch(friction.WORK, n + 1), np.zeros((3, n)), np.zeros(n)
     given = [x[0] for x in s.values()]
     given[3] = DT
     friction.friction_step(rows, work, *given[:3], None, *given[3:], after, pivots, np.zeros((n, n)), np.zeros((n, n)))
@@ -188,7 +188,7 @@ def test_programs_kernels_and_the_exact_engine_agree(floating: bool) -> None:
     model = random_tree(3, 5, floating=floating).model
     s, spec = states(model, 40, 1.0), STEP
     inputs = [np.ascontiguousarray(x) for x in s.values()]
-    found = [np.empty((40, 2 * model.nv)) for _ in range(2)]
+    found = [np.empty((40, 3 * model.nv)) for _ in range(2)]
     assert not len(run.batch(spec, model, inputs, (), found[0]).samples)
     assert not len(run.run_table_kernel(spec, model, inputs, (), found[1]).samples)
     np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-11)
@@ -197,7 +197,7 @@ def test_programs_kernels_and_the_exact_engine_agree(floating: bool) -> None:
     for k in range(3):
         exact = {x: numbers(digits, y[min(k, len(y) - 1)]) for x, y in s.items()}
         exact["dt"] = exact["dt"][0]
-        after = evaluate(spec, table(model.bodies, digits.number), (2, model.nv), exact, np.empty(model.nv, object))
+        after = evaluate(spec, table(model.bodies, digits.number), (3, model.nv), exact, np.empty(model.nv, object))
         off = abs(np.array([float(x) for x in after[0]]) - found[0][k, : model.nv]).max()
         assert off <= 1e-11 * max(1.0, abs(found[0][k]).max())
 
@@ -223,5 +223,5 @@ def test_a_joint_without_inertia_is_flagged() -> None:
     )
     model = builder.build()
     given = [np.array([[x]]) for x in (0.1, 0.0, 0.0, DT, 1.0, 0.0, 1.0, AT_ONCE)]
-    failed = run.run_table_kernel(STEP, model, given, (), np.empty((1, 2)))
+    failed = run.run_table_kernel(STEP, model, given, (), np.empty((1, 3)))
     assert len(failed.samples) == 1

@@ -1,0 +1,184 @@
+"""Runs that carry states beside q and v where the steps run in Python, by kernels, and by SciPy's methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.arguments import core_shape
+from ..calls.dynamics import calls
+from ..constraints.dynamics import constraint_jacobian
+from ..engines.compiled import numba_kernels
+from ..engines.programs import tracer
+from ..errors import SimulationError
+from ..model.model import Model
+from ..recursions.friction import DT
+from ..recursions.spec import Argument
+from . import explicit, ledger
+from .carried import Acting, carry, carry_solved
+from .constrained import Held, motion_under, project
+from .control_laws import OWN_INPUT, Control, law_on, moved_states
+from .friction_steps import OWN, SMOOTH, Rubbing, smooth_kernel, solver
+from .recorder import Recorder
+from .system import OK, State, System
+from .traced_steps import EXPLICIT_METHODS
+
+Array = NDArray[np.float64]
+ADAPTIVE = ("dop853", "radau")
+Law = Callable[[Any, Any, Mapping[str, Any]], tuple[Array, dict[str, Array]]]
+
+
+def check_carrying(control: Control | None, work: bool, method: str) -> None:
+    """Raise SimulationError where a method takes no control law, or records no work."""
+    what = "control" if control is not None else 'record="work"' if work else None
+    if what is not None and method not in (*EXPLICIT_METHODS, *ADAPTIVE):
+        known = ", ".join((*EXPLICIT_METHODS, *ADAPTIVE))
+        raise SimulationError(f'{what} is given with method="{method}", expected a method that carries states: {known}')
+    if control is not None and method in ADAPTIVE:
+        ends = len(control.spec.states) - len(moved_states(control.spec))
+        if control.held or ends:
+            which = "is held over a step" if control.held else "has states that change at the end of a step"
+            raise SimulationError(
+                f'control "{control.spec.name}" {which}, expected a fixed step for it: {", ".join(EXPLICIT_METHODS)}'
+            )
+
+
+def law_in_floats(control: Control, model: Model, total: int) -> Callable[[int, float], Law]:
+    """``(step, h) -> law`` of floats, at the values of a step; ``total`` steps in all."""
+    rows, spec = tracer.table(model.bodies), control.spec
+    values, static = control.rows(model, 1, total), iter(control.static)
+    cores = {OWN_INPUT + x.name: core_shape(model, x, control.static) for x in spec.present}
+    fixed = {OWN_INPUT + x.name: _static_rows(next(static)) for x in spec.present if x.static}
+
+    def at(step: int, h: float) -> Law:
+        given: dict[str, Any] = {DT.name: h, **fixed}
+        for name, x in values.items():
+            now = x[0, min(step, x.shape[1] - 1)].reshape(cores[name])
+            given[name] = now if cores[name] else float(now)
+        recorded = law_on(spec, rows, given)
+
+        def law(q: Any, v: Any, states: Mapping[str, Any]) -> tuple[Array, dict[str, Array]]:
+            tau, made = recorded(q, v, states)
+            return np.asarray(tau, float), {name: np.asarray(x, float) for name, x in made.items()}
+
+        return law
+
+    return at
+
+
+def _static_rows(value: Any) -> Any:
+    return tracer.table(value.rows) if hasattr(value, "rows") else value
+
+
+def carrying(
+    recorder: Recorder, kernels: Any, found: Rubbing | None, held: Held | None, control: Control | None,
+    work: tuple[Argument, ...], fext: Array | None,
+) -> tuple[Any, Callable[..., None]]:  # fmt: skip
+    """The kernels and the step of a method that carries states; ``kernels`` are those of its family."""
+    model, carried, advance = recorder.model, recorder.carried, recorder.method.advance
+    names = [x.name for x in carried.arguments]
+    laws = None if control is None else law_in_floats(control, model, recorder.steps.total)
+    moved = () if control is None else moved_states(control.spec)
+    moving = (*moved, *(x.name for x in work if x != ledger.PROJECTION))
+    solve = solver(found, fext) if found is not None and found.way in OWN else None
+    resist = smooth_kernel(found) if found is not None and found.way == SMOOTH else None
+    motion = None if held is None else motion_under(held, model, fext)
+    own_kernels = kernels if held is None else explicit.kernels_of(None)
+
+    def free(system: System, q: Any, v: Any, a: Any) -> tuple[int, dict[str, Any]]:
+        powers = {ledger.TORQUE.name: system.tau * v}
+        if fext is not None and work:
+            powers[ledger.EXTERNAL.name] = external(model, q, fext) * v
+        if resist is not None:
+            friction = resist(system.table, np.array(v))
+            powers[ledger.FRICTION.name] = friction * v
+            system = system._replace(tau=system.tau + friction)
+        if held is None or motion is None:
+            return kernels.accelerate(system, q, v, a), powers
+        made = motion(system, q, v)
+        a[:] = made.a
+        if ledger.CONSTRAINTS in work:
+            powers[ledger.CONSTRAINTS.name] = made.force * (constraint_jacobian(model, held.constraints, q) @ v)
+        return OK, powers
+
+    def step(system: System, t: float, h: float, state: State) -> None:
+        law = None if laws is None or control is None else laws(int(recorder.at[0]), h)
+        acting = Acting(free, law, control is not None and control.held, moving)
+        own = dict(zip(names, [x.copy() for x in carried.views(recorder.own)], strict=True))
+        if solve is not None:
+            name = names[0]  # of friction's own state
+            system.torque(system, t, state.q, state.w)
+
+            def solved(tau: Any) -> Any:
+                now = system._replace(tau=tau)
+                after, changed, friction = solve(now, t, h, state, own[name])
+                forces = {ledger.FRICTION.name: friction}
+                if fext is not None and work:
+                    forces[ledger.EXTERNAL.name] = external(model, state.q, fext)
+                return after, {name: changed}, forces
+
+            state.w[:], after = carry_solved(solved, h, state.q, state.w, system.tau.copy(), own, acting)
+            displacement = state.work[1]
+            displacement[:] = h * state.w
+            explicit.move(system, t, displacement, state)
+        else:
+            after = carry(advance, system, t, h, state, own, acting)  # type: ignore[arg-type]
+            if (
+                held is not None
+                and system.status[0] == OK
+                and np.isfinite(state.q).all()
+                and np.isfinite(state.w).all()
+            ):
+                before = energy_of(model, state)
+                project(held, model, state.q, state.w)
+                if ledger.PROJECTION in work:
+                    after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
+        for name, x in zip(names, carried.views(recorder.own), strict=True):
+            x[...] = after[name]
+
+    return own_kernels, step
+
+
+def external(model: Model, q: Any, fext: Array) -> Array:
+    """Jᵀ f (nv) of external forces [N m | N]."""
+    q = np.array(q)
+    made: Array = calls["generalized_gravity"](model, q) - calls["static_torque"](model, q, fext)
+    return made
+
+
+def energy_of(model: Model, state: State) -> float:
+    """T + V [J]."""
+    q, v = np.array(state.q), np.array(state.w)
+    return float(calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q))
+
+
+def beside(
+    recorder: Recorder,
+    control: Control | None,
+    work: tuple[Argument, ...],
+    resist: Callable[..., Array] | None,
+    fext: Array | None,
+) -> Callable[[int, Array, Array, Array, Array], tuple[Array, Array]]:
+    """``(step, q, v, states, tau) -> tau of all that acts, rates of the states``, flat, for SciPy's methods."""
+    model, carried = recorder.model, recorder.carried
+    laws = None if control is None else law_in_floats(control, model, recorder.steps.total)
+    names = [x.name for x in carried.arguments]
+
+    def rates(step: int, q: Array, v: Array, x: Array, tau: Array) -> tuple[Array, Array]:
+        found: dict[str, Array] = {}
+        if laws is not None:
+            wanted, found = laws(step, recorder.steps.dt)(q, v, dict(zip(names, carried.views(x), strict=True)))
+            tau = tau + wanted
+        found[ledger.TORQUE.name] = tau * v
+        if fext is not None and work:
+            found[ledger.EXTERNAL.name] = external(model, q, fext) * v
+        if resist is not None:
+            friction = resist(getattr(model, numba_kernels.TABLE), v)
+            found[ledger.FRICTION.name] = friction * v
+            tau = tau + friction
+        return tau, np.concatenate([np.empty(0), *(found[name].ravel() for name in names)])
+
+    return rates
