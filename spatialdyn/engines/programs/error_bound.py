@@ -2,9 +2,9 @@
 
 Beside each line x runs a number b with |x - x*| <= u b, where x* is the line in exact arithmetic on the same inputs and
 on the robot's numbers, and u the unit roundoff. b follows from those of the operands and from the line's own rounding,
-at most u |x|; products of two errors are kept, so the bound holds for errors of any size. A constant of a program was
-rounded once. b is a sum of terms that are not negative, so its own rounding is a relative one: ``slack`` is more than
-that. A bound is infinite or NaN where nothing is known: where a divisor may be 0.
+at most u |x|; products of two errors are kept, so the bound holds for errors of any size. A constant has the error that
+its own arithmetic knows of it (``constants``). b is a sum of terms that are not negative, so its own rounding is a
+relative one: ``slack`` is more than that. A bound is infinite or NaN where nothing is known: where a divisor may be 0.
 
 Sources: Wilkinson, Rounding errors in algebraic processes (1963); Higham, Accuracy and stability of numerical
 algorithms, 2nd ed. (2002), section 3.3.
@@ -36,12 +36,14 @@ from .operations import (
     SIN,
     SQRT,
     SUB,
+    Operation,
     signed,
 )
 from .program import Program
 from .tracer import Number, Tape
 
 TURN, EXPONENTIAL, ANGLE = 3.5, 3.0, 7.0  # errors of sin and cos, exp, atan2 in u |x|: an ulp is at most 2 u |x|
+LOST = 2.0**-40  # share of a result's error for what arithmetic of constants loses of other results' size: 2⁻¹⁰⁴ of it
 PLAIN: dict[int, Callable[[Any, Any], Any]] = {
     ADD: operator.add, SUB: operator.sub, MUL: operator.mul, DIV: operator.truediv,
 }  # fmt: skip
@@ -73,10 +75,21 @@ class Bounding:
         self.slack = 8.0 * (depth + 8) * self.u
         self._above, self._narrow = UNDERFLOW[np.dtype(dtype).itemsize], np.dtype(dtype).itemsize == 4
 
-    def inputs(self, count: int) -> list[Bounded]:
-        """The inputs of a program. In float32 they are off by half an ulp, as they may have been rounded to it."""
+    def inputs(self, count: int, units: Sequence[Sequence[int]] = ()) -> list[Bounded]:
+        """The inputs of a program. In float32 they are off by half an ulp, as they may have been rounded to it; those
+        of a group of unit norm by what norms it.
+        """
         columns = [self.tape.input(k) for k in range(count)]
-        return [Bounded(x, self.magnitude(x) if self._narrow else 0.0) for x in columns]
+        found = [Bounded(x, self.magnitude(x) if self._narrow else 0.0) for x in columns]
+        for group in units:
+            excess: Any = -1.0
+            for k in group:
+                excess = self._line(FMA, columns[k], columns[k], excess)
+            # (1 + s)^(-1/2) - 1 is at most 0.51 |s|, and s was rounded four times
+            norms = self.fused(0.51 / self.u, self.magnitude(excess), 2.5 + self._narrow)
+            for k in group:
+                found[k] = Bounded(columns[k], norms * self.magnitude(columns[k]))
+        return found
 
     def run(self, program: Program, inputs: Sequence[Bounded], bounds: bool = True) -> list[Bounded]:
         """The outputs of a program with their b, or with 0 in its place."""
@@ -85,11 +98,20 @@ class Bounding:
             if op.code == INPUT:
                 lines.append(inputs[op.a])
             elif op.code == CONST:
-                lines.append(Bounded(self.tape.number(op.value), 0.0 if op.value in (0.0, 1.0) else abs(op.value)))
+                x = self.tape.number(op.value)
+                lines.append(Bounded(x, self._of_constant(program, op)) if bounds else self.exact(x))
             else:
                 given = [lines[k] if k >= 0 else -lines[-k - 1] for k in signed(op)]
                 lines.append(self.apply(op.code, *given) if bounds else self.exact(self._value(op.code, given)))
         return [-lines[k] if minus else lines[k] for k, minus in program.outputs]
+
+    def _of_constant(self, program: Program, op: Operation) -> float:
+        """b of a constant: its own error, and in float32 that of rounding it again."""
+        assert program.errors is not None
+        error = program.errors[op.c]
+        again = self._narrow and float(np.float32(op.value)) != op.value
+        # a constant's own arithmetic has twice the digits: what it lacks is far below 2⁻⁴⁰ u
+        return error / self.u * (1.0 + self.slack) + abs(op.value) * (again + 2.0**-40 * (error > 0.0))
 
     def exact(self, x: Any) -> Bounded:
         """A number that has no error."""
@@ -98,6 +120,15 @@ class Bounding:
     def absolute(self, b: Any) -> Any:
         """The bound of a result with error u b; infinite where b is NaN."""
         return self._known(self.fused(self.u * (1.0 + 2.0 * self.slack), b, self._above))
+
+    def beside(self, values: Sequence[Bounded], found: Sequence[Bounded], places: Sequence[int]) -> list[Any]:
+        """Bounds of values at these places from others, of the same exact numbers, whose error is known."""
+        pairs = [(values[k].x, found[k]) for k in places]
+        errors = [self.fused(1.0 / self.u, self.magnitude(x - y.x), y.b) for x, y in pairs]
+        total: Any = 0.0
+        for b in errors:
+            total = total + b
+        return [self.absolute(self.fused(LOST, total, b)) for b in errors]
 
     def solved(self, inverse: Sequence[Sequence[Bounded]], residual: Sequence[Bounded]) -> list[Any]:
         """Bounds of x from the residual A x - y of what was found, and from A⁻¹ of known error: |A⁻¹| |residual|."""
@@ -189,9 +220,6 @@ class Bounding:
 
     def _of_product(self, a: Bounded, b: Bounded, rest: Any) -> Any:
         """b of a product and ``rest``: a* b* - a b = (b* - b) a* + (a* - a) b."""
-        for x, other in ((a, b), (b, a)):
-            if isinstance(x.b, float) and x.b and isinstance(other.b, Number):  # a constant c, off by u |c|
-                return self.fused(x.b, other.b + self.upper(other), rest)
         if not _zero(a.b):
             rest = self.fused(self.magnitude(b.x), a.b, rest)
         return rest if _zero(b.b) else self.fused(self.upper(a), b.b, rest)

@@ -89,12 +89,14 @@ def record(
     static: Sequence[Any] = (),
     options: ProgramOptions = ALL,
     dtype: Any = np.float64,
+    errors: bool = False,
 ) -> Recording:
     """Some calls on one table of bodies as one program; an input of one name is one input.
 
     static   values of the static inputs of the calls, in their order
     options  constant inputs, parameters that are inputs, and wanted outputs
     dtype    of the program, whose eps pivots are compared with
+    errors   record the errors of constants
 
     Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
@@ -105,7 +107,7 @@ def record(
         if not spec.traceable:
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(options.fixed)
-    tape = Tape()
+    tape = Tape(errors)
     number = tape.unfolded if options.double_double else constant
     rows = table(bodies, number)
     vars(rows[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
@@ -128,13 +130,19 @@ def record(
                 continue
             if x.static:
                 value = next(fixed)
-                given[x.name] = table(value.rows, number) if isinstance(value, StaticTable) else value
+                if isinstance(value, StaticTable):
+                    given[x.name] = table(value.rows, number)
+                else:
+                    given[x.name] = _tracked(value) if errors and isinstance(value, np.ndarray) else value
                 continue
             entries = known.get(x.name, (math.nan,) * int(np.prod(shape(x.shape), dtype=int)))
             order = itertools.count(count)
             places_of = [next(order) if math.isnan(e) else None for e in entries]  # None: a constant
             numbers = np.empty(len(entries), dtype=object)
-            numbers[:] = [e if at is None else tape.input(at) for e, at in zip(entries, places_of, strict=True)]
+            numbers[:] = [
+                tape.input(at) if at is not None else tape.number(e) if errors and e else e
+                for e, at in zip(entries, places_of, strict=True)
+            ]
             given[x.name] = numbers.reshape(shape(x.shape)) if x.shape else numbers[0]
             if x.unit_norm:
                 parts = [tuple(places_of[k] for k in part) for part in unit_parts(bodies)]
@@ -186,19 +194,21 @@ def _with_bounds(
     """One call with bounds: by running error analysis, or of what is solved for by its residual, which is sharper."""
     (spec,) = specs
     matrix = len(spec.output.shape) == 2
+    fma = host_cpu.host()[3]
     if not spec.residual or (matrix and len(bodies) - 1 > MOST_PRODUCT):
         program, layout = record(specs, bodies, static, options, dtype)
-        made = Bounding(dtype, program.operations["depth"], host_cpu.host()[3])
-        results = made.run(program, made.inputs(program.inputs))
-        bounds = [made.absolute(results[k].b) for k in layout.outputs[0]]
-        return _beside(made, program, layout, layout.outputs[0], results, bounds)
+        with_errors = record(specs, bodies, static, options, dtype, errors=True).program
+        made = Bounding(dtype, with_errors.operations["depth"], fma)
+        inputs = made.inputs(program.inputs, layout.units)
+        results = made.run(program, inputs, bounds=False)
+        found = made.run(with_errors, inputs)
+        return _beside(made, program, layout, results, made.beside(results, found, layout.outputs[0]))
     whole = options._replace(outputs=())
     program, layout = record(specs, bodies, static, whole, dtype)
     given = variant(SPECS[spec.residual], {x.name for x in spec.present})
-    back, inverse = (record((x,), bodies, (), whole, dtype).program for x in (given, SPECS["minverse"]))
-    depth = sum(x.operations["depth"] for x in (program, back, inverse))
-    made = Bounding(dtype, depth + len(bodies), host_cpu.host()[3])
-    inputs = made.inputs(program.inputs)
+    back, inverse = (record((x,), bodies, (), whole, dtype, True).program for x in (given, SPECS["minverse"]))
+    made = Bounding(dtype, sum(x.operations["depth"] for x in (program, back, inverse)) + len(bodies), fma)
+    inputs = made.inputs(program.inputs, layout.units)
     results = made.run(program, inputs, bounds=False)
     columns = _columns(spec, options, bodies, inputs)
     n = len(bodies) - 1
@@ -212,24 +222,26 @@ def _with_bounds(
         columns[spec.output.name] = [made.exact(x.x) for x in results[:n]]
         found = made.run(back, _chosen(given, options, bodies, columns, inputs))
         wanted = columns[given.output.name]
-        bounds = made.solved(rows, [made.apply(SUB, x, y) for x, y in zip(found, wanted, strict=True)])
+        bounds = made.solved(rows, [made.apply(SUB, x, y) for x, y in zip(found, wanted, strict=False)])
     places = options.outputs[0] if options.outputs else layout.outputs[0]
-    return _beside(made, program, layout, places, results, [bounds[k] for k in places])
+    chosen = replace(layout, outputs=(tuple(places),))
+    return _beside(made, program, chosen, results, [bounds[k] for k in places])
+
+
+def _tracked(values: NDArray[Any]) -> NDArray[Any]:
+    """An array of Constants, whose arithmetic knows its errors."""
+    made = np.empty(values.shape, dtype=object)
+    made.ravel()[:] = [constant(x) for x in values.ravel().tolist()]
+    return made
 
 
 def _beside(
-    made: Bounding,
-    program: Program,
-    layout: KernelLayout,
-    places: Sequence[int],
-    results: Sequence[Bounded],
-    bounds: Sequence[Any],
+    made: Bounding, program: Program, layout: KernelLayout, results: Sequence[Bounded], bounds: Sequence[Any]
 ) -> Recording:
-    """A program with its results at these places, then their bounds."""
+    """A program with its results, then the bounds of those that the layout has."""
     outputs = [x.x for x in results] + list(bounds)
-    beside = tuple(range(len(results), len(outputs)))
-    layout = replace(layout, outputs=(tuple(places), beside), bounds=1)
-    return Recording(Program(made.tape, outputs, program.inputs, fuse=False), layout)
+    places = (*layout.outputs, tuple(range(len(results), len(outputs))))
+    return Recording(Program(made.tape, outputs, program.inputs, fuse=False), replace(layout, outputs=places, bounds=1))
 
 
 def _columns(
