@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .actuation.motors import Motor, torque_limits
     from .actuation.springs import spring_energy, spring_torque
     from .actuation.transmissions import to_actuators, to_joints
+    from .calls.bounded import bounded
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -114,7 +115,7 @@ __all__ = [
     "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot", "RollingConstraint",
     "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
     "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
+    "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
     "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
     "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger",
     "exact", "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
@@ -131,7 +132,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_regressor friction_torque",
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
     "actuation.transmissions": "to_actuators to_joints",
-    "calls.exact": "Exact exact",
+    "calls.bounded": "bounded", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
