@@ -373,3 +373,9 @@ def test_the_trot_carries_its_weight_within_the_cone() -> None:
     assert np.percentile(found["residual"], 95) <= 1e-4
     assert (found["z"] > 0.15).all()  # none falls
     assert found["x"][1, -1] > 1.5 * found["x"][3, -1] > 0.0
+
+
+def test_principles_of_mechanics_hold_to_rounding() -> None:
+    found = run("principles")
+    assert len(found) == 5
+    assert max(found.values()) < 1e-11
