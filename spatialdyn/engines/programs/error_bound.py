@@ -224,7 +224,7 @@ class Bounding:
             rest = self.fused(self.magnitude(b.x), a.b, rest)
         return rest if _zero(b.b) else self.fused(self.upper(a), b.b, rest)
 
-    def _fused(self, x: Number, a: Bounded, b: Bounded, c: Bounded) -> Any:
+    def _of_fused(self, x: Number, a: Bounded, b: Bounded, c: Bounded) -> Any:
         rest = c.b + self.magnitude(x)
         if not self.fma:
             rest = self.fused(self.magnitude(a.x), self.magnitude(b.x), rest)
@@ -271,8 +271,8 @@ class Bounding:
 
 
 _RULES: dict[int, Callable[..., Any]] = {
-    ADD: Bounding._sum, SUB: Bounding._sum, MUL: Bounding._product, DIV: Bounding._quotient, FMA: Bounding._fused,
-    FMS: Bounding._fused, FNMA: Bounding._fused, SQRT: Bounding._root, SIN: Bounding._turn, COS: Bounding._turn,
+    ADD: Bounding._sum, SUB: Bounding._sum, MUL: Bounding._product, DIV: Bounding._quotient, FMA: Bounding._of_fused,
+    FMS: Bounding._of_fused, FNMA: Bounding._of_fused, SQRT: Bounding._root, SIN: Bounding._turn, COS: Bounding._turn,
     EXP: Bounding._exponential, ATAN2: Bounding._angle, SELECT: Bounding._choice, ABS: Bounding._magnitude,
 }  # fmt: skip
 

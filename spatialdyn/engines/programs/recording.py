@@ -205,14 +205,14 @@ def _with_bounds(
         return _beside(made, program, layout, results, made.beside(results, found, layout.outputs[0]))
     whole = options._replace(outputs=())
     program, layout = record(specs, bodies, static, whole, dtype)
-    given = variant(SPECS[spec.residual], {x.name for x in spec.present})
-    back, inverse = (record((x,), bodies, (), whole, dtype, True).program for x in (given, SPECS["minverse"]))
+    given, solving = (variant(SPECS[name], {x.name for x in spec.present}) for name in spec.residual)
+    back, inverse = (record((x,), bodies, (), whole, dtype, errors=True).program for x in (given, solving))
     made = Bounding(dtype, sum(x.operations["depth"] for x in (program, back, inverse)) + len(bodies), fma)
     inputs = made.inputs(program.inputs, layout.units)
     results = made.run(program, inputs, bounds=False)
     columns = _columns(spec, options, bodies, inputs)
     n = len(bodies) - 1
-    entries = made.run(inverse, _chosen(SPECS["minverse"], options, bodies, columns, inputs))[: n * n]
+    entries = made.run(inverse, _chosen(solving, options, bodies, columns, inputs))[: n * n]
     rows = [entries[n * i : n * i + n] for i in range(n)]
     if matrix:
         mass = made.run(back, _chosen(given, options, bodies, columns, inputs))
