@@ -25,7 +25,7 @@ from .control_laws import OWN_INPUT
 from .system import State, System
 
 Array = NDArray[Any]
-HIDDEN = ("violation",)  # states that a caller does not see
+HIDDEN = ("violation", "contact_residual", "contact_record")  # states that a caller does not see
 Power = Mapping[str, Any]
 
 
