@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
     from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
-    from .constraints.contact_points import Contacts, Plane
+    from .constraints.contact_points import Contacts, Heightfield, Plane
     from .constraints.derivatives import ConstrainedDerivatives, constrained_dynamics_derivatives
     from .constraints.dynamics import (
         ConstrainedImpact,
@@ -106,11 +106,11 @@ __all__ = [
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
     "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
-    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
-    "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot", "RollingConstraint",
-    "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
-    "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
+    "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
+    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot",
+    "RollingConstraint", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint",
+    "assemble", "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
     "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift", "constraint_error",
     "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger", "exact",
     "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
@@ -130,7 +130,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
     "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",
-    "constraints.contact_points": "Contacts Plane",
+    "constraints.contact_points": "Contacts Heightfield Plane",
     "constraints.derivatives": "ConstrainedDerivatives constrained_dynamics_derivatives",
     "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
     "delassus",
