@@ -10,7 +10,7 @@ import math
 from functools import singledispatch
 from typing import Any
 
-from .scalars import Scalar, compiled_as, exceeds, select
+from .scalars import Scalar, compiled_as, select
 
 
 @singledispatch
@@ -27,8 +27,8 @@ def bilinear(x: Scalar, y: Scalar, heights: Any) -> tuple[Scalar, Scalar, Scalar
     k = 1 + i * ny + j
     a, b, c, d = heights[k].z, heights[k + 1].z, heights[k + ny].z, heights[k + ny + 1].z
     level = (1 - s) * ((1 - t) * a + t * b) + s * ((1 - t) * c + t * d)
-    along = (1 - t) * (c - a) + t * (d - b) if 0 < x <= nx - 1 else 0.0 * a
-    across = (1 - s) * (b - a) + s * (d - c) if 0 < y <= ny - 1 else 0.0 * a
+    along = (1 - t) * (c - a) + t * (d - b) if 0 <= x < nx - 1 else 0.0 * a
+    across = (1 - s) * (b - a) + s * (d - c) if 0 <= y < ny - 1 else 0.0 * a
     return level, along, across
 
 
@@ -44,8 +44,8 @@ def _bilinear(x, y, heights):  # type: ignore[no-untyped-def]  # Numba compares 
         k = 1 + i * ny + j
         a, b, c, d = heights[k].z, heights[k + 1].z, heights[k + ny].z, heights[k + ny + 1].z
         level = (1.0 - s) * ((1.0 - t) * a + t * b) + s * ((1.0 - t) * c + t * d)
-        along = (1.0 - t) * (c - a) + t * (d - b) if 0.0 < x <= nx - 1.0 else 0.0
-        across = (1.0 - s) * (b - a) + s * (d - c) if 0.0 < y <= ny - 1.0 else 0.0
+        along = (1.0 - t) * (c - a) + t * (d - b) if 0.0 <= x < nx - 1.0 else 0.0
+        across = (1.0 - s) * (b - a) + s * (d - c) if 0.0 <= y < ny - 1.0 else 0.0
         return level, along, across
 
     return read
@@ -73,11 +73,11 @@ def _weights(x: Scalar, count: int) -> tuple[list[Scalar], list[Scalar]]:
     """The weight of each of ``count`` heights at x, and its derivative."""
     passed: list[Scalar] = [1.0]  # how far of each cell lies behind x
     inside: list[Scalar] = [0.0]  # 1 in its cell
-    behind = exceeds(x, 0.0)
+    behind = select(-x, 0.0, 1.0)
     for k in range(count - 1):
         rest = select(x - k, x - k, 0.0)
         passed.append(select(1.0 - rest, rest, 1.0))
-        ahead = exceeds(x, k + 1.0)
+        ahead = select(k + 1.0 - x, 0.0, 1.0)
         inside.append(behind - ahead)
         behind = ahead
     passed.append(0.0)
