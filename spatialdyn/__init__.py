@@ -35,7 +35,7 @@ from .errors import (
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
-from .model.robot import Robot
+from .model.robot import Robot, Rotor
 from .urdf.load import load_urdf
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from .accuracy.tradeoff import recommend, trade
     from .actuation.friction import Friction, friction_regressor, friction_torque
     from .actuation.motors import Motor, torque_limits
+    from .actuation.springs import spring_energy, spring_torque
+    from .actuation.transmissions import to_actuators, to_joints
+    from .calls.bounded import bounded
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
@@ -89,6 +92,7 @@ if TYPE_CHECKING:
     from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
     from .model.builder import ModelBuilder
+    from .model.transmission import Transmission
     from .pictures.comparison_plots import plot
     from .pictures.scene import view
     from .simulation.contact_record import ContactRecord
@@ -98,6 +102,7 @@ if TYPE_CHECKING:
     from .simulation.rollouts import PD, Rollout, rollout
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.trajectory import Trajectory
+    from .urdf.transmissions import read_transmissions
     from .validate.comparison import compare_with_pinocchio
 
 __version__ = "0.1.0"
@@ -108,24 +113,26 @@ __all__ = [
     "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
     "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
     "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot",
-    "RollingConstraint", "Rollout", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
-    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "UrdfError", "VelocityConstraint", "WeldConstraint",
-    "assemble", "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
-    "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift", "constraint_error",
-    "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger", "exact",
-    "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
+    "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
+    "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger",
+    "exact", "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
     "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "load_urdf",
     "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity", "random_configuration",
-    "recommend", "rollout", "simplify", "simulate", "specialize", "step", "to_drake", "to_mujoco", "torque_limits",
-    "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "read_transmissions", "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy",
+    "spring_torque", "step", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_regressor friction_torque",
-    "actuation.motors": "Motor torque_limits",
-    "calls.exact": "Exact exact",
+    "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
+    "actuation.transmissions": "to_actuators to_joints",
+    "calls.bounded": "bounded", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
@@ -143,6 +150,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
+    "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
     "simulation.contact_record": "ContactRecord", "simulation.control_laws": "Control",
     "simulation.ledger": "EnergyLedger energy_ledger",

@@ -16,7 +16,7 @@ from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.programs import single_call
 from ..engines.programs.single_call import Parameter
-from ..engines.programs.single_call_text import ARRAY, NUMBER
+from ..engines.programs.single_call_text import ARRAY, MOST, NUMBER
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constrained import DEPENDENT
@@ -53,7 +53,7 @@ def _function(
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     found = None
-    if object_layout.READY and not numba_kernels.PLAIN:
+    if object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
         found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
 
     def checked(*values: Any) -> Any:
@@ -113,7 +113,7 @@ def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[A
     given = iter(sample)
     inputs = [constraints.table.rows if x is not None and x.static else next(given) for x in spec.inputs]
     scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
-    out = np.empty(model.nv + constraints.nc + 2)
+    out = np.empty(core_shape(model, spec.output, (constraints.table,)))
     with np.errstate(all="ignore"):
         work = np.zeros(model.nv + 1, spec.work)
         spec.recursion(model.bodies, work, *inputs, *spec.split(out, sizes), *scratch)

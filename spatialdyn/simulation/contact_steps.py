@@ -30,6 +30,7 @@ from ..recursions.spec import Argument, shape_in
 from . import explicit, ledger
 from .contact_record import ContactRecord
 from .friction_steps import SMOOTH, STEPPED, Rubbing, smooth_kernel
+from .springs import has_springs
 from .system import State, System, set_status
 
 Array = NDArray[Any]
@@ -115,6 +116,8 @@ def touching(
         )
     if held is not None:
         raise SimulationError(f"{what} beside constraints, expected one of them")
+    if has_springs(model):
+        raise SimulationError(f'{what} and model "{model.name}" has springs at its rotors, expected one of them')
     if found is not None and found.way != SMOOTH:
         raise SimulationError(f'{what} and friction_method is "{found.way}", expected friction_method="smooth"')
     _check_start(model, given, q)

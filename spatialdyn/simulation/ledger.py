@@ -1,6 +1,6 @@
 """Where the energy of a motion goes: the work of each kind, carried as states of the run, and the ledger they make.
 
-    E⁺ - E = W_torque + W_friction + W_external + W_constraints + W_projection + W_contacts + ε
+    E⁺ - E = W_torque + W_friction + W_external + W_springs + W_constraints + W_projection + W_contacts + ε
 
 Each work is integrated by the method of the run, from the same values as the motion, so that ε is the method's own
 error and falls with its order. What acts as an impulse λ in a step (solved friction, contact) does the work
@@ -25,23 +25,26 @@ Array = NDArray[np.float64]
 TORQUE = Argument("work_torque", ("nv",), "J", "of the torques of motors, those of a control law among them", start=0.0)
 FRICTION = Argument("work_friction", ("nv",), "J", "of friction and damping", start=0.0)
 EXTERNAL = Argument("work_external", ("nv",), "J", "of external forces, by the freedoms that they move", start=0.0)
+SPRINGS = Argument("work_springs", ("nv",), "J", "of springs between rotors and joints, and their damping", start=0.0)
 CONSTRAINTS = Argument("work_constraints", ("nc",), "J", "of the force of each equation", start=0.0)
 CONTACTS = Argument("work_contacts", ("np+nl",), "J", "of each point on the ground, then of each limit", start=0.0)
 PROJECTION = Argument("work_projection", (1,), "J", "what projections onto the constraints add", start=0.0)
 KINDS = {
-    TORQUE.name: "torque", FRICTION.name: "friction", EXTERNAL.name: "external", CONSTRAINTS.name: "constraints",
-    PROJECTION.name: "projection", CONTACTS.name: "contacts",
+    TORQUE.name: "torque", FRICTION.name: "friction", EXTERNAL.name: "external", SPRINGS.name: "springs",
+    CONSTRAINTS.name: "constraints", PROJECTION.name: "projection", CONTACTS.name: "contacts",
 }  # fmt: skip
-BY_FREEDOM = ("torque", "friction", "external")
+BY_FREEDOM = ("torque", "friction", "external", "springs")
 
 
 def work_states(
-    rubs: bool, pushed: bool, constrained: bool, projects: bool, touches: bool = False
+    rubs: bool, pushed: bool, constrained: bool, projects: bool, springs: bool = False, touches: bool = False
 ) -> tuple[Argument, ...]:
-    """The works of a run: of torques, and of friction, external forces, constraints, projections, contacts if any."""
+    """The works of a run: of torques, and of friction, external forces, springs, constraints, projections, contacts if
+    there are any.
+    """
     acts = (
-        (TORQUE, True), (FRICTION, rubs), (EXTERNAL, pushed), (CONSTRAINTS, constrained), (PROJECTION, projects),
-        (CONTACTS, touches),
+        (TORQUE, True), (FRICTION, rubs), (EXTERNAL, pushed), (SPRINGS, springs), (CONSTRAINTS, constrained),
+        (PROJECTION, projects), (CONTACTS, touches),
     )  # fmt: skip
     return tuple(x for x, there in acts if there)
 

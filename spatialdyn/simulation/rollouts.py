@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..actuation.friction import Friction
+from ..actuation.motors import Motor
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
@@ -35,7 +36,8 @@ from .constrained import Held, accelerate, held_by, projected
 from .contact_record import ContactRecord
 from .contact_steps import Touching, check_few, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_alone, rubbing
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_together, rubbing
+from .springs import check_springs
 from .system import State, System, held_torque
 from .traced_steps import EXPLICIT_METHODS, carried_by, step_specs
 
@@ -139,6 +141,8 @@ def rollout(
     stabilization: float | None = None,
     friction: Friction | bool | None = None,
     friction_method: str = "implicit",
+    motor: Motor | None = None,
+    drive: str = "current",
     control: Control | None = None,
     states: Mapping[str, ArrayLike] | None = None,
     contacts: Any = None,
@@ -162,7 +166,8 @@ def rollout(
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
-    friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    friction, friction_method  as in ``simulate``; none by default; with constraints lugre or smooth
+    motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says
@@ -198,8 +203,8 @@ def rollout(
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    found = rubbing(model, friction, friction_method, method, float(dt))
-    check_alone(found, constraints)
+    found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
+    check_together(found, constraints)
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
@@ -243,6 +248,7 @@ def rollout(
     if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, now[0][0], rest, rest)  # raises InertiaError naming the joint
+        check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
         _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control, touch)

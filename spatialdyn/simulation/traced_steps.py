@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from .carried import Acting, carry, carry_solved
 from .constrained import Rows
 from .control_laws import inputs_of, law_on, moved_states, states_of
 from .friction_steps import COLUMNS, OWN, SMOOTH, smooth_torque, traced_step
+from .springs import traced_springs
 from .system import OK, State, System, held_torque
 
 EXPLICIT_METHODS: dict[str, Callable[..., None]] = {
@@ -68,7 +69,7 @@ def carried_by(
     return (*first, *(() if control is None else states_of(control)), *work)
 
 
-@cache
+@lru_cache(maxsize=256)  # laws come and go
 def step_specs(
     method: str,
     law: bool,
@@ -112,6 +113,10 @@ def step_specs(
                 friction = smooth_torque(rows, v, inputs)
                 powers[ledger.FRICTION.name] = friction * v
                 system = system._replace(tau=system.tau + friction)
+            pull = traced_springs(rows, q, v)
+            if pull is not None:
+                powers[ledger.SPRINGS.name] = pull * v
+                system = system._replace(tau=system.tau + pull)
             (_accelerate if under is None else under.accelerate)(system, q, v, a)
             if under is not None and ledger.CONSTRAINTS in work:
                 powers[ledger.CONSTRAINTS.name] = under.force * under.rates(q, v)
@@ -119,6 +124,16 @@ def step_specs(
 
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
             return free(system, q, v, a)[0]
+
+        def project(q: Any, v: Any, carried: dict[str, Any]) -> None:
+            """Project onto the constraints, if there are any, and count what that adds."""
+            if under is None:
+                return
+            before = under.energy(q, v) if ledger.PROJECTION in work else None
+            under.project(q, v)
+            if before is not None:
+                name = ledger.PROJECTION.name
+                carried[name] = carried[name] + (under.energy(q, v) - before)
 
         law_now = None if control is None else law_on(control, rows, inputs)
         acting = Acting(free, law_now, held_law, moving)
@@ -129,13 +144,16 @@ def step_specs(
                 if touch:
                     rubbed = smooth_torque(rows, v, inputs) if way == SMOOTH else None
                     return contact_steps.traced_step(touch[0], rows, inputs, tau, rubbed)
-                after, changed, friction = traced_step(str(way), rows, inputs, tau)
-                return after, changed, {ledger.FRICTION.name: friction}
+                pull = traced_springs(rows, inputs["q"], inputs["v"])
+                after, changed, forces = traced_step(str(way), rows, inputs, tau, under, pull)
+                springs = {} if pull is None else {ledger.SPRINGS.name: pull}
+                return after, changed, {**forces, **springs}
 
-            v, after = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
+            v, carried = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
             moved = np.array([inputs["dt"] * x for x in v], object)
             integrate(rows, inputs["q"], moved, q)
-            return q, v, *(after[x.name] for x in own)
+            project(q, v, carried)
+            return q, v, *(carried[x.name] for x in own)
 
         kernels = _Kernels(accelerate, _integrate, _displacement_rate)
         system = System(kernels, held_torque, None, rows, None, None, None, None, tau, None)
@@ -144,12 +162,7 @@ def step_specs(
             carried = carry(EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, carried, acting)
         else:
             EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
-        if under is not None:
-            before = under.energy(state.q, state.w) if ledger.PROJECTION in work else None
-            under.project(state.q, state.w)
-            if before is not None:
-                name = ledger.PROJECTION.name
-                carried[name] = carried[name] + (under.energy(state.q, state.w) - before)
+        project(state.q, state.w, carried)
         return state.q, state.w, *(carried[x.name] for x in own)
 
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *(COLUMNS[x] for x in coefficients))

@@ -452,6 +452,15 @@ def test_constraints_beside_contacts_are_refused(robot: Any) -> None:
         sd.simulate(model, q0, np.zeros(18), 0.01, DT, STEPPED, contacts=contacts, constraints=held)
 
 
+def test_springs_at_rotors_beside_contacts_are_refused() -> None:
+    made = sd.ModelBuilder("leg")
+    made.add_body("shank", None, "prismatic", (0, 0, 1), inertia=(3.0, (0, 0, 0), np.eye(3)))
+    model = made.add_series_elastic("shank_joint", 100.0, 1.0, 0.01, 2.0).build()
+    contacts = sd.Contacts(model, {"shank": 0.1})
+    with pytest.raises(sd.SimulationError, match='contacts are given and model "leg" has springs at its rotors'):
+        sd.simulate(model, [1.0, 0.0], [0.0, 0.0], 0.01, DT, STEPPED, contacts=contacts)
+
+
 def test_more_than_twelve_points_run_but_not_on_lanes() -> None:
     made = sd.ModelBuilder("raft")
     made.add_body("raft", None, "floating", inertia=(3.0, (0, 0, 0), np.eye(3)))
