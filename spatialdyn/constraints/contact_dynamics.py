@@ -35,8 +35,8 @@ def contact_step(
 ) -> ContactStep:
     """The state after a step dt in which points touch the ground: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
 
-    Source: after Jean, The non-smooth contact dynamics method (1999): Signorini's condition and Coulomb's cone, exact,
-    hold at the end of the step; the impulses are found point by point, see ``recursions.contact``.
+    Source: Signorini's condition and Coulomb's law, as Le Lidec et al., Contact models in robotics (arXiv 2304.06372),
+    have them, hold at the end of the step; the impulses are found point by point, see ``recursions.contact``.
 
     model     Model
     contacts  Contacts of this model

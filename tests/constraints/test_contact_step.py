@@ -232,6 +232,24 @@ def test_a_planar_robot_has_points_that_cannot_leave_their_plane() -> None:
     assert np.isfinite(rests.impulse).all()
 
 
+@pytest.mark.parametrize("mu", [0.5, 2.5])
+def test_a_leaning_rod_slides_or_jams_by_the_law(mu: float) -> None:
+    """Above μ = 4/3 a rod can be pushed into the ground by its own friction (Painlevé); as impulses there is a way."""
+    made = sd.ModelBuilder("rod")
+    made.add_body("x", None, "prismatic", (1, 0, 0)).add_body("z", "x", "prismatic", (0, 0, 1))
+    made.add_body("rod", "z", "revolute", (0, 1, 0), inertia=(1.0, (0, 0, 0), np.diag([1, 1, 1e-3]) / 12))
+    model = made.add_body("tip", "rod", "fixed", placement=(0, 0, -0.5)).build()
+    contacts, at = sd.Contacts(model, {"tip": 0.0}, friction=mu), {j.name: j.idx_q for j in model.joints[1:]}
+    for angle in np.linspace(-1.2, 1.2, 9):
+        q, v = np.zeros(3), np.zeros(3)
+        q[at["rod_joint"]], v[at["x_joint"]] = angle, 1.0
+        q[at["z_joint"]] = -sd.contact_gaps(model, contacts, q)[0]
+        step = sd.contact_step(model, contacts, q, v, np.zeros(3), DT)
+        assert step.residual <= 1e-9
+        assert abs(step.v).max() <= 2.0
+        assert (step.impulse[0, 2] > 0.0) or abs(angle) > 0.1
+
+
 # --- ground of heights ----------------------------------------------------------------------------------
 
 
