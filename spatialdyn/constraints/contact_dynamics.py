@@ -75,7 +75,7 @@ def contact_step(
     ends = np.cumsum([n, 3 * k, k, stops, k + stops])
     after, impulse, gap, _, residual, _ = np.split(out, ends, axis=-1)
     moved = calls["integrate"](model, q, h * after)
-    worst = residual.max(axis=-1, initial=0.0)
+    worst = abs(residual).max(axis=-1, initial=0.0)
     return ContactStep(
         moved, after, impulse.reshape((*impulse.shape[:-1], k, 3)), gap, worst if worst.shape else float(worst)
     )

@@ -161,6 +161,18 @@ def test_a_step_meets_coulombs_law_by_dense_matrices(mu: float) -> None:
     assert 0.1 < (step.impulse[..., 2] == 0.0).mean() < 0.9  # some leave, some touch
 
 
+def test_the_ground_feels_exact_rotors() -> None:
+    model, feet = quadruped()
+    geared = model.with_(rotors={name: sd.Rotor(2e-4, 9.0) for name in ("lf_shank_joint", "lf_hip_joint")})
+    contacts = sd.Contacts(geared, feet, friction=0.5, sweeps=30)
+    q, v, tau = stance(geared, contacts), np.zeros(18), np.linspace(-3.0, 3.0, 18)
+    v[:4] = 0.3, 0.1, -0.4, 0.5
+    step = sd.contact_step(geared, contacts, q, v, tau, DT)
+    assert off_the_law(contacts, q, v, tau, DT, step) <= 1e-9
+    plain = sd.contact_step(model, sd.Contacts(model, feet, friction=0.5, sweeps=30), q, v, tau, DT)
+    assert abs(step.v - plain.v).max() > 1e-4
+
+
 def test_a_slope_far_from_the_origin_is_met_too() -> None:
     model, feet = quadruped()
     rng = np.random.default_rng(3)
