@@ -35,8 +35,8 @@ def contact_step(
 ) -> ContactStep:
     """The state after a step dt in which points touch the ground: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
 
-    Source: after Jean, The non-smooth contact dynamics method (1999): Signorini's condition and Coulomb's cone, exact,
-    hold at the end of the step; the impulses are found point by point, see ``recursions.contact``.
+    Source: Signorini's condition and Coulomb's law, as Le Lidec et al., Contact models in robotics (arXiv 2304.06372),
+    have them, hold at the end of the step; the impulses are found point by point, see ``recursions.contact``.
 
     model     Model
     contacts  Contacts of this model
@@ -75,7 +75,7 @@ def contact_step(
     ends = np.cumsum([n, 3 * k, k, stops, k + stops])
     after, impulse, gap, _, residual, _ = np.split(out, ends, axis=-1)
     moved = calls["integrate"](model, q, h * after)
-    worst = residual.max(axis=-1, initial=0.0)
+    worst = abs(residual).max(axis=-1, initial=0.0)
     return ContactStep(
         moved, after, impulse.reshape((*impulse.shape[:-1], k, 3)), gap, worst if worst.shape else float(worst)
     )

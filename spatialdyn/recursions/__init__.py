@@ -11,9 +11,9 @@ in ``validate.calls.CALLS``, which names Pinocchio's function or none; if none, 
 An array may have any name: one that ``validate.states`` lacks is a field there, one of a unit that
 ``tests/recursions/test_covariance.py`` lacks an entry there. The names of ``static`` inputs are few (row, placement,
 reference, classical), and a further one needs its words in ``calls.dynamics`` and ``calls.specs``. Recursions over a
-table of constraints (``constraint_rows``, ``constrained``) are in no SPECS: their calls, in the room ``constraints``,
-take the table as second argument. Kernels compile at the first call: a mistake in a recursion shows then, most legibly
-with ``NUMBA_DISABLE_JIT=1``.
+table of constraints or contacts (``constraint_rows``, ``constrained``, ``contact``) are in no SPECS: their calls, in
+the room ``constraints``, take the table as second argument. Kernels compile at the first call: a mistake in a recursion
+shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
 
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it
 does not trace, the other has none. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off its unit

@@ -14,8 +14,8 @@ One point alone is solved as one problem in its three unknowns: normal and frict
 μ |G_nt| > G_nn, as they do for legs. Either it leaves, or it sticks, or it slides: all three are computed, and one
 chosen.
 
-Sources: after Jean, The non-smooth contact dynamics method (1999), for the step; Le Lidec et al., Contact models in
-robotics: a comparative analysis (2023), for the law and its residual; the solution of a sliding point is our own.
+Source: after Le Lidec, Jallet, Montaut, Laptev, Schmid, Carpentier, Contact models in robotics: a comparative analysis
+(arXiv 2304.06372), for the law; the step, and the solution of a sliding point and of a leg at its limits, are our own.
 """
 
 from __future__ import annotations

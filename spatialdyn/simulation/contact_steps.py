@@ -90,7 +90,7 @@ class Touching:
         impulse = own[..., WORST : WORST + 3 * k].reshape((*lead, k, 3))
         known = np.isfinite(q).all(axis=-1, keepdims=True)
         gap = np.where(known, contact_gaps(model, contacts, np.where(known, q, calls["neutral"](model))), np.nan)
-        return ContactRecord(impulse.copy(), gap.astype(own.dtype), own[..., 0].copy(), stop)
+        return ContactRecord(impulse.copy(), gap.astype(own.dtype), abs(own[..., 0]), stop)
 
 
 def touching(

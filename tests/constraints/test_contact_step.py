@@ -161,6 +161,18 @@ def test_a_step_meets_coulombs_law_by_dense_matrices(mu: float) -> None:
     assert 0.1 < (step.impulse[..., 2] == 0.0).mean() < 0.9  # some leave, some touch
 
 
+def test_the_ground_feels_exact_rotors() -> None:
+    model, feet = quadruped()
+    geared = model.with_(rotors={name: sd.Rotor(2e-4, 9.0) for name in ("lf_shank_joint", "lf_hip_joint")})
+    contacts = sd.Contacts(geared, feet, friction=0.5, sweeps=30)
+    q, v, tau = stance(geared, contacts), np.zeros(18), np.linspace(-3.0, 3.0, 18)
+    v[:4] = 0.3, 0.1, -0.4, 0.5
+    step = sd.contact_step(geared, contacts, q, v, tau, DT)
+    assert off_the_law(contacts, q, v, tau, DT, step) <= 1e-9
+    plain = sd.contact_step(model, sd.Contacts(model, feet, friction=0.5, sweeps=30), q, v, tau, DT)
+    assert abs(step.v - plain.v).max() > 1e-4
+
+
 def test_a_slope_far_from_the_origin_is_met_too() -> None:
     model, feet = quadruped()
     rng = np.random.default_rng(3)
@@ -230,6 +242,24 @@ def test_a_planar_robot_has_points_that_cannot_leave_their_plane() -> None:
     level = sd.Plane(height=float(sd.frame_placement(arm, [0.0], arm.frames[-1].name)[2, 3]))
     rests = sd.contact_step(arm, sd.Contacts(arm, {arm.frames[-1].name: 0.0}, terrain=level), [0.0], [0.5], [0.0], DT)
     assert np.isfinite(rests.impulse).all()
+
+
+@pytest.mark.parametrize("mu", [0.5, 2.5])
+def test_a_leaning_rod_slides_or_jams_by_the_law(mu: float) -> None:
+    """Above μ = 4/3 a rod can be pushed into the ground by its own friction (Painlevé); as impulses there is a way."""
+    made = sd.ModelBuilder("rod")
+    made.add_body("x", None, "prismatic", (1, 0, 0)).add_body("z", "x", "prismatic", (0, 0, 1))
+    made.add_body("rod", "z", "revolute", (0, 1, 0), inertia=(1.0, (0, 0, 0), np.diag([1, 1, 1e-3]) / 12))
+    model = made.add_body("tip", "rod", "fixed", placement=(0, 0, -0.5)).build()
+    contacts, at = sd.Contacts(model, {"tip": 0.0}, friction=mu), {j.name: j.idx_q for j in model.joints[1:]}
+    for angle in np.linspace(-1.2, 1.2, 9):
+        q, v = np.zeros(3), np.zeros(3)
+        q[at["rod_joint"]], v[at["x_joint"]] = angle, 1.0
+        q[at["z_joint"]] = -sd.contact_gaps(model, contacts, q)[0]
+        step = sd.contact_step(model, contacts, q, v, np.zeros(3), DT)
+        assert step.residual <= 1e-9
+        assert abs(step.v).max() <= 2.0
+        assert (step.impulse[0, 2] > 0.0) or abs(angle) > 0.1
 
 
 # --- ground of heights ----------------------------------------------------------------------------------

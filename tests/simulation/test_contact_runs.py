@@ -487,7 +487,7 @@ def test_more_heights_than_lanes_take_are_refused_by_rollout(robot: Any) -> None
 
 def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     model, contacts, q0 = robot
-    rough = sd.Contacts(model, dict.fromkeys(contacts.names, 0.02), sweeps=1)
+    rough = sd.Contacts(model, {"trunk": 0.0, **dict.fromkeys(contacts.names, 0.02)}, sweeps=1)  # the first is solved
     v0 = np.zeros((2, 18))
     v0[:, 2], v0[:, 3] = -0.5, [0.5, 1.0]
     monkeypatch.setattr(contact_steps, "UNSOLVED", 1e-12)
