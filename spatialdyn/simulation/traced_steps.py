@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,7 +65,7 @@ def carried_by(way: str | None, control: Spec | None, work: tuple[Argument, ...]
     return (*([OWN[way]] if way in OWN else []), *(() if control is None else states_of(control)), *work)
 
 
-@cache
+@lru_cache(maxsize=256)  # laws come and go
 def step_specs(
     method: str,
     law: bool,

@@ -296,3 +296,9 @@ def test_a_free_top_is_jacobis_and_a_heavy_one_precesses() -> None:
     assert found["swapped"] > 1.0
     assert abs(found["rate"]) < 1e-4
     assert found["lean"] < 1e-4
+
+
+def test_principles_of_mechanics_hold_to_rounding() -> None:
+    found = run("principles")
+    assert len(found) == 5
+    assert max(found.values()) < 1e-11
