@@ -95,7 +95,7 @@ def simplify(
     lock                as ``Model.reduced`` takes it: joint name -> coordinates, or names: locked at rest
     merge_lighter_than  mass [kg]: a joint whose subtree is lighter is locked at neutral, or at its nearest limit if
                         neutral is outside the limits
-    drop                some of "armature", "damping", "friction", "gravity": set to zero
+    drop                some of "armature" (rotors too), "damping", "friction", "gravity": set to zero
 
     Returns the Model and its Savings. The cost is the largest difference between the two models over 4096 random
     states, 64 for robots of more than 128 freedoms: a sample and no bound; its 99.9 % quantile, beside it, varies less
@@ -136,8 +136,9 @@ def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
         carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
         for k in range(model.njoints - 1, 0, -1):
             carried[model.joints[k].parent] += carried[k]
+        rotors = {j.name for j in model.robot.joints if j.spring is not None}  # without a link's mass, not without use
         for joint, mass in zip(model.joints[1:], carried[1:], strict=True):
-            if mass < lightest and joint.name not in locked:
+            if mass < lightest and joint.name not in {*locked, *rotors}:
                 locked[joint.name] = resting(model, joint)
     return locked
 
@@ -147,6 +148,7 @@ def _without(model: Model, dropped: tuple[str, ...]) -> Model:
     if not dropped:
         return model
     zeros: dict[str, Any] = {name: 0.0 for name in dropped if name != "gravity"}
+    zeros |= {"rotor": None, "shared": None} if "armature" in dropped else {}
     joints = tuple(replace(j, **zeros) for j in model.robot.joints)
     made = Model(replace(model.robot, joints=joints), model.options)
     return made.with_(gravity=(0.0, 0.0, 0.0)) if "gravity" in dropped else made

@@ -109,6 +109,15 @@ class Motor:
         """Damping of the joint by the motor's own voltage."""
         return np.asarray(self.ratio**2 * self.torque_constant * self.back_emf / self.resistance)
 
+    @property
+    def lines(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Stall torque of the supply, damping, torque of the largest current, efficiency, largest torque at the joint,
+        as the recursions take them.
+        """
+        gain = abs(self.ratio) * self.torque_constant
+        most, limit = (np.minimum(x, UNLIMITED) for x in (gain * self.current, self.torque))
+        return gain * self.voltage / self.resistance, self.damping, most, self.efficiency, limit
+
     def check(self, model: Model) -> Motor:
         """These motors, if they fit the model's joints. Raises ShapeError, ModelError naming the joint."""
         n = check_model(model).nv
@@ -142,6 +151,13 @@ class Motor:
         return f"<Motor of {n} freedom{'s' * (n != 1)}: stall torque {stall}, no-load speed {free}>"
 
 
+def check_motor(model: Model, motor: Any) -> Motor:
+    """The Motor of an argument, if it fits the model. Raises ModelError, ShapeError."""
+    if not isinstance(motor, Motor):
+        raise ModelError(f"motor is {motor!r}, expected a Motor")
+    return motor.check(model)
+
+
 def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Array]:
     """Least and largest torque that motors give at joint velocities: (n k_t / R) (±V - k_e n q̇), within their limits.
 
@@ -172,11 +188,5 @@ def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Arra
     """
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
-    if not isinstance(motor, Motor):
-        raise ModelError(f"motor is {motor!r}, expected a Motor")
-    m = motor.check(model)
-    gain = abs(m.ratio) * m.torque_constant
-    most, limit = (np.minimum(x, UNLIMITED) for x in (gain * m.current, m.torque))
-    values = (v, gain * m.voltage / m.resistance, m.damping, most, m.efficiency, limit)
-    made = checked_call(MOTOR_LIMITS, model, values, (), None)
+    made = checked_call(MOTOR_LIMITS, model, (v, *check_motor(model, motor).lines), (), None)
     return made[..., 0, :], made[..., 1, :]

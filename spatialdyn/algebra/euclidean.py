@@ -174,6 +174,12 @@ def add_sym(A: Sym, B: Sym) -> Sym:
 
 
 @inline
+def sub_sym(A: Sym, B: Sym) -> Sym:
+    """A - B."""
+    return Sym(A.xx - B.xx, A.xy - B.xy, A.xz - B.xz, A.yy - B.yy, A.yz - B.yz, A.zz - B.zz)
+
+
+@inline
 def congruence(R: Mat3, A: Sym) -> Sym:
     """R A Rᵀ for a symmetric A; only its six numbers are computed."""
     x = apply_sym(A, Vec(R.xx, R.xy, R.xz))

@@ -19,6 +19,15 @@ skewed         R ũ               the three are zero for other kinds
 S              motion subspace of the row, in body coordinates
 inertia        rigid inertia of the body about its frame's origin (zero where ``joint`` is 0)
 armature       reflected rotor inertia added to M_ii
+geared         whether a rotor turns with the row on the parent's body: 0 (none), ACROSS or ALONG its axis
+rotor          n J e of that rotor in the parent's axes: turns per q̇, axial inertia and axis
+coupled        whether motors behind a differential drive the row and its parent's together
+coupling       inertia of those motors off the diagonal of M, between the two
+partner        of that parent's row, the row behind it; 0 for none
+spring         of a rotor that drives a joint through a spring, the joint's row; 0 for none
+stiffness      of that spring, at the joint
+spring_damping of that spring, at the joint
+gear           1/n, turns of that joint per turn of the rotor
 inertia_bound  (a, b, c): a + 2 b t + c t² is at least SᵀI꜀S when translating joints have moved by t in all
 gravity        acceleration of gravity (row 0 only)
 
@@ -45,8 +54,18 @@ BODIES = table_dtype(
     S=Motion,
     inertia=Inertia,
     armature=float,
+    geared=int,
+    rotor=Vec,
+    coupled=int,
+    coupling=float,
+    partner=int,
+    spring=int,
+    stiffness=float,
+    spring_damping=float,
+    gear=float,
     inertia_bound=Vec,
     gravity=Vec,
 )
 
+ACROSS, ALONG = 1, 2  # column geared: an axis e along that of a turning joint is fixed in its body too
 ANY_NORM = 1  # row 0: quaternions and (cos, sin) pairs of any norm are accepted

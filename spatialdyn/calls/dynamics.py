@@ -23,6 +23,7 @@ from ..engines.programs import batch_kernels, single_call
 from ..engines.programs.single_call import Parameter
 from ..engines.programs.single_call_text import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
 from ..engines.threads import set_num_threads
+from ..errors import ModelError
 from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.spec import Argument, Spec
@@ -69,6 +70,8 @@ def checked_call(
     if done is not None:
         return done
     check_model(model)
+    if any(model.bodies[column].any() for column in spec.lacks):
+        raise ModelError(f'model "{model.name}" has motors behind a differential, expected none for {spec.name}')
     asked = [(x, value) for x, value in zip([x for x in spec.present if not x.static], values, strict=True)]
     given = [(x, value) for x, value in asked if value is not None or not x.optional]
     arrays = [as_array(x.name, value) for x, value in given]

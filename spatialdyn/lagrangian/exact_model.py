@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.euclidean import Mat3, Sym, Vec, matmul
+from ..algebra.euclidean import Mat3, Sym, Vec, matmul, rotate, scale
 from ..algebra.records import put_inertia, put_vec
 from ..algebra.rotations import turn
 from ..algebra.spatial import Inertia, Pose
@@ -45,6 +45,8 @@ class ExactRobot:
 
     ring         of constants: rationals, radicals, sines and cosines of angles that are no fraction of π
     moving       (kind, axis, pitch, pose in the parent's body) of each joint, the world left out
+    rotors       {index of a joint: (ratio, axis in the joint's frame) of its rotor}
+    couplings    {index of a joint: inertia that it shares with the joint before it}
     values       by name: mass ``m_1``, com ``c_1x``, inertia about it ``I_1xx``, origin of the joint in the body that
                  carries it ``l_1x``, armature ``J_1`` of joint 1's body with all that is fixed to it; ``g_x`` ...
     frames       "kind:name" -> pose in the body of its joint
@@ -53,6 +55,8 @@ class ExactRobot:
 
     ring: Ring
     moving: list[tuple[str, tuple[Any, ...], Any, Pose]]
+    rotors: dict[int, tuple[Any, tuple[Any, ...]]]
+    couplings: dict[int, Any]
     values: dict[str, Number]
     frames: dict[str, Pose]
     assumptions: list[str]
@@ -128,6 +132,8 @@ def exact_robot(model: Model) -> ExactRobot:
         ]
         if joint.kind in WITH_AXIS:
             axes[joint.name] = read.axis(joint.axis, where)
+        if joint.rotor is not None:
+            axes[f"rotor of {joint.name}"] = read.axis(joint.rotor.axis or joint.axis, f"rotor of {where}")
     constants = {abs(a) for rpy in turns.values() for a in rpy if a and not (12 * a / sympy.pi).is_Integer}
     oblique = any((2 * a / sympy.pi).is_noninteger for rpy in turns.values() for a in rpy if abs(a) not in constants)
     roots = {2, 3} if oblique else set()
@@ -163,14 +169,22 @@ def exact_robot(model: Model) -> ExactRobot:
     base = Pose(_rotation(ring, turns[""]), Vec(X[3], X[7], X[11]))
     moving, inertias, frames = walk(replace(robot, links=links, joints=joints), base, model.options.root)
     values = {f"g_{x}": ring.of(read.decimal(g)) for x, g in zip("xyz", model.options.gravity, strict=True)}
+    rotors: dict[int, tuple[Any, tuple[Any, ...]]] = {}
     for k, m in enumerate(moving, start=1):
         rotor = m.joint.armature
         if isinstance(rotor, tuple):
             raise ModelError(f'joint "{m.joint.name}" has armatures {rotor}, expected one for all its freedoms')
-        values |= _values(ring, k, inertias[k], m.X, read.decimal(rotor))
+        reflected = read.decimal(rotor)
+        if m.joint.rotor is not None:
+            ratio = read.decimal(m.joint.rotor.ratio)
+            reflected = ratio**2 * read.decimal(m.joint.rotor.inertia)
+            rotors[k] = ring.of(ratio), tuple(ring.of(x) for x in axes[f"rotor of {m.joint.name}"])
+        values |= _values(ring, k, inertias[k], m.X, reflected)
     return ExactRobot(
         ring,
         [(m.joint.kind, m.joint.axis, m.joint.pitch, m.X) for m in moving],
+        rotors,
+        {k: ring.of(read.decimal(m.joint.shared[1])) for k, m in enumerate(moving, 1) if m.joint.shared is not None},
         values,
         {f"{kind}:{name}": X for name, kind, _, X in frames},
         read.notes,
@@ -213,6 +227,12 @@ def exact_table(model: Model, known: ExactRobot, ring: Ring, chosen: Mapping[str
         first.parent = parent
         for row in rows[last - joint.nv + 1 : last + 1]:
             row.armature = values[f"J_{k}"]
+        if first.coupled:
+            first.coupling = ring.taken(known.couplings[k])
+        if first.geared:
+            ratio, along = known.rotors[k]
+            e = rotate(R, Vec(*(ring.taken(x) for x in along)))
+            put_vec(first.rotor, scale(values[f"J_{k}"] / ring.taken(ratio), e))
         com = [values[f"c_{k}{x}"] for x in "xyz"]
         about = [values[f"I_{k}{x}"] for x in Sym._fields]
         put_inertia(rows[last].inertia, body([values[f"m_{k}"]], com, about))

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.euclidean import Sym, Vec
+from ..algebra.euclidean import Mat3, Sym, Vec, rotate, scale
 from ..algebra.records import put_vec
 from ..algebra.spatial import Inertia, Pose, add_inertia, compose, identity_pose, inertia_to_parent
 from ..bodies import table
@@ -269,17 +269,69 @@ def tabulate(
         put_joint(bodies, row, kind.code, X, subspace(joint.kind, joint.axis, joint.pitch), at)
         bodies["parent"][row] = joints[parent].row
         bodies["armature"][row : row + nv] = joint.armature
+        put_rotor(bodies, row, joint, X.R if parent else None)
         last = row + nv - 1
         bodies["joint"][last], bodies["inertia"][last] = index, inertias[index]
         placed, axis = matrix_from_pose(X), frozen(joint.axis)
         made = Joint(joint.name, joint.kind, parent, last, at, nq, row - 1, nv, placed, axis, pitch=joint.pitch)
         joints.append(made)
         at, row = at + nq, row + nv
+    _put_couplings(bodies, moving, joints)
+    _put_springs(bodies, moving, joints)
     bodies[0].q_index, bodies[0].dofs = at, len(joints)
     bodies[0].kind = table.ANY_NORM if options.any_norm else 0
+    if options.any_norm and bodies["geared"].any():
+        raise ModelError("any_norm is True and joints have rotors, whose terms hold at unit norm only")
     put_vec(bodies[0].gravity, Vec(*options.gravity))
     _put_last(bodies)
     return completed(bodies), joints
+
+
+def put_rotor(bodies: NDArray[Any], row: int, joint: RobotJoint, R: Mat3 | None) -> None:
+    """Write the rotor of a joint into its row; R is the joint's rotation in its parent's body, None for the world."""
+    rotor, e = joint.rotor, Vec(0.0, 0.0, 0.0)
+    bodies["geared"][row] = 0
+    if rotor is not None and rotor.axis is not None and R is not None:
+        along = turns(joint.kind) and rotor.axis in (joint.axis, tuple(-x for x in joint.axis))
+        bodies["geared"][row] = table.ALONG if along else table.ACROSS
+        e = scale(rotor.ratio * rotor.inertia, rotate(R, Vec(*rotor.axis)))
+    put_vec(bodies[row].rotor, e)
+
+
+def _put_couplings(bodies: NDArray[Any], moving: Sequence[Moving], joints: Sequence[Joint]) -> None:
+    """Write what motors behind a differential have off the diagonal. Raises ModelError naming joints that are apart."""
+    for k, m in enumerate(moving, start=1):
+        if m.joint.shared is not None:
+            name, inertia = m.joint.shared
+            row, before = joints[k].row, joints[joints[k].parent]
+            if before.name != name or before.nv != 1 or bodies["partner"][before.row]:
+                raise ModelError(
+                    f'joint "{m.joint.name}" shares motors with "{name}", expected the joint right before it, of one '
+                    "freedom, and one alone behind that"
+                )
+            bodies["coupled"][row], bodies["coupling"][row] = 1, inertia
+            bodies["partner"][before.row] = row
+
+
+def _put_springs(bodies: NDArray[Any], moving: Sequence[Moving], joints: Sequence[Joint]) -> None:
+    """Write the springs of rotors. Raises ModelError naming a joint that does not move, or has two coordinates."""
+    where = {joint.name: joint for joint in joints}
+    for m in moving:
+        spring = m.joint.spring
+        if spring is not None:
+            driven, rotor = where.get(spring.joint), where[m.joint.name]
+            if driven is None or driven.nq != 1 or rotor.nq != 1:
+                raise ModelError(
+                    f'joint "{spring.joint}" is driven by the spring of "{rotor.name}", expected both to move, with '
+                    'one coordinate each (continuous="angle")'
+                )
+            bodies["spring"][rotor.row], bodies["gear"][rotor.row] = driven.row, 1.0 / spring.ratio
+            bodies["stiffness"][rotor.row], bodies["spring_damping"][rotor.row] = spring.stiffness, spring.damping
+
+
+def turns(kind: str) -> bool:
+    """Whether a joint of one freedom turns its body."""
+    return kind_of(kind).motion in ("turn", "screw")
 
 
 def completed(bodies: NDArray[Any]) -> NDArray[Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..bodies.kinds import kind_of
 from ..errors import ModelError
 from .model import Model, assemble
 from .robot import (
@@ -15,6 +16,8 @@ from .robot import (
     Mimic,
     Robot,
     RobotJoint,
+    Rotor,
+    Spring,
     check_inertias,
     check_tree,
     floats,
@@ -64,6 +67,7 @@ class ModelBuilder:
         armature: float = 0.0,
         mimic: Mimic | Mapping[str, Any] | None = None,
         pitch: float = 0.0,
+        rotor: Rotor | None = None,
     ) -> ModelBuilder:
         """Add a link and the joint that connects it to its parent; returns the builder.
 
@@ -76,6 +80,7 @@ class ModelBuilder:
         armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``RobotJoint``
         mimic       Mimic, or a mapping with its fields
         pitch       of a helical joint: travel along its axis per radian [m/rad], of either sign
+        rotor       of a joint of one freedom: the motor's rotor, in place of an armature
 
         Raises ModelError, InertiaError naming the link or joint and the value.
         """
@@ -99,15 +104,88 @@ class ModelBuilder:
             "armature": armature,
             "pitch": pitch,
         }
-        values = {label: floats(value, 1, f"{what} has {label}")[0] for label, value in scalars.items()}
+        values: dict[str, Any] = {label: floats(value, 1, f"{what} has {label}")[0] for label, value in scalars.items()}
         along = floats(axis, 3, f"{what} has axis")
         made = make_joint(
             RobotJoint(
-                joint_name, joint, parent, name, tuple(placed), along, lower, upper, mimic=_mimic(mimic, what), **values
+                joint_name,
+                joint,
+                parent,
+                name,
+                tuple(placed),
+                along,
+                lower,
+                upper,
+                mimic=_mimic(mimic, what),
+                rotor=rotor,
+                **values,
             )
         )
         self._links[name] = Link(name) if inertia is None else make_link(name, inertia)
         self._joints.append(made)
+        return self
+
+    def add_series_elastic(
+        self,
+        joint: str,
+        stiffness: float,
+        damping: float = 0.0,
+        rotor: float = 0.0,
+        ratio: float = 1.0,
+        axis: ArrayLike | None = None,
+    ) -> ModelBuilder:
+        """Drive a joint through a spring by a rotor that is a freedom of its own; returns the builder.
+
+        joint      name of a joint of one coordinate that the builder has
+        stiffness  k of the spring, at the joint [N m/rad | N/m]
+        damping    d of the spring, at the joint [N m s/rad | N s/m]
+        rotor      inertia J of the rotor about its axis [kg m²]
+        ratio      n of the gear before the spring: turns of the rotor per unit of the joint [1 | rad/m]
+        axis       (3,) of the rotor in the joint's frame at q = 0; the joint's own if left out
+
+        The rotor is a revolute joint called ``joint + "_rotor"``, at θ, on the link before the joint; its mass, and its
+        inertia where it does not turn, belong to that link, as of every ``Rotor``. The motor's torque is that of the
+        rotor's freedom. The spring gives k (θ/n - q) + d (θ̇/n - q̇) to the joint (``spring_torque``); ``simulate`` and
+        ``rollout`` add it, the calls of the equation of motion take it in tau.
+
+        Source: after Spong, Modeling and control of elastic joint robots (1987), with the rotor's momentum exact.
+
+        Raises ModelError naming the joint and the value; a rotor without inertia has no motion of its own: rigid is the
+        other limit, by an armature.
+        """
+        driven = next((j for j in self._joints if j.name == joint), None)
+        if driven is None:
+            raise ModelError(f'joint "{joint}" is not in robot "{self.name}"')
+        what = f'joint "{joint}"'
+        given = {"stiffness": stiffness, "damping": damping, "rotor": rotor, "ratio": ratio}
+        values = {label: floats(value, 1, f"{what} has {label}")[0] for label, value in given.items()}
+        if driven.kind == "fixed" or kind_of(driven.kind).nq != 1:
+            raise ModelError(f"{what} is {driven.kind}, expected one of one coordinate to drive by a spring")
+        J = values.pop("rotor")
+        if not (J > 0.0 and math.isfinite(J)):
+            raise ModelError(
+                f"{what} has a rotor of inertia {J} behind a spring, expected a finite number above 0; a joint without "
+                "a spring has it as its armature"
+            )
+        name = f"{joint}_rotor"
+        if name in self._links:
+            raise ModelError(f'robot "{self.name}" has two links named "{name}", expected distinct names')
+        along = driven.axis if axis is None else floats(axis, 3, f"rotor of {what} has axis")
+        self._joints.append(
+            make_joint(
+                RobotJoint(
+                    name,
+                    "revolute",
+                    driven.parent,
+                    name,
+                    driven.placement,
+                    along,
+                    rotor=Rotor(J, 1.0),
+                    spring=Spring(joint, **values),
+                )
+            )
+        )
+        self._links[name] = Link(name)
         return self
 
     def robot(self, inertia: str = "warn") -> Robot:

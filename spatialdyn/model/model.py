@@ -17,7 +17,8 @@ from ..errors import InertiaError, ModelError
 from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tables
 from .joint_rows import Joint, frozen, joint_transform
 from .physical_inertia import inertia_defect, parallel_axis
-from .robot import Link, Robot, RobotJoint, check_tree, floats, make_link, masked
+from .robot import Link, Robot, RobotJoint, Rotor, check_tree, floats, make_link, masked, with_rotor
+from .transmission import Transmission
 
 Array = NDArray[np.float64]
 __all__ = ["Frame", "Joint", "Model", "Options", "assemble"]
@@ -171,8 +172,14 @@ class Model:
                 options = replace(options, root="fixed", base=_moved(options.base, X))
             else:
                 at = _moved(joints[name].placement, X)
-                joints[name] = replace(joints[name], kind="fixed", placement=at, mimic=None)
+                joints[name] = replace(joints[name], kind="fixed", placement=at, mimic=None, rotor=None, shared=None)
+        for j in [j for j in joints.values() if j.shared is not None and j.shared[0] in lock]:
+            joints[j.name] = replace(j, shared=None)
         for j in joints.values():
+            if j.spring is not None and (j.name in lock) != (j.spring.joint in lock):
+                raise ModelError(
+                    f'joint "{j.spring.joint}" is driven by the spring of "{j.name}"; lock both or neither'
+                )
             if options.mimic and j.kind != "fixed" and j.mimic is not None and j.mimic.leader in lock:
                 raise ModelError(f'joint "{j.name}" mimics "{j.mimic.leader}", which is to be locked; lock both')
         return Model(replace(self.robot, joints=tuple(joints.values())), options)
@@ -201,12 +208,17 @@ class Model:
         gravity: ArrayLike | None = None,
         armature: Mapping[str, float] | None = None,
         payload: Mapping[str, tuple[float, ArrayLike, ArrayLike]] | None = None,
+        rotors: Mapping[str, Rotor | None] | None = None,
+        transmissions: Iterable[Transmission] = (),
     ) -> Model:
         """A new Model with other gravity, rotor inertias or loads.
 
         gravity   (3,) [m/s²]
         armature  joint name -> reflected rotor inertia [kg m² | kg], in place of the present one
         payload   frame -> (mass [kg], com (3,) [m], inertia (3, 3) about it [kg m²]) in that frame, added to its link
+        rotors    joint name -> Rotor, or None for none; it takes the place of the joint's armature
+        transmissions  whose rotor inertias take the place of their joints' armatures. Off the diagonal of M they may
+                  couple a joint of one freedom and the one right before it: what is further apart has no sparse M
 
         Raises ModelError, InertiaError naming the joint or frame and the value.
         """
@@ -219,10 +231,21 @@ class Model:
                 raise ModelError(missing("joint", name, self.name, joints))
             if joints[name].kind == "fixed":
                 raise ModelError(f'joint "{name}" is fixed, expected one that moves for an armature of {value}')
-            (rotor,) = floats(value, 1, f'joint "{name}" has armature')
-            if not (math.isfinite(rotor) and rotor >= 0.0):
-                raise ModelError(f'joint "{name}" has armature {rotor}, expected a finite number >= 0')
-            joints[name] = replace(joints[name], armature=rotor)
+            (reflected,) = floats(value, 1, f'joint "{name}" has armature')
+            if not (math.isfinite(reflected) and reflected >= 0.0):
+                raise ModelError(f'joint "{name}" has armature {reflected}, expected a finite number >= 0')
+            _refuse_shared(joints, name)
+            if joints[name].rotor is not None:
+                raise ModelError(f'joint "{name}" has a rotor, whose n² J is its armature, expected it among rotors')
+            joints[name] = replace(joints[name], armature=reflected)
+        for name, rotor in _pairs("rotors", rotors):
+            if name not in joints:
+                raise ModelError(missing("joint", name, self.name, joints))
+            _refuse_shared(joints, name)
+            bare = replace(joints[name], armature=0.0, rotor=None)
+            joints[name] = bare if rotor is None else with_rotor(bare, rotor)
+        for transmission in transmissions:
+            joints.update(self._driven(transmission, joints))
         links = {x.name: x for x in robot.links}
         child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
         for name, load in _pairs("payload", payload):
@@ -234,6 +257,32 @@ class Model:
                 raise InertiaError(f'payload of frame "{frame.name}" {defect}')
             links[owner] = _loaded(links[owner], part)
         return Model(replace(robot, joints=tuple(joints.values()), links=tuple(links.values())), options)
+
+    def _driven(self, transmission: Transmission, joints: Mapping[str, RobotJoint]) -> dict[str, RobotJoint]:
+        """The joints of a transmission with its inertias. Raises ModelError naming those it cannot drive."""
+        if not isinstance(transmission, Transmission):
+            raise ModelError(f"transmissions has {transmission!r}, expected a Transmission")
+        B, names = transmission.reflected_inertia(), transmission.joints
+        made: dict[str, RobotJoint] = {}
+        for name, own in zip(names, B.diagonal(), strict=True):
+            joint = self.joint(name)
+            if joint.nv != 1 or joint.mimic is not None:
+                raise ModelError(f'joint "{name}" is {joint.kind}, expected an independent one of one freedom to drive')
+            if any(j.shared is not None and j.shared[0] == name and j.name not in names for j in joints.values()):
+                raise ModelError(f'joint "{name}" is driven by two transmissions, expected one')
+            made[name] = replace(joints[name], armature=float(own), rotor=None, shared=None)
+        for i, one in enumerate(names):
+            for k, other in enumerate(names[:i]):
+                if B[i, k]:
+                    a, b = self.joint(one), self.joint(other)
+                    behind, before = (a, b) if self.joints[a.parent].name == other else (b, a)
+                    if self.joints[behind.parent].name != before.name or made[behind.name].shared is not None:
+                        raise ModelError(
+                            f'joints "{other}" and "{one}" share motors and are apart in the tree, expected one right '
+                            "before the other: M would not be sparse"
+                        )
+                    made[behind.name] = replace(made[behind.name], shared=(before.name, float(B[i, k])))
+        return made
 
     def __repr__(self) -> str:
         return (
@@ -291,6 +340,12 @@ def options_of(root: str, gravity: ArrayLike, continuous: str, mimic: bool) -> O
     if not isinstance(mimic, (bool, np.bool_, int)) or mimic not in (0, 1):
         raise ModelError(f"mimic is {mimic!r}, expected True or False")
     return Options(root, _gravity(gravity), continuous, bool(mimic))
+
+
+def _refuse_shared(joints: Mapping[str, RobotJoint], name: str) -> None:
+    """Raise ModelError for a joint whose inertia belongs to a transmission."""
+    if joints[name].shared is not None or any(j.shared is not None and j.shared[0] == name for j in joints.values()):
+        raise ModelError(f'joint "{name}" shares motors with another, expected its inertia by transmissions')
 
 
 def _gravity(gravity: ArrayLike) -> tuple[float, ...]:

@@ -47,6 +47,46 @@ class Mimic:
 
 
 @dataclass(frozen=True)
+class Rotor:
+    """The rotor of a joint's motor, which turns on the link before the joint at ``ratio`` times the joint's velocity.
+
+    inertia  J about the axis on which it turns [kg m²]; its mass, and its inertia where it does not turn, belong to the
+             parent link
+    ratio    n: its turns on that link per q̇, of either sign [1 | rad/m]
+    axis     (3,) on which it turns, in the joint's frame at q = 0, which the parent link carries: of any length but 0;
+             the joint's own axis if left out
+
+    It adds n² J to the diagonal of M, as an armature does, and n J of its angular momentum to that of the link: what
+    the armature alone leaves out, about 1/n of the rotor's effect.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link").with_(rotors={"joint2": sd.Rotor(1e-3, ratio=6.0)})
+    >>> model.armature
+    array([0.   , 0.036])
+    """
+
+    inertia: float
+    ratio: float
+    axis: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Spring:
+    """The spring between a rotor, whose joint has it, and the joint that it drives, both of one coordinate.
+
+    joint      name of the joint that it drives
+    stiffness  k at that joint [N m/rad | N/m]
+    damping    d at that joint [N m s/rad | N s/m]
+    ratio      n: turns of the rotor per unit of the joint, of either sign [1 | rad/m]
+    """
+
+    joint: str
+    stiffness: float
+    damping: float = 0.0
+    ratio: float = 1.0
+
+
+@dataclass(frozen=True)
 class RobotJoint:
     """A joint from link ``parent`` to link ``child``.
 
@@ -59,6 +99,10 @@ class RobotJoint:
                       to the diagonal of M and nothing else, as in Pinocchio. C has no part of it, so on a floating or
                       planar joint, whose frame rotates, M v does not change as a true rotor's momentum does
     pitch             travel of a helical joint along its axis per radian [m/rad]; 0 for all others
+    rotor             of a joint of one freedom: the exact form of its armature, which is then n² J
+    shared            (name, inertia) of the joint right before it whose motors it shares, and what they have off the
+                      diagonal of M between the two: see ``Transmission``
+    spring            of a rotor that is a joint of its own: what drives another joint, in simulations
     """
 
     name: str
@@ -76,6 +120,9 @@ class RobotJoint:
     armature: float | tuple[float, ...] = 0.0
     mimic: Mimic | None = None
     pitch: float = 0.0
+    rotor: Rotor | None = None
+    shared: tuple[str, float] | None = None
+    spring: Spring | None = None
 
 
 @dataclass(frozen=True)
@@ -394,4 +441,53 @@ def make_joint(joint: RobotJoint) -> RobotJoint:
             raise ModelError(
                 f"{what} mimics with multiplier {m.multiplier} and offset {m.offset}, expected finite numbers"
             )
-    return replace(joint, axis=tuple(axis.tolist()))
+    joint = replace(joint, axis=tuple(axis.tolist()))
+    if joint.spring is not None:
+        _check_spring(joint, joint.spring)
+    return joint if joint.rotor is None else with_rotor(joint, joint.rotor)
+
+
+def _check_spring(joint: RobotJoint, spring: Spring) -> None:
+    """Raise ModelError naming the joint that a spring drives, for a value out of its range."""
+    what = f'joint "{spring.joint}" is driven by a spring'
+    if joint.kind not in CODES or kind_of(joint.kind).nq != 1:
+        raise ModelError(f'{what} of joint "{joint.name}", which is {joint.kind}, expected one of one coordinate')
+    for name, x, valid, expected in (
+        ("stiffness", spring.stiffness, spring.stiffness > 0.0, "above 0"),
+        ("damping", spring.damping, spring.damping >= 0.0, "of 0 or more"),
+        ("ratio", spring.ratio, spring.ratio != 0.0, "other than 0"),
+    ):
+        if not (math.isfinite(x) and valid):
+            raise ModelError(f"{what} of {name} {x}, expected a finite number {expected}")
+
+
+def with_rotor(joint: RobotJoint, rotor: Rotor) -> RobotJoint:
+    """The joint with a checked rotor, whose axis has unit length, and its armature n² J.
+
+    Raises ModelError naming the joint: one not of one freedom, an armature of another value, an inertia or ratio that
+    is 0 or not finite, a zero axis.
+    """
+    what = f'joint "{joint.name}"'
+    if not isinstance(rotor, Rotor):
+        raise ModelError(f"{what} has rotor {rotor!r}, expected a Rotor")
+    if joint.kind == "fixed" or kind_of(joint.kind).nv != 1:
+        raise ModelError(f"{what} is {joint.kind}, expected a joint of one freedom for a rotor")
+    (inertia,) = floats(rotor.inertia, 1, f"{what} has a rotor of inertia")
+    if not (math.isfinite(inertia) and inertia > 0.0):
+        raise ModelError(f"{what} has a rotor of inertia {inertia}, expected a finite number above 0")
+    (ratio,) = floats(rotor.ratio, 1, f"{what} has a rotor of ratio")
+    reflected = ratio * ratio * inertia
+    if not (math.isfinite(reflected) and reflected > 0.0):
+        raise ModelError(f"{what} has a rotor of ratio {ratio}, expected a finite number other than 0")
+    if joint.armature not in (0.0, reflected):
+        raise ModelError(
+            f"{what} has armature {joint.armature} beside a rotor, whose n² J is {reflected:.6g}, expected 0"
+        )
+    axis = np.array(floats(joint.axis if rotor.axis is None else rotor.axis, 3, f"{what} has a rotor with axis"))
+    size = float(abs(axis).max())
+    if not (math.isfinite(size) and size > 0.0):
+        raise ModelError(f"{what} has a rotor with axis {rotor.axis}, expected three finite numbers, not all 0")
+    norm = float(np.linalg.norm(axis / size)) * size
+    if abs(norm - 1.0) > UNIT_AXIS:
+        axis = axis / norm
+    return replace(joint, armature=reflected, rotor=Rotor(inertia, ratio, tuple(axis.tolist())))

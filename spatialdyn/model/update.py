@@ -13,7 +13,7 @@ from ..algebra.records import put_vec
 from ..algebra.spatial import add_inertia, compose, identity_pose, inertia_to_parent
 from ..bodies.table import ANY_NORM
 from ..errors import ModelError
-from .assembly import NOTHING, Tables, about_origin, completed, digest, refuse_overflow
+from .assembly import NOTHING, Tables, about_origin, completed, digest, put_rotor, refuse_overflow
 from .joint_rows import matrix_from_pose, pose_from_matrix, put_joint, subspace
 from .model import Model
 from .robot import Link, RobotJoint
@@ -30,7 +30,7 @@ def edited(
 
     model    without mimic and fixed joints, so that each joint carries one link
     links    index in ``robot.links`` -> a Link of the same name
-    joints   index in ``robot.joints`` -> a RobotJoint that differs in placement and armature alone
+    joints   index in ``robot.joints`` -> a RobotJoint that differs in placement, armature and rotor alone
     gravity  (3,) [m/s²]; unchanged if None
     any_norm whether q may be off its unit norm; unchanged if None
 
@@ -60,6 +60,7 @@ def edited(
             put_joint(bodies, first, kind, X, subspace(given.kind, given.axis, given.pitch), row.idx_q)
             bodies["parent"][first] = rows[row.parent].row
             rows[k] = row._replace(placement=matrix_from_pose(X))
+        put_rotor(bodies, first, given, pose_from_matrix(rows[k].placement).R if row.parent else None)
     if gravity is not None:
         options = replace(options, gravity=gravity)
         put_vec(bodies[0].gravity, Vec(*gravity))

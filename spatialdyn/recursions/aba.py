@@ -10,7 +10,7 @@ from ..algebra.articulated import (
     articulated_to_parent,
     subtract_outer,
 )
-from ..algebra.euclidean import Vec, neg, zero
+from ..algebra.euclidean import Vec, cross, dot, neg, scale, zero
 from ..algebra.public_arrays import read_force
 from ..algebra.records import (
     articulated_of,
@@ -24,7 +24,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inline
+from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -44,6 +44,7 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
+from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
 from .steps import moved_by_joint
@@ -55,9 +56,9 @@ WORK = table_dtype(
     a=Motion,  # spatial acceleration; third sweep
     IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
     pA=Force,  # bias force; of the body alone, outward; of its subtree, inward
-    U=Force,  # IA S; inward
-    d=float,  # 1 / D = 1 / (S·U + armature); inward
-    u=float,  # τ - S·pA; inward
+    U=Force,  # IA S, and n J e of a rotor; inward
+    d=float,  # 1 / D = 1 / (S·IA S + armature); inward
+    u=float,  # τ - S·pA, and n J e·c of a rotor; inward
 )
 WORK_INVERSE = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
@@ -78,7 +79,10 @@ def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Mat
 
 @inline
 def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, pivots: Vector) -> None:
-    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
+    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero.
+
+    A rotor's n J e is part of the U that pairs with the parent's acceleration, and not of that which pairs with c.
+    """
     n = len(bodies) - 1
     if v is not None:
         put_motion(work[0].v, zero_motion())
@@ -107,17 +111,53 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         IA, pA = articulated_of(here.IA), force_of(here.pA)
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
-        d = 1.0 / D
         u = tau[i - 1] - power(S, pA)
+        if b.partner > 0:
+            U, D = coupled_to_partner(bodies, work, i, U, D)
+            u = u - felt_of_partner(bodies, work, i, v)
+        d = 1.0 / D
+        if b.geared:
+            e = in_row_axes(b, X)
+            U = add_couple(U, e)
+            if v is not None:
+                u = u + dot(e, motion_of(here.c).w)
         Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
         pa = add_force(pa, scale_force(d * u, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
+        if v is not None and b.geared:
+            spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
+            put_force(parent.pA, add_couple(force_of(parent.pA), spun))
         put_force(here.U, U)
         here.d = d
         here.u = u
         pivots[i - 1] = D
+
+
+@inline
+def coupled_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -> tuple[Force, Scalar]:
+    """U and D of a row that shares motors with the row behind it, its partner k, which is eliminated.
+
+    With m the coupling, q̈_k has the term -m/D_k q̈_i. Its force -m/D_k U_k is felt with q̈_i, and in the equation of row
+    i the rest of q̈_k brings back the same: twice in D.
+    """
+    k = bodies[i].partner
+    partner, m = work[k], bodies[k].coupling
+    W = force_to_parent(pose_of(partner.X), scale_force(-m * partner.d, force_of(partner.U)))
+    twice = 2.0 * power(motion_of(bodies[i].S), W)
+    return add_force(U, W), D + twice - m * m * partner.d
+
+
+@inline
+def felt_of_partner(bodies: Bodies, work: Work, i: int, v: Vector) -> Scalar:
+    """What the acceleration that the partner of row i has by itself takes of the row's torque; v may be None."""
+    k = bodies[i].partner
+    partner = work[k]
+    u = partner.u
+    if v is not None:
+        u = u - power(motion_of(partner.c), force_of(partner.U))
+    return bodies[k].coupling * (partner.d * u)
 
 
 @inline
@@ -129,6 +169,8 @@ def aba_resolve(bodies: Bodies, work: Work, tau: Vector) -> None:
         here, parent = work[i], work[bodies[i].parent]
         pA = force_of(here.pA)
         here.u = tau[i - 1] - power(motion_of(bodies[i].S), pA)
+        if bodies[i].partner > 0:
+            here.u = here.u - felt_of_partner(bodies, work, i, None)
         pa = add_force(pA, scale_force(here.d * here.u, force_of(here.U)))
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(pose_of(here.X), pa)))
 
@@ -143,6 +185,8 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
         if v is not None:
             ai = add_motion(ai, motion_of(here.c))
         qdd = here.d * (here.u - power(ai, force_of(here.U)))
+        if b.coupled:
+            qdd = qdd - here.d * (b.coupling * a[b.parent - 1])
         put_motion(here.a, add_motion(ai, scale_motion(qdd, motion_of(b.S))))
         a[i - 1] = qdd
 
@@ -161,7 +205,11 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         X, S, IA = pose_of(here.X), motion_of(b.S), articulated_of(here.IA)
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
+        if b.partner > 0:
+            U, D = coupled_to_partner(bodies, work, i, U, D)
         d = 1.0 / D
+        if b.geared:
+            U = add_couple(U, in_row_axes(b, X))
         Ia = subtract_outer(IA, U, scale_force(d, U))
         put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(here.U, U)
@@ -189,6 +237,8 @@ def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
         for j in range(i + 1, b.last_row + 1):
             F = force_of(work[j].F)
             Mij = -d * power(S, F)
+            if b.partner > 0:
+                Mij = Mij - d * (bodies[b.partner].coupling * Minv[b.partner - 1, j - 1])
             Minv[i - 1, j - 1] = Mij
             put_force(work[j].F, force_to_parent(X, add_force(F, scale_force(Mij, U))))
 
@@ -200,6 +250,8 @@ def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
             here, parent = work[i], work[bodies[i].parent]
             P = motion_to_child(pose_of(here.X), motion_of(parent.P))
             Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
+            if bodies[i].coupled:
+                Mij = Mij - here.d * (bodies[i].coupling * Minv[bodies[i].parent - 1, j - 1])
             put_motion(here.P, add_motion(P, scale_motion(Mij, motion_of(bodies[i].S))))
             Minv[i - 1, j - 1] = Mij
             Minv[j - 1, i - 1] = Mij
@@ -220,12 +272,13 @@ SPECS = (
         "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
         "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
+        residual=("rnea", "minverse"),
     ),
     Spec(
         "minverse", minverse, WORK_INVERSE, (Q,),
         Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
         "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
         "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,
-        through_M=minverse_through_M,
+        through_M=minverse_through_M, residual=("crba", "minverse"),
     ),
 )  # fmt: skip

@@ -9,12 +9,23 @@ stores and reflects those of a subtree.
 
 from __future__ import annotations
 
-from ..algebra.euclidean import Mat3, Vec, neg, unrotate, zero
+from ..algebra.euclidean import Mat3, Sym, Vec, cross, dot, neg, scale, sub_sym, unrotate, zero
 from ..algebra.public_arrays import read_force
-from ..algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, put_motion, table_dtype, vec_of
-from ..algebra.scalars import inline, sqrt
+from ..algebra.records import (
+    force_of,
+    inertia_of,
+    motion_of,
+    pose_of,
+    put_force,
+    put_inertia,
+    put_motion,
+    table_dtype,
+    vec_of,
+)
+from ..algebra.scalars import Scalar, inline, sqrt
 from ..algebra.spatial import (
     Force,
+    Inertia,
     Motion,
     Pose,
     add_force,
@@ -33,6 +44,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .aba import acceleration_through_M
 from .rnea import rnea
+from .rotors import add_couple, in_row_axes
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
 from .square_root_inertia import body_rows
@@ -47,6 +59,7 @@ WORK = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
     v=Motion,  # spatial velocity; outward
     c=Motion,  # velocity-product acceleration v × S q̇; outward
+    I=Inertia,  # of the body, less J e eᵀ of the rotors that turn on it; outward
     a=Motion,  # spatial acceleration; last sweep
     l=Force,  # force given to the body and by its children; inward, for each right side
     r=Force,  # Force of the row that the joint keeps; inward
@@ -91,6 +104,11 @@ def aba_square_root(
         put_force(work[i].l, zero_force())
         if fext is not None and bodies[i].joint > 0:
             put_force(work[i].l, read_force(fext[bodies[i].joint]))
+        if bodies[i].geared:
+            parent = work[bodies[i].parent]
+            w, e = motion_of(parent.v).w, vec_of(bodies[i].rotor)
+            turns = v[i - 1] + dot(e, w) / bodies[i].armature
+            put_force(parent.l, add_couple(force_of(parent.l), scale(-turns, cross(w, e))))
     _inward(bodies, work, tau)
     _outward(bodies, work, vec_of(bodies[0].gravity), True, a)
 
@@ -118,6 +136,9 @@ def _roots(bodies: Bodies, work: Work, q: Config, v: Vector, pivots: Vector) -> 
         vi = moved_by_joint(here, parent, vJ)
         put_motion(here.v, vi)
         put_motion(here.c, cross_motion(vi, vJ))
+        put_inertia(here.I, inertia_of(b.inertia))
+        if b.geared:
+            put_inertia(parent.I, _without_rotor(inertia_of(parent.I), vec_of(b.rotor), b.armature))
         here.rows = 0
         _reach(here, parent, motion_of(b.S))
 
@@ -209,14 +230,15 @@ def _gather(b: Record, here: Record) -> int:
 
     The unknown of a joint is the acceleration of its body along the axis, so that the rows for the parent are exactly
     0 along it. An armature acts on the difference to the parent's acceleration. Where the armature is the greater
-    part, the difference is the unknown: a small one would be lost in the sum.
+    part, the difference is the unknown: a small one would be lost in the sum. A rotor acts on the difference and on the
+    parent's acceleration about its axis; what it has of the parent's inertia is therefore taken from there.
     """
     stack, S = here.stack, motion_of(b.S)
     rows: int = here.rows
     if rows > 6:
         rows = triangular(stack, 0, rows, here.felt)
     if b.joint > 0:
-        rows = body_rows(stack, rows, inertia_of(b.inertia), motion_of(here.v), here.felt)
+        rows = body_rows(stack, rows, inertia_of(here.I), motion_of(here.v), here.felt)
     total = 0.0
     for k in range(rows):
         s = power(S, row_of(stack, k).r)
@@ -229,9 +251,21 @@ def _gather(b: Record, here: Record) -> int:
             put_row(stack, k, Row(row.s, sub_force(row.r, scale_force(row.s, as_force(S))), row.z))
     if b.armature > 0.0:
         s = sqrt(b.armature)
-        put_row(stack, rows, Row(s, zero_force() if here.relative else scale_force(-s, as_force(S)), 0.0))
+        r, z = zero_force() if here.relative else scale_force(-s, as_force(S)), 0.0
+        if b.geared:  # the row of √J (n q̈ + e·ω̇)
+            e = scale(1.0 / s, in_row_axes(b, pose_of(here.X)))
+            r, z = add_couple(r, e), -dot(e, motion_of(here.c).w)
+        put_row(stack, rows, Row(s, r, z))
         rows += 1
     return rows
+
+
+@inline
+def _without_rotor(I: Inertia, e: Vec, armature: Scalar) -> Inertia:
+    """I less J e eᵀ, from n J e and n² J."""
+    u = scale(1.0 / armature, e)
+    ring = Sym(e.x * u.x, e.x * u.y, e.x * u.z, e.y * u.y, e.y * u.z, e.z * u.z)
+    return Inertia(I.m, I.h, sub_sym(I.I, ring))
 
 
 @inline
@@ -257,6 +291,6 @@ SPECS = (
         "roots of inertias.",
         "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "
         "constraint.", pivots=True, traceable=False, scratch=(("nv",),),
-        through_M=acceleration_through_M,
+        through_M=acceleration_through_M, lacks=("coupled",),
     ),
 )  # fmt: skip

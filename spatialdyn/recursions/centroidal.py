@@ -7,7 +7,7 @@ momenta summed inward at the world's origin. Source: Orin, Goswami, Lee, Centroi
 
 from __future__ import annotations
 
-from ..algebra.euclidean import Vec, add, cross, scale, sub
+from ..algebra.euclidean import Vec, add, cross, rotate, scale, sub
 from ..algebra.public_arrays import write_force, write_vec
 from ..algebra.records import (
     force_of,
@@ -47,6 +47,7 @@ from ..algebra.spatial import (
 )
 from ..bodies.joints import joint_motion, place_joint
 from .energy import WORK_MOMENT, mass_moment
+from .rotors import add_couple, rotor_couple, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import A, Argument, Q, Spec, V
 from .steps import body_velocity, moved_by_joint
@@ -197,9 +198,11 @@ def centroidal_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, h: Vec
     put_motion(work[0].v, zero_motion())
     put_force(work[0].f, zero_force())
     for i in range(1, len(bodies)):
-        here, vi = work[i], body_velocity(bodies, work, i, v)
+        b, here, parent, vi = bodies[i], work[i], work[bodies[i].parent], body_velocity(bodies, work, i, v)
         put_motion(here.v, vi)
-        put_force(here.f, momentum(inertia_of(bodies[i].inertia), vi))
+        put_force(here.f, momentum(inertia_of(b.inertia), vi))
+        if b.geared:
+            put_force(parent.f, add_couple(force_of(parent.f), scale(v[i - 1], vec_of(b.rotor))))
     write_force(h, _about_centre(bodies, work))
 
 
@@ -220,6 +223,9 @@ def centroidal_momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, a
         put_motion(here.v, vi)
         put_motion(here.a, ai)
         put_force(here.f, add_force(momentum(I, ai), cross_force(vi, momentum(I, vi))))
+        if b.geared:
+            couple = rotor_couple(b, motion_of(parent.v).w, v[i - 1], a[i - 1])
+            put_force(parent.f, add_couple(force_of(parent.f), couple))
     write_force(dh, _about_centre(bodies, work))
 
 
@@ -248,6 +254,8 @@ def centroidal_map(bodies: Bodies, work: Work, q: Config, Ag: Matrix) -> None:
     c = _centre(work)
     for i in range(1, n + 1):
         F = force_to_parent(pose_of(work[i].X0), momentum(inertia_of(work[i].I), motion_of(bodies[i].S)))
+        if bodies[i].geared:
+            F = add_couple(F, rotate(pose_of(work[bodies[i].parent].X0).R, vec_of(bodies[i].rotor)))
         write_force(Ag[:, i - 1], force_at_child(c, F))
 
 
@@ -263,6 +271,9 @@ def centroidal_map_dot(bodies: Bodies, work: Work, q: Config, v: Vector, dAg: Ma
         I, dI = inertia_of(work[i].I), inertia_of(work[i].dI)
         F = momentum(I, Ji)
         dF = add_force(momentum(dI, Ji), momentum(I, cross_motion(motion_of(work[i].v), Ji)))
+        if bodies[i].geared:
+            _, de = rotor_in_root_axes(bodies, work, i)
+            dF = add_couple(dF, de)
         about = force_at_child(c, dF)
         write_force(dAg[:, i - 1], Force(sub(about.n, cross(dc, F.f)), about.f))
 

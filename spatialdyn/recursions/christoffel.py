@@ -20,8 +20,8 @@ from ..algebra.coriolis_factor import (
     coriolis_times,
     coriolis_transpose_times,
 )
-from ..algebra.euclidean import dot
-from ..algebra.records import inertia_of, motion_of, put_inertia, table_dtype, vec_of
+from ..algebra.euclidean import cross, dot, rotate
+from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, table_dtype, vec_of
 from ..algebra.scalars import inline
 from ..algebra.spatial import Inertia, Motion, Pose, add_inertia, force_at_parent, inertia_at_parent, power
 from ..bodies.kinds import CONTINUED
@@ -64,6 +64,32 @@ def christoffel_symbols(bodies: Bodies, work: Work, q: Config, G: Array) -> None
             _with_rows_above(bodies, work, t, first, c, B, G)
             B = coriolis_factor_at_parent(vec_of(work[c].X.p), B)
             c = bodies[c].parent
+    for t in range(1, n + 1):
+        if bodies[t].geared:
+            _of_rotor(bodies, work, t, G)
+
+
+@inline
+def _of_rotor(bodies: Bodies, work: Work, t: int, G: Array) -> None:
+    """Add the symbols of the rotor of row t, whose n J e·S_j is M_tj for the rows j that carry it.
+
+    With half = ½ n J e·(S_j × S_k) of two such rows, M_tj changes by 2 half along k if k is below j's joint, else not.
+    """
+    p = bodies[t].parent
+    e = rotate(pose_of(work[p].X).R, vec_of(bodies[t].rotor))
+    j = p
+    while j > 0:
+        last = j
+        while last + 1 < len(bodies) and bodies[last + 1].kind == CONTINUED:
+            last = last + 1
+        k = p
+        while k > 0:
+            half = 0.5 * dot(e, cross(motion_of(work[j].S).w, motion_of(work[k].S).w))
+            G[t - 1, j - 1, k - 1] = G[t - 1, j - 1, k - 1] + (half if k > last else -half)
+            G[j - 1, t - 1, k - 1] = G[j - 1, t - 1, k - 1] + half
+            G[j - 1, k - 1, t - 1] = G[j - 1, k - 1, t - 1] + half
+            k = bodies[k].parent
+        j = bodies[j].parent
 
 
 @inline

@@ -3,7 +3,7 @@
 Of the many matrices with the right C q̇ this is the one of the Christoffel symbols: C_ij = Σ_k Γ_ijk v_k, so that
 Ṁ = C + Cᵀ and Ṁ - 2C is skew-symmetric. It is so for quaternion joints as well, with the symbols of their
 quasi-velocities (Koszul's formula; see ``christoffel``). All of it follows from M(q) alone: armatures, being
-constant, have no part in it.
+constant, have no part in it; rotors that turn on moving bodies do (``rotors``).
 
 All is in root-aligned axes: those of the first body of each branch from the world, each row about its own origin. M, C
 and Γ do not depend on that body's pose, which never enters; each row is rotated once, and sums towards the root only
@@ -23,7 +23,7 @@ from ..algebra.coriolis_factor import (
     coriolis_times,
     coriolis_transpose_times,
 )
-from ..algebra.euclidean import dot, matmul, neg, rotate, zero
+from ..algebra.euclidean import add, cross, dot, matmul, neg, rotate, scale, zero
 from ..algebra.records import (
     coriolis_factor_of,
     force_of,
@@ -66,6 +66,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .hamilton import WORK_RATE as WORK_MOMENTUM
 from .hamilton import rate
+from .rotors import add_couple, of_other, rotor_factor, rotor_in_root_axes
 from .signatures import Bodies, Config, Matrix, Vector, Work
 from .spec import TAU, A, Argument, Q, Spec, V
 from .steps import body_velocity
@@ -130,7 +131,8 @@ def _velocities(bodies: Bodies, work: Work, v: Vector) -> None:
 def coriolis_matrix(bodies: Bodies, work: Work, q: Config, v: Vector, C: Matrix) -> None:
     """Column and row of each subtree: C_ij = S_i·(I Ṡ_j + B S_j), C_ji = Ṡ_i·I S_j + S_i·Bᵀ S_j, for i above j.
 
-    I and B are those of the subtree of j; Bᵀ S is a couple, the same about every origin.
+    I and B are those of the subtree of j; Bᵀ S is a couple, the same about every origin. The rotor of j adds to
+    C_ij and C_ji half of its couple's rate, and to B of the body that carries it, so that C stays that of Γ.
     """
     n = len(bodies) - 1
     C[:] = 0.0
@@ -150,6 +152,10 @@ def coriolis_matrix(bodies: Bodies, work: Work, q: Config, v: Vector, C: Matrix)
         while bodies[i].parent > 0:
             p = vec_of(work[i].X.p)
             F_dS, F_S = force_at_parent(p, F_dS), force_at_parent(p, F_S)
+            if i == j and bodies[j].geared:
+                e, de = rotor_in_root_axes(bodies, work, j)
+                F_dS, F_S = add_couple(F_dS, scale(0.5, de)), add_couple(F_S, e)
+                couple = add(couple, scale(0.5, de))
             i = bodies[i].parent
             Si = motion_of(work[i].S)
             C[i - 1, j - 1] = power(Si, F_dS)
@@ -160,6 +166,11 @@ def coriolis_matrix(bodies: Bodies, work: Work, q: Config, v: Vector, C: Matrix)
             put_coriolis_factor(
                 parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), coriolis_factor_at_parent(p, B))
             )
+            if bodies[j].geared:
+                e, _ = rotor_in_root_axes(bodies, work, j)
+                put_coriolis_factor(
+                    parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), rotor_factor(v[j - 1], e))
+                )
 
 
 @inline
@@ -182,6 +193,9 @@ def mass_matrix_dot(bodies: Bodies, work: Work, q: Config, v: Vector, dM: Matrix
         while bodies[i].parent > 0:
             p = vec_of(work[i].X.p)
             F_dS, F_S = force_at_parent(p, F_dS), force_at_parent(p, F_S)
+            if i == j and bodies[j].geared:
+                e, de = rotor_in_root_axes(bodies, work, j)
+                F_dS, F_S = add_couple(F_dS, de), add_couple(F_S, e)
             i = bodies[i].parent
             dMij = power(motion_of(work[i].S), F_dS) + power(motion_of(work[i].dS), F_S)
             dM[i - 1, j - 1] = dMij
@@ -231,6 +245,14 @@ def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector,
         f = force_of(here.f)
         tau[i - 1] = power(motion_of(b.S), f) + b.armature * a_r[i - 1]
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
+        if b.coupled or b.partner > 0:
+            tau[i - 1] = tau[i - 1] + of_other(bodies, i, a_r)
+        if b.geared:
+            e, w, dw = vec_of(b.rotor), motion_of(parent.w).w, motion_of(parent.a).w
+            turned, de = cross(w, e), cross(motion_of(parent.v).w, e)
+            tau[i - 1] = tau[i - 1] + dot(e, dw) + 0.5 * dot(de, w)
+            half = scale(0.5, add(scale(v_r[i - 1], de), scale(v[i - 1], turned)))
+            put_force(parent.f, add_couple(force_of(parent.f), add(scale(a_r[i - 1], e), half)))
 
 
 _SOURCE = "Echeandia and Wensing, Coriolis matrix and Christoffel symbols (2021), with B in twelve numbers."

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, table_dtype
+from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, table_dtype, vec_of
 from ..algebra.scalars import inline
 from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
 from ..bodies.joints import place_joint
+from .rotors import add_couple
 from .signatures import Bodies, Config, Matrix, Work
 from .spec import Argument, Q, Spec
 
@@ -36,8 +37,12 @@ def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
         j = i
         while bodies[j].parent > 0:
             F = force_to_parent(pose_of(work[j].X), F)
+            if j == i and b.geared:
+                F = add_couple(F, vec_of(b.rotor))
             j = bodies[j].parent
             Mij = power(motion_of(bodies[j].S), F)
+            if j == b.parent and b.coupled:
+                Mij = Mij + b.coupling
             M[i - 1, j - 1] = Mij
             M[j - 1, i - 1] = Mij
 

@@ -10,7 +10,9 @@ v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f o
     ∂τ_i/∂q_j = S_i·(I S̈°_j + 2B Ṡ°_j + S_j ×* f)    ∂τ_j/∂q_i = S_j·(I S̈°_i + 2B Ṡ°_i)
     ∂τ_i/∂v_j = S_i·(I D_j + 2B S_j)                 ∂τ_j/∂v_i = S_j·(I D_i + 2B S_i),    D = Ṡ° + v × S
 
-of which all but the term of f hold between the rows of one joint too. All is in the root-aligned axes of ``coriolis``,
+of which all but the term of f hold between the rows of one joint too. A rotor of row j adds its couple n J e and the
+couple's rate to the forces of S_j, the latter to Bᵀ S_j as well, and its own to f and 2B of the body that carries it
+(``rotors``). All is in the root-aligned axes of ``coriolis``,
 each row about its own origin. Source: Singh, Russell, Wensing, Efficient analytical derivatives of rigid-body dynamics
 using spatial vector algebra (2022).
 """
@@ -26,7 +28,7 @@ from ..algebra.coriolis_factor import (
     coriolis_times,
     coriolis_transpose_times,
 )
-from ..algebra.euclidean import Vec, cross, dot, neg, unrotate, zero
+from ..algebra.euclidean import Vec, add, cross, dot, neg, scale, unrotate, zero
 from ..algebra.public_arrays import read_force
 from ..algebra.records import (
     coriolis_factor_of,
@@ -70,6 +72,7 @@ from ..bodies.joints import joint_motion, place_joint
 from ..bodies.kinds import CONTINUED
 from .aba import aba, acceleration_through_M, inverse_columns
 from .coriolis import to_root_aligned_axes
+from .rotors import add_couple, rotor_factor, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
 
@@ -192,8 +195,14 @@ def rnea_derivatives(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector
         while bodies[i].parent > 0:
             p = vec_of(work[i].X.p)
             F_dq, F_dv, F_S = force_at_parent(p, F_dq), force_at_parent(p, F_dv), force_at_parent(p, F_S)
+            if i == j and bodies[j].geared:
+                e, de = rotor_in_root_axes(bodies, work, j)
+                F_dv, F_S, couple = add_couple(F_dv, de), add_couple(F_S, e), add(couple, de)
             i = bodies[i].parent
             _pair(work, i, j, F_dq, F_dv, F_S, couple, D)
+            if i == bodies[j].parent and bodies[j].coupled:
+                D[2, i - 1, j - 1] = D[2, i - 1, j - 1] + bodies[j].coupling
+                D[2, j - 1, i - 1] = D[2, j - 1, i - 1] + bodies[j].coupling
         if bodies[j].parent > 0:
             p = vec_of(here.X.p)
             put_inertia(parent.I, add_inertia(inertia_of(parent.I), inertia_at_parent(p, I)))
@@ -201,6 +210,17 @@ def rnea_derivatives(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector
                 parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), coriolis_factor_at_parent(p, B))
             )
             put_force(parent.f, add_force(force_of(parent.f), force_at_parent(p, f)))
+            if bodies[j].geared:
+                add_rotor(bodies, work, j, v, a)
+
+
+@inline
+def add_rotor(bodies: Bodies, work: Work, j: int, v: Vector, a: Vector) -> None:
+    """Add the rotor of row j to 2B and f of the body that carries it."""
+    parent = work[bodies[j].parent]
+    e, de = rotor_in_root_axes(bodies, work, j)
+    put_coriolis_factor(parent.B, add_coriolis_factor(coriolis_factor_of(parent.B), rotor_factor(2.0 * v[j - 1], e)))
+    put_force(parent.f, add_couple(force_of(parent.f), add(scale(a[j - 1], e), scale(v[j - 1], de))))
 
 
 @inline

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..algebra.euclidean import Vec, add, dot, rotate, scale
-from ..algebra.records import inertia_of, pose_of, put_motion, put_vec, table_dtype, vec_of
+from ..algebra.records import inertia_of, motion_of, pose_of, put_motion, put_vec, table_dtype, vec_of
 from ..algebra.scalars import inline
 from ..algebra.spatial import Motion, Pose, momentum, power, zero_motion
 from ..bodies.joints import place_joint
@@ -24,7 +24,7 @@ WORK_MOMENT = table_dtype(
 
 @inline
 def kinetic_energy(bodies: Bodies, work: Work, q: Config, v: Vector, T: Vector) -> None:
-    """T = ½ Σ v·I v + ½ Σ armature q̇² (RBDA eq. 2.67)."""
+    """T = ½ Σ v·I v + ½ Σ armature q̇² (RBDA eq. 2.67) + Σ n J q̇ e·ω of the rotors."""
     put_motion(work[0].v, zero_motion())
     twice = 0.0
     for i in range(1, len(bodies)):
@@ -33,6 +33,10 @@ def kinetic_energy(bodies: Bodies, work: Work, q: Config, v: Vector, T: Vector) 
         vi = body_velocity(bodies, work, i, v)
         put_motion(here.v, vi)
         twice = twice + power(vi, momentum(inertia_of(b.inertia), vi)) + b.armature * v[i - 1] * v[i - 1]
+        if b.coupled:
+            twice = twice + 2.0 * b.coupling * v[i - 1] * v[b.parent - 1]
+        if b.geared:
+            twice = twice + 2.0 * v[i - 1] * dot(vec_of(b.rotor), motion_of(work[b.parent].v).w)
     T[0] = 0.5 * twice
 
 

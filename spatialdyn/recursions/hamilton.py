@@ -8,7 +8,7 @@ in its body's frame, and there the same sweep gives ṗ with the gyroscopic term
 from __future__ import annotations
 
 from ..algebra.articulated import Articulated
-from ..algebra.euclidean import Vec, cross, scale, unrotate, zero
+from ..algebra.euclidean import Vec, cross, dot, scale, unrotate, zero
 from ..algebra.public_arrays import read_force
 from ..algebra.records import (
     force_of,
@@ -37,6 +37,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import place_joint
 from .aba import aba_inward, aba_outward
 from .energy import potential_energy
+from .rotors import add_rotor_momentum, of_other
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, MassMatrix, Q, Spec, V
 from .steps import body_velocity
@@ -100,7 +101,12 @@ def generalized_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, p: Ve
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         h = force_of(here.p)
         p[i - 1] = power(motion_of(b.S), h) + b.armature * v[i - 1]
-        put_force(parent.p, add_force(force_of(parent.p), force_to_parent(pose_of(here.X), h)))
+        if b.coupled or b.partner > 0:
+            p[i - 1] = p[i - 1] + of_other(bodies, i, v)
+        if b.geared:
+            p[i - 1] = p[i - 1] + dot(vec_of(b.rotor), motion_of(parent.v).w)
+        h = add_rotor_momentum(bodies, i, v, force_to_parent(pose_of(here.X), h))
+        put_force(parent.p, add_force(force_of(parent.p), h))
 
 
 @inline
@@ -190,7 +196,8 @@ def rate(bodies: Bodies, work: Work, v: Vector, tau: Vector, gravity: Vec | None
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         X, S, p = pose_of(here.X), motion_of(b.S), force_of(here.p)
         dp[i - 1] = power(cross_motion(motion_of(here.v), S), p)
-        put_force(parent.p, add_force(force_of(parent.p), force_to_parent(X, p)))
+        p = add_rotor_momentum(bodies, i, v, force_to_parent(X, p))
+        put_force(parent.p, add_force(force_of(parent.p), p))
         if gravity is not None or fext is not None:
             f = force_of(here.f)
             dp[i - 1] = dp[i - 1] + power(S, f)

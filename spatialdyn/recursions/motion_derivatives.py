@@ -47,8 +47,9 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
-from .derivatives import motion_outward
+from .derivatives import add_rotor, motion_outward
 from .kinematics import express_in
+from .rotors import add_couple, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import CLASSICAL, LOCAL, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
 from .steps import seen_from_parent
@@ -210,6 +211,10 @@ def centroidal_dynamics_derivatives(bodies: Bodies, work: Work, q: Config, v: Ve
             )
             put_force(parent.f, add_force(force_of(parent.f), force_at_parent(x, force_of(here.f))))
             put_force(parent.h, add_force(force_of(parent.h), force_at_parent(x, force_of(here.h))))
+            if bodies[i].geared:
+                add_rotor(bodies, work, i, v, a)
+                e, _ = rotor_in_root_axes(bodies, work, i)
+                put_force(parent.h, add_couple(force_of(parent.h), scale(v[i - 1], e)))
         else:
             X = pose_of(here.world)
             m = m + here.I.m
@@ -224,8 +229,11 @@ def centroidal_dynamics_derivatives(bodies: Bodies, work: Work, q: Config, v: Ve
         F_dq = add_force(
             add_force(momentum(I, motion_of(here.ddS)), coriolis_times(B, dS)), cross_force(S, force_of(here.f))
         )
-        F_dv = add_force(momentum(I, motion_of(here.D)), coriolis_times(B, S))
-        F_S, dh, df = _about(X, c, momentum(I, S)), _about(X, c, h_dq), _about(X, c, F_dq)
+        F_dv, F_S = add_force(momentum(I, motion_of(here.D)), coriolis_times(B, S)), momentum(I, S)
+        if bodies[i].geared:
+            e, de = rotor_in_root_axes(bodies, work, i)
+            F_dv, F_S = add_couple(F_dv, de), add_couple(F_S, e)
+        F_S, dh, df = _about(X, c, F_S), _about(X, c, h_dq), _about(X, c, F_dq)
         dc = scale(1.0 / m, F_S.f)
         write_force(D[0, :, i - 1], Force(add(dh.n, cross(p, dc)), dh.f))
         write_force(D[1, :, i - 1], Force(add(df.n, cross(dp, dc)), df.f))

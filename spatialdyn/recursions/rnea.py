@@ -7,6 +7,7 @@ from ..algebra.euclidean import (
     acceleration_matrix,
     add,
     cross,
+    dot,
     neg,
     newton_euler_moment,
     rotate,
@@ -20,6 +21,7 @@ from ..algebra.scalars import inline
 from ..algebra.spatial import Force, Inertia, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ..bodies.joints import joint_motion, place_joint
 from .rnea_off_norm import add_off_norm_forces
+from .rotors import add_couple, of_other
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
 
@@ -64,9 +66,20 @@ def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matr
         t = power(motion_of(b.S), f)
         if a is not None:
             t = t + b.armature * a[i - 1]
-        tau[i - 1] = t
+            if b.coupled or b.partner > 0:
+                t = t + of_other(bodies, i, a)
         # f_λ += X* f_i
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
+        if b.geared:
+            e = vec_of(b.rotor)
+            if v is not None:
+                t = t + dot(e, vec_of(parent.dw))
+                put_force(parent.f, add_couple(force_of(parent.f), scale(v[i - 1], cross(vec_of(parent.w), e))))
+            elif a is not None:
+                t = t + dot(e, vec_of(parent.dw))
+            if a is not None:
+                put_force(parent.f, add_couple(force_of(parent.f), scale(a[i - 1], e)))
+        tau[i - 1] = t
 
 
 @inline

@@ -6,6 +6,9 @@
 
 Each step is written for rows of a table, which the tracer records, and for kernels, where the step runs in Python: for
 torques that are functions, external forces, and robots too long for a program.
+
+Motors are part of the implicit way: what their gears lose is dry friction in proportion to the load, what their own
+voltage takes is viscous (``recursions.motors.driven``).
 """
 
 from __future__ import annotations
@@ -18,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuation.friction import Friction, check_friction
+from ..actuation.motors import Motor, check_motor
 from ..algebra.scalars import select
 from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
+from ..constraints.dynamics import constraint_jacobian
 from ..engines.compiled import numba_kernels
 from ..engines.programs.tracer import scratch
 from ..errors import SimulationError
@@ -42,13 +47,17 @@ from ..recursions.friction import (
     friction_step,
     friction_torque,
 )
+from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
-from . import explicit
+from . import explicit, ledger
+from .constrained import Held, Rows, bristles_held, projected
+from .springs import spring_kernel
 from .system import State, System, set_status
 
 Array = NDArray[Any]
 IMPLICIT, LUGRE, SMOOTH = WAYS = ("implicit", "lugre", "smooth")
 STEPPED = "semi_implicit_euler"  # the method of "implicit" and "lugre"
+CURRENT, VOLTAGE = DRIVES = ("current", "voltage")  # what a motor is given
 # largest h λ at which v⁺ of v̇ = -λ v stays bounded
 STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
@@ -57,7 +66,8 @@ VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Cou
 OWN = {IMPLICIT: VIOLATION, LUGRE: BRISTLES}  # the state of its own that a kind of friction carries from step to step
 COLUMNS = {
     "coulomb": COULOMB, "viscous": VISCOUS, "static": STATIC, "stribeck": STRIBECK, "smoothing": SMOOTHING,
-    "stiffness": STIFFNESS, "damping": DAMPING,
+    "stiffness": STIFFNESS, "damping": DAMPING, "stall": STALL, "supply": SUPPLY, "emf": EMF, "most": MOST,
+    "efficiency": EFFICIENCY, "limit": LIMIT,
 }  # fmt: skip
 
 
@@ -80,7 +90,10 @@ class Rubbing:
         return OWN.get(self.way)
 
 
-def rubbing(model: Model, friction: Friction | bool | None, way: str, method: str, dt: float) -> Rubbing | None:
+def rubbing(
+    model: Model, friction: Friction | bool | None, way: str, method: str, dt: float, motor: Motor | None = None,
+    drive: str = CURRENT,
+) -> Rubbing | None:  # fmt: skip
     """The friction of a run by the arguments of ``simulate`` and ``rollout``; None if none acts.
 
     Raises  SimulationError for an unknown way, one that the method cannot take, a coefficient that it needs, and a step
@@ -88,6 +101,16 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
     """
     if not isinstance(way, str) or way not in WAYS:
         raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
+    if not isinstance(drive, str) or drive not in DRIVES:
+        raise SimulationError(f"drive is {drive!r}, expected one of {', '.join(DRIVES)}")
+    if motor is not None:
+        if way != IMPLICIT or method != STEPPED:
+            raise SimulationError(
+                f'motor is given, friction_method is "{way}" and method "{method}", expected "{IMPLICIT}" and '
+                f'"{STEPPED}": gears rub, and motors brake, within its step'
+            )
+        if friction is None or friction is False:
+            friction = Friction(np.zeros(model.nv), 0.0)
     if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
         return None
     given = check_friction(model, friction)
@@ -105,13 +128,25 @@ def rubbing(model: Model, friction: Friction | bool | None, way: str, method: st
     if way == LUGRE:
         inputs["stiffness"] = _needed(given.bristle_stiffness, "bristle_stiffness", way)
         inputs["damping"] = _needed(given.bristle_damping, "bristle_damping", way)
+    if motor is not None:
+        m = check_motor(model, motor)
+        stall, emf, most, efficiency, limit = m.lines
+        inputs |= {"supply" if drive == VOLTAGE else "stall": stall, "emf": emf, "most": most}
+        inputs |= {"efficiency": efficiency, "limit": limit}
     return Rubbing(way, tuple(inputs), tuple(inputs.values()))
 
 
-def check_alone(found: Rubbing | None, constraints: Any) -> None:
-    """Raises SimulationError where both friction and constraints are to act: their impulses would be one problem."""
-    if found is not None and constraints is not None:
-        raise SimulationError("friction and constraints are given, expected one of them")
+def check_together(found: Rubbing | None, constraints: Any) -> None:
+    """Raises SimulationError for friction that does not act beside constraints.
+
+    Of joints of a closed loop that stick, Coulomb's law does not determine the torques, only their sum against the
+    load: whether the loop sticks is a problem of all of them at once, and a projection would move joints that stick.
+    """
+    if found is not None and constraints is not None and found.way == IMPLICIT:
+        raise SimulationError(
+            'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which '
+            "joints of a loop hold it is not determined"
+        )
 
 
 def _needed(value: Array | None, name: str, way: str) -> Array:
@@ -148,27 +183,56 @@ def smooth_torque(rows: Any, v: Any, given: dict[str, Any]) -> Any:
     return made
 
 
+def geared(given: dict[str, Any], v: Any, tau: Any, law: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
+    """Torques and friction of a step with the motors of ``given``, their gears and brakes counted among friction."""
+    if "emf" not in given:
+        return tau, law
+    coulomb, viscous, static, stribeck = law
+    voltage = "supply" in given
+    lines = (given["supply" if voltage else "stall"], *(given[x] for x in ("emf", "most", "efficiency", "limit")))
+    found = np.array([driven(voltage, i, v, tau, *lines) for i in range(len(v))], np.asarray(tau).dtype)
+    push, slope, level = found.reshape((-1, 3)).T
+    return push, (coulomb + level, viscous + slope, static + level, stribeck)
+
+
 def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     """The coefficients that all ways have."""
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
 
-def traced_step(way: str, rows: Any, given: dict[str, Any], tau: Any) -> tuple[Any, dict[str, Any], Any]:
-    """The velocities after a step, the state of its own by name, friction's torques; of ``given`` inputs by name."""
+def traced_step(
+    way: str, rows: Any, given: dict[str, Any], tau: Any, under: Rows | None, pull: Any = None
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """The velocities after a step, the state of its own by name, forces as of ``solver``; of ``given`` inputs by name.
+
+    under  the constraints, None for none
+    pull   torques beside tau, which pass no gear: of springs; None for none
+    """
     q, v, dt = given["q"], given["v"], given["dt"]
     n = len(v)
     law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((3, n), object)
     pivots, M, R = (np.zeros(shape, object) for shape in ((n,), (n, n), (n, n)))
+    wanted = tau
+    tau, law = geared(given, v, tau, law)
+    lost = tau - wanted if tau is not wanted else 0.0
+    tau = tau if pull is None else tau + pull
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
-        bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
-        rubbed = _bristle_torque(z, after[1], 1.0 / dt, stiffness, damping) - given["viscous"] * after[0]
-        return after[0], {BRISTLES.name: after[1]}, rubbed
+        forces: dict[str, Any] = {}
+        if under is None:
+            bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
+            ahead, bristles = after[0], after[1]
+        else:
+            ahead, bristles = under.after_bristles(given, tau)
+            forces[ledger.CONSTRAINTS.name] = lambda way: under.force * under.rates(q, way)
+        rubbed = _bristle_torque(z, bristles, 1.0 / dt, stiffness, damping) - given["viscous"] * ahead
+        return ahead, {BRISTLES.name: bristles}, {**forces, ledger.FRICTION.name: rubbed}
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
-    return after[0], {VIOLATION.name: np.array([largest], object)}, after[2] - given["viscous"] * after[0]
+    rubbed = after[2] - law[1] * after[0] + lost
+    return after[0], {VIOLATION.name: np.array([largest], object)}, {ledger.FRICTION.name: rubbed}
 
 
 def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
@@ -181,16 +245,19 @@ def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any)
 
 
 def by_kernels(
-    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None
-) -> tuple[Any, Callable[..., None]]:
+    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, model: Model,
+    held: Held | None, springs: bool = False,
+) -> tuple[Any, Callable[..., None]]:  # fmt: skip
     """The kernels and the step of a method with friction.
 
-    own  the state that the friction carries, written in place
+    own      the state that the friction carries, written in place
+    held     the constraints, None for none
+    springs  whether the model has some; of other methods ``kernels`` has them
     """
     if found.way == SMOOTH:
         resist = smooth_kernel(found)
         return _smooth(kernels, resist), advance
-    solve = solver(found, fext)
+    solve = solver(found, fext, model, held, springs)
 
     def step(system: System, t: float, h: float, state: State) -> None:
         system.torque(system, t, state.q, state.w)
@@ -200,27 +267,57 @@ def by_kernels(
         displacement[:] = h * state.w
         explicit.move(system, t, displacement, state)
 
-    return kernels, step
+    return kernels, step if held is None else projected(step, held, model)
 
 
-def solver(found: Rubbing, fext: Array | None) -> Callable[..., tuple[Array, Array, Array]]:
-    """``(system, t, h, state, own) -> v⁺, own⁺, friction torques`` of a step whose velocities are solved for."""
+def solver(
+    found: Rubbing, fext: Array | None, model: Model, held: Held | None, springs: bool = False
+) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+    """``(system, t, h, state, own) -> v⁺, own⁺, forces`` of a step whose velocities are solved for.
+
+    forces are those of friction and of constraints, as ``carry_solved`` takes them
+    """
+    pull = spring_kernel() if springs else None
+    if held is not None:
+        return _held_solver(found, fext, model, held, pull)
     loaded = [] if fext is None else [fext]
     implicit = found.way == IMPLICIT
     present = {*found.inputs, *(["fext"] if loaded else [])}
     kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
     given = dict(zip(found.inputs, found.values, strict=True))
 
-    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, Array]:
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
         after = np.empty((3 if implicit else 2, len(state.w)))
         bristles = [] if implicit else [own]
-        inputs = (state.q, state.w, *bristles, system.tau, *loaded, h, *found.values)
+        tau, law = geared(given, state.w, system.tau, _law(given))
+        lost = tau - system.tau
+        tau = tau if pull is None else tau + pull(system.table, state.q, state.w)
+        rest = [] if implicit else [given["stiffness"], given["damping"]]
+        inputs = (state.q, state.w, *bristles, tau, *loaded, h, *law, *rest)
         set_status(system, kernel(system.table, *inputs, after), t)
         if implicit:
             changed, rubbed = np.array([max(own[0], after[1].max(initial=0.0))]), after[2]
         else:
             changed, rubbed = after[1], _bristle_torque(own, after[1], 1.0 / h, given["stiffness"], given["damping"])
-        return after[0], changed, rubbed - given["viscous"] * after[0]
+        return after[0], changed, {ledger.FRICTION.name: rubbed - law[1] * after[0] + lost}
+
+    return solve
+
+
+def _held_solver(
+    found: Rubbing, fext: Array | None, model: Model, held: Held, pull: Callable[..., Array] | None
+) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+    """``solver`` of LuGre friction under constraints. It raises ConstraintError."""
+    law = dict(zip(found.inputs, found.values, strict=True))
+    step = bristles_held(held, model, law, fext)
+
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
+        if pull is not None:
+            system = system._replace(tau=system.tau + pull(system.table, state.q, state.w))
+        after, changed, force = step(system, h, state, own)
+        rubbed = _bristle_torque(own, changed, 1.0 / h, law["stiffness"], law["damping"]) - law["viscous"] * after
+        J = constraint_jacobian(model, held.constraints, state.q)
+        return after, changed, {ledger.FRICTION.name: rubbed, ledger.CONSTRAINTS.name: lambda way: force * (J @ way)}
 
     return solve
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..algebra.euclidean import Vec, add, cross, scale, unrotate, zero
+from ..algebra.euclidean import Vec, add, cross, dot, scale, unrotate, zero
 from ..algebra.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
 from ..algebra.records import (
     force_of,
@@ -43,6 +43,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..recursions import SPECS
 from ..recursions.configuration import put_twist, twist
+from ..recursions.rotors import of_other
 from .symplectic import LARGEST, SLOW, SWEEPS, anderson_step, converged, relative
 from .system import OK, TURNED, State, System, copy, set_status
 
@@ -120,8 +121,11 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: A
             put_force(here.p, _dual(log_jacobian(V, -1.0), -1.0, momentum(inertia_of(b.inertia), V)))
             if not a.w > TURN:
                 status = TURNED
+        if b.geared:
+            _add_spin(bodies, work, i, moved, xi, -1.0)
     _sum_inward(bodies, work, out)
     _add_rotors(bodies, xi, rotor, -1.0, out)
+    _add_along(bodies, moved, out)
     return status
 
 
@@ -136,9 +140,29 @@ def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: An
         if b.joint > 0:
             V = _twist(moved[i])
             put_force(here.p, _dual(log_jacobian(V, 1.0), 1.0, momentum(inertia_of(b.inertia), V)))
+        if b.geared:
+            _add_spin(bodies, work, i, moved, xi, 1.0)
     _sum_inward(bodies, work, out)
     _add_rotors(bodies, xi, rotor, 1.0, out)
+    _add_along(bodies, moved, out)
     return OK
+
+
+@inline
+def _add_spin(bodies: Any, work: Any, i: int, moved: Any, xi: Any, side: float) -> None:
+    """Add the momentum n J ξ e of the rotor of row i to that of the body that carries it."""
+    parent = work[bodies[i].parent]
+    spun = Force(scale(xi[i - 1], vec_of(bodies[i].rotor)), zero())
+    V = _twist(moved[bodies[i].parent])
+    put_force(parent.p, add_force(force_of(parent.p), _dual(log_jacobian(V, side), side, spun)))
+
+
+@inline
+def _add_along(bodies: Any, moved: Any, out: Any) -> None:
+    """out += n J e·w of the rotors, w the turn of the body that carries it: the discrete energy has n J ξ e·w."""
+    for i in range(1, len(bodies)):
+        if bodies[i].geared:
+            out[i - 1] += dot(vec_of(bodies[i].rotor), _twist(moved[bodies[i].parent]).w)
 
 
 @inline
@@ -155,7 +179,7 @@ def _sum_inward(bodies: Any, work: Any, out: Any) -> None:
 def _add_rotors(bodies: Any, xi: Any, rotor: Any, side: float, out: Any) -> None:
     """out += momenta of the rotors, whose energy is ½ armature v²."""
     for i in range(1, len(bodies)):
-        rotor[i - 1] = bodies[i].armature * xi[i - 1]
+        rotor[i - 1] = bodies[i].armature * xi[i - 1] + of_other(bodies, i, xi)
     for i in range(1, len(bodies)):
         b, r = bodies[i], i - 1
         if b.kind == CONTINUED or b.armature == 0.0:

@@ -175,6 +175,10 @@ class StrictReader:
         self.notes += angle_notes(self._angles, self.snap)
         return robot
 
+    def outermost(self, data: bytes) -> Any:
+        """The element of a text that ``read`` has read, for what it leaves out."""
+        return self._parse(data)
+
     def _parse(self, data: bytes) -> Any:
         """The outermost element; undeclared prefixes get a namespace. Raises UrdfError."""
         from lxml import etree

@@ -69,6 +69,9 @@ def pinocchio_twin(model: Model) -> Any:
         if frame.kind == "link" or frame.name not in moving:
             made.addFrame(pin.Frame(frame.name, frame.joint, pin.SE3(frame.placement), types[frame.kind]))
     made.armature = model.armature
+    geared = next((j.name for j in model.robot.joints if j.rotor is not None or j.shared is not None), None)
+    if geared is not None:
+        raise SpatialDynError(f'joint "{geared}" has a rotor, which Pinocchio lacks, expected its armature alone')
     return made
 
 

@@ -133,6 +133,7 @@ THREE: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
     "add_mat3": (lambda x: square(eu.add_mat3(rot(x.A), rot(x.B))), lambda x: x.A + x.B),
     "apply_sym": (lambda x: eu.apply_sym(sym(x.P), vec(x.a)), lambda x: x.P @ x.a),
     "add_sym": (lambda x: full(eu.add_sym(sym(x.P), sym(x.B + x.B.T))), lambda x: x.P + x.B + x.B.T),
+    "sub_sym": (lambda x: full(eu.sub_sym(sym(x.P), sym(x.B + x.B.T))), lambda x: x.P - x.B - x.B.T),
     "congruence": (lambda x: full(eu.congruence(rot(x.B), sym(x.P))), lambda x: x.B @ x.P @ x.B.T),
     "acceleration_matrix": (
         lambda x: square(eu.acceleration_matrix(vec(x.a), vec(x.b))),

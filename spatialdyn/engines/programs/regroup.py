@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...algebra.euclidean import Sym, Vec, dot, scale, sub
+from ...algebra.euclidean import Sym, Vec, dot, scale, sub, sub_sym
 from ...algebra.records import (
     inertia_of,
     motion_of,
@@ -57,7 +57,7 @@ def regroup(rows: Any, solved: bool = False) -> None:
         carrier = rows[b.parent]
         if b.parent > 0 and carrier.inertia.m <= (LEAST_MASS_RATIO * body.m if solved else 0.0):
             continue
-        put_inertia(b.inertia, Inertia(body.m - free.m, sub(body.h, free.h), _subtract_sym(body.I, free.I)))
+        put_inertia(b.inertia, Inertia(body.m - free.m, sub(body.h, free.h), sub_sym(body.I, free.I)))
         put_inertia(carrier.inertia, add_inertia(inertia_of(carrier.inertia), inertia_to_parent(pose_of(b.X), free)))
 
 
@@ -72,7 +72,3 @@ def _unfelt_by_revolute(body: Inertia, u: Vec) -> Inertia:
         J * (1.0 - u.y * u.y), -(J * (u.y * u.z)), J * (1.0 - u.z * u.z),
     )  # fmt: skip
     return Inertia(body.m, scale(dot(body.h, u), u), ring)
-
-
-def _subtract_sym(A: Sym, B: Sym) -> Sym:
-    return Sym(A.xx - B.xx, A.xy - B.xy, A.xz - B.xz, A.yy - B.yy, A.yz - B.yz, A.zz - B.zz)

@@ -1,0 +1,40 @@
+"""Recursions in plain Python, without a kernel or a program: states to call them on, and a comparison to roundoff."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import spatialdyn as sd
+from spatialdyn.calls.arguments import from_full_tree, to_full_tree
+from spatialdyn.engines.programs.tracer import evaluate, table
+from spatialdyn.recursions import SPECS
+from spatialdyn.recursions.spec import shape_in, sizes_of
+
+Array = np.ndarray
+EXACT = 1e-13  # relative: roundoff of a few bodies
+
+
+def states(model: sd.Model, seed: int = 0, count: int = 1) -> dict[str, Array]:
+    rng = np.random.default_rng(seed)
+    q = sd.random_configuration(model, rng, count)
+    return {"q": q, **{name: rng.normal(size=(count, model.nv)) for name in ("v", "a", "tau", "p", "v_r", "a_r")}}
+
+
+def plainly(model: sd.Model, name: str, x: dict[str, Array], k: int = 0) -> Array:
+    """The recursion in plain Python, on the full tree of a model with mimic joints; joint forces are left out."""
+    spec, rows = SPECS[name], table(model.bodies)
+    inputs = {i.name: to_full_tree(model, i, x[i.name][k]) for i in spec.present if i.name in x}
+    if "fext" in {i.name for i in spec.present if not i.optional}:
+        inputs["fext"] = np.zeros((model.njoints, 6))
+    sizes = sizes_of(rows)
+    made = evaluate(spec, rows, shape_in(spec.output.shape, sizes), inputs, np.zeros(sizes["nv"], object))
+    made = from_full_tree(model, spec.output, made.astype(float).reshape(shape_in(spec.output.shape, sizes)))
+    return np.asarray(made)
+
+
+def close(one: Any, other: Any, tolerance: float = EXACT) -> None:
+    one, other = np.asarray(one, float), np.asarray(other, float)
+    assert one.shape == other.shape
+    np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance * max(abs(other).max(), 1e-300))
