@@ -324,10 +324,37 @@ def test_a_rollout_goes_on_from_states(arm: sd.Model) -> None:
     q0 = np.random.default_rng(1).normal(size=(9, 3))
     whole = sd.rollout(arm, q0, np.zeros(3), steps=20, **kept)
     first = sd.rollout(arm, q0, np.zeros(3), steps=12, **kept)
-    last = {name: x[:, -1] for name, x in first.states.items()}
-    then = sd.rollout(arm, first.q[:, -1], first.v[:, -1], steps=8, states=last, **kept)
+    then = sd.rollout(arm, **first.end, steps=8, **kept)
     np.testing.assert_array_equal(then.q, whole.q[:, 12:])
     np.testing.assert_array_equal(then.states["past"], whole.states["past"][:, 12:])
+    last = sd.rollout(arm, q0, np.zeros(3), steps=12, record="last", **kept)
+    one = sd.rollout(arm, q0[4], np.zeros(3), steps=12, **kept)
+    for name, x in first.end["states"].items():
+        np.testing.assert_array_equal(last.end["states"][name], x)
+        np.testing.assert_array_equal(one.end["states"][name], x[4])
+    np.testing.assert_array_equal(sd.rollout(arm, **last.end, steps=8, **kept).q, then.q)
+    np.testing.assert_array_equal(sd.rollout(arm, **one.end, steps=8, **kept).q, then.q[4])
+
+
+def test_ctrl_c_keeps_the_states_of_the_last_step(arm: sd.Model) -> None:
+    """A run that is stopped goes on from its end as if it had not been."""
+
+    def stopping(t: float, q: Any, v: Any) -> Any:
+        if t > 0.031:
+            raise KeyboardInterrupt
+        return np.zeros(3)
+
+    args, kept = ([0.1, 0.2, 0.3], [0.5, 0.0, -0.5]), dict(dt=0.01, control=reaching())
+    with pytest.raises(sd.SimulationInterrupt) as caught:
+        sd.simulate(arm, *args, 1.0, torque=stopping, record=50, **kept)
+    run = caught.value.trajectory
+    assert len(run) == 2
+    whole = in_python(arm, *args, 0.1, **kept)
+    done = round(run.t[-1] / 0.01)
+    assert done >= 2
+    np.testing.assert_array_equal(run.states["past"][-1], whole.states["past"][done])
+    then = in_python(arm, duration=0.1 - run.t[-1], **run.end, **kept)
+    np.testing.assert_allclose(then.q[-1], whole.q[-1], rtol=0.0, atol=SAME)
 
 
 def test_states_are_saved_and_tabled(arm: sd.Model, tmp_path: Path) -> None:
