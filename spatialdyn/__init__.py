@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
     from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
-    from .constraints.contact_points import Contacts, Plane
+    from .constraints.contact_points import Contacts, Heightfield, Plane
     from .constraints.derivatives import ConstrainedDerivatives, constrained_dynamics_derivatives
     from .constraints.dynamics import (
         ConstrainedImpact,
@@ -111,10 +111,10 @@ __all__ = [
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
     "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
-    "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor",
-    "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot", "RollingConstraint",
-    "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
+    "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
+    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot",
+    "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
     "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
     "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
     "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger",
@@ -137,7 +137,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
     "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",
-    "constraints.contact_points": "Contacts Plane",
+    "constraints.contact_points": "Contacts Heightfield Plane",
     "constraints.derivatives": "ConstrainedDerivatives constrained_dynamics_derivatives",
     "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
     "delassus",

@@ -53,6 +53,12 @@ class Candidate(NamedTuple):
     run: Callable[..., Any]
 
 
+def calls_of(model: Model, task: str) -> list[str]:
+    """The calls of a task that a model has: those without a term that they lack."""
+    lacks = {name: SPECS[name].lacks if name in SPECS else () for name in TASK_CALLS[task]}
+    return [name for name, columns in lacks.items() if not any(model.bodies[x].any() for x in columns)]
+
+
 def call_states(model: Model, task: str, states: Any) -> list[Array]:
     """The inputs of a task: the given arrays, or that many random states.
 
@@ -100,7 +106,7 @@ def random_call_states(model: Model, task: str, count: int, seed: int | list[int
 def candidates(model: Model, task: str, batch: int) -> Iterator[list[Candidate]]:
     """The candidates of each call for a task at a batch size; to make them compiles."""
     given = ", ".join(INPUTS[task])
-    for name in TASK_CALLS[task]:
+    for name in calls_of(model, task):
         found: list[Candidate] = []
         extended = name == EXTENDED
         call = partial(forward_dynamics, method=EXTENDED) if extended else calls[name]
@@ -135,7 +141,7 @@ def _errors(name: str, first: str, found: Any, truth: Array) -> Array:
 
 def measure_calls(model: Model, task: str, states: Any, batch: int, report: Report) -> tuple[list[Option], int, float]:
     """Options of a task, the number of states they were measured in, and the error of the reference."""
-    steps = Steps(report, len(TASK_CALLS[task]) + 2)
+    steps = Steps(report, len(calls_of(model, task)) + 2)
     arrays = call_states(model, task, states)
     first = TASK_CALLS[task][0]
     calls[first](model, *arrays)  # raises for invalid states or an invalid model

@@ -37,3 +37,12 @@ CONTACTS = table_dtype(
     lower=float,
     upper=float,
 )
+
+# The table of heights of a ground that is no plane: row 0 the header, then one row for each height, those of one x
+# after another.
+#   last_row  row 0 only: the number of rows that follow
+#   nx, ny    row 0 only: heights along x and along y
+#   x, y      row 0 only: place of the first
+#   spacing   row 0 only: between neighbours
+#   z         height
+HEIGHTS = table_dtype(last_row=int, nx=int, ny=int, x=float, y=float, spacing=float, z=float)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.scalars import EPS
+from ..bodies.static_table import StaticTable
 from ..calls.arguments import core_shape
 from ..calls.dynamics import checked_call
 from ..engines import object_layout, run
@@ -32,21 +33,23 @@ def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> An
     """A call of a Spec with a table of constraints; None for an optional input left out. Raises its errors."""
     if constraints.__class__ is not Constraints or constraints.model is not model:
         check_constraints(model, constraints)
-    return answer(spec, constraints, values)
+    return answer(spec, constraints, (constraints.table,), values)
 
 
-def answer(spec: Spec, owner: Constraints | Contacts, values: tuple[Any, ...]) -> Any:
-    """A call of a Spec with the table of its owner, whose model is the caller's."""
+def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], values: tuple[Any, ...]) -> Any:
+    """A call of a Spec with the tables of their owner, whose model is the caller's."""
     key = (spec.name, *(x is None for x in values))
     known = owner._plans.get(key)
     if known is None:
-        known = owner._plans.setdefault(key, _function(spec, owner, [x is not None for x in values]))
+        known = owner._plans.setdefault(key, _function(spec, owner, static, [x is not None for x in values]))
     return known(*(x for x in values if x is not None))
 
 
-def _function(spec: Spec, owner: Constraints | Contacts, there: list[bool]) -> Callable[..., Any]:
+def _function(
+    spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], there: list[bool]
+) -> Callable[..., Any]:
     """What answers a call with those of its inputs that are there: a builtin for one sample, Python for all else."""
-    model, static = owner.model, (owner.table,)
+    model = owner.model
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     found = None

@@ -12,7 +12,8 @@ from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..errors import SimulationError
 from ..model.model import Model
-from ..recursions.contact import CONTACT_GAPS, CONTACT_STEP
+from ..recursions.contact import CONTACT_GAPS, CONTACT_GAPS_OVER, CONTACT_STEP, CONTACT_STEP_OVER
+from ..recursions.spec import Spec
 from .calls import answer
 from .contact_points import Contacts, check_contacts
 
@@ -68,7 +69,8 @@ def contact_step(
     h = as_number(dt)
     if not 0.0 < h < math.inf:
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    out = answer(CONTACT_STEP, contacts, (q, v, tau, h, contacts.friction, contacts.restitution))
+    given = (q, v, tau, h, contacts.friction, contacts.restitution)
+    out = answer(step_spec(contacts), contacts, contacts.tables, given)
     n, k, stops = model.nv, len(contacts), int(contacts.table.sizes["nl"])
     ends = np.cumsum([n, 3 * k, k, stops, k + stops])
     after, impulse, gap, _, residual, _ = np.split(out, ends, axis=-1)
@@ -77,6 +79,11 @@ def contact_step(
     return ContactStep(
         moved, after, impulse.reshape((*impulse.shape[:-1], k, 3)), gap, worst if worst.shape else float(worst)
     )
+
+
+def step_spec(contacts: Contacts) -> Spec:
+    """The Spec of a step on their ground."""
+    return CONTACT_STEP if len(contacts.tables) == 1 else CONTACT_STEP_OVER
 
 
 def contact_gaps(model: Model, contacts: Contacts, q: ArrayLike) -> Array:
@@ -95,5 +102,6 @@ def contact_gaps(model: Model, contacts: Contacts, q: ArrayLike) -> Array:
     (1,)
     """
     check_contacts(model, contacts)
-    made: Array = answer(CONTACT_GAPS, contacts, (as_array("q", q),))
+    spec = CONTACT_GAPS if len(contacts.tables) == 1 else CONTACT_GAPS_OVER
+    made: Array = answer(spec, contacts, contacts.tables, (as_array("q", q),))
     return made

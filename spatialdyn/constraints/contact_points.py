@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies.contact_table import CONTACTS
+from ..bodies.contact_table import CONTACTS, HEIGHTS
 from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import as_array, as_count, as_flag, as_number, check_model
@@ -50,6 +50,67 @@ class Plane:
         object.__setattr__(self, "height", float(self.height))
 
 
+class Heightfield:
+    """Ground of heights over a grid, bilinear between them; beyond its rim it goes on level. Immutable, by content.
+
+    z        (nx, ny)  heights [m] at x = origin[0] + i spacing, y = origin[1] + j spacing, at least 2 each way
+    spacing  [m]
+    origin   (2,) [m]
+
+    A sphere touches the slope that is below its centre, so the slope has to change little over its radius. Programs
+    have each height in them: rollouts take up to 2048, ``simulate`` and ``contact_step`` any number, above that by the
+    table kernel.
+    Raises  ConstraintError for heights that are not finite or no grid, a spacing that is not above 0, another origin
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> sd.Heightfield(np.zeros((3, 4)), 0.5)
+    <Heightfield of 3 x 4 heights, 0.5 m apart>
+    """
+
+    __slots__ = ("origin", "spacing", "table", "z")
+    z: Array
+    spacing: float
+    origin: tuple[float, float]
+    table: StaticTable
+
+    def __init__(self, z: ArrayLike, spacing: float, origin: ArrayLike = (0.0, 0.0)) -> None:
+        """See the class."""
+        heights, at = as_array("z", z), as_array("origin", origin)
+        if heights.ndim != 2 or min(heights.shape) < 2:
+            raise ConstraintError(f"Heightfield has z of shape {heights.shape}, expected (nx, ny) of 2 or more each")
+        if not np.isfinite(heights).all():
+            raise ConstraintError("Heightfield has heights that are not finite, expected finite numbers of metres")
+        if not 0.0 < as_number(spacing) < math.inf:
+            raise ConstraintError(f"Heightfield has spacing {spacing!r}, expected a finite number above 0")
+        if at.shape != (2,) or not np.isfinite(at).all():
+            raise ConstraintError(f"Heightfield has origin {origin!r}, expected two finite numbers")
+        rows = np.zeros(1 + heights.size, HEIGHTS)
+        rows[0]["last_row"], rows[0]["nx"], rows[0]["ny"] = heights.size, *heights.shape
+        rows[0]["x"], rows[0]["y"], rows[0]["spacing"] = at[0], at[1], spacing
+        rows["z"][1:] = heights.ravel() + 0.0
+        kept = heights.copy()
+        kept.flags.writeable = False
+        given = (kept, float(spacing), (float(at[0]), float(at[1])), StaticTable(rows, ()))
+        for name, value in zip(("z", "spacing", "origin", "table"), given, strict=True):
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"a Heightfield is immutable, {name} cannot be set")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Heightfield) and self.table == other.table
+
+    def __hash__(self) -> int:
+        return hash(self.table)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Heightfield, (self.z, self.spacing, self.origin)
+
+    def __repr__(self) -> str:
+        nx, ny = self.z.shape
+        return f"<Heightfield of {nx} x {ny} heights, {self.spacing:g} m apart>"
+
+
 class Contacts:
     """Points of a robot that may touch the ground, with friction: immutable, hashed by content.
 
@@ -61,7 +122,7 @@ class Contacts:
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
     restitution  from 0 to 1, in the same form: a point that hits faster than 0.01 m/s leaves at that share of its
                  speed
-    terrain      ``Plane``
+    terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
     sweeps       passes over all points in a step: 5 solve 95 % of the steps of a walking quadruped to 1e-4 m/s
     limits       whether joints of one coordinate stop at their position limits, without bouncing
 
@@ -87,7 +148,7 @@ class Contacts:
     radii: tuple[float, ...]
     friction: Array
     restitution: Array
-    terrain: Plane
+    terrain: Plane | Heightfield
     sweeps: int
     limits: bool
     table: StaticTable
@@ -99,7 +160,7 @@ class Contacts:
         points: Mapping[str, float],
         friction: float | Mapping[str, float] = 0.8,
         restitution: float | Mapping[str, float] = 0.0,
-        terrain: Plane | None = None,
+        terrain: Plane | Heightfield | None = None,
         sweeps: int = 5,
         limits: bool = False,
     ) -> None:
@@ -109,8 +170,8 @@ class Contacts:
         if not isinstance(points, Mapping):
             raise ConstraintError(f"points are {points!r}, expected {{frame: radius}}")
         ground = Plane() if terrain is None else terrain
-        if not isinstance(ground, Plane):
-            raise ConstraintError(f"terrain is {terrain!r}, expected a Plane")
+        if not isinstance(ground, (Plane, Heightfield)):
+            raise ConstraintError(f"terrain is {terrain!r}, expected a Plane or a Heightfield")
         if not as_count(sweeps, MOST_SWEEPS):
             raise ConstraintError(f"sweeps is {sweeps!r}, expected a whole number of 1 to {MOST_SWEEPS}")
         names = tuple(points)
@@ -125,11 +186,12 @@ class Contacts:
         table = np.zeros(1 + len(rows) + len(stops), CONTACTS)
         head = table[0]
         head["last_row"], head["np"], head["nl"], head["sweeps"] = len(table) - 1, len(rows), len(stops), int(sweeps)
-        n = np.array(ground.normal)
+        flat = ground if isinstance(ground, Plane) else Plane()
+        n = np.array(flat.normal)
         for letter, axis in zip("xyz", (n, *across(n)), strict=True):
             for column, value in zip("xyz", axis, strict=True):
                 head["axes"][letter + column] = value + 0.0
-        head["height"] = ground.height
+        head["height"] = flat.height
         for record, row in zip(table[1:], [*rows, *stops], strict=True):
             for column, value in row.items():
                 record[column] = value
@@ -139,6 +201,11 @@ class Contacts:
     def with_limits(self) -> Contacts:
         """These contacts, and the joints' position limits."""
         return Contacts(*self._given(), limits=True)
+
+    @property
+    def tables(self) -> tuple[StaticTable, ...]:
+        """What recursions take: of contacts, and of heights if there are some."""
+        return (self.table, self.terrain.table) if isinstance(self.terrain, Heightfield) else (self.table,)
 
     @property
     def stops(self) -> tuple[str, ...]:
@@ -161,7 +228,7 @@ class Contacts:
         return len(self.names)
 
     def _content(self) -> tuple[Any, ...]:
-        return self.names, self.table, self.friction.tobytes(), self.restitution.tobytes()
+        return self.names, self.tables, self.friction.tobytes(), self.restitution.tobytes()
 
     def __eq__(self, other: object) -> bool:
         return self is other or (
@@ -174,7 +241,7 @@ class Contacts:
     def __reduce__(self) -> tuple[Any, ...]:
         return Contacts, (*self._given(), self.limits)
 
-    def _given(self) -> tuple[Any, Any, Any, Any, Plane, int]:
+    def _given(self) -> tuple[Any, Any, Any, Any, Plane | Heightfield, int]:
         """What makes contacts like these, but for limits."""
         radii, friction, restitution = (
             dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)

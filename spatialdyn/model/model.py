@@ -199,6 +199,8 @@ class Model:
                 queue.append(joint.child)
         links = tuple(x for x in self.robot.links if x.name in keep)
         joints = tuple(j for j in self.robot.joints if j.parent in keep and j.child in keep)
+        there = {j.name for j in joints}
+        joints = tuple(replace(j, shared=None) if j.shared and j.shared[0] not in there else j for j in joints)
         robot = check_tree(self.robot.name, links, joints, self.robot.notes)
         robot = replace(robot, ordered=self.robot.ordered, source=self.robot.source)
         return Model(robot, replace(self.options, root="fixed", base=IDENTITY))

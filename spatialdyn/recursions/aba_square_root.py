@@ -255,6 +255,8 @@ def _gather(b: Record, here: Record) -> int:
         if b.geared:  # the row of √J (n q̈ + e·ω̇)
             e = scale(1.0 / s, in_row_axes(b, pose_of(here.X)))
             r, z = add_couple(r, e), -dot(e, motion_of(here.c).w)
+        if b.coupled:  # has no root here: not a number rather than a wrong one
+            s = sqrt(-1.0)
         put_row(stack, rows, Row(s, r, z))
         rows += 1
     return rows

@@ -98,7 +98,7 @@ SPECS = (
             "F", ("njoints", 6), "N | N m",
             "on each joint's body by its joint, in the body's frame, linear first; row 0 is 0",
         ),
-        "Forces that the joints transmit: those of bearings and motors together, rotor inertia left out.",
+        "Forces that the joints transmit: those of bearings and motors together, armatures left out.",
         "Featherstone, RBDA (2008), table 5.1.", scratch=(("nv",),),
     ),
 )  # fmt: skip

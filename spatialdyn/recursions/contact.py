@@ -20,11 +20,14 @@ robotics: a comparative analysis (2023), for the law and its residual; the solut
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..algebra.euclidean import Mat3, Vec, add, cross, rotate, sub, unrotate
+from ..algebra.heights import bilinear
 from ..algebra.records import mat3_of, motion_of, put_mat3, table_dtype, vec_of
 from ..algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..algebra.spatial import Force, Inertia, Pose
-from ..bodies.contact_table import CONTACTS
+from ..bodies.contact_table import CONTACTS, HEIGHTS
 from ..bodies.joints import place_joint
 from .constrained import DEPENDENT
 from .constraint_rows import carry_axes
@@ -55,16 +58,18 @@ BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower on
 
 @inline
 def contact_step(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contacts: Record, mu: Vector,
-    restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector, energy: Vector,
-    pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Matrix, sigma: Vector,
-    x: Matrix, A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector, before: Vector,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contacts: Record, heights: Record,
+    mu: Vector, restitution: Vector, after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector,
+    energy: Vector, pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector, force: Vector, B: Array, C: Matrix,
+    sigma: Vector, x: Matrix, A: Matrix, a: Matrix, e: Matrix, s: Vector, g: Vector, stopped: Vector, bound: Vector,
+    before: Vector, T: Array,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, and what the impulses leave of the law.
 
     With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change of λ changes w by D⁻¹ Yᵀ of it: G as a
     whole is not needed, only its blocks of single points.
 
+    heights      may be None, for a plane
     mu, restitution  (np)
     after        (nv), written: v⁺
     impulse      (3 np), written: on each point, in the world's axes
@@ -73,7 +78,8 @@ def contact_step(
     residual     (np + nl), written: by how much each point and joint misses its law [m/s | rad/s]
     energy       (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
     all that follows is scratch: Y and Z = Y D⁻¹ have the rows of b and force, three of a point, its normal first;
-    seven are of joints with limits, as in ``lock``; before has the rows' velocities at the beginning
+    seven are of joints with limits, as in ``lock``; before has the rows' velocities at the beginning,
+    T (np, 3, 3) of each point the axes of its ground, as ``slope_axes`` has them
     """
     n, points, limits = len(bodies) - 1, contacts[0].np, contacts[0].nl
     crba(bodies, work, q, L)
@@ -81,8 +87,8 @@ def contact_step(
     rnea(bodies, work, q, v, None, None, after)
     put_mat3(work[0].R, mat3_of(contacts[0].axes))
     carry_axes(bodies, work)
-    write_gaps(bodies, work, contacts, gap)
-    write_rows(bodies, work, contacts, Y)
+    write_gaps(bodies, work, contacts, heights, gap, T)
+    write_rows(bodies, work, contacts, heights, T, Y)
     for i in range(n):
         pivots[i] = L[i, i]
         after[i] = dt * (tau[i] - after[i])
@@ -151,6 +157,8 @@ def contact_step(
         energy[p] = 0.0
         for k in range(3 * p, 3 * p + 3):
             energy[p] = energy[p] + 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
+        if heights is not None:
+            f = untilted(T[p], f)
         f = unrotate(mat3_of(contacts[0].axes), f)
         impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
     for l in range(limits):
@@ -169,30 +177,59 @@ def contact_step(
 
 
 @inline
-def contact_gaps(bodies: Bodies, work: Work, q: Config, contacts: Record, gap: Vector) -> None:
-    """Distance of each sphere from the ground, gap (np)."""
+def contact_gaps(
+    bodies: Bodies, work: Work, q: Config, contacts: Record, heights: Record, gap: Vector, T: Array
+) -> None:
+    """Distance of each sphere from the ground, gap (np); T is scratch."""
     for i in range(1, len(bodies)):
         place_joint(bodies, i, q, work[i].X)
     put_mat3(work[0].R, mat3_of(contacts[0].axes))
     carry_axes(bodies, work)
-    write_gaps(bodies, work, contacts, gap)
+    write_gaps(bodies, work, contacts, heights, gap, T)
 
 
 @inline
-def write_gaps(bodies: Bodies, work: Work, contacts: Record, gap: Vector) -> None:
-    """gap (np), from R and o of every row."""
+def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, gap: Vector, T: Array) -> None:
+    """gap (np), from R and o of every row; over heights T too. A slope is that below the sphere's centre."""
     for p in range(contacts[0].np):
         c = contacts[1 + p]
         i = c.row
-        at = rotate(mat3_of(work[i].R), vec_of(c.p)).x
+        at = rotate(mat3_of(work[i].R), vec_of(c.p))
         while i > 0:
-            at = at + work[i].o.x
+            at = add(at, vec_of(work[i].o))
             i = bodies[i].parent
-        gap[p] = at - (contacts[0].height + c.radius)
+        if heights is None:
+            gap[p] = at.x - (contacts[0].height + c.radius)
+        else:
+            each = 1.0 / heights[0].spacing
+            x, y = (at.y - heights[0].x) * each, (at.z - heights[0].y) * each
+            level, along, across = bilinear(x, y, heights)
+            slope_axes(along * each, across * each, T[p])
+            gap[p] = (at.x - level) * T[p, 0, 0] - c.radius
 
 
 @inline
-def write_rows(bodies: Bodies, work: Work, contacts: Record, J: Matrix) -> None:
+def slope_axes(along: Scalar, across: Scalar, T: Matrix) -> None:
+    """T (3, 3), rows in the axes (z, x, y): the normal of a slope, the direction up along x, that across both."""
+    steep = 1.0 + along * along
+    a, n = 1.0 / sqrt(steep), 1.0 / sqrt(steep + across * across)
+    T[0, 0], T[0, 1], T[0, 2] = n, -along * n, -across * n
+    T[1, 0], T[1, 1], T[1, 2] = along * a, a, 0.0
+    T[2, 0], T[2, 1], T[2, 2] = across * n * a, -along * across * n * a, steep * n * a
+
+
+@inline
+def untilted(T: Matrix, f: Vec) -> Vec:
+    """Tᵀ f."""
+    return Vec(
+        T[0, 0] * f.x + T[1, 0] * f.y + T[2, 0] * f.z,
+        T[0, 1] * f.x + T[1, 1] * f.y + T[2, 1] * f.z,
+        T[0, 2] * f.x + T[1, 2] * f.y + T[2, 2] * f.z,
+    )
+
+
+@inline
+def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T: Array, J: Matrix) -> None:
     """J (3 np + nl, nv) of the lowest points, in the ground's axes, then of joints; from R and o of every row."""
     points = contacts[0].np
     for k in range(len(J)):
@@ -201,10 +238,16 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, J: Matrix) -> None:
     for p in range(points):
         c = contacts[1 + p]
         i = c.row
-        to = sub(rotate(mat3_of(work[i].R), vec_of(c.p)), Vec(c.radius, 0.0, 0.0))  # from row i's origin
+        to = rotate(mat3_of(work[i].R), vec_of(c.p))  # from row i's origin
+        if heights is None:
+            to = sub(to, Vec(c.radius, 0.0, 0.0))
+        else:
+            to = sub(to, Vec(c.radius * T[p, 0, 0], c.radius * T[p, 0, 1], c.radius * T[p, 0, 2]))
         while i > 0:
             S, R = motion_of(bodies[i].S), mat3_of(work[i].R)
             u = add(rotate(R, S.v), cross(rotate(R, S.w), to))
+            if heights is not None:
+                u = times(T[p], u)
             J[3 * p, i - 1], J[3 * p + 1, i - 1], J[3 * p + 2, i - 1] = u.x, u.y, u.z
             to = add(to, vec_of(work[i].o))
             i = bodies[i].parent
@@ -468,6 +511,7 @@ def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec) -> Scalar:
 
 
 CONTACTS_ARGUMENT = Argument("contacts", (), "", "what may touch", static=True, table=CONTACTS, sizes=("np", "nl"))
+HEIGHTS_ARGUMENT = Argument("heights", (), "", "of the ground", static=True, table=HEIGHTS)
 MU = Argument("mu", ("np",), "1", "coefficient of friction of each point")
 RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1")
 IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world's axes")
@@ -477,18 +521,23 @@ RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "by how much each poi
 ENERGY = Argument("energy", ("np+nl",), "J", "work of the impulses of each point and joint")
 _ROWS = "np+np+np+nl"
 CONTACT_STEP = Spec(
-    "contact_step", contact_step, WORK, (Q, V, TAU, DT, CONTACTS_ARGUMENT, MU, RESTITUTION),
+    "contact_step", contact_step, WORK, (Q, V, TAU, DT, CONTACTS_ARGUMENT, None, MU, RESTITUTION),
     Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact``",
     pivots=True, regroup=True,
     scratch=(
         ("nv", "nv"), (_ROWS, "nv"), (_ROWS, "nv"), (_ROWS,), (_ROWS,), ("np", 3, 3), (5, 3), ("np",), (5, 3),
-        ("nl", "nl"), ("nl", "nl"), (3, "nl"), ("nl",), ("nl",), ("nl",), ("nl",), (_ROWS,),
+        ("nl", "nl"), ("nl", "nl"), (3, "nl"), ("nl",), ("nl",), ("nl",), ("nl",), (_ROWS,), ("np", 3, 3),
     ),
     parts=(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL, ENERGY),
 )  # fmt: skip
 CONTACT_GAPS = Spec(
-    "contact_gaps", contact_gaps, PLACES, (Q, CONTACTS_ARGUMENT),
+    "contact_gaps", contact_gaps, PLACES, (Q, CONTACTS_ARGUMENT, None),
     Argument("gap", ("np",), "m", "distance from the ground, negative in it"),
-    "Distances of contact points from the ground.", "see ``recursions.contact``",
+    "Distances of contact points from the ground.", "see ``recursions.contact``", scratch=(("np", 3, 3),),
 )  # fmt: skip
+CONTACT_STEP_OVER = replace(  # over heights
+    CONTACT_STEP, name="contact_step_over",
+    inputs=(Q, V, TAU, DT, CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION),
+)  # fmt: skip
+CONTACT_GAPS_OVER = replace(CONTACT_GAPS, name="contact_gaps_over", inputs=(Q, CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT))

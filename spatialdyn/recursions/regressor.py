@@ -5,7 +5,8 @@ Every result here is linear in them: a row of ten numbers that pair with (m, h, 
 entry off the diagonal stands for both of Ī's. To project a body's force on a joint far towards the root, the joint's S
 is brought to the body: one motion, in place of ten forces brought to the joint.
 
-Armatures are no parameters of a body: τ = Y π + armature a, T = Y π + ½ armature v².
+Armatures and rotors are no parameters of a body: τ = Y π + armature a, T = Y π + ½ armature v², and of a rotor what
+``rotors`` adds.
 """
 
 from __future__ import annotations
@@ -223,7 +224,8 @@ SPECS = (
             "Y", ("nv", "njoints", 10), "N m | N per kg, kg m, kg m²",
             f"torque per inertial parameter of each joint's body ({_TEN})",
         ),
-        "Regressor Y of inverse dynamics: rnea is Σ Y π + armature a, with π of inertial_parameters.", _SOURCE,
+        "Regressor Y of inverse dynamics: rnea is Σ Y π + armature a, with π of inertial_parameters; rotors have "
+        "terms of their own.", _SOURCE,
     ),
     Spec(
         "body_regressor", body_regressor, WORK_POSE, (Q, V, A, ROW, PLACEMENT),

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 from ..algebra.scalars import select
 from ..calls.arguments import as_flag
 from ..calls.dynamics import calls
-from ..constraints.contact_dynamics import contact_gaps
+from ..constraints.contact_dynamics import contact_gaps, step_spec
 from ..constraints.contact_points import Contacts, check_contacts
 from ..engines import run
 from ..engines.compiled import numba_kernels
+from ..engines.programs.recording import MOST_TABLE
 from ..engines.programs.tracer import scratch
 from ..errors import ModelError, SimulationError
 from ..model.model import Model
-from ..recursions.contact import CONTACT_STEP, CONTACTS_ARGUMENT, MU, RESTITUTION, WORK, contact_step
+from ..recursions.contact import CONTACT_STEP, CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION, WORK, contact_step
 from ..recursions.spec import Argument, shape_in
 from . import explicit, ledger
 from .contact_record import ContactRecord
@@ -67,13 +68,18 @@ class Touching:
 
     @property
     def arguments(self) -> tuple[Argument, ...]:
-        """That state, and the inputs that a step takes last, the table first."""
-        return (self.own, CONTACTS_ARGUMENT, *((MU, RESTITUTION) if len(self.contacts) else ()))
+        """That state, and the inputs that a step takes last, the tables first."""
+        return (self.own, *(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.contacts.tables)], *self.inputs)
+
+    @property
+    def inputs(self) -> tuple[Argument, ...]:
+        """The inputs that are no tables."""
+        return (MU, RESTITUTION) if len(self.contacts) else ()
 
     @property
     def values(self) -> tuple[Array, ...]:
-        """(np,) of the inputs that are no table."""
-        return (self.contacts.friction, self.contacts.restitution)[: len(self.arguments) - 2]
+        """(np,) of each."""
+        return (self.contacts.friction, self.contacts.restitution)[: len(self.inputs)]
 
     def record(self, q: Array, own: Array) -> ContactRecord:
         """What was recorded: positions (..., nq), and the state of its own (..., width)."""
@@ -139,7 +145,13 @@ def _check_start(model: Model, contacts: Contacts, q: Array) -> None:
 
 
 def check_few(found: Touching | None) -> None:
-    """Raise ModelError if there are more points than a rollout takes."""
+    """Raise ModelError if there are more points, or heights, than a rollout takes."""
+    heights = 0 if found is None else sum(len(x.rows) - 1 for x in found.contacts.tables[1:])
+    if heights > MOST_TABLE:
+        raise ModelError(
+            f"terrain has {heights} heights, expected at most {MOST_TABLE} in a rollout; simulate and contact_step "
+            "take more"
+        )
     if found is not None and len(found.contacts) > MOST_POINTS:
         raise ModelError(
             f"contacts have {len(found.contacts)} points, expected at most {MOST_POINTS} in a rollout; simulate and "
@@ -172,7 +184,8 @@ def traced_step(own: Argument, rows: Any, given: dict[str, Any], tau: Any, rubbe
     made = [np.full(shape, 0.0, object) for shape in shapes]
     mu, restitution = (given.get(x.name, np.zeros(0, object)) for x in (MU, RESTITUTION))
     whole = tau if rubbed is None else tau + rubbed
-    contact_step(rows, scratch(WORK, n + 1), q, v, whole, given["dt"], contacts, mu, restitution, *made)
+    heights = given.get(HEIGHTS_ARGUMENT.name)
+    contact_step(rows, scratch(WORK, n + 1), q, v, whole, given["dt"], contacts, heights, mu, restitution, *made)
     after, impulse, _, stop, residual, work = made[:6]
     now, which = residual[0], 0.0
     for k, x in enumerate(residual[1:], 1):
@@ -211,8 +224,8 @@ def by_kernels(found: Touching, own: Array, fext: Array | None, rubs: Rubbing | 
 def solver(found: Touching, fext: Array | None, rubs: Rubbing | None) -> Callable[..., tuple[Array, Any, Any]]:
     """``(system, t, h, state, own) -> v⁺, states after by name, forces that do work``, as ``traced_step``."""
     contacts, model = found.contacts, found.contacts.model
-    kernel = numba_kernels.sample_kernel(CONTACT_STEP)
-    table, k, stops = getattr(contacts.table, run.STATIC), len(contacts), contacts.table.sizes["nl"]
+    kernel = numba_kernels.sample_kernel(step_spec(contacts))
+    tables, k, stops = [getattr(x, run.STATIC) for x in contacts.tables], len(contacts), contacts.table.sizes["nl"]
     resist = None if rubs is None else smooth_kernel(rubs)
     ends = np.cumsum([model.nv, 3 * k, k, stops, k + stops])
 
@@ -227,7 +240,7 @@ def solver(found: Touching, fext: Array | None, rubs: Rubbing | None) -> Callabl
                 model, q, fext
             )
             tau = tau + forces[ledger.EXTERNAL.name]
-        given = (state.q, state.w, tau, h, table, contacts.friction, contacts.restitution)
+        given = (state.q, state.w, tau, h, *tables, contacts.friction, contacts.restitution)
         set_status(system, kernel(system.table, *given, out), t)
         after, impulse, _, stop, residual, work = np.split(out, ends)
         now = own[found.own.name].copy()

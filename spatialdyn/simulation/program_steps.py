@@ -56,10 +56,11 @@ def program(
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
+    static: tuple[Any, ...]
     equations, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     way, coefficients = (found.way, found.inputs) if found else (None, ())
     if touch is not None:
-        static = (touch.contacts.table,)
+        static = touch.contacts.tables
     spec, values = None, {}
     if control is not None:
         spec, static = control.spec, (*static, *control.static)

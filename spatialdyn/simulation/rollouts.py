@@ -246,8 +246,8 @@ def rollout(
     extra: tuple[Argument, ...] = ()
     tables: tuple[Any, ...] = ()
     if touch is not None:
-        extra, tables = touch.arguments, (touch.contacts.table,)
-        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(extra[2:], touch.values, strict=True)}
+        extra, tables = touch.arguments, touch.contacts.tables
+        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.inputs, touch.values, strict=True)}
     if control is not None:
         inputs |= {name: StepInput(x) for name, x in control.rows(model, B, T).items()}
     own = carried_by(found.way if found else None, None if control is None else control.spec, (), extra)
@@ -405,12 +405,13 @@ def _run(
     control: Control | None = None,
     touch: Touching | None = None,
 ) -> None:
+    static: tuple[Any, ...]
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())))
     kind += (None, False) if control is None else (control.spec, control.held)
     extra: tuple[Argument, ...] = ()
     if touch is not None:
-        extra, static = touch.arguments, (touch.contacts.table,)
+        extra, static = touch.arguments, touch.contacts.tables
     static += () if control is None else control.static
     specs, given = step_specs(*kind, (), extra), list(inputs.values())
     kind += (extra,)

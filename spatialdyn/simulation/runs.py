@@ -265,7 +265,7 @@ class Effects(NamedTuple):
         """Static tables that give sizes of states."""
         return (
             *(() if self.held is None else (self.held.constraints.table,)),
-            *(() if self.touch is None else (self.touch.contacts.table,)),
+            *(() if self.touch is None else self.touch.contacts.tables),
             *(() if self.control is None else self.control.static),
         )
 

@@ -11,7 +11,10 @@ from plain import EXACT, close, plainly, states
 from trees import random_inertia, random_placement, random_unit
 
 import spatialdyn as sd
+from spatialdyn.accuracy.call_errors import TASK_CALLS, calls_of
 from spatialdyn.calls.dynamics import calls, table_call
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs.recording import record
 from spatialdyn.recursions import SPECS
 
@@ -179,6 +182,9 @@ def test_models_keep_their_transmissions() -> None:
     q = np.insert(x["q"], model.joint("pitch").idx_q, 0.2, axis=1)
     keep = [k for k in range(6) if k != model.joint("pitch").idx_v]
     close(plainly(locked, "crba", x), plainly(model, "crba", {"q": q})[np.ix_(keep, keep)])
+    behind = model.subtree("pitch_link")
+    assert behind.nv == 2
+    assert not behind.bodies["coupled"].any()
     smaller, _ = sd.simplify(model, drop="armature")
     assert not smaller.armature.any()
 
@@ -195,6 +201,13 @@ def test_motors_of_joints_that_are_apart_are_refused_by_name() -> None:
     with pytest.raises(sd.ModelError, match="expected none for aba_square_root"):
         sd.aba_square_root(model.with_(transmissions=[WRIST]), np.zeros(6), np.zeros(6), np.zeros(6))
     geared = model.with_(transmissions=[WRIST])
+    a, table = np.ones(6), getattr(geared, numba_kernels.TABLE)
+    kernel = numba_kernels.sample_kernel(variant(SPECS["aba_square_root"], frozenset()))
+    kernel(table, np.zeros(6), np.zeros(6), np.ones(6), a)
+    assert [x for x in TASK_CALLS["forward_dynamics"] if x not in calls_of(geared, "forward_dynamics")] == [
+        "aba_square_root"
+    ]
+    assert not np.isfinite(a).all()  # no wrong number either where a caller has the kernel itself
     for change in ({"armature": {"roll": 0.1}}, {"rotors": {"pitch": None}}):
         with pytest.raises(sd.ModelError, match="shares motors with another"):
             geared.with_(**change)

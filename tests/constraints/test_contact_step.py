@@ -14,9 +14,12 @@ from grounded import DT, G, box, jacobian, mass, off_the_law, quadruped, stance
 from trees import random_state, random_tree
 
 import spatialdyn as sd
+from spatialdyn.algebra.heights import bilinear, by_weights
 from spatialdyn.engines import run
 from spatialdyn.engines.programs import recording
-from spatialdyn.recursions.contact import CONTACT_GAPS, CONTACT_STEP
+from spatialdyn.engines.programs.program import Program
+from spatialdyn.engines.programs.tracer import Tape, table
+from spatialdyn.recursions.contact import CONTACT_GAPS, CONTACT_STEP, CONTACT_STEP_OVER
 
 EPS = float(np.finfo(float).eps)
 SAME = 1e3 * EPS  # of a step of order 1: its sums in another order
@@ -229,6 +232,93 @@ def test_a_planar_robot_has_points_that_cannot_leave_their_plane() -> None:
     assert np.isfinite(rests.impulse).all()
 
 
+# --- ground of heights ----------------------------------------------------------------------------------
+
+
+def bilinear_by_hand(z: Array, x: float, y: float) -> tuple[float, float, float]:
+    """Of heights at whole numbers, and level beyond."""
+    nx, ny = z.shape
+    i, j = int(np.clip(np.floor(x), 0, nx - 2)), int(np.clip(np.floor(y), 0, ny - 2))
+    s, t = np.clip(x - i, 0, 1), np.clip(y - j, 0, 1)
+    (a, b), (c, d) = z[i : i + 2, j : j + 2]
+    level = (1 - s) * (1 - t) * a + (1 - s) * t * b + s * (1 - t) * c + s * t * d
+    along = ((1 - t) * (c - a) + t * (d - b)) * (0 <= x < nx - 1)
+    across = ((1 - s) * (b - a) + s * (d - c)) * (0 <= y < ny - 1)
+    return float(level), float(along), float(across)
+
+
+def test_heights_between_four_are_bilinear_in_every_engine() -> None:
+    rng = np.random.default_rng(0)
+    z = rng.normal(size=(5, 7))
+    ground = sd.Heightfield(z, 1.0)
+    x, y = rng.uniform(-1.5, 5.5, 200), rng.uniform(-1.5, 7.5, 200)
+    x[:5], y[:5] = [0.5, 3.999, 4.001, 2.0, -0.001], [0.001, 5.999, 3.0, 6.001, 2.5]
+    tape = Tape()
+    made = by_weights(tape.input(0), tape.input(1), table(ground.table.rows))
+    recorded = np.array(Program(tape, made, 2).run([x, y])).T
+    for k in range(200):
+        wanted = bilinear_by_hand(z, x[k], y[k])
+        assert bilinear(x[k], y[k], ground.table.rows) == pytest.approx(wanted, abs=1e-13)
+        assert recorded[k] == pytest.approx(wanted, abs=1e-13)
+    assert np.isnan(bilinear(math.nan, 1.0, ground.table.rows)).all()
+
+
+def test_heights_on_a_plane_are_that_plane() -> None:
+    model, feet = quadruped()
+    x = 0.5 * np.arange(9) - 2.0
+    heights = sd.Heightfield(0.2 * x[:, None] + 0.1 * x, 0.5, (-2.0, -2.0))
+    over, on = (
+        sd.Contacts(model, feet, terrain=ground, sweeps=30) for ground in (heights, sd.Plane((-0.2, -0.1, 1.0)))
+    )
+    q, v, tau = states(model, sd.Contacts(model, feet), 8, 3)
+    q[:, 2] -= sd.contact_gaps(model, on, q).min(axis=1)
+    found, wanted = (sd.contact_step(model, x, q, v, tau, DT) for x in (over, on))
+    for a, b in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-9)
+    assert (wanted.impulse != 0.0).any()
+
+
+def test_a_point_over_heights_feels_the_slope_below_it() -> None:
+    """As on a plane of that normal; its impulse is in the cone about it."""
+    model, rng = mass(), np.random.default_rng(4)
+    z = 0.3 * rng.normal(size=(6, 5))
+    ground = sd.Heightfield(z, 0.25, (-0.5, 0.25))
+    for _ in range(20):
+        at = rng.uniform(-0.4, 0.6), rng.uniform(0.3, 1.2)
+        level, along, across = bilinear_by_hand(z, (at[0] + 0.5) / 0.25, (at[1] - 0.25) / 0.25)
+        normal = np.array([-along / 0.25, -across / 0.25, 1.0])
+        q, v = np.array([*at, level]), rng.normal(size=3)
+        plane = sd.Plane(normal, float(normal @ q) / float(np.linalg.norm(normal)))
+        found, wanted = (
+            sd.contact_step(model, sd.Contacts(model, {"z": 0.0}, 0.4, terrain=x), q, v, np.zeros(3), DT)
+            for x in (ground, plane)
+        )
+        np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(found.impulse, wanted.impulse, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.slow(quick="test_heights_on_a_plane_are_that_plane")
+def test_more_heights_than_a_program_holds_are_read_by_the_table_kernel() -> None:
+    model, feet = quadruped()
+    x = 0.05 * np.arange(81) - 2.0
+    heights = sd.Heightfield(0.2 * x[:, None] + 0.1 * x, 0.05, (-2.0, -2.0))
+    assert not recording.fits(
+        (CONTACT_STEP_OVER,), model.bodies, static=sd.Contacts(model, feet, terrain=heights).tables
+    )
+    over, on = (sd.Contacts(model, feet, terrain=ground) for ground in (heights, sd.Plane((-0.2, -0.1, 1.0))))
+    q, v, tau = states(model, sd.Contacts(model, feet), 8, 3)
+    q[:, 2] -= sd.contact_gaps(model, on, q).min(axis=1)
+    found, wanted = (sd.contact_step(model, x, q, v, tau, DT) for x in (over, on))
+    np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e-9)
+    q[0, 2] += 1e-3  # gaps are measured along the normal
+    kept: dict[str, Any] = dict(record_contacts=True)
+    runs = [
+        sd.simulate(model, q[0], np.zeros(18), 5 * DT, DT, "semi_implicit_euler", contacts=c, **kept)
+        for c in (over, on)
+    ]
+    np.testing.assert_allclose(runs[0].v, runs[1].v, rtol=0.0, atol=1e-9)
+
+
 # --- joint limits ---------------------------------------------------------------------------------------
 
 
@@ -284,7 +374,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     python = np.empty(width)
     sizes = {"nv": model.nv, **contacts.table.sizes}
     scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
-    given = (q[3], v[3], tau[3], DT, contacts.table.rows, contacts.friction, contacts.restitution)
+    given = (q[3], v[3], tau[3], DT, contacts.table.rows, None, contacts.friction, contacts.restitution)
     work = np.zeros(model.nv + 1, spec.work)
     spec.recursion(model.bodies, work, *given, *spec.split(python, sizes), *scratch)
     np.testing.assert_allclose(python, program[3], rtol=0.0, atol=1e4 * SAME)
@@ -355,7 +445,7 @@ def test_a_program_does_not_move_the_bodies_on_which_points_are_given(monkeypatc
         ({"friction": -1.0}, sd.ConstraintError, "friction is -1.0, expected a finite number of 0 or more"),
         ({"friction": math.inf}, sd.ConstraintError, "friction is inf, expected a finite number"),
         ({"friction": {"rf_foot": 0.5}}, sd.ConstraintError, "friction has points rf_foot, expected those of points"),
-        ({"terrain": 3}, sd.ConstraintError, "terrain is 3, expected a Plane"),
+        ({"terrain": 3}, sd.ConstraintError, "terrain is 3, expected a Plane or a Heightfield"),
         ({"sweeps": 0}, sd.ConstraintError, "sweeps is 0, expected a whole number of 1 to 100"),
         ({"limits": 1}, sd.SpatialDynError, "limits is 1, expected True or False"),
     ],
@@ -370,6 +460,20 @@ def test_planes_are_checked() -> None:
     for given, words in (({"normal": (0, 0, 0)}, "Plane has normal"), ({"height": math.nan}, "Plane has height")):
         with pytest.raises(sd.ConstraintError, match=words):
             sd.Plane(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((np.zeros((1, 4)), 0.1), r"z of shape \(1, 4\), expected \(nx, ny\) of 2 or more each"),
+        ((np.full((2, 2), math.nan), 0.1), "heights that are not finite"),
+        ((np.zeros((2, 2)), 0.0), "spacing 0.0, expected a finite number above 0"),
+        ((np.zeros((2, 2)), 0.1, (0.0, math.inf)), "origin .*, expected two finite numbers"),
+    ],
+)
+def test_heights_are_checked(given: Any, words: str) -> None:
+    with pytest.raises(sd.ConstraintError, match=words):
+        sd.Heightfield(*given)
 
 
 def test_a_point_that_does_not_move_is_no_contact() -> None:
@@ -406,6 +510,11 @@ def test_contacts_are_values() -> None:
     assert pickle.loads(pickle.dumps(contacts)) == contacts
     assert contacts != sd.Contacts(model, feet, friction=0.5)
     assert contacts != sd.Contacts(model, feet, 0.4, terrain=sd.Plane(height=1.0))
+    rough = sd.Contacts(model, feet, terrain=sd.Heightfield(np.zeros((2, 3)), 0.1))
+    assert pickle.loads(pickle.dumps(rough)) == rough != sd.Contacts(model, feet)
+    assert rough != sd.Contacts(model, feet, terrain=sd.Heightfield(np.ones((2, 3)), 0.1))
+    with pytest.raises(AttributeError, match="a Heightfield is immutable"):
+        rough.terrain.z = None
     assert contacts.with_limits().limits
     assert len(contacts) == 4
     with pytest.raises(AttributeError, match="Contacts are immutable"):

@@ -320,6 +320,22 @@ def test_the_armature_alone_is_off_by_one_over_n() -> None:
 # --- models -------------------------------------------------------------------------------------------------------
 
 
+def test_regressors_are_those_of_the_bodies_alone() -> None:
+    """Y π is the torque of a robot whose rotors do not turn, as it is without armatures."""
+    geared = leg(along=False)
+    bare, x = geared.with_(rotors={j: None for j in geared.names[2:]}), states(geared)
+    Y, pi = plainly(geared, "joint_torque_regressor", x), plainly(geared, "inertial_parameters", x)
+    close((Y * pi).sum((1, 2)), plainly(bare, "rnea", x))
+    Y = plainly(geared, "kinetic_energy_regressor", x)
+    close((Y * pi).sum(), plainly(bare, "kinetic_energy", x))
+
+
+def test_a_rotor_with_more_inertia_than_its_link_is_found_by_the_joints_name() -> None:
+    """The link before the joint is to hold the rotor's own inertia: without it M is indefinite."""
+    with pytest.raises(sd.InertiaError, match='joint "lower_joint"'):
+        sd.aba(turntable(1.0, 1.0), [0.0, 0.0], [0.0, 0.0], [1.0, 0.0])
+
+
 def test_models_keep_their_rotors() -> None:
     model, _ = pair(1)
     again = pickle.loads(pickle.dumps(model))

@@ -153,6 +153,23 @@ def test_impulses_are_what_the_momentum_changes_by(robot: Any) -> None:
     np.testing.assert_allclose(run.contacts.gap, sd.contact_gaps(model, contacts, run.q), rtol=0.0, atol=0.0)
 
 
+@compiled
+def test_a_quadruped_lands_on_rough_ground_on_lanes(robot: Any) -> None:
+    model, contacts, q0 = robot
+    ground = sd.Heightfield(0.02 * np.random.default_rng(0).normal(size=(8, 8)), 0.4, (-1.6, -1.6))
+    rough = sd.Contacts(model, dict.fromkeys(contacts.names, 0.02), terrain=ground)
+    q = q0.copy()
+    q[2] += 0.03 - sd.contact_gaps(model, rough, q0).min()
+    kept: dict[str, Any] = dict(contacts=rough, record_contacts=True)
+    run = sd.rollout(model, q, np.zeros(18), dt=DT, steps=800, pd=hold(model, q0), **kept)
+    assert run.contacts.impulse[-1, :, 2].sum() / DT == pytest.approx(sd.total_mass(model) * G, rel=0.05)
+    assert abs(run.contacts.gap[-1]).max() <= 1e-4
+    assert np.percentile(run.contacts.residual, 95) <= 1e-4
+    one = sd.simulate(model, q, np.zeros(18), 0.02, DT, STEPPED, **kept)
+    lanes = sd.rollout(model, q, np.zeros(18), dt=DT, steps=20, **kept)
+    np.testing.assert_allclose(one.v[1:], lanes.v, rtol=0.0, atol=1e-12)
+
+
 # --- joint limits ---------------------------------------------------------------------------------------
 
 
@@ -457,6 +474,15 @@ def test_more_than_twelve_points_run_but_not_on_lanes() -> None:
     run = sd.simulate(model, q0, np.zeros(6), 5 * DT, DT, STEPPED, contacts=contacts, record_contacts=True)
     assert run.contacts is not None
     assert run.contacts.impulse[-1, :, 2].sum() / DT == pytest.approx(3.0 * G, rel=1e-2)
+
+
+def test_more_heights_than_lanes_take_are_refused_by_rollout(robot: Any) -> None:
+    model, contacts, q0 = robot
+    ground = sd.Heightfield(np.zeros((64, 64)), 0.1, (-3.2, -3.2))
+    wide = sd.Contacts(model, dict.fromkeys(contacts.names, 0.02), terrain=ground)
+    q0 = q0 + np.eye(19)[2]  # above it
+    with pytest.raises(sd.ModelError, match="terrain has 4096 heights, expected at most 2048 in a rollout"):
+        sd.rollout(model, q0, np.zeros(18), dt=DT, steps=2, contacts=wide)
 
 
 def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,6 +37,7 @@ from .tracer import Number, Tape, evaluate, table
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
 MOST_PRODUCT = 12  # freedoms of an inverse M whose residual M M⁻¹ - 1 bounds it: n³ products
+MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 POSITION = "rad | m"  # unit of the inputs that are positions
 
@@ -334,4 +335,5 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
     short &= all(n <= MOST_EQUATIONS for x in static if isinstance(x, StaticTable) for n in x.sizes.values())
+    short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
     return short and all(spec.traceable for spec in specs)

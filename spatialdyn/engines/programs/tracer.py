@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import scalars
+from ...algebra import heights, scalars
 from ...recursions.spec import Spec, sizes_of
 from .constants import error_of
 from .operations import (
@@ -211,6 +211,7 @@ scalars.sqrt.register(Number)(_sqrt)
 scalars.exp.register(Number)(_exp)
 scalars.atan2.register(Number)(_atan2)
 scalars.select.register(Number)(_select)
+heights.bilinear.register(Number)(heights.by_weights)
 
 
 # --- tables of plain objects --------------------------------------------------------------------------------
