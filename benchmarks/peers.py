@@ -116,8 +116,11 @@ def expected(case: Case, call: str) -> Array:
 # --- MuJoCo ----------------------------------------------------------------------------------------------
 
 
-def mujoco_model(theirs: Any) -> Any:
-    """A MuJoCo model of a Pinocchio model: same joints in the same order, no contact, no damping."""
+def mujoco_model(theirs: Any, more: Callable[[ET.Element, list[ET.Element]], None] | None = None) -> Any:
+    """A MuJoCo model of a Pinocchio model: same joints in the same order, no contact, no damping.
+
+    more  takes the text's root, and the element of each joint's body, the world's first, and adds to them
+    """
     import mujoco
 
     world = ET.Element("mujoco", model="peer")
@@ -131,6 +134,8 @@ def mujoco_model(theirs: Any) -> Any:
         ET.SubElement(body, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")  # the true one is set below
         _mujoco_joint(body, theirs.joints[i])
         elements.append(body)
+    if more is not None:
+        more(world, elements)
     model = mujoco.MjModel.from_xml_string(ET.tostring(world, encoding="unicode"))
     for i in range(1, theirs.njoints):  # as they are: MuJoCo's compiler rejects inertias that are not physical
         I = theirs.inertias[i]

@@ -48,12 +48,15 @@ if TYPE_CHECKING:
     from .actuation.motors import Motor, torque_limits
     from .actuation.springs import spring_energy, spring_torque
     from .actuation.transmissions import to_actuators, to_joints
+    from .calls.bounded import bounded
     from .calls.dynamics import *
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
     from .calls.prepare import compile
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
+    from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
+    from .constraints.contact_points import Contacts, Heightfield, Plane
     from .constraints.derivatives import ConstrainedDerivatives, constrained_dynamics_derivatives
     from .constraints.dynamics import (
         ConstrainedImpact,
@@ -92,6 +95,7 @@ if TYPE_CHECKING:
     from .model.transmission import Transmission
     from .pictures.comparison_plots import plot
     from .pictures.scene import view
+    from .simulation.contact_record import ContactRecord
     from .simulation.control_laws import Control
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
@@ -105,20 +109,21 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
-    "ConstrainedMotion", "ConstraintError", "Constraints", "Control", "CouplerConstraint", "Diagnosis",
-    "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction", "HingeConstraint", "Impact",
-    "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option",
-    "PD", "PointConstraint", "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "ShapeError",
-    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff",
-    "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
-    "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
-    "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift", "constraint_error",
-    "constraint_jacobian", "delassus", "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor",
-    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
-    "project_configuration", "project_velocity", "random_configuration", "read_transmissions", "recommend", "rollout",
-    "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step", "to_actuators", "to_drake",
-    "to_joints", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
+    "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
+    "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
+    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot",
+    "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
+    "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger",
+    "exact", "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
+    "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "load_urdf",
+    "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity", "random_configuration",
+    "read_transmissions", "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy",
+    "spring_torque", "step", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -127,10 +132,12 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_regressor friction_torque",
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
     "actuation.transmissions": "to_actuators to_joints",
-    "calls.exact": "Exact exact",
+    "calls.bounded": "bounded", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
+    "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",
+    "constraints.contact_points": "Contacts Heightfield Plane",
     "constraints.derivatives": "ConstrainedDerivatives constrained_dynamics_derivatives",
     "constraints.dynamics": "ConstrainedImpact ConstrainedMotion constraint_drift constraint_error constraint_jacobian "
     "delassus",
@@ -145,7 +152,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
-    "simulation.control_laws": "Control", "simulation.ledger": "EnergyLedger energy_ledger",
+    "simulation.contact_record": "ContactRecord", "simulation.control_laws": "Control",
+    "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
     "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",

@@ -122,7 +122,8 @@ def _raise_unit_norm(model: Model, name: str, q: Array, where: str) -> None:
 def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[Any, ...]) -> int | None:
     """The outermost row whose articulated inertia is <= n eps of its composite inertia, in one sample."""
     n = len(model.bodies) - 1
-    values = dict(zip((x.name for x in spec.present if not x.static), sample, strict=True))
+    varying = [x for x in spec.present if not x.static]
+    values: dict[str, Any] = {x.name: y if x.shape else y.item() for x, y in zip(varying, sample, strict=True)}
     known = (x.rows if isinstance(x, StaticTable) else x for x in static)
     values |= dict(zip((x.name for x in spec.present if x.static), known, strict=True))
     inputs = [None if x is None else values[x.name] for x in spec.inputs]

@@ -26,7 +26,7 @@ from ..model.model import Frame, Model
 from ..model.robot import masked
 from . import specialize_fallback
 from .arguments import as_array, broadcast, empty, flatten_batch
-from .specialize_request import Input, Names, SpecializeRequest, read_request, shape_text
+from .specialize_request import Array, Names, SpecializeRequest, read_request
 
 
 def specialize(
@@ -80,8 +80,15 @@ def specialize(
     constants = {} if fixed is None else fixed
     request = read_request(model, calls, dtype, constants, inputs, outputs, frame, reference, classical, constraints)
     arguments = (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
+    return of_request(request, specialize, arguments)
+
+
+def of_request(
+    request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
+) -> Specialized:
+    """The program of a request that a public function read from its arguments, by which it is pickled."""
     own_class = type(Specialized.__name__, (Specialized,), {"__module__": __name__})  # see Specialized._compile_single
-    made: Specialized = own_class(request, arguments)
+    made: Specialized = own_class(request, maker, arguments)
     return made
 
 
@@ -111,11 +118,13 @@ class Specialized:
         the errors of the public calls for values
     """
 
-    def __init__(self, request: SpecializeRequest, arguments: tuple[Any, ...]) -> None:
-        """Record and compile the program of a request."""
-        self._request, self._arguments = request, arguments
-        self._inputs, self._shapes = request.inputs(), request.shapes()
-        self._shape = self._shapes[0]
+    def __init__(
+        self, request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
+    ) -> None:
+        """Record and compile the program of a request. ``maker(*arguments)`` makes it again."""
+        self._request, self._made_by = request, (maker, arguments)
+        self._inputs, self._results = request.inputs(), request.results()
+        self._shapes = [x.shape for x in self._results]
         narrow_only = request.dtype == np.float32
         self._driving = {x.name for x in request.arguments if narrow_only and x.unit != recording.POSITION}
         self.compile_seconds = 0.0
@@ -146,10 +155,7 @@ class Specialized:
         """Inputs and results with the shapes of one sample."""
         request = self._request
         given = ", ".join(f"{x.name} {x.shape_text}" for x in self._inputs)
-        results = []
-        for spec, shape in zip(request.specs, self._shapes, strict=True):
-            axes = spec.output.shape if request.output_places is None else shape
-            results.append(f"{spec.output.name} {shape_text(axes)}")
+        results = [f"{x.name} {x.shape_text}" for x in self._results]
         return f"({given}) -> " + (f"({', '.join(results)})" if request.several else results[0])
 
     @cached_property
@@ -208,8 +214,8 @@ class Specialized:
         }
         if name in inputs:
             raise SpatialDynError(f"name is {name!r}, expected none of its arguments: {', '.join(inputs)}")
-        outputs = {spec.output.name: shape for spec, shape in zip(specs, self._shapes, strict=True)}
-        if len(outputs) < len(specs) or {name, *inputs} & set(outputs):
+        outputs = {x.name: x.shape for x in self._results}
+        if len(outputs) < len(self._results) or {name, *inputs} & set(outputs):
             outputs = {f"out_{k}": shape for k, shape in enumerate(self._shapes, start=1)}
         program = self.program.only(at for part in places for at in part)
         return PRINTERS[language](name, program, inputs, outputs)
@@ -224,7 +230,7 @@ class Specialized:
         return f'<Specialized {names} of "{self.model.name}": {self.signature}, {self.dtype}, {self.engine}>'
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return specialize, self._arguments
+        return self._made_by
 
     def __call__(self, *arrays: ArrayLike, out: Any = None) -> Any:
         """Replaced in this object's own class by a builtin at the first single sample."""
@@ -338,7 +344,7 @@ class Specialized:
         return tuple(outs)
 
 
-def _lead(wanted: Input, x: NDArray[Any]) -> tuple[int, ...]:
+def _lead(wanted: Array, x: NDArray[Any]) -> tuple[int, ...]:
     """Leading axes of an input. Raises ShapeError if the last axes are not the shape of one sample."""
     rank = len(wanted.shape)
     if x.ndim < rank or x.shape[x.ndim - rank :] != wanted.shape:

@@ -16,12 +16,12 @@ from ..engines.programs import parameters
 from ..model.model import Model
 from .arguments import full_shape
 from .failures import raise_failures
-from .specialize_request import Input, SpecializeRequest
+from .specialize_request import Array, SpecializeRequest
 
 
 def compute(
     request: SpecializeRequest,
-    inputs: Sequence[Input],
+    inputs: Sequence[Array],
     rows: list[NDArray[Any]],
     results: list[NDArray[Any]],
     batch: tuple[int, ...],
@@ -74,8 +74,10 @@ def _by_table(
     samples: NDArray[np.intp],
     seen: bool,
 ) -> None:
-    """Samples of one model with full inputs, call by call."""
-    for k, (spec, result) in enumerate(zip(request.specs, results, strict=True)):
+    """Samples of one model with full inputs, call by call; a bound is infinite."""
+    for result in results[len(request.specs) :]:
+        result[samples] = np.inf
+    for k, (spec, result) in enumerate(zip(request.specs, results, strict=not request.bounds)):
         inputs = [full[x.name] for x in spec.present if not x.static]
         static = tuple(request.static[x.name] for x in spec.present if x.static)
         columns = None if request.output_places is None else request.output_places[k].ravel()

@@ -27,8 +27,8 @@ Names = str | Sequence[str] | Mapping[str, str | Sequence[str] | None]
 EXTRA_INPUTS = "fext, rate, gravity, armature, payload, payload:FRAME, mass:JOINT, com:JOINT or inertia:JOINT"
 
 
-class Input(NamedTuple):
-    """An input of a Specialized: its name, the shape of one sample, and that shape in symbols."""
+class Array(NamedTuple):
+    """An input or a result of a Specialized: its name, the shape of one sample, and that shape in symbols."""
 
     name: str
     shape: tuple[int, ...]
@@ -40,6 +40,7 @@ class SpecializeRequest(NamedTuple):
 
     constants      name -> flat values, NaN where the entry stays an input
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
+    bounds         whether a result is followed by a bound on its error; of one call
     """
 
     model: Model
@@ -52,40 +53,47 @@ class SpecializeRequest(NamedTuple):
     parameter_names: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     output_places: tuple[NDArray[np.intp], ...] | None
+    bounds: bool = False
 
     @property
     def options(self) -> recording.ProgramOptions:
         """The part of the request that the engines read."""
         fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
         places = () if self.output_places is None else tuple(tuple(x.ravel().tolist()) for x in self.output_places)
-        return recording.ProgramOptions(fixed, self.parameters, places, self.dtype == np.float32)
+        return recording.ProgramOptions(fixed, self.parameters, places, self.dtype == np.float32, bounds=self.bounds)
 
     @property
     def tables(self) -> tuple[Any, ...]:
         """The values of static inputs, of which tables have sizes."""
         return tuple(self.static.values())
 
-    def inputs(self) -> list[Input]:
+    def inputs(self) -> list[Array]:
         """The remaining inputs, in order."""
         left = []
         for x in self.arguments:
             core = core_shape(self.model, x, self.tables)
             if x.name not in self.constants:
-                left.append(Input(x.name, core, shape_text(x.shape)))
+                left.append(Array(x.name, core, shape_text(x.shape)))
                 continue
             count = int(np.isnan(self.constants[x.name]).sum())
             if count:
                 core = (count // math.prod(core[1:]), *core[1:])
-                left.append(Input(x.name, core, shape_text(core)))
+                left.append(Array(x.name, core, shape_text(core)))
         for name, p in zip(self.parameter_names, self.parameters, strict=True):
-            left.append(Input(name, parameters.shape(p, self.model.nv), shape_text(parameters.SHAPES[p.kind])))
+            left.append(Array(name, parameters.shape(p, self.model.nv), shape_text(parameters.SHAPES[p.kind])))
         return left
 
-    def shapes(self) -> list[tuple[int, ...]]:
-        """Shape of one sample of each result."""
-        if self.output_places is None:
-            return [core_shape(self.model, spec.output, self.tables) for spec in self.specs]
-        return [x.shape for x in self.output_places]
+    def results(self) -> list[Array]:
+        """The results, in order."""
+        found = []
+        for k, spec in enumerate(self.specs):
+            if self.output_places is None:
+                shape, text = core_shape(self.model, spec.output, self.tables), shape_text(spec.output.shape)
+            else:
+                shape = self.output_places[k].shape
+                text = shape_text(shape)
+            found.append(Array(spec.output.name, shape, text))
+        return [*found, *(x._replace(name="bound") for x in found if self.bounds)]
 
 
 def shape_text(shape: Sequence[str | int]) -> str:
@@ -104,8 +112,9 @@ def read_request(
     reference: str,
     classical: bool,
     constraints: Any,
+    bounds: bool = False,
 ) -> SpecializeRequest:
-    """The request of ``specialize``'s arguments. Raises as ``specialize``."""
+    """The request of ``specialize``'s arguments, or of ``bounded``'s. Raises as they do."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
     specs = specs_of(calls)
@@ -121,7 +130,7 @@ def read_request(
     return SpecializeRequest(
         model=model,
         specs=specs,
-        several=not callable(calls),
+        several=bounds or not callable(calls),
         dtype=_dtype(dtype),
         arguments=tuple(x for x in given.values() if not x.static),
         static=values,
@@ -129,6 +138,7 @@ def read_request(
         parameter_names=names,
         parameters=chosen,
         output_places=_output_places(model, outputs, specs, tuple(values.values())),
+        bounds=bounds,
     )
 
 

@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.scalars import EPS
+from ..bodies.static_table import StaticTable
 from ..calls.arguments import core_shape
 from ..calls.dynamics import checked_call
 from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.programs import single_call
 from ..engines.programs.single_call import Parameter
-from ..engines.programs.single_call_text import ARRAY, NUMBER
+from ..engines.programs.single_call_text import ARRAY, MOST, NUMBER
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constrained import DEPENDENT
 from ..recursions.spec import Spec
+from .contact_points import Contacts
 from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
@@ -29,22 +31,29 @@ NAMED = 1e-6  # of the largest share in a contradiction: equations that a messag
 
 def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> Any:
     """A call of a Spec with a table of constraints; None for an optional input left out. Raises its errors."""
-    key = (spec.name, *(x is None for x in values))
     if constraints.__class__ is not Constraints or constraints.model is not model:
         check_constraints(model, constraints)
-    known = constraints._plans.get(key)
+    return answer(spec, constraints, (constraints.table,), values)
+
+
+def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], values: tuple[Any, ...]) -> Any:
+    """A call of a Spec with the tables of their owner, whose model is the caller's."""
+    key = (spec.name, *(x is None for x in values))
+    known = owner._plans.get(key)
     if known is None:
-        known = constraints._plans.setdefault(key, _function(spec, constraints, [x is not None for x in values]))
+        known = owner._plans.setdefault(key, _function(spec, owner, static, [x is not None for x in values]))
     return known(*(x for x in values if x is not None))
 
 
-def _function(spec: Spec, constraints: Constraints, there: list[bool]) -> Callable[..., Any]:
+def _function(
+    spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], there: list[bool]
+) -> Callable[..., Any]:
     """What answers a call with those of its inputs that are there: a builtin for one sample, Python for all else."""
-    model, static = constraints.model, (constraints.table,)
+    model = owner.model
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     found = None
-    if object_layout.READY and not numba_kernels.PLAIN:
+    if object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
         found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
 
     def checked(*values: Any) -> Any:
@@ -104,7 +113,7 @@ def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[A
     given = iter(sample)
     inputs = [constraints.table.rows if x is not None and x.static else next(given) for x in spec.inputs]
     scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
-    out = np.empty(model.nv + constraints.nc + 2)
+    out = np.empty(core_shape(model, spec.output, (constraints.table,)))
     with np.errstate(all="ignore"):
         work = np.zeros(model.nv + 1, spec.work)
         spec.recursion(model.bodies, work, *inputs, *spec.split(out, sizes), *scratch)

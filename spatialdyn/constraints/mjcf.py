@@ -102,7 +102,7 @@ def _constraint(model: Model, q: Array, element: Any) -> Constraint:
         return PointConstraint(first, _body(second), at_a=at[:3, 3], at_b=there[:3, 3], name=name)
     relative = _relpose(element)
     if relative is None:
-        relative = np.linalg.inv(_seen(model, q, first, second))
+        relative = np.asarray(np.linalg.inv(_seen(model, q, first, second)))
     if _world(first):
         return WeldConstraint(second, at_b=relative, name=name)
     return WeldConstraint(first, _body(second), at_a=relative, name=name)

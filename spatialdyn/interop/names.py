@@ -96,6 +96,9 @@ NAMES: dict[str, Aliases] = {
     "simulate": Aliases("ode45 odeint solve_ivp run", "", "", "fdyn nofriction"),
     "friction_torque": Aliases("joint_friction coulomb_friction", "", "qfrc_passive frictionloss", "friction"),
     "constrained_dynamics": Aliases("contact_dynamics", "forwardDynamics constraintDynamics"),
+    "constrained_dynamics_derivatives": Aliases("", "computeConstraintDynamicsDerivatives"),
+    "constraint_jacobian": Aliases("", "getConstraintsJacobian getConstraintJacobian"),
+    "delassus": Aliases("", "computeDelassusMatrix"),
     "impact": Aliases("impulse", "impulseDynamics"),
     "compare_with_pinocchio": Aliases("compare validate_against_pinocchio"),
 }  # fmt: skip

@@ -43,6 +43,7 @@ pivot             D = S·IA S + armature of a row, IA its articulated inertia: d
 singular          of a joint whose pivot is at most n eps times its composite inertia: no acceleration follows from tau
 status            what a kernel reports of a sample: OK, SHAPE, UNIT, PIVOT or NONFINITE (``engines.compiled``)
 static table      table beside that of bodies, one for all samples, such as the constraints': hashed by its content
+state of its own  input of a Spec with a start: bristles, an estimate, work; a run carries it from step to step
 equation          a scalar condition φ(q) = 0, or J(q) v = 0 without φ; a constraint is one or several
 drop              to leave out an equation that depends on those before it: its force is 0, and its pivot counts as none
 mimic, G          joint that follows another, its leader; G maps the model's velocities to the full tree's

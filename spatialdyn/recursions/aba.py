@@ -272,12 +272,13 @@ SPECS = (
         "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
         "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
+        residual=("rnea", "minverse"),
     ),
     Spec(
         "minverse", minverse, WORK_INVERSE, (Q,),
         Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
         "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
         "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,
-        through_M=minverse_through_M,
+        through_M=minverse_through_M, residual=("crba", "minverse"),
     ),
 )  # fmt: skip

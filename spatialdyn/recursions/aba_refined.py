@@ -66,6 +66,6 @@ SPECS = (
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm and two "
         "steps of refinement by the RNEA.",
         "Featherstone, RBDA (2008), tables 7.1 and 5.1.", pivots=True, regroup=True, scratch=(("nv",),),
-        through_M=acceleration_through_M,
+        through_M=acceleration_through_M, residual=("rnea", "minverse"),
     ),
 )  # fmt: skip

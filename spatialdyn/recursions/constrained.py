@@ -18,7 +18,7 @@ from .crba import crba
 from .dense import factor_dropping, quotient, solve_backward, solve_forward
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
-from .signatures import Bodies, Config, Matrix, Record, Vector, Work
+from .signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
 
 WORK = table_dtype(
@@ -71,16 +71,25 @@ def constrained_motion(
     write_jacobian(bodies, work, constraints, Y)
     write_drift(bodies, work, constraints, v, gamma)
     if rate is not None:
-        write_error(bodies, work, constraints, q, error)
-        for k in range(len(gamma)):
-            Jv = 0.0
-            for i in range(n):
-                Jv = Jv + Y[k, i] * v[i]
-            gamma[k] = gamma[k] + rate * (2.0 * Jv + rate * error[k])
+        stabilize(bodies, work, q, v, constraints, rate, Y, gamma, error)
     for i in range(n):
         pivots[i] = L[i, i]
         a[i] = tau[i] - a[i]
     respond(bodies, constraints, L, Y, G, gamma, size, kept, a, force, residual, rank)
+
+
+@inline
+def stabilize(
+    bodies: Bodies, work: Work, q: Config, v: Vector, constraints: Record, rate: Number, J: Matrix, gamma: Vector,
+    error: Vector,
+) -> None:  # fmt: skip
+    """gamma (nc) + 2 J v / T + φ / T² in place, with rate 1/T; error (nc), written: φ."""
+    write_error(bodies, work, constraints, q, error)
+    for k in range(len(gamma)):
+        Jv = 0.0
+        for i in range(len(bodies) - 1):
+            Jv = Jv + J[k, i] * v[i]
+        gamma[k] = gamma[k] + rate * (2.0 * Jv + rate * error[k])
 
 
 @inline

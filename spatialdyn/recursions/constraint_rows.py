@@ -81,6 +81,12 @@ def place_rows(bodies: Bodies, work: Work, q: Config) -> None:
 def turn_rows(bodies: Bodies, work: Work) -> None:
     """Write R and o of every row, whose X is written."""
     put_mat3(work[0].R, identity())
+    carry_axes(bodies, work)
+
+
+@inline
+def carry_axes(bodies: Bodies, work: Work) -> None:
+    """As ``turn_rows``, in the axes of which R of row 0 has the world's as its columns."""
     for i in range(1, len(bodies)):
         R, X = mat3_of(work[bodies[i].parent].R), pose_of(work[i].X)
         put_mat3(work[i].R, matmul(R, X.R))

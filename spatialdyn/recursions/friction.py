@@ -226,15 +226,7 @@ def bristle_step(
     n = len(bodies) - 1
     crba(bodies, work, q, M)
     rnea(bodies, work, q, v, None, fext, after[0])
-    for i in range(n):
-        level = dry_level(v, coulomb, static, stribeck, i)
-        total = level + dt * stiffness[i] * magnitude(v[i])
-        kept = select(total, level, 0.0) / select(total, total, 1.0)  # of the deflection z + h v⁺; 0 without friction
-        slope = (stiffness[i] * dt + damping[i]) * kept + viscous[i]
-        given = stiffness[i] * z[i] * kept + damping[i] * (z[i] * kept - z[i]) / dt
-        M[i, i] = M[i, i] + dt * slope
-        after[0, i] = tau[i] - after[0, i] - given - slope * v[i]
-        after[1, i] = kept
+    add_bristles(v, z, tau, dt, coulomb, viscous, static, stribeck, stiffness, damping, M, after[0], after[1])
     factor_tree(bodies, M)
     for i in range(n):
         pivots[i] = M[i, i]
@@ -242,6 +234,22 @@ def bristle_step(
     for i in range(n):
         after[0, i] = v[i] + dt * after[0, i]
         after[1, i] = (z[i] + dt * after[0, i]) * after[1, i]
+
+
+@inline
+def add_bristles(
+    v: Vector, z: Vector, tau: Vector, dt: Number, coulomb: Vector, viscous: Vector, static: Vector, stribeck: Vector,
+    stiffness: Vector, damping: Vector, M: Matrix, r: Vector, kept: Vector,
+) -> None:  # fmt: skip
+    """M x = r of a step with bristles, from M and the bias in r; kept (nv), what is left of z + h v⁺, written."""
+    for i in range(len(v)):
+        level = dry_level(v, coulomb, static, stribeck, i)
+        total = level + dt * stiffness[i] * magnitude(v[i])
+        kept[i] = select(total, level, 0.0) / select(total, total, 1.0)  # 0 without friction
+        slope = (stiffness[i] * dt + damping[i]) * kept[i] + viscous[i]
+        given = stiffness[i] * z[i] * kept[i] + damping[i] * (z[i] * kept[i] - z[i]) / dt
+        M[i, i] = M[i, i] + dt * slope
+        r[i] = tau[i] - r[i] - given - slope * v[i]
 
 
 DT = Argument("dt", (), "s", "step")

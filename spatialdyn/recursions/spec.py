@@ -85,6 +85,8 @@ class Spec:
                 first axis. Every Spec with pivots has one.
     regroup     the output is unchanged when inertias are regrouped towards the root: it describes no single body
     lacks       columns of the table whose terms the recursion has not: a model with some is refused
+    residual    of a call that solves, two names: of the call that gives its input back from its output, as rnea gives
+                back aba's tau, or whose product with its output is 1, as crba's with minverse's; and of that with M⁻¹
     source      where the recursion comes from
     """
 
@@ -98,11 +100,12 @@ class Spec:
     pivots: bool = False
     regroup: bool = False
     term_shape: tuple[str, ...] = ()
-    scratch: tuple[tuple[str, ...], ...] = ()
+    scratch: tuple[tuple[str | int, ...], ...] = ()
     traceable: bool = True
     through_M: Callable[..., Any] | None = None
     parts: tuple[Argument, ...] = ()
     lacks: tuple[str, ...] = ()
+    residual: tuple[str, ...] = ()
 
     @property
     def present(self) -> tuple[Argument, ...]:

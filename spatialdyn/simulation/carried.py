@@ -25,7 +25,7 @@ from .control_laws import OWN_INPUT
 from .system import State, System
 
 Array = NDArray[Any]
-HIDDEN = ("violation",)  # states that a caller does not see
+HIDDEN = ("violation", "contact_residual", "contact_record")  # states that a caller does not see
 Power = Mapping[str, Any]
 
 
@@ -187,7 +187,8 @@ def carry_solved(
 ) -> tuple[Any, dict[str, Any]]:  # fmt: skip
     """A step whose velocities are solved for with friction: v⁺, and the states after it, by name.
 
-    solve  ``tau -> v⁺, friction's own states, forces`` that do work, by the names of their states of work
+    solve  ``tau -> v⁺, friction's own states, forces`` that do work, by the names of their states of work: torques, or
+           functions of the way h (v + v⁺)/2 that return the work
 
     A law acts by its torque at the beginning. An impulse h f that changes v to v⁺ does the work h f (v + v⁺)/2, which
     is exact for a constant mass matrix.
@@ -204,5 +205,5 @@ def carry_solved(
     way = times(0.5 * h, v + after)
     for name, force in {ledger.TORQUE.name: tau, **forces}.items():
         if name in own:
-            found[name] = own[name] + force * way
+            found[name] = own[name] + (force(way) if callable(force) else force * way)
     return after, found

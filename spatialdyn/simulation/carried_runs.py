@@ -17,9 +17,10 @@ from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.friction import DT
 from ..recursions.spec import Argument
-from . import explicit, ledger
+from . import contact_steps, explicit, ledger
 from .carried import Acting, carry, carry_solved
 from .constrained import Held, motion_under, project
+from .contact_steps import Touching
 from .control_laws import OWN_INPUT, Control, law_on, moved_states
 from .friction_steps import OWN, SMOOTH, Rubbing, smooth_kernel, solver
 from .recorder import Recorder
@@ -76,7 +77,7 @@ def _static_rows(value: Any) -> Any:
 
 def carrying(
     recorder: Recorder, kernels: Any, found: Rubbing | None, held: Held | None, control: Control | None,
-    work: tuple[Argument, ...], fext: Array | None, springs: bool = False,
+    work: tuple[Argument, ...], fext: Array | None, springs: bool = False, touch: Touching | None = None,
 ) -> tuple[Any, Callable[..., None]]:  # fmt: skip
     """The kernels and the step of a method that carries states; ``kernels`` are those of its family."""
     model, carried, advance = recorder.model, recorder.carried, recorder.method.advance
@@ -85,7 +86,8 @@ def carrying(
     moved = () if control is None else moved_states(control.spec)
     moving = (*moved, *(x.name for x in work if x != ledger.PROJECTION))
     pull = spring_kernel() if springs else None
-    solve = solver(found, fext, springs) if found is not None and found.way in OWN else None
+    solve = solver(found, fext, model, held, springs) if found is not None and found.way in OWN else None
+    press = None if touch is None else contact_steps.solver(touch, fext, found)
     resist = smooth_kernel(found) if found is not None and found.way == SMOOTH else None
     motion = None if held is None else motion_under(held, model, fext)
     own_kernels = kernels if held is None else explicit.kernels_of(None)
@@ -114,14 +116,15 @@ def carrying(
         law = None if laws is None or control is None else laws(int(recorder.at[0]), h)
         acting = Acting(free, law, control is not None and control.held, moving)
         own = dict(zip(names, [x.copy() for x in carried.views(recorder.own)], strict=True))
-        if solve is not None:
+        if solve is not None or press is not None:
             name = names[0]  # of friction's own state
             system.torque(system, t, state.q, state.w)
 
             def solved(tau: Any) -> Any:
                 now = system._replace(tau=tau)
-                after, changed, friction = solve(now, t, h, state, own[name])
-                forces = {ledger.FRICTION.name: friction}
+                if solve is None or press is not None:
+                    return press(now, t, h, state, own)  # type: ignore[misc]
+                after, changed, forces = solve(now, t, h, state, own[name])
                 if fext is not None and work:
                     forces[ledger.EXTERNAL.name] = external(model, state.q, fext)
                 if pull is not None:
@@ -134,16 +137,12 @@ def carrying(
             explicit.move(system, t, displacement, state)
         else:
             after = carry(advance, system, t, h, state, own, acting)  # type: ignore[arg-type]
-            if (
-                held is not None
-                and system.status[0] == OK
-                and np.isfinite(state.q).all()
-                and np.isfinite(state.w).all()
-            ):
-                before = energy_of(model, state)
-                project(held, model, state.q, state.w)
-                if ledger.PROJECTION in work:
-                    after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
+        finite = np.isfinite(state.q).all() and np.isfinite(state.w).all()
+        if held is not None and system.status[0] == OK and finite:
+            before = energy_of(model, state)
+            project(held, model, state.q, state.w)
+            if ledger.PROJECTION in work:
+                after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
         for name, x in zip(names, carried.views(recorder.own), strict=True):
             x[...] = after[name]
 

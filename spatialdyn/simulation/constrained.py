@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..algebra.scalars import EPS, exceeds
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
-from ..constraints.calls import CONTRADICTION
+from ..constraints.calls import CONTRADICTION, call, raise_contradiction
 from ..constraints.dynamics import (
     ConstrainedMotion,
     constrained_motion,
@@ -33,8 +33,9 @@ from ..errors import ConstraintError, SimulationError
 from ..model.model import Model
 from ..recursions import constrained, constraint_rows, energy
 from ..recursions.configuration import integrate
+from ..recursions.constrained_friction import HELD_BRISTLES
 from ..recursions.constraint_rows import CONSTRAINTS_ARGUMENT
-from ..recursions.spec import Argument, Spec, sizes_of
+from ..recursions.spec import Argument, Spec, shape_in, sizes_of
 from .system import OK, State, System
 
 Array = NDArray[np.float64]
@@ -153,6 +154,27 @@ def projected(advance: Callable[..., None], held: Held, model: Model) -> Callabl
     return step
 
 
+def bristles_held(
+    held: Held, model: Model, law: dict[str, Array], fext: Array | None
+) -> Callable[[System, float, State, Array], tuple[Array, Array, Array]]:
+    """``(system, h, state, z) -> v⁺, z⁺, the constraints' force`` of a step of LuGre friction, by calls.
+
+    law  its coefficients by name. It raises ConstraintError.
+    """
+    known, constraints, n = int(held.rank[0]), held.constraints, model.nv
+
+    def solve(system: System, h: float, state: State, z: Array) -> tuple[Array, Array, Array]:
+        given = {"q": state.q, "v": state.w, "bristles": z, "tau": system.tau, "fext": fext, "dt": h, "rate": held.rate}
+        values = [(law | given)[x.name] for x in HELD_BRISTLES.present if not x.static]
+        values = [x.copy() if isinstance(x, np.ndarray) else x for x in values]
+        out = call(HELD_BRISTLES, model, constraints, *values)
+        raise_contradiction(HELD_BRISTLES, constraints, out, *values)
+        check_rank(held, int(out[-1]), known)
+        return out[:n], out[n : 2 * n], out[2 * n : -2]
+
+    return solve
+
+
 # --- steps on rows, which record -------------------------------------------------------------------------
 
 
@@ -170,7 +192,7 @@ class Rows:
     def _run(self, spec: Spec, *inputs: Any) -> list[Any]:
         """The outputs of a Spec with parts, optional inputs None."""
         sizes = sizes_of(self.rows, [(CONSTRAINTS_ARGUMENT, self.constraints)])
-        out = np.full(self.n + self.m + 2, 0.0, dtype=object)
+        out = np.full(shape_in(spec.output.shape, sizes), 0.0, dtype=object)
         beside = [np.zeros(shape, object) for shape in spec.extra_outputs(sizes)]
         parts = spec.split(out, sizes)
         spec.recursion(self.rows, scratch(spec.work, self.n + 1), *inputs, *parts, *beside)
@@ -181,10 +203,22 @@ class Rows:
         found, self.force, residual, rank = self._run(
             constrained.MOTION, q, v, system.tau, None, self.constraints, self.rate
         )
-        off = rank[0] - self.rank
-        self.wrong = self.wrong + exceeds(residual[0], self.least) + exceeds(off * off, 0.5)
+        self._judge(residual[0], rank[0])
         a[:] = found
         return OK
+
+    def after_bristles(self, given: dict[str, Any], tau: Any) -> tuple[Any, Any]:
+        """Velocities and bristles after a step of LuGre friction, of ``given`` inputs by name."""
+        held = given | {"tau": tau, "fext": None, "constraints": self.constraints, "rate": self.rate}
+        inputs = [held[x.name] for x in HELD_BRISTLES.present]
+        ahead, bristles, self.force, residual, rank = self._run(HELD_BRISTLES, *inputs)
+        self._judge(residual[0], rank[0])
+        return ahead, bristles
+
+    def _judge(self, residual: Any, rank: Any) -> None:
+        """Note a contradiction, or another rank than at the beginning."""
+        off = rank - self.rank
+        self.wrong = self.wrong + exceeds(residual, self.least) + exceeds(off * off, 0.5)
 
     def rates(self, q: Any, v: Any) -> Any:
         """J v."""

@@ -84,7 +84,8 @@ class Control:
         missing = [name for name, x in others.items() if name not in given and not x.optional]
         if missing:
             raise SimulationError(f'values of spec "{spec.name}" lack {", ".join(missing)}')
-        self.spec, self.held = variant(spec, given), as_flag("held", held)
+        self.held = as_flag("held", held)
+        self.spec = variant(spec, given) if any(x.optional for x in spec.present) else spec
         self.values: dict[str, Any] = {}
         found: list[Any] = []
         for x in self.spec.present:

@@ -25,6 +25,7 @@ from ..actuation.motors import Motor, check_motor
 from ..algebra.scalars import select
 from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
+from ..constraints.dynamics import constraint_jacobian
 from ..engines.compiled import numba_kernels
 from ..engines.programs.tracer import scratch
 from ..errors import SimulationError
@@ -48,7 +49,8 @@ from ..recursions.friction import (
 )
 from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
-from . import explicit
+from . import explicit, ledger
+from .constrained import Held, Rows, bristles_held, projected
 from .springs import spring_kernel
 from .system import State, System, set_status
 
@@ -134,10 +136,17 @@ def rubbing(
     return Rubbing(way, tuple(inputs), tuple(inputs.values()))
 
 
-def check_alone(found: Rubbing | None, constraints: Any) -> None:
-    """Raises SimulationError where both friction and constraints are to act: their impulses would be one problem."""
-    if found is not None and constraints is not None:
-        raise SimulationError("friction and constraints are given, expected one of them")
+def check_together(found: Rubbing | None, constraints: Any) -> None:
+    """Raises SimulationError for friction that does not act beside constraints.
+
+    Of joints of a closed loop that stick, Coulomb's law does not determine the torques, only their sum against the
+    load: whether the loop sticks is a problem of all of them at once, and a projection would move joints that stick.
+    """
+    if found is not None and constraints is not None and found.way == IMPLICIT:
+        raise SimulationError(
+            'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which '
+            "joints of a loop hold it is not determined"
+        )
 
 
 def _needed(value: Array | None, name: str, way: str) -> Array:
@@ -192,11 +201,12 @@ def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
 
 
 def traced_step(
-    way: str, rows: Any, given: dict[str, Any], tau: Any, pull: Any = None
-) -> tuple[Any, dict[str, Any], Any]:
-    """The velocities after a step, the state of its own by name, friction's torques; of ``given`` inputs by name.
+    way: str, rows: Any, given: dict[str, Any], tau: Any, under: Rows | None, pull: Any = None
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """The velocities after a step, the state of its own by name, forces as of ``solver``; of ``given`` inputs by name.
 
-    pull  torques beside tau, which pass no gear: of springs; None for none
+    under  the constraints, None for none
+    pull   torques beside tau, which pass no gear: of springs; None for none
     """
     q, v, dt = given["q"], given["v"], given["dt"]
     n = len(v)
@@ -208,14 +218,21 @@ def traced_step(
     tau = tau if pull is None else tau + pull
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
-        bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
-        rubbed = _bristle_torque(z, after[1], 1.0 / dt, stiffness, damping) - given["viscous"] * after[0]
-        return after[0], {BRISTLES.name: after[1]}, rubbed
+        forces: dict[str, Any] = {}
+        if under is None:
+            bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
+            ahead, bristles = after[0], after[1]
+        else:
+            ahead, bristles = under.after_bristles(given, tau)
+            forces[ledger.CONSTRAINTS.name] = lambda way: under.force * under.rates(q, way)
+        rubbed = _bristle_torque(z, bristles, 1.0 / dt, stiffness, damping) - given["viscous"] * ahead
+        return ahead, {BRISTLES.name: bristles}, {**forces, ledger.FRICTION.name: rubbed}
     friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
-    return after[0], {VIOLATION.name: np.array([largest], object)}, after[2] - law[1] * after[0] + lost
+    rubbed = after[2] - law[1] * after[0] + lost
+    return after[0], {VIOLATION.name: np.array([largest], object)}, {ledger.FRICTION.name: rubbed}
 
 
 def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
@@ -228,17 +245,19 @@ def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any)
 
 
 def by_kernels(
-    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, springs: bool = False
-) -> tuple[Any, Callable[..., None]]:
+    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, model: Model,
+    held: Held | None, springs: bool = False,
+) -> tuple[Any, Callable[..., None]]:  # fmt: skip
     """The kernels and the step of a method with friction.
 
     own      the state that the friction carries, written in place
+    held     the constraints, None for none
     springs  whether the model has some; of other methods ``kernels`` has them
     """
     if found.way == SMOOTH:
         resist = smooth_kernel(found)
         return _smooth(kernels, resist), advance
-    solve = solver(found, fext, springs)
+    solve = solver(found, fext, model, held, springs)
 
     def step(system: System, t: float, h: float, state: State) -> None:
         system.torque(system, t, state.q, state.w)
@@ -248,19 +267,26 @@ def by_kernels(
         displacement[:] = h * state.w
         explicit.move(system, t, displacement, state)
 
-    return kernels, step
+    return kernels, step if held is None else projected(step, held, model)
 
 
-def solver(found: Rubbing, fext: Array | None, springs: bool = False) -> Callable[..., tuple[Array, Array, Array]]:
-    """``(system, t, h, state, own) -> v⁺, own⁺, friction torques`` of a step whose velocities are solved for."""
+def solver(
+    found: Rubbing, fext: Array | None, model: Model, held: Held | None, springs: bool = False
+) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+    """``(system, t, h, state, own) -> v⁺, own⁺, forces`` of a step whose velocities are solved for.
+
+    forces are those of friction and of constraints, as ``carry_solved`` takes them
+    """
+    pull = spring_kernel() if springs else None
+    if held is not None:
+        return _held_solver(found, fext, model, held, pull)
     loaded = [] if fext is None else [fext]
     implicit = found.way == IMPLICIT
     present = {*found.inputs, *(["fext"] if loaded else [])}
     kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
     given = dict(zip(found.inputs, found.values, strict=True))
-    pull = spring_kernel() if springs else None
 
-    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, Array]:
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
         after = np.empty((3 if implicit else 2, len(state.w)))
         bristles = [] if implicit else [own]
         tau, law = geared(given, state.w, system.tau, _law(given))
@@ -273,7 +299,25 @@ def solver(found: Rubbing, fext: Array | None, springs: bool = False) -> Callabl
             changed, rubbed = np.array([max(own[0], after[1].max(initial=0.0))]), after[2]
         else:
             changed, rubbed = after[1], _bristle_torque(own, after[1], 1.0 / h, given["stiffness"], given["damping"])
-        return after[0], changed, rubbed - law[1] * after[0] + lost
+        return after[0], changed, {ledger.FRICTION.name: rubbed - law[1] * after[0] + lost}
+
+    return solve
+
+
+def _held_solver(
+    found: Rubbing, fext: Array | None, model: Model, held: Held, pull: Callable[..., Array] | None
+) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+    """``solver`` of LuGre friction under constraints. It raises ConstraintError."""
+    law = dict(zip(found.inputs, found.values, strict=True))
+    step = bristles_held(held, model, law, fext)
+
+    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
+        if pull is not None:
+            system = system._replace(tau=system.tau + pull(system.table, state.q, state.w))
+        after, changed, force = step(system, h, state, own)
+        rubbed = _bristle_torque(own, changed, 1.0 / h, law["stiffness"], law["damping"]) - law["viscous"] * after
+        J = constraint_jacobian(model, held.constraints, state.q)
+        return after, changed, {ledger.FRICTION.name: rubbed, ledger.CONSTRAINTS.name: lambda way: force * (J @ way)}
 
     return solve
 

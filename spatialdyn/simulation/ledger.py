@@ -1,9 +1,9 @@
 """Where the energy of a motion goes: the work of each kind, carried as states of the run, and the ledger they make.
 
-    E⁺ - E = W_torque + W_friction + W_external + W_springs + W_constraints + W_projection + ε
+    E⁺ - E = W_torque + W_friction + W_external + W_springs + W_constraints + W_projection + W_contacts + ε
 
 Each work is integrated by the method of the run, from the same values as the motion, so that ε is the method's own
-error and falls with its order. What acts as an impulse λ in a step (friction that is solved for) does the work
+error and falls with its order. What acts as an impulse λ in a step (solved friction, contact) does the work
 ½ λᵀ(u⁻ + u⁺) of the velocities u before and after it.
 """
 
@@ -27,23 +27,24 @@ FRICTION = Argument("work_friction", ("nv",), "J", "of friction and damping", st
 EXTERNAL = Argument("work_external", ("nv",), "J", "of external forces, by the freedoms that they move", start=0.0)
 SPRINGS = Argument("work_springs", ("nv",), "J", "of springs between rotors and joints, and their damping", start=0.0)
 CONSTRAINTS = Argument("work_constraints", ("nc",), "J", "of the force of each equation", start=0.0)
+CONTACTS = Argument("work_contacts", ("np+nl",), "J", "of each point on the ground, then of each limit", start=0.0)
 PROJECTION = Argument("work_projection", (1,), "J", "what projections onto the constraints add", start=0.0)
 KINDS = {
     TORQUE.name: "torque", FRICTION.name: "friction", EXTERNAL.name: "external", SPRINGS.name: "springs",
-    CONSTRAINTS.name: "constraints", PROJECTION.name: "projection",
+    CONSTRAINTS.name: "constraints", PROJECTION.name: "projection", CONTACTS.name: "contacts",
 }  # fmt: skip
 BY_FREEDOM = ("torque", "friction", "external", "springs")
 
 
 def work_states(
-    rubs: bool, pushed: bool, constrained: bool, projects: bool, springs: bool = False
+    rubs: bool, pushed: bool, constrained: bool, projects: bool, springs: bool = False, touches: bool = False
 ) -> tuple[Argument, ...]:
-    """The works of a run: of torques, and of friction, external forces, springs, constraints, projections if there are
-    any.
+    """The works of a run: of torques, and of friction, external forces, springs, constraints, projections, contacts if
+    there are any.
     """
     acts = (
         (TORQUE, True), (FRICTION, rubs), (EXTERNAL, pushed), (SPRINGS, springs), (CONSTRAINTS, constrained),
-        (PROJECTION, projects),
+        (PROJECTION, projects), (CONTACTS, touches),
     )  # fmt: skip
     return tuple(x for x, there in acts if there)
 
@@ -55,7 +56,8 @@ class EnergyLedger:
     t           (N,)      time [s]
     change      (N,)      E - E(0) of kinetic and potential energy [J]
     work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction" and "external"
-                by freedom, "constraints" by equation, "projection" of all constraints; kinds that the run had
+                by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by point and
+                limited joint; kinds that the run had
     labels      {kind: k names}
     error       (N,)      ε = change - all work: what the integrator's steps add [J]
     robot, method   as of the trajectory
@@ -93,18 +95,19 @@ class EnergyLedger:
         return plot_ledger(self, kind, ax, path)
 
 
-def energy_ledger(trajectory: Trajectory, constraints: Any = None) -> EnergyLedger:
-    """The energy ledger of a motion: E⁺ - E = W_torque + W_friction + W_external + W_constraints + W_projection + ε.
+def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any = None) -> EnergyLedger:
+    """The energy ledger of a motion: what torques, friction, forces, constraints and contacts do to its energy, and ε.
 
     Source: the power balance d/dt E = vᵀτ, with the work of impulses after Moreau, ½ λᵀ(u⁻ + u⁺).
 
     trajectory   of ``simulate(..., record="work")``
     constraints  the Constraints of the run: their names become labels
+    contacts     the Contacts of the run, likewise
 
     The forces of ideal constraints that do not depend on time do no work: W_constraints is 0 to the order of the
     method; with ``stabilization`` their corrections are in it, and otherwise the projections after each step are apart.
     Friction takes energy: W_friction of a joint falls, but for what bristles hold and give back, and for a step in
-    which other forces turn the motion round.
+    which other forces turn the motion round. Contact takes energy too, but where a point comes out of the ground.
 
     Returns EnergyLedger.
     Raises  SimulationError for a trajectory that recorded no work, or constraints of another number of equations.
@@ -125,10 +128,17 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None) -> EnergyLedg
     if constraints is not None and (equations is None or equations.shape[1] != constraints.nc):
         held = 0 if equations is None else equations.shape[1]
         raise SimulationError(f"constraints have {constraints.nc} equations, expected the {held} of the trajectory")
+    touched = found.get("contacts")
+    if contacts is not None and (touched is None or touched.shape[1] != len(contacts.labels)):
+        held = 0 if touched is None else touched.shape[1]
+        count = len(contacts.labels)
+        raise SimulationError(f"contacts have {count} points and limits, expected the {held} of the trajectory")
     work = {kind: x - x[:1] for kind, x in found.items()}
     change = trajectory.energy - trajectory.energy[:1]
     error = change - sum(x.sum(axis=1) for x in work.values())
     labels = {kind: _labels(kind, x.shape[1], trajectory.model, constraints) for kind, x in work.items()}
+    if contacts is not None:
+        labels["contacts"] = contacts.labels
     return EnergyLedger(trajectory.t, change, work, labels, error, trajectory.robot, trajectory.method)
 
 

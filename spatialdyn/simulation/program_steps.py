@@ -20,6 +20,7 @@ from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
 from ..recursions.spec import Argument, Spec
 from .constrained import Held
+from .contact_steps import Touching
 from .control_laws import Control, step_kernel
 from .friction_steps import Rubbing
 from .methods import Method
@@ -45,30 +46,36 @@ def program(
     found: Rubbing | None = None,
     control: Control | None = None,
     work: tuple[Argument, ...] = (),
+    touch: Touching | None = None,
 ) -> Slice | None:
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
 
-    found, control, work  the friction of the run, its control law, and the states of its work
+    found, control, work, touch  the friction of the run, its control law, the states of its work, its contacts
     """
     model, steps = recorder.model, recorder.steps
     if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
         return None
+    static: tuple[Any, ...]
     equations, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     way, coefficients = (found.way, found.inputs) if found else (None, ())
+    if touch is not None:
+        static = touch.contacts.tables
     spec, values = None, {}
     if control is not None:
         spec, static = control.spec, (*static, *control.static)
         values = control.rows(model, 1, steps.total)
     kernel = _kernel(
-        model, method, equations, static, way, coefficients, spec, control is not None and control.held, work
-    )
+        model, method, equations, static, way, coefficients, spec, control is not None and control.held, work,
+        () if touch is None else touch.arguments,
+    )  # fmt: skip
     if kernel is None:
         return None
     q_rows, w_rows, tau_rows = recorder.rows
     now = [state.q, state.w, *(recorder.own[at] for at in recorder.carried.slices)]
     constants = [StepInput(x[None, None]) for x in (found.values if found else ())]
     constants += [StepInput(x) for x in (held.values.values() if held is not None else ())]
+    constants += [StepInput(x[None, None]) for x in (touch.values if touch is not None else ())]
 
     def run(first: int, count: int, h: float) -> bool:
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
@@ -116,8 +123,9 @@ def _kernel(
     control: Spec | None = None,
     held_law: bool = False,
     work: tuple[Argument, ...] = (),
+    touch: tuple[Argument, ...] = (),
 ) -> Any:
-    specs = step_specs(method.name, False, True, held, way, coefficients, control, held_law, work)
+    specs = step_specs(method.name, False, True, held, way, coefficients, control, held_law, work, touch)
     rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
     if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):
         return None

@@ -16,6 +16,7 @@ from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model
 from .carried import Carried
+from .contact_steps import Touching
 from .control_laws import Control, law_torques
 from .methods import Method
 from .trajectory import Trajectory
@@ -64,11 +65,14 @@ class Recorder:
     at     (2,)  steps done, samples written
     t      times of all samples, those to come included [s]
     rows   arrays of q, of v or p, and of tau
+    touch  the contacts of the run, None for none
     carried, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
     """
 
-    def __init__(self, model: Model, method: Method, steps: Steps, every: int, carried: Carried) -> None:
+    def __init__(
+        self, model: Model, method: Method, steps: Steps, every: int, carried: Carried, touch: Touching | None = None
+    ) -> None:
         self.model, self.method, self.steps, self.every = model, method, steps, every
         kept = np.arange(0, steps.total + 1, every)
         if kept[-1] != steps.total:
@@ -77,7 +81,7 @@ class Recorder:
         self.t: Array = np.asarray(kept * steps.dt, np.float64)
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
-        self.carried = carried
+        self.carried, self.touch = carried, touch
         self.own = np.concatenate([np.empty(0), *(x[0] for x in carried.starts)])
         self.own_rows = np.empty((len(kept), len(self.own)))
         self.at = np.zeros(2, np.int64)
@@ -115,7 +119,10 @@ class Recorder:
         if control is not None and n:
             tau += law_torques(control, model, q, v, states, self.kept[:n], self.steps.dt, self.steps.total)
         words = (self.method.name, self.steps.dt, model.name, interrupted, model)
-        return Trajectory(t, q, v, p, tau, T + V, *words, states)
+        touched = None
+        if self.touch is not None and self.touch.records:
+            touched = self.touch.record(q, self.own_rows[:n, : self.touch.width])  # theirs come first
+        return Trajectory(t, q, v, p, tau, T + V, *words, states, touched)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

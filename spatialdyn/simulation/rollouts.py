@@ -33,8 +33,10 @@ from ..recursions.spec import Argument, Spec
 from . import explicit
 from .carried import carried
 from .constrained import Held, accelerate, held_by, projected
+from .contact_record import ContactRecord
+from .contact_steps import Touching, check_few, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_alone, rubbing
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_together, rubbing
 from .springs import check_springs
 from .system import State, System, held_torque
 from .traced_steps import EXPLICIT_METHODS, carried_by, step_specs
@@ -69,6 +71,7 @@ class Rollout:
     model     the Model
     states    {name: (B, T, ...)}  states that it carried beside them, likewise: "bristles" (nv) of LuGre friction
               [rad | m], those of a control law
+    contacts  ContactRecord of these states, likewise; None unless asked for
     """
 
     q: Array
@@ -76,6 +79,7 @@ class Rollout:
     t: Array
     model: Model
     states: Mapping[str, Array] = field(default_factory=dict)
+    contacts: ContactRecord | None = None
 
     @property
     def bristles(self) -> Array | None:
@@ -141,6 +145,9 @@ def rollout(
     drive: str = "current",
     control: Control | None = None,
     states: Mapping[str, ArrayLike] | None = None,
+    contacts: Any = None,
+    limits: bool = False,
+    record_contacts: bool = False,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -154,28 +161,31 @@ def rollout(
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
-    check   whether a state that is not finite is an error, and friction that is not solved; if not, it stays
+    check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
+            stays
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
-    friction, friction_method  as in ``simulate``; none by default, and none with constraints
+    friction, friction_method  as in ``simulate``; none by default; with constraints lugre or smooth
     motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says
+    contacts, limits, record_contacts  as in ``simulate``, of at most 12 points; joint limits are ignored unless
+             limits=True. Coefficients are inputs: other friction or restitution compiles nothing
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
-    Joint limits are ignored; there are no contacts.
 
     Returns a Rollout, which unpacks as (q, v).
     Raises
         ShapeError for shapes that do not match
         SimulationError for an invalid dt, steps, record, dtype or method, and for a state that is not finite, naming
             the sample and the time; for friction as ``simulate``, and where check finds Coulomb's law violated by more
-            than 0.01 rad/s or m/s
+            than 0.01 rad/s or m/s, or a contact's, naming sample, time and point
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ModelError for a model with mimic joints, or a kp of a joint whose position is not one number
+        ModelError for a model with mimic joints, a kp of a joint whose position is not one number, and more than 12
+            points in contact
         ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
             constraints where they contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
@@ -194,7 +204,7 @@ def rollout(
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
-    check_alone(found, constraints)
+    check_together(found, constraints)
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
@@ -221,10 +231,17 @@ def rollout(
         inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
     if held is not None:
         inputs |= {name: StepInput(x) for name, x in held.values.items()}
+    touch = touching(model, contacts, limits, record_contacts, method, start[0], found, held)
+    check_few(touch)
+    extra: tuple[Argument, ...] = ()
+    tables: tuple[Any, ...] = ()
+    if touch is not None:
+        extra, tables = touch.arguments, touch.contacts.tables
+        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.inputs, touch.values, strict=True)}
     if control is not None:
         inputs |= {name: StepInput(x) for name, x in control.rows(model, B, T).items()}
-    own = carried_by(found.way if found else None, None if control is None else control.spec, ())
-    beside = carried(model, own, () if control is None else control.static, states, B)
+    own = carried_by(found.way if found else None, None if control is None else control.spec, (), extra)
+    beside = carried(model, own, (*tables, *(() if control is None else control.static)), states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *beside.starts)]
     every = _every(record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
@@ -234,14 +251,15 @@ def rollout(
         check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
-        _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control)
+        _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control, touch)
     single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
     single = single and all(len(x) == 1 for x in beside.starts)
     if isinstance(record, str):
         records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
     q, v, *after = [x[0] for x in records] if single else records
-    return Rollout(q, v, t, model, beside.shown(np.concatenate(after, axis=-1)) if after else {})
+    touched = touch.record(q, after[0]) if touch is not None and touch.records else None
+    return Rollout(q, v, t, model, beside.shown(np.concatenate(after, axis=-1)) if after else {}, touched)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -345,9 +363,10 @@ def _program(
     coefficients: tuple[str, ...],
     control: Spec | None,
     held_law: bool,
+    touch: tuple[Argument, ...],
     static: tuple[Any, ...],
 ) -> Program:
-    specs = step_specs(method, law, forced, held, way, coefficients, control, held_law)
+    specs = step_specs(method, law, forced, held, way, coefficients, control, held_law, (), touch)
     return recording.record(specs, model.bodies, static).program
 
 
@@ -374,12 +393,18 @@ def _run(
     held: Held | None = None,
     found: Rubbing | None = None,
     control: Control | None = None,
+    touch: Touching | None = None,
 ) -> None:
+    static: tuple[Any, ...]
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())))
     kind += (None, False) if control is None else (control.spec, control.held)
+    extra: tuple[Argument, ...] = ()
+    if touch is not None:
+        extra, static = touch.arguments, touch.contacts.tables
     static += () if control is None else control.static
-    specs, given = step_specs(*kind), list(inputs.values())
+    specs, given = step_specs(*kind, (), extra), list(inputs.values())
+    kind += (extra,)
     again = np.arange(len(states[0]))
     dtype = records[0].dtype
     if (
@@ -395,6 +420,11 @@ def _run(
             again = time_loop.run(kernel, start, forcing, records, steps, every)
     if len(again):
         _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt)
+    if check and touch is not None and records[2].shape[1]:
+        reasons = {k: x for k, own in enumerate(records[2][:, -1]) if (x := unsolved(touch, own, dt))}
+        if reasons:
+            k = min(reasons)
+            raise SimulationError(f"sample {k}: {reasons[k]} ({len(reasons)} samples in all); check=False lets it")
     if check and found is not None and found.own is VIOLATION and records[2].shape[1]:
         beyond = records[2][:, :, 0] > UNSOLVED
         if beyond.any():

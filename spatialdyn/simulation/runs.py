@@ -40,9 +40,11 @@ from .carried_runs import beside as rates_beside
 from .carried_runs import carrying, check_carrying
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
+from .contact_steps import Touching, touching, unsolved
+from .contact_steps import by_kernels as contact_step_by_kernels
 from .control_laws import Control, check_control
 from .energy import FAST, exploded, scale_of
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_alone, rubbing, smooth_kernel
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_together, rubbing, smooth_kernel
 from .ledger import work_states
 from .methods import Method, integrators
 from .program_steps import program, slice_of
@@ -83,6 +85,9 @@ def simulate(
     drive: str = "current",
     control: Control | None = None,
     states: Mapping[str, ArrayLike] | None = None,
+    contacts: Any = None,
+    limits: bool = False,
+    record_contacts: bool = False,
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -110,7 +115,7 @@ def simulate(
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
-               a warning says so where the URDF has some; with False none acts. None with constraints
+               a warning says so where the URDF has some; with False none acts. With constraints implicit is refused
     friction_method  how it acts:
                implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
                          dt; a joint that sticks has a velocity of 0 to the bit
@@ -124,6 +129,10 @@ def simulate(
                damping does. Either way the gear loses its part of the load as dry friction, so a joint may stick under
                load; ``tau`` of the result is what was wanted
 
+    contacts  Contacts of this model, with method="semi_implicit_euler": points that touch the ground, with Coulomb's
+              exact cone; see ``contact_step``. No constraints beside them, and smooth friction alone
+    limits    whether joints of one coordinate stop at their position limits, in the same steps
+    record_contacts  whether ``trajectory.contacts`` holds impulses, gaps and residuals
     control   a ``Control``: a law whose torque is added to ``torque``, with states of its own
     states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
               work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
@@ -131,8 +140,8 @@ def simulate(
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
-    With friction, control or record="work", which explicit methods and SciPy's take, torque functions, fext and robots
-    too long for a program make the steps run in Python.
+    With friction, contacts, control or record="work", which explicit methods and SciPy's take, torque functions, fext
+    and robots too long for a program make the steps run in Python.
     Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
     (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
     method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
@@ -146,7 +155,8 @@ def simulate(
             nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
             ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
-            names, where they contradict each other or their rank changes;
+            names, where they contradict each other or their rank changes; SimulationError for a start in the ground or
+            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
@@ -167,12 +177,13 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    check_alone(found, constraints)
+    check_together(found, constraints)
     known = [*EXPLICIT_METHODS, *HELD_SYMPLECTIC]
     held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt))
     if held is not None and chosen.name in HELD_SYMPLECTIC:
         rattle.check_symplectic(model, held, chosen.name)
-    acting = Acting(held, found, control, works, forces is not None)
+    touch = touching(model, contacts, limits, record_contacts, chosen.name, q, found, held)
+    acting = Acting(held, found, control, works, forces is not None, touch=touch)
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, every, progress, rtol, atol, acting, states)
 
 
@@ -237,6 +248,7 @@ class Acting(NamedTuple):
     works: bool = False
     pushed: bool = False
     springs: bool = False
+    touch: Touching | None = None
 
     @property
     def work(self) -> tuple[Argument, ...]:
@@ -245,13 +257,15 @@ class Acting(NamedTuple):
         if not self.works:
             return ()
         projects = held is not None and held.rate is None
-        return work_states(self.found is not None, self.pushed, held is not None, projects, self.springs)
+        touches = self.touch is not None
+        return work_states(self.found is not None, self.pushed, held is not None, projects, self.springs, touches)
 
     @property
     def static(self) -> tuple[Any, ...]:
         """Static tables that give sizes of states."""
         return (
             *(() if self.held is None else (self.held.constraints.table,)),
+            *(() if self.touch is None else self.touch.contacts.tables),
             *(() if self.control is None else self.control.static),
         )
 
@@ -259,7 +273,8 @@ class Acting(NamedTuple):
     def carried(self) -> tuple[Argument, ...]:
         """The states that the run carries."""
         spec = None if self.control is None else self.control.spec
-        return carried_by(None if self.found is None else self.found.way, spec, self.work)
+        touch = () if self.touch is None else self.touch.arguments
+        return carried_by(None if self.found is None else self.found.way, spec, self.work, touch)
 
 
 FREE = Acting()
@@ -334,7 +349,7 @@ def _run(
     if acting.held is not None and method.name in HELD_SYMPLECTIC and acting.springs:
         raise SimulationError(f"{method.name} under constraints is given springs, expected an explicit method")
     beside = carried(model, acting.carried, acting.static, states)
-    recorder = Recorder(model, method, steps, _every(record, steps.total), beside)
+    recorder = Recorder(model, method, steps, _every(record, steps.total), beside, acting.touch)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         asked = torque_of(torque, model.nv, steps)
@@ -377,7 +392,7 @@ def _run_fixed(
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps, own = recorder.model, recorder.method, recorder.steps, recorder.own
-    held, found, control, work = acting.held, acting.found, acting.control, acting.work
+    held, found, control, work, touch = acting.held, acting.found, acting.control, acting.work, acting.touch
     family = method.family
     assert family is not None
     assert method.advance is not None
@@ -406,18 +421,22 @@ def _run_fixed(
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
         if held is not None and not recorder.moves_p and not (control or work):
-            under = explicit.kernels_of(accelerate(held, model, fext))
-            return (sprung(under) if springs else under), advance
-        own_kernels = family.kernels(fext is not None)
+            own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
+        else:
+            own_kernels = family.kernels(fext is not None)
         if control is not None or work:
-            return carrying(recorder, own_kernels, found, held, control, work, fext, springs)
+            return carrying(recorder, own_kernels, found, held, control, work, fext, springs, touch)
+        if touch is not None:
+            return own_kernels, contact_step_by_kernels(touch, own, fext, found)
         own_kernels = sprung(own_kernels) if springs else own_kernels
-        return (own_kernels, advance) if found is None else by_kernels(found, own_kernels, advance, own, fext, springs)
+        if found is None:
+            return own_kernels, advance
+        return by_kernels(found, own_kernels, advance, own, fext, model, held, springs)
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])
 
-    at_once = program(recorder, method, torque, fext, state, held, found, control, work)
+    at_once = program(recorder, method, torque, fext, state, held, found, control, work, touch)
     if at_once is None:
         family.start(system(), state)
     now = (*state, recorder.at, own)
@@ -468,6 +487,8 @@ def _run_fixed(
                     f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
                     f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"
                 )
+            if touch is not None and (reason := unsolved(touch, own, steps.dt)):
+                raise SimulationError(reason)
             report(int(recorder.at[0]), steps.total)
             spent = max(time.perf_counter() - began, 1e-6)
             count = max(1, int(min(10.0 * count, count * SLICE / spent)))

@@ -1,10 +1,10 @@
-"""A step of a method of ``explicit`` as Specs, which are recorded: with a control law, friction or constraints."""
+"""A step of a method of ``explicit`` as Specs, which are recorded: with a law, friction, constraints, contacts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from . import explicit, ledger
+from . import contact_steps, explicit, ledger
 from .carried import Acting, carry, carry_solved
 from .constrained import Rows
 from .control_laws import inputs_of, law_on, moved_states, states_of
@@ -61,12 +61,15 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
     return OK
 
 
-def carried_by(way: str | None, control: Spec | None, work: tuple[Argument, ...]) -> tuple[Argument, ...]:
-    """The states that a step carries, in their order: of friction, of a control law, of work."""
-    return (*([OWN[way]] if way in OWN else []), *(() if control is None else states_of(control)), *work)
+def carried_by(
+    way: str | None, control: Spec | None, work: tuple[Argument, ...], touch: tuple[Argument, ...] = ()
+) -> tuple[Argument, ...]:
+    """The states that a step carries, in their order: of friction or contacts, of a control law, of work."""
+    first = [OWN[way]] if way in OWN else touch[:1]
+    return (*first, *(() if control is None else states_of(control)), *work)
 
 
-@cache
+@lru_cache(maxsize=256)  # laws come and go
 def step_specs(
     method: str,
     law: bool,
@@ -77,6 +80,7 @@ def step_specs(
     control: Spec | None = None,
     held_law: bool = False,
     work: tuple[Argument, ...] = (),
+    touch: tuple[Argument, ...] = (),
 ) -> tuple[Spec, ...]:
     """Specs of the positions, the velocities and the states carried after a step, by states, dt, tau and the law.
 
@@ -85,10 +89,11 @@ def step_specs(
     way, coefficients  of friction
     control, held_law  the Spec of a ``Control``, and whether its torque is held over the step
     work               the states of the work that is recorded, of ``ledger``
+    touch              the state that contacts carry, then their inputs
 
-    The states carried (of friction, of the control law, of work) come third, in inputs and among the Specs.
+    The states carried (of friction or contacts, of the control law, of work) come third, in inputs and among the Specs.
     """
-    own = carried_by(way, control, work)
+    own = carried_by(way, control, work, touch)
     moving = (*(() if control is None else moved_states(control)), *(x.name for x in work if x != ledger.PROJECTION))
 
     def after(rows: Any, inputs: dict[str, Any]) -> tuple[Any, ...]:
@@ -120,21 +125,35 @@ def step_specs(
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
             return free(system, q, v, a)[0]
 
+        def project(q: Any, v: Any, carried: dict[str, Any]) -> None:
+            """Project onto the constraints, if there are any, and count what that adds."""
+            if under is None:
+                return
+            before = under.energy(q, v) if ledger.PROJECTION in work else None
+            under.project(q, v)
+            if before is not None:
+                name = ledger.PROJECTION.name
+                carried[name] = carried[name] + (under.energy(q, v) - before)
+
         law_now = None if control is None else law_on(control, rows, inputs)
         acting = Acting(free, law_now, held_law, moving)
         carried = {x.name: inputs[x.name] for x in own}
-        if way in OWN:
+        if way in OWN or touch:
 
             def solve(tau: Any) -> Any:
+                if touch:
+                    rubbed = smooth_torque(rows, v, inputs) if way == SMOOTH else None
+                    return contact_steps.traced_step(touch[0], rows, inputs, tau, rubbed)
                 pull = traced_springs(rows, inputs["q"], inputs["v"])
-                after, changed, friction = traced_step(way, rows, inputs, tau, pull)
+                after, changed, forces = traced_step(str(way), rows, inputs, tau, under, pull)
                 springs = {} if pull is None else {ledger.SPRINGS.name: pull}
-                return after, changed, {ledger.FRICTION.name: friction, **springs}
+                return after, changed, {**forces, **springs}
 
-            v, after = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
+            v, carried = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)
             moved = np.array([inputs["dt"] * x for x in v], object)
             integrate(rows, inputs["q"], moved, q)
-            return q, v, *(after[x.name] for x in own)
+            project(q, v, carried)
+            return q, v, *(carried[x.name] for x in own)
 
         kernels = _Kernels(accelerate, _integrate, _displacement_rate)
         system = System(kernels, held_torque, None, rows, None, None, None, None, tau, None)
@@ -143,17 +162,12 @@ def step_specs(
             carried = carry(EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, carried, acting)
         else:
             EXPLICIT_METHODS[method](system, 0.0, inputs["dt"], state)
-        if under is not None:
-            before = under.energy(state.q, state.w) if ledger.PROJECTION in work else None
-            under.project(state.q, state.w)
-            if before is not None:
-                name = ledger.PROJECTION.name
-                carried[name] = carried[name] + (under.energy(state.q, state.w) - before)
+        project(state.q, state.w, carried)
         return state.q, state.w, *(carried[x.name] for x in own)
 
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *(LAW if law else ()), *(COLUMNS[x] for x in coefficients))
     others = () if control is None else inputs_of(control)
-    given = (*(replace(x, optional=False) for x in given), *held, *others)
+    given = (*(replace(x, optional=False) for x in given), *held, *touch[1:], *others)
     names = [x.name for x in given]
 
     def state_after(k: int) -> Callable[..., None]:
@@ -162,7 +176,7 @@ def step_specs(
 
         return recursion
 
-    label = "_".join(["rollout", method, *([way] if way else [])])
+    label = "_".join(["rollout", method, *([way] if way else []), *(x.name for x in touch[:1])])
     return tuple(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),

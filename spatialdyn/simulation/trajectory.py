@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
 from ..model.model import Model
+from .contact_record import ContactRecord
 
 Array = NDArray[np.float64]
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
@@ -37,6 +38,7 @@ class Trajectory:
     model        the Model; None after ``load``, as a file holds numbers only
     states       {name: (N, ...)}  states that the run carried beside q and v: "bristles" (N, nv) of LuGre friction
                  [rad | m], those of a control law, and work [J] if it was recorded
+    contacts     ContactRecord of these times, None unless asked for; a file has none
     """
 
     t: Array
@@ -51,6 +53,7 @@ class Trajectory:
     interrupted: bool = False
     model: Model | None = None
     states: Mapping[str, Array] = field(default_factory=dict)
+    contacts: ContactRecord | None = None
 
     @property
     def bristles(self) -> Array | None:

@@ -18,6 +18,8 @@ from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions import constrained, constraint_rows
+from spatialdyn.recursions.constrained_friction import HELD_BRISTLES
+from spatialdyn.recursions.constraint_derivatives import DERIVATIVES
 from spatialdyn.recursions.spec import Spec
 
 EPS = np.finfo(float).eps
@@ -96,21 +98,33 @@ def answers(spec: Spec, model: sd.Model, held: sd.Constraints, values: tuple[Any
     scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
     inputs = [given.get(x.name) for x in spec.inputs if x is not None]
     spec.recursion(model.bodies, np.zeros(model.nv + 1, spec.work), *inputs, *spec.split(out, sizes), *scratch)
-    batch = checked_call(spec, model, tuple(None if x is None else np.tile(x, (9, 1)) for x in values), static, None)
+    batch = checked_call(
+        spec, model, tuple(x if x is None or not np.ndim(x) else np.tile(x, (9, 1)) for x in values), static, None
+    )
     one = checked_call(spec, model, values, static, None)
     present = frozenset(name for name, x in zip(names, values, strict=True) if x is not None)
     assert numba_kernels.PLAIN or run.program(numba_kernels.variant(spec, present), model, static) is not None
     return {"Python": out, "table kernel": table, "program": one, "program, batch": batch[4]}
 
 
-@pytest.mark.parametrize("name", slow_but(["MOTION"], ["JACOBIAN", "ERROR", "DRIFT", "DELASSUS", "MOTION", "RESPONSE"]))
+SPECS = {
+    spec.name: spec
+    for spec in (
+        constraint_rows.JACOBIAN, constraint_rows.ERROR, constraint_rows.DRIFT, constrained.DELASSUS,
+        constrained.MOTION, constrained.RESPONSE, DERIVATIVES, HELD_BRISTLES,
+    )
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", slow_but(["constrained_motion"], SPECS))
 def test_all_engines_agree(name: str) -> None:
     model, held, s = every_kind(3)
-    spec = getattr(constraint_rows, name, None) or getattr(constrained, name)
-    rng = np.random.default_rng(0)
-    items = held.items if name in ("JACOBIAN", "ERROR", "DRIFT") else (held.items[0], held.items[5], held.items[7])
-    held = sd.Constraints(model, items)
-    values = {"q": s.q, "v": s.v, "tau": s.tau, "rhs": rng.normal(size=held.nc), "rate": None}
+    spec, rng = SPECS[name], np.random.default_rng(0)
+    held = sd.Constraints(model, held.items if name.startswith("constraint_") else [held.items[k] for k in (0, 5, 7)])
+    values = {"q": s.q, "v": s.v, "tau": s.tau, "rhs": rng.normal(size=held.nc), "rate": None, "fext": None}
+    values |= {"a": rng.normal(size=model.nv), "force": rng.normal(size=held.nc), "dt": 1e-3}
+    law = ("bristles", "coulomb", "viscous", "static", "stribeck", "stiffness", "damping")
+    values |= dict(zip(law, rng.uniform(0.5, 1.0, size=(len(law), model.nv)), strict=True))
     found = answers(spec, model, held, tuple(values[x.name] for x in spec.present if not x.static))
     for engine, x in found.items():
         assert abs(x - found["Python"]).max() <= 1e3 * SAME * abs(found["Python"]).max(), engine

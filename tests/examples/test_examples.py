@@ -50,6 +50,32 @@ def test_arms_in_symbols_have_the_chapters_entries_and_the_rotation_it_leaves_ou
     np.testing.assert_allclose(sd.crba(thick, [0.5, 0.3, -0.2])[1:, 1:], thin[1:, 1:], atol=1e-14)
 
 
+def test_a_four_bar_and_a_slider_crank_move_as_their_one_freedom() -> None:
+    """θ̈ by Lagrange's equation of one freedom; RATTLE's energy of order h² = 1.6e-5 s², rk4's by its small drift."""
+    found = run("four_bar_and_slider_crank")
+    assert found["a"] == pytest.approx(-24.563653911232, abs=1e-11)
+    assert found["loop"] < 1e-9
+    assert found["piston"] < 1e-9
+    assert found["RATTLE"] < 1.3e-3
+    assert found["rk4"] < 1e-3
+    assert found["turns"] > 2 * np.pi
+
+
+def test_a_sleigh_glides_on_and_a_disc_falls_over() -> None:
+    found = run("sleigh_and_rolling_disc")
+    assert (found["u"], found["w"]) == pytest.approx((1.2187797062, 0.1214964200), abs=1e-10)
+    assert found["sleigh"] < 1e-9
+    assert found["slow"] > 0.3
+    assert found["fast"] < 0.0025
+
+
+def test_a_blade_on_a_slope_stays_up_where_a_variation_lets_it_down() -> None:
+    found = run("rolling_is_no_variation")
+    assert found["off"] < 1e-8
+    assert found["down"] == pytest.approx(G * np.sin(0.3) / 8.0, abs=1e-6)
+    assert found["slid"] > 10 * found["down"]
+
+
 @robots
 @compiled
 def test_gravity_compensation_holds_what_it_knows_and_equals_pinocchios() -> None:
@@ -316,3 +342,40 @@ def test_a_free_top_is_jacobis_and_a_heavy_one_precesses() -> None:
     assert found["swapped"] > 1.0
     assert abs(found["rate"]) < 1e-4
     assert found["lean"] < 1e-4
+
+
+@compiled
+def test_the_balls_impacts_are_the_geometric_series() -> None:
+    found = run("bouncing_ball")
+    fall = np.sqrt(2.0 / G)
+    np.testing.assert_allclose(found["hits"][:3], fall * np.array([1.0, 2.0, 2.5]), atol=3e-4)
+    np.testing.assert_allclose(found["impulse"][:3], 0.75 * np.sqrt(2.0 * G) * 0.5 ** np.arange(3), rtol=2e-3)
+    assert found["rest"] == pytest.approx(3.0 * fall, abs=2e-3)
+
+
+@compiled
+def test_the_box_slides_by_coulombs_law_or_rests() -> None:
+    found = run("box_on_an_incline")
+    wanted = np.maximum(0.0, G * (np.sin(0.3) - found["mu"] * np.cos(0.3)))
+    np.testing.assert_allclose(found["acceleration"], wanted, rtol=0.0, atol=1e-8)
+    assert (found["creep"] <= [32e-6, 0.26e-6, 2e-11]).all()
+
+
+@robots
+@compiled
+def test_the_trot_carries_its_weight_within_the_cone() -> None:
+    found = run("trotting_quadruped")
+    force = found["force"]  # (frictions, steps, feet, 3)
+    for mu, one in zip(found["mu"], force, strict=True):
+        assert (np.linalg.norm(one[..., :2], axis=-1) <= mu * one[..., 2] + 1e-9).all()
+    strides = force[:, -640:, :, 2].sum(axis=2).mean(axis=1)
+    np.testing.assert_allclose(strides / found["weight"], 1.0, atol=0.1)
+    assert np.percentile(found["residual"], 95) <= 1e-4
+    assert (found["z"] > 0.15).all()  # none falls
+    assert found["x"][1, -1] > 1.5 * found["x"][3, -1] > 0.0
+
+
+def test_principles_of_mechanics_hold_to_rounding() -> None:
+    found = run("principles")
+    assert len(found) == 5
+    assert max(found.values()) < 1e-11

@@ -408,16 +408,96 @@ def test_many_equations_run_by_the_table_kernel() -> None:
     assert abs(run.q - sd.simulate(model, q, v, 0.01, 1e-3, constraints=held).q).max() <= 1e-12
 
 
-def test_friction_and_constraints_together_are_refused() -> None:
+def test_smooth_friction_acts_under_constraints() -> None:
+    """-F tanh(v/ε) - b v as a torque: simulate's program, its calls, RATTLE and a rollout agree; energy goes down."""
     model, (q, v) = four_bar(), four_bar_state()
-    rubbing, text = (
-        sd.Friction(np.full(3, 0.1), np.full(3, 0.1)),
-        "friction and constraints are given, expected one of them",
+    held, how = pin_of(model), {"friction_method": "smooth"}
+    rubbing = sd.Friction(np.full(3, 0.02), np.array([0.01, 0.02, 0.0]), smoothing=np.full(3, 0.05))
+
+    def law(t: float, q: Array, v: Array) -> Array:
+        return -(0.02 * np.tanh(v / 0.05) + np.array([0.01, 0.02, 0.0]) * v)
+
+    wanted = sd.simulate(model, q, v, 0.1, 1e-3, torque=law, constraints=held)
+    at_once = sd.simulate(model, q, v, 0.1, 1e-3, constraints=held, friction=rubbing, **how)
+    by_calls = sd.simulate(
+        model, q, v, 0.1, 1e-3, torque=lambda t, q, v: 0 * v, constraints=held, friction=rubbing, **how
     )
+    many = sd.rollout(
+        model, np.tile(q, (9, 1)), v, dt=1e-3, steps=100, method="rk4", constraints=held, friction=rubbing, **how
+    )
+    for found in (at_once.q, by_calls.q, np.vstack([q, many.q[4]])):
+        assert abs(found - wanted.q).max() <= 1e-12
+    rattle = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, friction=rubbing, **how)
+    assert abs(rattle.q[-1] - wanted.q[-1]).max() <= 1e-5
+    assert wanted.energy[-1] < wanted.energy[0] - 1e-3
+
+
+def bristly(level: float) -> sd.Friction:
+    """Friction of the four-bar's joints with bristles."""
+    made = {"bristle_stiffness": np.full(3, 1e3), "bristle_damping": np.full(3, 5.0)}
+    return sd.Friction(np.full(3, level), np.array([0.01, 0.0, 0.02]), **made)
+
+
+def test_bristles_share_the_load_of_a_loop() -> None:
+    """A four-bar that its joints hold: it comes to rest where σ z balances gravity in its one freedom."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, how = pin_of(model), {"method": "semi_implicit_euler", "friction_method": "lugre"}
+    run = sd.rollout(model, q, 0 * v, dt=1e-3, steps=3000, constraints=held, friction=bristly(2.0), **how)
+    end, z = run.q[-1], run.states["bristles"][-1]
+    assert abs(run.v[-1]).max() <= 1e-8
+    assert abs(end - q).max() <= 0.01
+    assert left_open(model, held, end, run.v[-1])[0] <= 1e-12
+    J = sd.constraint_jacobian(model, held, end)[:2]
+    N = np.append(1.0, np.linalg.solve(J[:, 1:], -J[:, 0]))
+    load = sd.generalized_gravity(model, end)
+    assert abs(N @ load) > 0.1
+    assert abs(N @ (load + 1e3 * z)) <= 1e-6
+    assert (abs(1e3 * z) < 2.0).all()
+
+
+def test_bristles_under_constraints_are_the_same_on_lanes_in_a_program_and_by_calls() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    held, friction, tau = pin_of(model), bristly(0.05), np.array([0.1, 0.0, -0.1])
+    how = {"constraints": held, "friction": friction, "friction_method": "lugre", "method": "semi_implicit_euler"}
+    at_once = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **how)
+    by_calls = sd.simulate(model, q, v, 0.05, 1e-3, torque=lambda t, q, v: tau, **how)
+    many = sd.rollout(model, np.tile(q, (9, 1)), v, tau, dt=1e-3, steps=50, **how)
+    for found in (by_calls.q[1:], many.q[4]):
+        assert abs(found - at_once.q[1:]).max() <= 1e-12
+    assert at_once.energy[-1] < sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, constraints=held).energy[-1] - 1e-3
+    unheld = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": sd.Constraints(model, [])}))
+    free = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": None}))
+    assert abs(unheld.q - free.q).max() <= 1e-12
+
+
+@pytest.mark.parametrize("torque", [None, lambda t, q, v: 0.0 * v])
+def test_the_ledger_of_bristles_under_constraints_closes(torque: Any) -> None:
+    """Work of friction, of constraints (none of ideal ones but for h) and of projections, and an error of order h."""
+    model, (q, v) = four_bar(), four_bar_state()
+    held, errors = pin_of(model), []
+    for h in (1e-3, 5e-4):
+        run = sd.simulate(
+            model, q, v, 0.1, h, "semi_implicit_euler", torque, constraints=held, friction=bristly(0.05),
+            friction_method="lugre", record="work",
+        )  # fmt: skip
+        found = sd.energy_ledger(run, held)
+        assert found.work["friction"][-1].sum() < -1e-3
+        assert abs(found.work["constraints"].sum(axis=1)).max() <= 0.02 * abs(found.change).max()
+        errors.append(abs(found.error).max())
+    assert errors[0] <= 0.05 * abs(found.change).max()
+    assert 1.8 <= errors[0] / errors[1] <= 2.2
+
+
+def test_coulombs_law_is_refused_under_constraints() -> None:
+    model, (q, v) = four_bar(), four_bar_state()
+    text = (
+        'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which joints'
+    )
+    given = {"constraints": pin_of(model), "friction": bristly(0.1)}
     with pytest.raises(sd.SimulationError, match=text):
-        sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", constraints=pin_of(model), friction=rubbing)
+        sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", **given)
     with pytest.raises(sd.SimulationError, match=text):
-        sd.rollout(model, q, v, dt=1e-3, steps=5, constraints=pin_of(model), friction=rubbing)
+        sd.rollout(model, q, v, dt=1e-3, steps=5, **given)
 
 
 def test_a_branch_point_is_named_with_its_time() -> None:

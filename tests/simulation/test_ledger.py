@@ -147,6 +147,18 @@ def test_ideal_constraints_do_no_work() -> None:
     assert (coarse > 12.0 * fine).all()
 
 
+def test_the_work_of_a_projection_is_what_it_adds_to_the_energy() -> None:
+    """By a step without one: a stabilization within 1e9 s does nothing in a step."""
+    model = four_bar()
+    held, (q, v) = pin_of(model), four_bar_state()
+    args, kept = (model, q, v, 1e-2, 1e-2, STEPPED), dict(constraints=held, record="work")
+    for run in (sd.simulate, in_python):
+        free, projected = run(*args, **kept, stabilization=1e9), run(*args, **kept)
+        added = projected.states["work_projection"][-1, 0]
+        assert added == pytest.approx(projected.energy[-1] - free.energy[-1], abs=1e-12)
+        assert abs(added) > 1e-6
+
+
 def test_stabilization_does_work_that_is_the_constraints() -> None:
     found = bar(5e-3, 0.1)
     assert set(found.work) == {"torque", "constraints"}

@@ -19,21 +19,23 @@ _new = float.__new__
 class Constant(float):
     """A float and its rounding error ``low``; a sum is 0 where that of the floats is, so programs keep their zeros.
 
+    What such sums dropped is at most ``off``, which only bounds of a program's errors read.
     Comparisons, and functions of floats, use the float alone.
     """
 
-    __slots__ = ("high", "low")
+    __slots__ = ("high", "low", "off")
     high: float
     low: float
+    off: float
 
-    def __new__(cls, high: float, low: float = 0.0) -> Constant:
+    def __new__(cls, high: float, low: float = 0.0, off: float = 0.0) -> Constant:
         """The sum of two floats without overlap."""
         made = _new(cls, high)
-        made.high, made.low = high, low
+        made.high, made.low, made.off = high, low, off
         return made
 
     def __neg__(self) -> Constant:
-        return Constant(-self.high, -self.low)
+        return Constant(-self.high, -self.low, self.off)
 
     def __abs__(self) -> Constant:
         return -self if self < 0.0 else self
@@ -66,14 +68,19 @@ def constant(x: float) -> float:
     return Constant(x) if x else x
 
 
-def _parts(x: float) -> tuple[float, float]:
-    return (x.high, x.low) if type(x) is Constant else (float(x), 0.0)
+def error_of(x: Any) -> float:
+    """By how much a number differs from the exact one that it stands for, at most."""
+    return abs(x.low) + x.off if type(x) is Constant else 0.0
 
 
-def _fast_two_sum(high: float, low: float) -> Constant:
+def _parts(x: float) -> tuple[float, float, float]:
+    return (x.high, x.low, x.off) if type(x) is Constant else (float(x), 0.0, 0.0)
+
+
+def _fast_two_sum(high: float, low: float, off: float) -> Constant:
     """The sum of a float and a smaller one; the float alone if the sum is not finite."""
     total = high + low
-    return Constant(total, low - (total - high)) if math.isfinite(total) else Constant(high)
+    return Constant(total, low - (total - high), off) if math.isfinite(total) else Constant(high, 0.0, off)
 
 
 def _two_product(a: float, b: float) -> tuple[float, float]:
@@ -85,22 +92,32 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
 
 
 def _sum(x: float, y: float) -> float:
-    (a, low), (b, other) = _parts(x), _parts(y)
+    (a, low, off), (b, other, more) = _parts(x), _parts(y)
     s = a + b
+    off += more
     if s == 0.0:
-        return 0.0
+        off += abs(low + other)
+        return Constant(0.0, 0.0, off) if off else 0.0
     t = s - a
-    return _fast_two_sum(s, (a - (s - t)) + (b - t) + (low + other))
+    return _fast_two_sum(s, (a - (s - t)) + (b - t) + (low + other), off)
 
 
 def _product(x: float, y: float) -> Constant:
-    (a, low), (b, other) = _parts(x), _parts(y)
+    (a, low, off), (b, other, more) = _parts(x), _parts(y)
     p, lost = _two_product(a, b)
-    return _fast_two_sum(p, lost + (a * other + low * b))
+    if off or more:
+        off = _known(abs(a) * more + off * (abs(b) + more))
+    return _fast_two_sum(p, lost + (a * other + low * b), off)
 
 
 def _quotient(x: float, y: float) -> Constant:
-    (a, low), (b, other) = _parts(x), _parts(y)
+    (a, low, off), (b, other, more) = _parts(x), _parts(y)
     q = a / b
     p, lost = _two_product(q, b)
-    return _fast_two_sum(q, ((a - p) - lost + (low - q * other)) / b)
+    if off or more:
+        off = _known((off + abs(q) * more) / (abs(b) - more)) if abs(b) > more else math.inf
+    return _fast_two_sum(q, ((a - p) - lost + (low - q * other)) / b, off)
+
+
+def _known(off: float) -> float:
+    return math.inf if math.isnan(off) else off

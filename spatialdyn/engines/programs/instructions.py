@@ -167,7 +167,7 @@ class _Encoder:
             rows.append((ABOVE, NONE, self.negative(x, rows) if minus else x, self.constant(least), NONE))
         for part in self.layout.norms:
             rows += self.unit([self.value(outputs[place][0]) for place in part])
-        found = dict.fromkeys(outputs[place][0] for part in self.layout.outputs for place in part)
+        found = dict.fromkeys(outputs[place][0] for part in self.layout.checked for place in part)
         rows += self.finite([self.value(line) for line in found if lines[line].code not in (INPUT, CONST)])
         return [*rows, (END, NONE, NONE, NONE, NONE)]
 

@@ -29,6 +29,7 @@ class KernelLayout:
     pivots   (index in the program's outputs, value that it must exceed)
     norms    groups of indices in the program's outputs whose squares must sum to 1
     range    norms that inputs and outputs must have, if any
+    bounds   how many of the last output arrays are bounds, which may be infinite: they are not checked
     """
 
     inputs: tuple[int, ...]
@@ -37,3 +38,9 @@ class KernelLayout:
     pivots: tuple[tuple[int, float], ...] = ()
     norms: tuple[tuple[int, ...], ...] = ()
     range: Float32Range | None = None
+    bounds: int = 0
+
+    @property
+    def checked(self) -> tuple[tuple[int, ...], ...]:
+        """The output arrays whose numbers must be finite, and in range."""
+        return self.outputs[: len(self.outputs) - self.bounds]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT = range(15)
+INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS = range(16)
 
 
 class Operation(NamedTuple):
@@ -118,6 +118,10 @@ FORMS: dict[int, Form] = {
         "{a} > 0.0 ? {b} : {c}", "where({a} > 0.0, {b}, {c})",
         lambda t, a, b, c: t.select(t.above_zero(a), b, c), None,
         registers="choose({a}, {b}, {c})", imports="where", signs=True,
+    ),
+    ABS: Form(
+        "abs", 1, ("abs",), np.abs, "fabs({a})", "abs({a})", lambda t, a: t.unary("fabs", a), None, imports="abs",
+        exact=True,
     ),
 }  # fmt: skip
 

@@ -20,6 +20,7 @@ class Program:
     lines    operations in order; operands are lines, or -line - 1 for a negated one where the operation allows it
     outputs  (line, whether negated) of each output
     inputs   number of inputs
+    errors   by how much constants may be off, see ``Tape``: that of a line that is one has the index ``c``
     """
 
     def __init__(self, tape: Tape, outputs: Sequence[Any], inputs: int, fuse: bool = True) -> None:
@@ -29,12 +30,13 @@ class Program:
         self.lines, roots = _eliminate_dead(tape.lines, [x.line for x in marked], fuse)
         self.outputs: list[tuple[int, bool]] = [(r, x.minus) for r, x in zip(roots, marked, strict=True)]
         self.inputs = inputs
+        self.errors = None if tape.errors is None else tuple(tape.errors)
 
     def only(self, outputs: Iterable[int]) -> Program:
         """The program of some of its outputs, by their indices."""
         chosen = [self.outputs[k] for k in outputs]
         made = Program.__new__(Program)
-        made.inputs = self.inputs
+        made.inputs, made.errors = self.inputs, self.errors
         made.lines, roots = _eliminate_dead(self.lines, [line for line, _ in chosen], fuse=False)
         made.outputs = [(line, minus) for line, (_, minus) in zip(roots, chosen, strict=True)]
         return made

@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +18,15 @@ from ...bodies.joints import pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
 from ...bodies.static_table import StaticTable
 from ...errors import SpatialDynError
+from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec, shape_in, sizes_of
+from ..compiled.numba_kernels import variant
 from . import float32_range, host_cpu
 from .constants import constant
+from .error_bound import Bounded, Bounding
 from .kernel_layout import KernelLayout
 from .move_origins import move_origins
+from .operations import SUB
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .program import Program
@@ -31,6 +36,8 @@ from .tracer import Number, Tape, evaluate, table
 
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_PRODUCT = 12  # freedoms of an inverse M whose residual M M⁻¹ - 1 bounds it: n³ products
+MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 POSITION = "rad | m"  # unit of the inputs that are positions
 
@@ -50,6 +57,7 @@ class ProgramOptions(NamedTuple):
     outputs        for each call the flat indices of the wanted entries of its output; empty for all of all calls
     ranged         reject samples whose result may depend on numbers below or above float32's range
     double_double  in double-double, on the table without regrouping: its numbers are exact
+    bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -57,6 +65,7 @@ class ProgramOptions(NamedTuple):
     outputs: tuple[tuple[int, ...], ...] = ()
     ranged: bool = False
     double_double: bool = False
+    bounds: bool = False
 
 
 ALL = ProgramOptions()
@@ -81,21 +90,25 @@ def record(
     static: Sequence[Any] = (),
     options: ProgramOptions = ALL,
     dtype: Any = np.float64,
+    errors: bool = False,
 ) -> Recording:
     """Some calls on one table of bodies as one program; an input of one name is one input.
 
     static   values of the static inputs of the calls, in their order
     options  constant inputs, parameters that are inputs, and wanted outputs
     dtype    of the program, whose eps pivots are compared with
+    errors   record the errors of constants
 
     Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
     """
+    if options.bounds:
+        return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
     for spec in specs:
         if not spec.traceable:
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(options.fixed)
-    tape = Tape()
+    tape = Tape(errors)
     number = tape.unfolded if options.double_double else constant
     rows = table(bodies, number)
     vars(rows[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
@@ -118,13 +131,19 @@ def record(
                 continue
             if x.static:
                 value = next(fixed)
-                given[x.name] = table(value.rows, number) if isinstance(value, StaticTable) else value
+                if isinstance(value, StaticTable):
+                    given[x.name] = table(value.rows, number)
+                else:
+                    given[x.name] = _tracked(value) if errors and isinstance(value, np.ndarray) else value
                 continue
             entries = known.get(x.name, (math.nan,) * int(np.prod(shape(x.shape), dtype=int)))
             order = itertools.count(count)
             places_of = [next(order) if math.isnan(e) else None for e in entries]  # None: a constant
             numbers = np.empty(len(entries), dtype=object)
-            numbers[:] = [e if at is None else tape.input(at) for e, at in zip(entries, places_of, strict=True)]
+            numbers[:] = [
+                tape.input(at) if at is not None else tape.number(e) if errors and e else e
+                for e, at in zip(entries, places_of, strict=True)
+            ]
             given[x.name] = numbers.reshape(shape(x.shape)) if x.shape else numbers[0]
             if x.unit_norm:
                 parts = [tuple(places_of[k] for k in part) for part in unit_parts(bodies)]
@@ -168,6 +187,92 @@ def record(
         tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of
     )
     return Recording(program, layout)
+
+
+def _with_bounds(
+    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
+) -> Recording:
+    """One call with bounds: by running error analysis, or of what is solved for by its residual, which is sharper."""
+    (spec,) = specs
+    matrix = len(spec.output.shape) == 2
+    fma = host_cpu.host()[3]
+    if not spec.residual or (matrix and len(bodies) - 1 > MOST_PRODUCT):
+        program, layout = record(specs, bodies, static, options, dtype)
+        with_errors = record(specs, bodies, static, options, dtype, errors=True).program
+        made = Bounding(dtype, with_errors.operations["depth"], fma)
+        inputs = made.inputs(program.inputs, layout.units)
+        results = made.run(program, inputs, bounds=False)
+        found = made.run(with_errors, inputs)
+        return _beside(made, program, layout, results, made.beside(results, found, layout.outputs[0]))
+    whole = options._replace(outputs=())
+    program, layout = record(specs, bodies, static, whole, dtype)
+    given, solving = (variant(SPECS[name], {x.name for x in spec.present}) for name in spec.residual)
+    back, inverse = (record((x,), bodies, (), whole, dtype, errors=True).program for x in (given, solving))
+    made = Bounding(dtype, sum(x.operations["depth"] for x in (program, back, inverse)) + len(bodies), fma)
+    inputs = made.inputs(program.inputs, layout.units)
+    results = made.run(program, inputs, bounds=False)
+    columns = _columns(spec, options, bodies, inputs)
+    n = len(bodies) - 1
+    entries = made.run(inverse, _chosen(solving, options, bodies, columns, inputs))[: n * n]
+    rows = [entries[n * i : n * i + n] for i in range(n)]
+    if matrix:
+        mass = made.run(back, _chosen(given, options, bodies, columns, inputs))
+        by_column = [made.solved(rows, made.product(mass, [x.x for x in results[j : n * n : n]], j)) for j in range(n)]
+        bounds = [by_column[j][i] for i in range(n) for j in range(n)]
+    else:
+        columns[spec.output.name] = [made.exact(x.x) for x in results[:n]]
+        found = made.run(back, _chosen(given, options, bodies, columns, inputs))
+        wanted = columns[given.output.name]
+        bounds = made.solved(rows, [made.apply(SUB, x, y) for x, y in zip(found, wanted, strict=False)])
+    places = options.outputs[0] if options.outputs else layout.outputs[0]
+    chosen = replace(layout, outputs=(tuple(places),))
+    return _beside(made, program, chosen, results, [bounds[k] for k in places])
+
+
+def _tracked(values: NDArray[Any]) -> NDArray[Any]:
+    """An array of Constants, whose arithmetic knows its errors."""
+    made = np.empty(values.shape, dtype=object)
+    made.ravel()[:] = [constant(x) for x in values.ravel().tolist()]
+    return made
+
+
+def _beside(
+    made: Bounding, program: Program, layout: KernelLayout, results: Sequence[Bounded], bounds: Sequence[Any]
+) -> Recording:
+    """A program with its results, then the bounds of those that the layout has."""
+    outputs = [x.x for x in results] + list(bounds)
+    places = (*layout.outputs, tuple(range(len(results), len(outputs))))
+    return Recording(Program(made.tape, outputs, program.inputs, fuse=False), replace(layout, outputs=places, bounds=1))
+
+
+def _columns(
+    spec: Spec, options: ProgramOptions, bodies: NDArray[Any], inputs: Sequence[Bounded]
+) -> dict[str, list[Bounded]]:
+    """The entries of each input of a call: from its columns, or constants."""
+    known, order, found = dict(options.fixed), iter(inputs), {}
+    for x in spec.present:
+        entries = known.get(x.name, (math.nan,) * math.prod(shape_of(x, bodies)))
+        found[x.name] = [next(order) if math.isnan(e) else Bounded(e, 0.0) for e in entries]
+    return found
+
+
+def _chosen(
+    spec: Spec,
+    options: ProgramOptions,
+    bodies: NDArray[Any],
+    columns: dict[str, list[Bounded]],
+    inputs: Sequence[Bounded],
+) -> list[Bounded]:
+    """The inputs of another call's program with the same options: entries by name, then the parameters."""
+    known = dict(options.fixed)
+    chosen = [
+        entry
+        for x in spec.present
+        for entry, constant in zip(columns[x.name], known.get(x.name, columns[x.name]), strict=True)
+        if not isinstance(constant, float) or math.isnan(constant)
+    ]
+    count = sum(math.prod(parameter_shape(p, len(bodies) - 1)) for p in options.parameters)
+    return [*chosen, *inputs[len(inputs) - count :]]
 
 
 def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
@@ -230,4 +335,5 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
     short &= all(n <= MOST_EQUATIONS for x in static if isinstance(x, StaticTable) for n in x.sizes.values())
+    short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
     return short and all(spec.traceable for spec in specs)

@@ -232,7 +232,7 @@ class _Writer:
                 for c in range(first, first + size):
                     x = result(places[c])
                     line = self.program.outputs[places[c]][0]
-                    if line not in seen and lines[line].code != CONST:
+                    if a < len(self.layout.checked) and line not in seen and lines[line].code != CONST:
                         seen.add(line)
                         i = len(seen) % 4
                         if floor:

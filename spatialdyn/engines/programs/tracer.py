@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import scalars
+from ...algebra import heights, scalars
 from ...recursions.spec import Spec, sizes_of
+from .constants import error_of
 from .operations import (
     ADD,
     ATAN2,
@@ -40,13 +41,16 @@ class Tape:
     lines     operations
     known     line -> its index
     inverses  index of 1 / x -> index of x
+    errors    by how much constants that are not exact may be off; the line of one has its index in ``c``. None if that
+              is not recorded; where it is, only an exact 0 or ±1 is absorbed
     """
 
-    def __init__(self) -> None:
+    def __init__(self, errors: bool = False) -> None:
         """An empty tape."""
         self.lines: list[Line] = []
         self.known: dict[Line, int] = {}
         self.inverses: dict[int, int] = {}
+        self.errors: dict[float, int] | None = {0.0: 0} if errors else None
 
     def line(self, operation: Line) -> int:
         """The index of an operation, which is appended if new."""
@@ -68,9 +72,16 @@ class Tape:
         if isinstance(value, Number):
             return value
         x = float(value)
+        if self.errors is not None and error_of(value):
+            at = self.errors.setdefault(error_of(value), len(self.errors))
+            return Number(self, self.line((CONST, 0, 0, at, x)), False)
         if x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
             return Number(self, self.line((CONST, 0, 0, 0, abs(x))), bool(np.signbit(x)))
         return Number(self, self.line((CONST, 0, 0, 0, x)), False)
+
+    def absorbs(self, value: float) -> bool:
+        """Whether operations absorb a 0 or ±1."""
+        return self.errors is None or not error_of(value)
 
     def unfolded(self, value: float) -> Any:
         """A Number of a constant, 0 and ±1 as they are: constants then are not folded in float64."""
@@ -96,7 +107,7 @@ class Number:
 
     def __add__(self, other: Any) -> Any:
         if not isinstance(other, Number):
-            if other == 0.0:
+            if other == 0.0 and self.tape.absorbs(other):
                 return self
             other = self.tape.number(other)
         tape, a, b, minus = self.tape, self.line, other.line, self.minus
@@ -121,10 +132,8 @@ class Number:
 
     def __mul__(self, other: Any) -> Any:
         if not isinstance(other, Number):
-            if other == 0.0:
-                return 0.0
-            if other in (1.0, -1.0):
-                return self if other == 1.0 else -self
+            if other in (0.0, 1.0, -1.0) and self.tape.absorbs(other):
+                return 0.0 if other == 0.0 else self if other == 1.0 else -self
             other = self.tape.number(other)
         tape, a, b, minus = self.tape, self.line, other.line, self.minus != other.minus
         inverses = tape.inverses
@@ -147,7 +156,7 @@ class Number:
         return Number(self.tape, made, self.minus != other.minus)
 
     def __rtruediv__(self, other: Any) -> Any:
-        return 0.0 if other == 0.0 else self.tape.number(other) / self
+        return 0.0 if other == 0.0 and self.tape.absorbs(other) else self.tape.number(other) / self
 
     def _refuse(self, other: Any = None) -> bool:
         raise TypeError("a recorded value has no truth and no order; a recursion chooses with scalars.select")
@@ -202,6 +211,7 @@ scalars.sqrt.register(Number)(_sqrt)
 scalars.exp.register(Number)(_exp)
 scalars.atan2.register(Number)(_atan2)
 scalars.select.register(Number)(_select)
+heights.bilinear.register(Number)(heights.by_weights)
 
 
 # --- tables of plain objects --------------------------------------------------------------------------------

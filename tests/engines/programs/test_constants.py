@@ -10,9 +10,10 @@ import pytest
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs.constants import Constant
+from spatialdyn.engines.programs.constants import Constant, error_of
 from spatialdyn.engines.programs.operations import CONST
 from spatialdyn.engines.programs.recording import record
+from spatialdyn.engines.programs.tracer import Tape
 from spatialdyn.recursions import SPECS
 
 DIGITS = Fraction(1, 2**98)  # of the larger operand or of the result: some operations in a row at 2^-104 each
@@ -53,8 +54,32 @@ def test_what_a_cancellation_leaves_is_right() -> None:
 def test_a_sum_is_zero_where_that_of_the_floats_is() -> None:
     x = Constant(1.0, 1e-17)
     assert x - 1.0 == 0.0
-    assert type(x - 1.0) is float
     assert (x - Constant(1.0, -1e-17)) == 0.0
+    assert type(Constant(1.0) - 1.0) is float
+
+
+def test_what_a_sum_drops_is_an_error_that_later_numbers_carry() -> None:
+    dropped = Constant(1.0, 1e-17) - 1.0
+    assert error_of(dropped) == 1e-17
+    assert error_of(dropped - dropped) == 2e-17
+    assert error_of(-(3.0 * dropped)) == pytest.approx(3e-17)
+    assert error_of((2.0 + dropped) / 4.0) == pytest.approx(0.25e-17)
+    assert error_of(1.0 / (1e-17 * Constant(1.0) + dropped)) == math.inf
+    assert error_of(Constant(1.5) * 2.0) == error_of(1.5) == 0.0
+    assert error_of(Constant(0.1) * 3.0) == abs((Constant(0.1) * 3.0).low) > 0.0
+
+
+def test_a_tape_of_errors_absorbs_exact_zeros_and_ones_alone() -> None:
+    zero, one = Constant(1.0, 1e-17) - 1.0, Constant(1.0, 1e-17)
+    for errors, lines in ((False, 0), (True, 3)):
+        tape = Tape(errors)
+        x = tape.input(0)
+        before = len(tape.lines)
+        made = [x + zero, x * zero, x * one]
+        codes = [line[0] for line in tape.lines[before:]]
+        assert len([code for code in codes if code != CONST]) == lines, made
+        if errors:
+            assert sorted(tape.errors or ()) == [0.0, 1e-17]
 
 
 def test_numbers_too_large_for_twice_the_digits_are_floats() -> None:

@@ -73,7 +73,7 @@ def _cross(V: Array) -> Array:
     return np.asarray(Motion(V).action)
 
 
-def _side(at: SimpleNamespace, joint: int, placement: SE3) -> Side:
+def _side(at: Any, joint: int, placement: SE3) -> Side:
     """A frame at q, v and, if there is one, at a; without it A is the drift."""
     where = int(at.library.rows[joint]), placement._x
     J = _call_about_frame("frame_jacobian", at, *where, IN_FRAME)
@@ -84,17 +84,15 @@ def _side(at: SimpleNamespace, joint: int, placement: SE3) -> Side:
     return Side(SE3(_call_about_frame("frame_placement", at, *where)), J, J @ at.v, A)
 
 
-def _contact(at: SimpleNamespace, model: RigidConstraintModel) -> Contact:
+def _contact(at: Any, model: RigidConstraintModel) -> Contact:
     """A contact at q, v."""
-    sides = one, two = tuple(
-        _side(at, joint, placement)
-        for joint, placement in ((model.joint1_id, model.joint1_placement), (model.joint2_id, model.joint2_placement))
-    )
+    one = _side(at, model.joint1_id, model.joint1_placement)
+    two = _side(at, model.joint2_id, model.joint2_placement)
     M, aligned = one.X.actInv(two.X), model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
     if model.type == ContactType.CONTACT_3D:
         X = np.hstack([M.rotation, np.zeros((3, 3))])
         J, error = one.J[:3] - X @ two.J, -M.translation
-        points = [side.A[:3] + np.cross(side.V[3:], side.V[:3]) for side in sides]
+        points = [side.A[:3] + np.cross(side.V[3:], side.V[:3]) for side in (one, two)]
         gamma = points[0] - M.rotation @ points[1]
     else:
         X = M.toActionMatrix()
@@ -104,8 +102,8 @@ def _contact(at: SimpleNamespace, model: RigidConstraintModel) -> Contact:
             gamma = gamma + _cross(one.V) @ (X @ two.V)
     gains, Jv = model.m_baumgarte_parameters, J @ at.v
     gamma = gamma + gains.Kd * Jv + gains.Kp * error
-    turn = np.kron(np.eye(len(J) // 3), one.X.rotation) if aligned else np.eye(len(J))
-    return Contact(model, sides, M, X, J, Jv, error, gamma, turn)
+    turn: Any = np.kron(np.eye(len(J) // 3), one.X.rotation) if aligned else np.eye(len(J))
+    return Contact(model, (one, two), M, X, J, Jv, error, gamma, turn)
 
 
 def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
@@ -121,7 +119,7 @@ def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidCon
     return list(zip(models, datas, strict=True))
 
 
-def _system(at: SimpleNamespace, pairs: Any) -> tuple[list[Contact], Array, Array]:
+def _system(at: Any, pairs: Any) -> tuple[list[Contact], Array, Array]:
     """The contacts, and J (m, nv) and γ (m,) of all."""
     contacts = [_contact(at, x) for x, _ in pairs]
     J = np.vstack([np.empty((0, at.library.model.nv)), *(c.turn @ c.J for c in contacts)])
@@ -138,7 +136,7 @@ def _note(contacts: list[Contact], pairs: Any) -> None:
         own.contact_velocity_error = Motion(np.append(c.Jv, rest))
 
 
-def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> SimpleNamespace:
+def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> Any:
     """A state, as the calls about a frame take it."""
     v = np.zeros(model.nv) if v is None else v
     return SimpleNamespace(library=library_of(model, data), q=q, v=v, a=a)
@@ -199,7 +197,8 @@ def impulse_of_contacts(
 
 
 def _settings(given: Any) -> ProximalSettings:
-    return ProximalSettings() if given is None else expected(given, ProximalSettings, "prox_settings")  # type: ignore[no-any-return]
+    found: ProximalSettings = ProximalSettings() if given is None else expected(given, ProximalSettings, "settings")
+    return found
 
 
 def _store(data: Data, pairs: Any, name: str, force: Array) -> None:
@@ -244,8 +243,8 @@ def computeDelassusMatrix(
     M = crba(model, data, q)
     J = _system(_at(model, data, vector("q", q, model.nq)), _pairs(contact_models, contact_datas))[1]
     G = J @ np.linalg.solve(M, J.T)
-    G = np.linalg.solve(np.eye(len(G)) + number(mu, "mu") * G, G)
-    return np.asarray(0.5 * (G + G.T))
+    softened = np.linalg.solve(np.eye(len(G)) + number(mu, "mu") * G, G)
+    return np.asarray(0.5 * (softened + softened.T))
 
 
 # --- derivatives -----------------------------------------------------------------------------------------
@@ -280,11 +279,11 @@ def computeConstraintDynamicsDerivatives(
     given = forces(fext, at.library, model.njoints)
     by_q, by_v, _ = dynamics.table_call("rnea_derivatives", at.library.model, at.q, at.v, at.a, given)
     right = np.vstack([np.hstack([by_force - by_q, -by_v, np.eye(n)]), np.hstack([-rows, np.zeros((m, n))])])
-    x = inverse(at.library.model, solved) @ right
-    parts = [*np.hsplit(x[:n], 3), *np.hsplit(-x[n:], 3)]
+    both = inverse(at.library.model, solved) @ right
+    parts = [*np.hsplit(both[:n], 3), *np.hsplit(-both[n:], 3)]
     parts[3] = parts[3] + turning
-    for name, part in zip(_PARTS, parts, strict=True):
-        data.put(name, part)
+    for name, x in zip(_PARTS, parts, strict=True):
+        data.put(name, x)
     return tuple(parts)
 
 
@@ -424,11 +423,11 @@ class ConstraintCholeskyDecomposition:
 
     def solve(self, matrix: Any) -> Array:
         """K⁻¹ x."""
-        return np.linalg.solve(self.matrix(), np.asarray(matrix, float))
+        return np.asarray(np.linalg.solve(self.matrix(), np.asarray(matrix, float)))
 
     def inverse(self) -> Array:
         """K⁻¹."""
-        return np.linalg.inv(self.matrix())
+        return np.asarray(np.linalg.inv(self.matrix()))
 
     def getInverseOperationalSpaceInertiaMatrix(self, enforce_symmetry: bool = False) -> Array:
         """J M⁻¹ Jᵀ + mu 1."""
@@ -437,11 +436,11 @@ class ConstraintCholeskyDecomposition:
 
     def getOperationalSpaceInertiaMatrix(self) -> Array:
         """(J M⁻¹ Jᵀ + mu 1)⁻¹."""
-        return np.linalg.inv(self.getInverseOperationalSpaceInertiaMatrix())
+        return np.asarray(np.linalg.inv(self.getInverseOperationalSpaceInertiaMatrix()))
 
     def getInverseMassMatrix(self) -> Array:
         """M⁻¹."""
-        return np.linalg.inv(self._M)
+        return np.asarray(np.linalg.inv(self._M))
 
     def copy(self) -> ConstraintCholeskyDecomposition:
         """An independent copy."""

@@ -85,7 +85,7 @@ DIFFERENCES = (
     ),
     Difference(
         "impulseDynamics of contacts between two joints",
-        "J v is not what the restitution asks for",
+        "J v after the impact is another",
         "J v after the impact is -r_coeff J v before it",
     ),
     Difference(

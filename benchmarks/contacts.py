@@ -1,0 +1,193 @@
+"""Rollouts of a quadruped on its feet against MuJoCo's: one process, one thread, in turn.
+
+``python benchmarks/contacts.py [--quick]`` prints nanoseconds of a step and ratios; on a busy machine read the ratios.
+Both robots have the same inertias, joints, armature (none), joint PD, step (2 ms) and four spheres of 3 cm on a plane
+with a friction of 0.8; MuJoCo has Newton's method with pyramidal cones, and no limits. Before anything is timed the
+steps of the library are held to Coulomb's law (residual), the free motions of both are compared, and both robots have
+to stand on their weight. Needs ``pip install "spatialdyn[validate,bench]"``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+import pinocchio as pin
+from measure import interleaved
+from peers import mujoco_model
+from tables import draw
+
+import spatialdyn as sd
+from spatialdyn.urdf.load import find_robot
+
+ROBOT, FEET = "anymal_b_simple_description/anymal", ("LF_FOOT", "LH_FOOT", "RF_FOOT", "RH_FOOT")
+RADIUS, MU, DT, G = 0.03, 0.8, 2e-3, 9.81
+KP, KD = 150.0, 4.0
+STATES, STEPS = 256, 100
+WALK = 1000  # steps whose residual is looked at
+SOLVED, SHARE = 1e-4, 0.95  # [m/s] of at least this share of the steps
+ASKED = 20.0  # times as fast as MuJoCo
+
+Array = np.ndarray
+
+
+def robot() -> tuple[sd.Model, sd.Contacts]:
+    """The robot here, and its feet."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a link of the file has an inertia of nothing
+        model = sd.load_urdf(ROBOT, root="floating")
+    return model, sd.Contacts(model, dict.fromkeys(FEET, RADIUS), friction=MU)
+
+
+def mujoco_robot(model: sd.Model) -> Any:
+    """The robot in MuJoCo: spheres at its feet on a plane, PD as actuators."""
+    path, friction = str(find_robot(ROBOT)), f"{MU} 0.005 0.0001"
+    theirs = pin.buildModelFromUrdf(path, pin.JointModelFreeFlyer())
+
+    def more(root: ET.Element, bodies: list[ET.Element]) -> None:
+        ET.SubElement(bodies[0], "geom", type="plane", size="0 0 1", friction=friction)
+        for foot in FEET:
+            frame = theirs.frames[theirs.getFrameId(foot)]
+            at = " ".join(map(repr, frame.placement.translation.tolist()))
+            size = {"type": "sphere", "size": str(RADIUS), "pos": at, "mass": "0", "friction": friction}
+            ET.SubElement(bodies[frame.parentJoint], "geom", size | {"contype": "2", "conaffinity": "1"})
+        actuators = ET.SubElement(root, "actuator")
+        for k in range(2, theirs.njoints):
+            joint = bodies[k].find("joint")
+            assert joint is not None
+            joint.set("name", theirs.names[k])
+            gains = {"gainprm": str(KP), "biastype": "affine", "biasprm": f"0 {-KP} {-KD}"}
+            ET.SubElement(actuators, "general", {"joint": theirs.names[k], **gains})
+
+    made = mujoco_model(theirs, more)
+    made.opt.timestep, made.opt.solver = DT, mujoco.mjtSolver.mjSOL_NEWTON
+    made.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    made.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    assert [theirs.names[k] for k in range(1, theirs.njoints)] == [x.name for x in model.joints[1:]]
+    return made
+
+
+def stance(model: sd.Model, contacts: sd.Contacts) -> Array:
+    """The robot on its feet."""
+    q = sd.neutral(model)
+    for joint in model.joints[2:]:
+        front = 1.0 if joint.name[1] == "F" else -1.0
+        q[joint.idx_q] = front * {"HAA": 0.0, "HFE": 0.4, "KFE": -0.8}[joint.name[3:]]
+    q[2] += 1.0
+    q[2] -= sd.contact_gaps(model, contacts, q).min()
+    return q
+
+
+def trot(model: sd.Model, q: Array, steps: int) -> Array:
+    """References (steps, nq): diagonal legs lift in turn."""
+    found, t = np.tile(q, (steps, 1)), DT * np.arange(steps)
+    for joint in model.joints[2:]:
+        front = 1.0 if joint.name[1] == "F" else -1.0
+        phase = 2.0 * np.pi * t / 0.5 + (0.0 if joint.name[:2] in ("LF", "RH") else np.pi)
+        lift = np.maximum(np.sin(phase), 0.0)
+        swing = {"HAA": 0.0 * t, "HFE": 0.25 * front * lift + 0.1 * np.cos(phase), "KFE": -0.5 * front * lift}
+        found[:, joint.idx_q] += swing[joint.name[3:]]
+    return found
+
+
+def law(model: sd.Model, reference: Array) -> sd.PD:
+    """Joint PD of all joints but the base."""
+    kp, kd = np.full(model.nv, KP), np.full(model.nv, KD)
+    kp[:6] = kd[:6] = 0.0
+    return sd.PD(kp, kd, reference)
+
+
+class Peer:
+    """MuJoCo's rollouts from the library's states, one thread."""
+
+    def __init__(self, model: sd.Model) -> None:
+        self.model, self.made = model, mujoco_robot(model)
+        self.data = mujoco.MjData(self.made)
+
+    def states(self, q: Array, v: Array) -> Array:
+        """(n, 1 + nq + nv), the time first."""
+        return np.hstack([np.zeros((len(q), 1)), *sd.to_mujoco(self.model, q, v)])
+
+    def rollout(self, state: Array, reference: Array) -> Array:
+        """States (n, steps, 1 + nq + nv) under references (steps, nq)."""
+        control = np.broadcast_to(reference[:, 7:], (len(state), len(reference), self.model.nv - 6))
+        made: Array = mujoco.rollout.rollout(self.made, self.data, state, control)[0]
+        return made
+
+
+def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[float]:
+    """AssertionError unless all hold: residuals, free motion of both, both stand. Returns percentiles of residuals."""
+    walk = sd.rollout(
+        model, q, np.zeros(model.nv), dt=DT, pd=law(model, trot(model, q, WALK)), contacts=contacts,
+        record_contacts=True,
+    )  # fmt: skip
+    assert walk.contacts is not None
+    residual = walk.contacts.residual
+    assert (residual <= SOLVED).mean() >= SHARE, np.percentile(residual, [50, 95, 100])
+    assert walk.q[:, 2].min() > 0.3  # it walks and does not fall
+
+    high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
+    high[2] += 5.0
+    ours = sd.rollout(model, high, v, dt=DT, steps=50, pd=law(model, q), contacts=contacts)
+    theirs = peer.rollout(peer.states(high[None], v[None]), np.tile(q, (50, 1)))[0]
+    wanted = peer.states(ours.q, ours.v)
+    off = abs(theirs[-1, 1:] - wanted[-1, 1:]).max()
+    assert off < 0.02, off  # MuJoCo integrates the base in the world and damping implicitly: equal to first order
+
+    stand = sd.rollout(
+        model, q, np.zeros(model.nv), dt=DT, steps=1000, pd=law(model, q), contacts=contacts, record_contacts=True
+    )  # fmt: skip
+    assert stand.contacts is not None
+    weight = sd.total_mass(model) * G
+    assert abs(stand.contacts.impulse[-1, :, 2].sum() / DT / weight - 1.0) < 1e-3
+    theirs = peer.rollout(peer.states(q[None], np.zeros((1, model.nv))), np.tile(q, (1000, 1)))[0]
+    peer.data.qpos[:], peer.data.qvel[:] = theirs[-1, 1:20], theirs[-1, 20:]
+    mujoco.mj_forward(peer.made, peer.data)
+    assert peer.data.ncon == len(FEET)
+    forces = np.zeros((peer.data.ncon, 6))
+    for k in range(peer.data.ncon):
+        mujoco.mj_contactForce(peer.made, peer.data, k, forces[k])
+    assert abs(forces[:, 0].sum() / weight - 1.0) < 1e-2
+    return [float(x) for x in np.percentile(residual, [50, 95, 100])]
+
+
+def main() -> None:
+    """Check, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="fewer rounds")
+    rounds, seconds = (3, 0.1) if parser.parse_args().quick else (15, 0.3)
+    sd.set_num_threads(1)
+    model, contacts = robot()
+    peer, q = Peer(model), stance(model, contacts)
+    percentiles = check(model, contacts, peer, q)
+    print("residual of a trot [m/s], 50, 95 and 100 %: {:.1e} {:.1e} {:.1e}".format(*percentiles))
+
+    rng = np.random.default_rng(0)
+    reference = trot(model, q, STEPS)
+    starts = np.tile(q, (STATES, 1))
+    v = 0.1 * rng.standard_normal((STATES, model.nv))
+    pd, state = law(model, reference), peer.states(starts[: STATES // 8], v[: STATES // 8])
+
+    def ours(dtype: Any = np.float64, **given: Any) -> Callable[[], object]:
+        return lambda: sd.rollout(model, starts, v, dt=DT, pd=pd, record=STEPS, dtype=dtype, check=False, **given)
+
+    contestants = {
+        "no contact": ours(), "contact": ours(contacts=contacts),
+        "contact, float32": ours(np.float32, contacts=contacts),
+        "contact and limits": ours(contacts=contacts, limits=True), "mujoco": lambda: peer.rollout(state, reference),
+    }  # fmt: skip
+    times = interleaved(contestants, rounds, seconds)
+    each = {name: 1e9 * x / (STEPS * (len(state) if name == "mujoco" else STATES)) for name, x in times.items()}
+    rows = [[name, f"{x:.0f}", f"{1e3 / x:.2f}", f"{each['mujoco'] / x:.1f}"] for name, x in each.items()]
+    draw("contacts", ["a step", "ns", "million/s", "times mujoco"], rows)
+    print(f"asked for: {ASKED:g} times, of {each['mujoco'] / each['contact']:.1f}")
+
+
+if __name__ == "__main__":
+    main()

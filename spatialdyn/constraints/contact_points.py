@@ -1,0 +1,303 @@
+"""``Contacts``: points of a robot that may touch the ground, as the static table that recursions walk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.contact_table import CONTACTS, HEIGHTS
+from ..bodies.kinds import R1
+from ..bodies.static_table import StaticTable
+from ..calls.arguments import as_array, as_count, as_flag, as_number, check_model
+from ..errors import ConstraintError, ModelError
+from ..model.model import Model
+from .kinds import across
+
+Array = NDArray[np.float64]
+MOST_SWEEPS = 100
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Flat ground: the points x with normal·x = height; bodies are on the side of the normal.
+
+    normal  (3,) in the world, of any length but 0
+    height  [m] along the normal, from the world's origin
+
+    Raises  ConstraintError for a normal of no direction, or a height that is not finite
+
+    >>> import spatialdyn as sd
+    >>> sd.Plane(normal=(0.0, 0.0, 2.0)).normal
+    (0.0, 0.0, 1.0)
+    """
+
+    normal: ArrayLike = (0.0, 0.0, 1.0)
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        n = as_array("normal", self.normal)
+        size = float(np.linalg.norm(n)) if n.shape == (3,) else math.nan
+        if not 0.0 < size < math.inf:
+            raise ConstraintError(f"Plane has normal {self.normal!r}, expected three numbers that are not all 0")
+        if not math.isfinite(as_number(self.height)):
+            raise ConstraintError(f"Plane has height {self.height!r}, expected a finite number of metres")
+        object.__setattr__(self, "normal", tuple((n / size).tolist()))
+        object.__setattr__(self, "height", float(self.height))
+
+
+class Heightfield:
+    """Ground of heights over a grid, bilinear between them; beyond its rim it goes on level. Immutable, by content.
+
+    z        (nx, ny)  heights [m] at x = origin[0] + i spacing, y = origin[1] + j spacing, at least 2 each way
+    spacing  [m]
+    origin   (2,) [m]
+
+    A sphere touches the slope that is below its centre, so the slope has to change little over its radius. Programs
+    have each height in them: rollouts take up to 2048, ``simulate`` and ``contact_step`` any number, above that by the
+    table kernel.
+    Raises  ConstraintError for heights that are not finite or no grid, a spacing that is not above 0, another origin
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> sd.Heightfield(np.zeros((3, 4)), 0.5)
+    <Heightfield of 3 x 4 heights, 0.5 m apart>
+    """
+
+    __slots__ = ("origin", "spacing", "table", "z")
+    z: Array
+    spacing: float
+    origin: tuple[float, float]
+    table: StaticTable
+
+    def __init__(self, z: ArrayLike, spacing: float, origin: ArrayLike = (0.0, 0.0)) -> None:
+        """See the class."""
+        heights, at = as_array("z", z), as_array("origin", origin)
+        if heights.ndim != 2 or min(heights.shape) < 2:
+            raise ConstraintError(f"Heightfield has z of shape {heights.shape}, expected (nx, ny) of 2 or more each")
+        if not np.isfinite(heights).all():
+            raise ConstraintError("Heightfield has heights that are not finite, expected finite numbers of metres")
+        if not 0.0 < as_number(spacing) < math.inf:
+            raise ConstraintError(f"Heightfield has spacing {spacing!r}, expected a finite number above 0")
+        if at.shape != (2,) or not np.isfinite(at).all():
+            raise ConstraintError(f"Heightfield has origin {origin!r}, expected two finite numbers")
+        rows = np.zeros(1 + heights.size, HEIGHTS)
+        rows[0]["last_row"], rows[0]["nx"], rows[0]["ny"] = heights.size, *heights.shape
+        rows[0]["x"], rows[0]["y"], rows[0]["spacing"] = at[0], at[1], spacing
+        rows["z"][1:] = heights.ravel() + 0.0
+        kept = heights.copy()
+        kept.flags.writeable = False
+        given = (kept, float(spacing), (float(at[0]), float(at[1])), StaticTable(rows, ()))
+        for name, value in zip(("z", "spacing", "origin", "table"), given, strict=True):
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"a Heightfield is immutable, {name} cannot be set")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Heightfield) and self.table == other.table
+
+    def __hash__(self) -> int:
+        return hash(self.table)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Heightfield, (self.z, self.spacing, self.origin)
+
+    def __repr__(self) -> str:
+        nx, ny = self.z.shape
+        return f"<Heightfield of {nx} x {ny} heights, {self.spacing:g} m apart>"
+
+
+class Contacts:
+    """Points of a robot that may touch the ground, with friction: immutable, hashed by content.
+
+    Bodies have no shapes here, so nothing is searched for: each point is the centre of a sphere at a frame that the
+    caller names, a foot, a corner or a wheel's rim, and touches the ground alone, no other body.
+
+    model        Model, without mimic joints
+    points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
+    friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
+    restitution  from 0 to 1, in the same form: a point that hits faster than 0.01 m/s leaves at that share of its
+                 speed
+    terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
+    sweeps       passes over all points in a step: 5 solve 95 % of the steps of a walking quadruped to 1e-4 m/s
+    limits       whether joints of one coordinate stop at their position limits, without bouncing
+
+    names, radii              of the points (np)
+    friction, restitution     (np,), as arrays
+    table                     the StaticTable of recursions
+
+    Raises
+        ModelError for a name that is not in the robot, with similar names, and for mimic joints
+        ConstraintError naming the point for a frame that does not move, a radius or friction below 0, a restitution
+            outside 0 to 1; for another terrain, and for sweeps that are not 1 to 100
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> tip = sd.Contacts(model, {"tip": 0.02}, friction=0.6)
+    >>> tip.names, tip.friction
+    (('tip',), array([0.6]))
+    """
+
+    __slots__ = ("_plans", "friction", "limits", "model", "names", "radii", "restitution", "sweeps", "table", "terrain")
+    model: Model
+    names: tuple[str, ...]
+    radii: tuple[float, ...]
+    friction: Array
+    restitution: Array
+    terrain: Plane | Heightfield
+    sweeps: int
+    limits: bool
+    table: StaticTable
+    _plans: dict[Any, Any]  # builtins of single calls: no part of the content
+
+    def __init__(
+        self,
+        model: Model,
+        points: Mapping[str, float],
+        friction: float | Mapping[str, float] = 0.8,
+        restitution: float | Mapping[str, float] = 0.0,
+        terrain: Plane | Heightfield | None = None,
+        sweeps: int = 5,
+        limits: bool = False,
+    ) -> None:
+        """See the class."""
+        if check_model(model).mimic_matrix is not None:
+            raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+        if not isinstance(points, Mapping):
+            raise ConstraintError(f"points are {points!r}, expected {{frame: radius}}")
+        ground = Plane() if terrain is None else terrain
+        if not isinstance(ground, (Plane, Heightfield)):
+            raise ConstraintError(f"terrain is {terrain!r}, expected a Plane or a Heightfield")
+        if not as_count(sweeps, MOST_SWEEPS):
+            raise ConstraintError(f"sweeps is {sweeps!r}, expected a whole number of 1 to {MOST_SWEEPS}")
+        names = tuple(points)
+        rows = [_point(model, name, points[name]) for name in names]
+        held = {
+            "model": model, "names": names, "radii": tuple(float(points[x]) for x in names),
+            "friction": _of_points("friction", friction, names, math.inf),
+            "restitution": _of_points("restitution", restitution, names, 1.0), "terrain": ground,
+            "sweeps": int(sweeps), "limits": as_flag("limits", limits),
+        }  # fmt: skip
+        stops = _stops(model) if held["limits"] else []
+        table = np.zeros(1 + len(rows) + len(stops), CONTACTS)
+        head = table[0]
+        head["last_row"], head["np"], head["nl"], head["sweeps"] = len(table) - 1, len(rows), len(stops), int(sweeps)
+        flat = ground if isinstance(ground, Plane) else Plane()
+        n = np.array(flat.normal)
+        for letter, axis in zip("xyz", (n, *across(n)), strict=True):
+            for column, value in zip("xyz", axis, strict=True):
+                head["axes"][letter + column] = value + 0.0
+        head["height"] = flat.height
+        for record, row in zip(table[1:], [*rows, *stops], strict=True):
+            for column, value in row.items():
+                record[column] = value
+        for name, value in {**held, "table": StaticTable(table, ("np", "nl")), "_plans": {}}.items():
+            object.__setattr__(self, name, value)
+
+    def with_limits(self) -> Contacts:
+        """These contacts, and the joints' position limits."""
+        return Contacts(*self._given(), limits=True)
+
+    @property
+    def tables(self) -> tuple[StaticTable, ...]:
+        """What recursions take: of contacts, and of heights if there are some."""
+        return (self.table, self.terrain.table) if isinstance(self.terrain, Heightfield) else (self.table,)
+
+    @property
+    def stops(self) -> tuple[str, ...]:
+        """Names of the joints that stop at their limits (nl)."""
+        rows = self.table.rows[1 + len(self.names) :]
+        return tuple(next(j.name for j in self.model.joints[1:] if j.row == row) for row in rows["row"])
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What messages call the points and joints, (np + nl)."""
+        return tuple([f'point "{x}"' for x in self.names] + [f'limits of joint "{x}"' for x in self.stops])
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"Contacts are immutable, {name} cannot be set")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"Contacts are immutable, {name} cannot be deleted")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def _content(self) -> tuple[Any, ...]:
+        return self.names, self.tables, self.friction.tobytes(), self.restitution.tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (
+            isinstance(other, Contacts) and self.model == other.model and self._content() == other._content()
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.model, self._content()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Contacts, (*self._given(), self.limits)
+
+    def _given(self) -> tuple[Any, Any, Any, Any, Plane | Heightfield, int]:
+        """What makes contacts like these, but for limits."""
+        radii, friction, restitution = (
+            dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)
+        )
+        return self.model, radii, friction, restitution, self.terrain, self.sweeps
+
+    def __repr__(self) -> str:
+        stops = ", joint limits" if self.limits else ""
+        return f"<Contacts of {self.model.name}: {len(self)} points, {', '.join(self.names)}{stops}>"
+
+
+def check_contacts(model: Model, contacts: Any) -> Contacts:
+    """The contacts, if they are of this model. Raises ConstraintError, ModelError."""
+    if not isinstance(contacts, Contacts):
+        raise ConstraintError(f"contacts are a {type(contacts).__name__}, expected Contacts(model, {{frame: radius}})")
+    if contacts.model is not model and contacts.model != check_model(model):
+        raise ModelError(f'contacts are of model "{contacts.model.name}", expected those of "{model.name}" as given')
+    return contacts
+
+
+def _point(model: Model, name: Any, radius: Any) -> dict[str, Any]:
+    """Columns of a point's row."""
+    frame = model.frame(name)
+    row = model.joints[frame.joint].row
+    if row == 0:
+        raise ConstraintError(f'point "{name}" does not move, expected a frame on a moving body')
+    size = as_number(radius)
+    if not 0.0 <= size < math.inf:
+        raise ConstraintError(f'point "{name}" has radius {radius!r}, expected a finite number of 0 or more')
+    return {"row": row, "p": tuple((frame.placement[:3, 3] + 0.0).tolist()), "radius": size}
+
+
+def _of_points(what: str, given: Any, names: tuple[str, ...], most: float) -> Array:
+    """A coefficient of each point (np,), from 0 to ``most``, read-only."""
+    if isinstance(given, Mapping):
+        if {*given} != {*names}:
+            off = sorted({*given} ^ {*names})[0]
+            raise ConstraintError(f'{what} has points {", ".join(given)}, expected those of points; "{off}" is off')
+        values = [given[x] for x in names]
+    else:
+        values = [given] * max(1, len(names))
+    for k, value in enumerate(values):
+        if not 0.0 <= as_number(value) <= most or math.isinf(as_number(value)):
+            of = f' of point "{names[k]}"' if isinstance(given, Mapping) else ""
+            expected = "a finite number of 0 or more" if math.isinf(most) else f"0 to {most:g}"
+            raise ConstraintError(f"{what}{of} is {value!r}, expected {expected}")
+    made = np.array([float(x) for x in values[: len(names)]])
+    made.flags.writeable = False
+    return made
+
+
+def _stops(model: Model) -> list[dict[str, Any]]:
+    """Columns of the row of each joint of one coordinate that has a limit."""
+    made = []
+    for joint in model.joints[1:]:
+        k = joint.idx_q
+        if int(model.bodies[joint.row]["kind"]) in R1 and np.isfinite([model.lower[k], model.upper[k]]).any():
+            made.append({"row": joint.row, "q_index": k, "lower": model.lower[k], "upper": model.upper[k]})
+    return made

@@ -1,0 +1,285 @@
+"""Bounds on the rounding error of a program's results: running error analysis, line by line.
+
+Beside each line x runs a number b with |x - x*| <= u b, where x* is the line in exact arithmetic on the same inputs and
+on the robot's numbers, and u the unit roundoff. b follows from those of the operands and from the line's own rounding,
+at most u |x|; products of two errors are kept, so the bound holds for errors of any size. A constant has the error that
+its own arithmetic knows of it (``constants``). b is a sum of terms that are not negative, so its own rounding is a
+relative one: ``slack`` is more than that. A bound is infinite or NaN where nothing is known: where a divisor may be 0.
+
+Sources: Wilkinson, Rounding errors in algebraic processes (1963); Higham, Accuracy and stability of numerical
+algorithms, 2nd ed. (2002), section 3.3.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .operations import (
+    ABS,
+    ADD,
+    ATAN2,
+    CONST,
+    COS,
+    DIV,
+    EXP,
+    FMA,
+    FMS,
+    FNMA,
+    INPUT,
+    MUL,
+    SELECT,
+    SIN,
+    SQRT,
+    SUB,
+    Operation,
+    signed,
+)
+from .program import Program
+from .tracer import Number, Tape
+
+TURN, EXPONENTIAL, ANGLE = 3.5, 3.0, 7.0  # errors of sin and cos, exp, atan2 in u |x|: an ulp is at most 2 u |x|
+LOST = 2.0**-40  # share of a result's error for what arithmetic of constants loses of other results' size: 2⁻¹⁰⁴ of it
+PLAIN: dict[int, Callable[[Any, Any], Any]] = {
+    ADD: operator.add, SUB: operator.sub, MUL: operator.mul, DIV: operator.truediv,
+}  # fmt: skip
+UNDERFLOW = {8: 2.0**-900, 4: 2.0**-100}  # by size: far above what an underflow may come to in a result
+INFINITE = math.inf
+
+
+class Bounded(NamedTuple):
+    """A line and b, its error in units of u. Both are Numbers or floats; b is not negative."""
+
+    x: Any
+    b: Any
+
+    def __neg__(self) -> Bounded:
+        return Bounded(-self.x, self.b)
+
+
+class Bounding:
+    """A tape of lines with bounds.
+
+    u      unit roundoff
+    fma    whether the host has fused multiply-add: without it such a line rounds twice
+    slack  more than the relative error of a bound by its own rounding, a few u for each line on the longest path
+    """
+
+    def __init__(self, dtype: Any, depth: int, fma: bool) -> None:
+        """For programs with paths of ``depth`` lines in all."""
+        self.tape, self.fma, self.u = Tape(), fma, float(np.finfo(dtype).eps) / 2.0
+        self.slack = 8.0 * (depth + 8) * self.u
+        self._above, self._narrow = UNDERFLOW[np.dtype(dtype).itemsize], np.dtype(dtype).itemsize == 4
+
+    def inputs(self, count: int, units: Sequence[Sequence[int]] = ()) -> list[Bounded]:
+        """The inputs of a program. In float32 they are off by half an ulp, as they may have been rounded to it; those
+        of a group of unit norm by what norms it.
+        """
+        columns = [self.tape.input(k) for k in range(count)]
+        found = [Bounded(x, self.magnitude(x) if self._narrow else 0.0) for x in columns]
+        for group in units:
+            excess: Any = -1.0
+            for k in group:
+                excess = self._line(FMA, columns[k], columns[k], excess)
+            # (1 + s)^(-1/2) - 1 is at most 0.51 |s|, and s was rounded four times
+            norms = self.fused(0.51 / self.u, self.magnitude(excess), 2.5 + self._narrow)
+            for k in group:
+                found[k] = Bounded(columns[k], norms * self.magnitude(columns[k]))
+        return found
+
+    def run(self, program: Program, inputs: Sequence[Bounded], bounds: bool = True) -> list[Bounded]:
+        """The outputs of a program with their b, or with 0 in its place."""
+        lines: list[Bounded] = []
+        for op in program.lines:
+            if op.code == INPUT:
+                lines.append(inputs[op.a])
+            elif op.code == CONST:
+                x = self.tape.number(op.value)
+                lines.append(Bounded(x, self._of_constant(program, op)) if bounds else self.exact(x))
+            else:
+                given = [lines[k] if k >= 0 else -lines[-k - 1] for k in signed(op)]
+                lines.append(self.apply(op.code, *given) if bounds else self.exact(self._value(op.code, given)))
+        return [-lines[k] if minus else lines[k] for k, minus in program.outputs]
+
+    def _of_constant(self, program: Program, op: Operation) -> float:
+        """b of a constant: its own error, and in float32 that of rounding it again."""
+        assert program.errors is not None
+        error = program.errors[op.c]
+        again = self._narrow and float(np.float32(op.value)) != op.value
+        # a constant's own arithmetic has twice the digits: what it lacks is far below 2⁻⁴⁰ u
+        return error / self.u * (1.0 + self.slack) + abs(op.value) * (again + 2.0**-40 * (error > 0.0))
+
+    def exact(self, x: Any) -> Bounded:
+        """A number that has no error."""
+        return Bounded(x, 0.0)
+
+    def absolute(self, b: Any) -> Any:
+        """The bound of a result with error u b; infinite where b is NaN."""
+        return self._known(self.fused(self.u * (1.0 + 2.0 * self.slack), b, self._above))
+
+    def beside(self, values: Sequence[Bounded], found: Sequence[Bounded], places: Sequence[int]) -> list[Any]:
+        """Bounds of values at these places from others, of the same exact numbers, whose error is known."""
+        pairs = [(values[k].x, found[k]) for k in places]
+        errors = [self.fused(1.0 / self.u, self.magnitude(x - y.x), y.b) for x, y in pairs]
+        total: Any = 0.0
+        for b in errors:
+            total = total + b
+        return [self.absolute(self.fused(LOST, total, b)) for b in errors]
+
+    def solved(self, inverse: Sequence[Sequence[Bounded]], residual: Sequence[Bounded]) -> list[Any]:
+        """Bounds of x from the residual A x - y of what was found, and from A⁻¹ of known error: |A⁻¹| |residual|."""
+        sizes = [self.upper(r) for r in residual]
+        found = []
+        for row in inverse:
+            total: Any = 0.0
+            for entry, size in zip(row, sizes, strict=True):
+                total = self.fused(self.upper(entry), size, total)
+            found.append(self._known(self.fused(1.0 + 2.0 * self.slack, total, self._above)))
+        return found
+
+    def product(self, matrix: Sequence[Bounded], column: Sequence[Any], j: int) -> list[Bounded]:
+        """A x - e of a matrix of known error, a column x of numbers without error and unit vector j."""
+        n, found = len(column), []
+        for i in range(n):
+            total = Bounded(self.tape.number(-1.0) if i == j else 0.0, 0.0)
+            for entry, x in zip(matrix[n * i : n * i + n], column, strict=True):
+                total = self.apply(FMA, entry, self.exact(x), total)
+            found.append(total)
+        return found
+
+    def _known(self, bound: Any) -> Any:
+        return self._above_zero(bound, bound, INFINITE)
+
+    def apply(self, code: int, *given: Bounded) -> Bounded:
+        """An operation, with its b."""
+        x = self._value(code, given)
+        return Bounded(x, _RULES[code](self, x, *given) if isinstance(x, Number) else 0.0)
+
+    # -- numbers that are not negative
+
+    def magnitude(self, x: Any) -> Any:
+        """|x|."""
+        if not isinstance(x, Number):
+            return abs(x)
+        code, *_, constant = self.tape.lines[x.line]
+        if code == CONST:
+            return self.tape.number(abs(constant))
+        return Number(self.tape, x.line if code == ABS else self.tape.line((ABS, x.line, 0, 0, 0.0)), False)
+
+    def upper(self, x: Bounded) -> Any:
+        """A bound on |x*|."""
+        return self.fused(self.u * (1.0 + self.slack), x.b, self.magnitude(x.x))
+
+    def fused(self, a: Any, b: Any, c: Any) -> Any:
+        """a b + c in one operation."""
+        if any(not isinstance(x, Number) and x in (0.0, 1.0) for x in (a, b)) or _zero(c):
+            return a * b + c
+        return self._line(FMA, a, b, c)
+
+    def _above_zero(self, condition: Any, a: Any, b: Any) -> Any:
+        """a where the condition is more than 0, else b."""
+        return self._line(SELECT, condition, a, b)
+
+    def _certain(self, x: Bounded) -> Any:
+        """What is more than 0 only where |x*| is: less than |x*|."""
+        if _zero(x.b):
+            return self.magnitude(x.x)
+        return self._line(FNMA, self.u * (1.0 + self.slack), x.b, self.magnitude(x.x))
+
+    def _line(self, code: int, *given: Any) -> Number:
+        places = [_operand(self.tape.number(x)) for x in given]
+        return Number(self.tape, self.tape.line((code, *places, *[0] * (3 - len(places)), 0.0)), False)  # type: ignore[arg-type]
+
+    # -- lines
+
+    def _value(self, code: int, given: Sequence[Bounded]) -> Any:
+        """An operation as the program has it: the same bits, whatever the signs of its operands."""
+        if code in PLAIN:
+            return PLAIN[code](given[0].x, given[1].x)
+        numbers = [self.tape.number(g.x) for g in given]
+        if code not in (FMA, FMS, FNMA):
+            odd, even = code == SIN, code in (COS, ABS)
+            if odd or even:
+                line = self.tape.line((code, numbers[0].line, 0, 0, 0.0))
+                return Number(self.tape, line, numbers[0].minus and odd)
+            return self._line(code, *numbers)
+        a, b, c = numbers
+        product, other = (a.minus != b.minus) != (code == FNMA), c.minus != (code == FMS)
+        code = FMA if product == other else FMS if other else FNMA
+        return Number(self.tape, self.tape.line((code, a.line, b.line, c.line, 0.0)), product and other)
+
+    def _sum(self, x: Number, a: Bounded, b: Bounded) -> Any:
+        return a.b + b.b + self.magnitude(x)
+
+    def _product(self, x: Number, a: Bounded, b: Bounded) -> Any:
+        return self._of_product(a, b, self.magnitude(x))
+
+    def _of_product(self, a: Bounded, b: Bounded, rest: Any) -> Any:
+        """b of a product and ``rest``: a* b* - a b = (b* - b) a* + (a* - a) b."""
+        if not _zero(a.b):
+            rest = self.fused(self.magnitude(b.x), a.b, rest)
+        return rest if _zero(b.b) else self.fused(self.upper(a), b.b, rest)
+
+    def _of_fused(self, x: Number, a: Bounded, b: Bounded, c: Bounded) -> Any:
+        rest = c.b + self.magnitude(x)
+        if not self.fma:
+            rest = self.fused(self.magnitude(a.x), self.magnitude(b.x), rest)
+        return self._of_product(a, b, rest)
+
+    def _quotient(self, x: Number, a: Bounded, b: Bounded) -> Any:
+        size = self.magnitude(x)
+        if _zero(b.b):
+            return size if _zero(a.b) else a.b / self.magnitude(b.x) + size
+        least = self._certain(b)
+        return self._above_zero(least, self.fused(size, b.b, a.b) / least, INFINITE) + size
+
+    def _root(self, x: Number, a: Bounded) -> Any:
+        return self.magnitude(x) if _zero(a.b) else self._above_zero(x, a.b / x, INFINITE) + x
+
+    def _turn(self, x: Number, a: Bounded) -> Any:
+        return self.fused(TURN, self.magnitude(x), a.b)
+
+    def _exponential(self, x: Number, a: Bounded) -> Any:
+        if _zero(a.b):
+            return EXPONENTIAL * x
+        error = self.tape.number(self.u * (1.0 + self.slack)) * a.b  # e^error - 1 <= error + error² up to 1
+        known = self._above_zero(1.0 - error, self.fused(error, a.b, a.b), INFINITE)
+        return self.fused(known, x, EXPONENTIAL * x)
+
+    def _angle(self, x: Number, a: Bounded, b: Bounded) -> Any:
+        if _zero(a.b) and _zero(b.b):
+            return ANGLE * self.magnitude(x)
+        # a point moved by d at a distance r turns by at most π d / r; √2 r >= |x| + |y|; across the cut by 2 π
+        moved = (math.pi * math.sqrt(2.0)) * (a.b + b.b) / (self.magnitude(a.x) + self.magnitude(b.x))
+        left = b.x - self.u * (1.0 + self.slack) * b.b
+        one_side = self._above_zero(self._certain(a), moved, self._above_zero(left, moved, INFINITE))
+        return self.fused(ANGLE, self.magnitude(x), one_side)
+
+    def _choice(self, x: Number, condition: Bounded, a: Bounded, b: Bounded) -> Any:
+        chosen = self._above_zero(condition.x, a.b, b.b)
+        if _zero(condition.b):
+            return chosen
+        either = self.fused(1.0 / self.u, self.magnitude(a.x - b.x), a.b + b.b)
+        return self._above_zero(self._certain(condition), chosen, either)
+
+    def _magnitude(self, x: Number, a: Bounded) -> Any:
+        return a.b
+
+
+_RULES: dict[int, Callable[..., Any]] = {
+    ADD: Bounding._sum, SUB: Bounding._sum, MUL: Bounding._product, DIV: Bounding._quotient, FMA: Bounding._of_fused,
+    FMS: Bounding._of_fused, FNMA: Bounding._of_fused, SQRT: Bounding._root, SIN: Bounding._turn, COS: Bounding._turn,
+    EXP: Bounding._exponential, ATAN2: Bounding._angle, SELECT: Bounding._choice, ABS: Bounding._magnitude,
+}  # fmt: skip
+
+
+def _zero(x: Any) -> bool:
+    return not isinstance(x, Number) and x == 0.0
+
+
+def _operand(x: Number) -> int:
+    return -x.line - 1 if x.minus else x.line
