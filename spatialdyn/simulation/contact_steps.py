@@ -159,6 +159,11 @@ def check_few(found: Touching | None) -> None:
         )
 
 
+def samples_unsolved(own: Array) -> NDArray[np.intp]:
+    """The samples with a step that is not solved, of the state of its own (samples, width)."""
+    return np.flatnonzero(own[:, 1] > UNSOLVED)
+
+
 def unsolved(found: Touching, own: Array, dt: float) -> str:
     """What is wrong with the step of the largest residual of one sample; "" if it is solved."""
     worst, which, step = own[1], int(own[2]), int(own[3])

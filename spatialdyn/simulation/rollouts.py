@@ -34,7 +34,7 @@ from . import explicit
 from .carried import carried
 from .constrained import Held, accelerate, held_by, projected
 from .contact_record import ContactRecord
-from .contact_steps import Touching, check_few, touching, unsolved
+from .contact_steps import Touching, check_few, samples_unsolved, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
 from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_together, rubbing
 from .springs import check_springs
@@ -431,10 +431,10 @@ def _run(
     if len(again):
         _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt)
     if check and touch is not None and records[2].shape[1]:
-        reasons = {k: x for k, own in enumerate(records[2][:, -1]) if (x := unsolved(touch, own, dt))}
-        if reasons:
-            k = min(reasons)
-            raise SimulationError(f"sample {k}: {reasons[k]} ({len(reasons)} samples in all); check=False lets it")
+        lost = samples_unsolved(records[2][:, -1])
+        if len(lost):
+            reason = unsolved(touch, records[2][lost[0], -1], dt)
+            raise SimulationError(f"sample {lost[0]}: {reason} ({len(lost)} samples in all); check=False lets it")
     if check and found is not None and found.own is VIOLATION and records[2].shape[1]:
         beyond = records[2][:, :, 0] > UNSOLVED
         if beyond.any():
