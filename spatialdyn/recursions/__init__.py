@@ -46,6 +46,8 @@ static table      table beside that of bodies, one for all samples, such as the 
 state of its own  input of a Spec with a start: bristles, an estimate, work; a run carries it from step to step
 equation          a scalar condition φ(q) = 0, or J(q) v = 0 without φ; a constraint is one or several
 drop              to leave out an equation that depends on those before it: its force is 0, and its pivot counts as none
+rotor             part of a motor that turns on the body before its joint, n times as fast: a unit of q̇ has its couple
+                  n J e in every recursion, beside the momentum of what the joint moves (``rotors``)
 mimic, G          joint that follows another, its leader; G maps the model's velocities to the full tree's
 through M         what calls do in place of a recursion with pivots on models with mimic joints: M = Gᵀ M_full G, solved
 stamp             hash of all sources that are compiled, in every cache key: an edit never meets an old kernel

@@ -55,9 +55,9 @@ class EnergyLedger:
 
     t           (N,)      time [s]
     change      (N,)      E - E(0) of kinetic and potential energy [J]
-    work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction" and "external"
-                by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by point and
-                limited joint; kinds that the run had
+    work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction", "external"
+                and "springs" by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by
+                point and limited joint; kinds that the run had
     labels      {kind: k names}
     error       (N,)      ε = change - all work: what the integrator's steps add [J]
     robot, method   as of the trajectory

@@ -177,7 +177,8 @@ def rollout(
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
     friction, friction_method  as in ``simulate``; none by default; with constraints lugre or smooth
-    motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors
+    motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors. Springs of series-elastic
+             joints act as there
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says

@@ -142,6 +142,8 @@ def simulate(
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
     With friction, contacts, control or record="work", which explicit methods and SciPy's take, torque functions, fext
     and robots too long for a program make the steps run in Python.
+    Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) act by themselves; ``tau`` leaves them out.
+    With them explicit methods refuse a dt at which motions of springs and inertias, by the M of the start, would grow.
     Explicit methods step a robot by one program if torque is no function, fext is None and the robot is short enough
     (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per model and
     method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in
