@@ -19,6 +19,8 @@ from ..recursions.motors import MOTOR_LIMITS
 Array = NDArray[np.float64]
 UNLIMITED = 1e300  # [N m | N] in place of infinity, which recursions take for an invalid sample
 EXPECTED: dict[str, tuple[Callable[[Array], Any], str]] = {  # of a value: whether it is valid, and in words
+    "torque_constant": (lambda x: np.isfinite(x) & (x >= 0.0), "a finite number of 0 or more"),
+    "back_emf": (lambda x: np.isfinite(x) & (x >= 0.0), "a finite number of 0 or more"),
     "ratio": (lambda x: np.isfinite(x) & (x != 0.0), "a finite number other than 0"),
     "current": (lambda x: x > 0.0, "a number above 0"),
     "torque": (lambda x: x > 0.0, "a number above 0"),
@@ -31,7 +33,7 @@ POSITIVE: tuple[Callable[[Array], Any], str] = (lambda x: (x > 0.0) & np.isfinit
 class Motor:
     """Motors of the freedoms of a robot, each behind a gear; compared and hashed by content.
 
-    torque_constant  (nv,)  k_t [N m/A]
+    torque_constant  (nv,)  k_t [N m/A]; 0 of a freedom without a motor, which then has no torque
     resistance       (nv,)  R of the winding [Ω]
     voltage          (nv,)  largest voltage V of the supply, of either sign [V]
     ratio            (nv,)  n = θ̇ / q̇ of the gear: turns of the motor [1 | rad/m]; 1 if left out
@@ -102,7 +104,8 @@ class Motor:
     @property
     def no_load_speed(self) -> Array:
         """Velocity of the joint at which the largest voltage drives no current."""
-        return np.asarray(self.voltage / (self.back_emf * abs(self.ratio)))
+        with np.errstate(divide="ignore"):  # infinite without a motor
+            return np.asarray(self.voltage / (self.back_emf * abs(self.ratio)))
 
     @property
     def damping(self) -> Array:
@@ -115,7 +118,9 @@ class Motor:
         as the recursions take them.
         """
         gain = abs(self.ratio) * self.torque_constant
-        most, limit = (np.minimum(x, UNLIMITED) for x in (gain * self.current, self.torque))
+        with np.errstate(over="ignore"):
+            most = np.minimum(gain * np.minimum(self.current, UNLIMITED), UNLIMITED)
+        limit = np.minimum(self.torque, UNLIMITED)
         return gain * self.voltage / self.resistance, self.damping, most, self.efficiency, limit
 
     def check(self, model: Model) -> Motor:

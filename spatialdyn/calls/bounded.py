@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from ..engines.compiled import numba_kernels
 from ..errors import SpatialDynError
 from ..model.model import Frame, Model
-from .specialize import Specialized, of_request
+from .specialize import Specialized, check_program, of_request
 from .specialize_request import Names, read_request
 
 
@@ -59,12 +58,5 @@ def bounded(
     request = read_request(
         model, call, dtype, constants, inputs, outputs, frame, reference, classical, constraints, bounds=True
     )
-    if numba_kernels.PLAIN:
-        raise SpatialDynError("NUMBA_DISABLE_JIT is set, expected it not to be: bounds are computed by programs")
-    made = of_request(
-        request, bounded, (model, call, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
-    )
-    if made.engine == "untraced":
-        name = request.specs[0].name
-        raise SpatialDynError(f'{name} of "{model.name}" has no program in {request.dtype}, expected one for bounds')
-    return made
+    arguments = (model, call, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
+    return check_program(of_request(request, bounded, arguments), "bounds")

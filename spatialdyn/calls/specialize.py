@@ -40,6 +40,7 @@ def specialize(
     reference: str = "local",
     classical: bool = False,
     constraints: Any = None,
+    derivative: str | None = None,
 ) -> Specialized:
     """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
 
@@ -61,6 +62,11 @@ def specialize(
               ``sd.constrained_dynamics`` is then a, force, residual and rank side by side (nv+nc+2,), and equations
               that contradict others are no error: their residual says so. ``inputs="rate"`` adds 1/T of its
               stabilization
+    derivative   "jvp": along a direction. The program also takes a tangent of each input, dq dv ... in their order, and
+              also returns the derivatives of the results along them, dtau. "vjp": of Σ weight · result. It also takes
+              the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some three
+              times the operations. A configuration's tangents and derivatives are those of a displacement (nv,), as
+              those of ``rnea_derivatives`` are
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
 
@@ -74,13 +80,25 @@ def specialize(
 
     Raises
         SpatialDynError for an unknown call, dtype, input or output, listing the known ones
+            and for derivatives of a call that has no program
         ModelError for a name that is not in the model, or a model with mimic joints
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
     constants = {} if fixed is None else fixed
-    request = read_request(model, calls, dtype, constants, inputs, outputs, frame, reference, classical, constraints)
-    arguments = (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
-    return of_request(request, specialize, arguments)
+    given = (inputs, outputs, frame, reference, classical, constraints)
+    request = read_request(model, calls, dtype, constants, *given, derivative=derivative)
+    made = of_request(request, specialize, (model, calls, dtype, fixed, *given, derivative))
+    return made if derivative is None else check_program(made, f"derivative={derivative!r}")
+
+
+def check_program(made: Specialized, what: str) -> Specialized:
+    """Raise SpatialDynError without a program, which alone has ``what``."""
+    if made.engine == "untraced":
+        names, cause = ", ".join(made.calls), "has no program"
+        if numba_kernels.PLAIN:
+            cause += " under NUMBA_DISABLE_JIT"
+        raise SpatialDynError(f'{names} of "{made.model.name}" {cause} in {made.dtype}, expected one for {what}')
+    return made
 
 
 def of_request(
@@ -144,6 +162,11 @@ class Specialized:
     def dtype(self) -> np.dtype:
         """dtype of the results."""
         return self._request.dtype
+
+    @property
+    def calls(self) -> tuple[str, ...]:
+        """Names of the calls."""
+        return tuple(spec.name for spec in self._request.specs)
 
     @property
     def engine(self) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..engines import run
 from ..engines.programs import parameters
+from ..errors import SpatialDynError
 from ..model.model import Model
 from .arguments import full_shape
 from .failures import raise_failures
@@ -37,6 +38,8 @@ def compute(
     """
     n, count = len(results[0]), len(samples)
     taken = [np.asarray(x[samples] if len(x) == n else x, np.float64) for x in rows]
+    if request.derivative:
+        _refuse(samples, taken)
     given = dict(zip((x.name for x in inputs), taken, strict=True))
     full = {}
     for x in request.arguments:
@@ -65,6 +68,19 @@ def compute(
             raise
 
 
+def _refuse(samples: NDArray[np.intp], taken: list[NDArray[np.float64]]) -> None:
+    """Raise SpatialDynError if a sample's inputs are finite: NaN has NaN for a derivative, others should have one."""
+    finite = np.ones(len(samples), bool)
+    for x in taken:
+        finite &= np.isfinite(x.reshape(len(x), -1)).all(axis=1)
+    if finite.any():
+        at = samples[np.flatnonzero(finite)[0]]
+        raise SpatialDynError(
+            f"sample {at} is beyond the program's range, expected angles within 1e5, unit norms and joints of some "
+            "articulated inertia for a derivative"
+        )
+
+
 def _by_table(
     request: SpecializeRequest,
     model: Model,
@@ -75,9 +91,10 @@ def _by_table(
     seen: bool,
 ) -> None:
     """Samples of one model with full inputs, call by call; a bound is infinite."""
-    for result in results[len(request.specs) :]:
-        result[samples] = np.inf
-    for k, (spec, result) in enumerate(zip(request.specs, results, strict=not request.bounds)):
+    own = len(request.specs)
+    for result in results[own:]:
+        result[samples] = np.inf if request.bounds else np.nan
+    for k, (spec, result) in enumerate(zip(request.specs, results[:own], strict=True)):
         inputs = [full[x.name] for x in spec.present if not x.static]
         static = tuple(request.static[x.name] for x in spec.present if x.static)
         columns = None if request.output_places is None else request.output_places[k].ravel()

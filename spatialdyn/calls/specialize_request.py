@@ -41,6 +41,7 @@ class SpecializeRequest(NamedTuple):
     constants      name -> flat values, NaN where the entry stays an input
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
     bounds         whether a result is followed by a bound on its error; of one call
+    derivative     "jvp", "vjp" or "" for none
     """
 
     model: Model
@@ -54,13 +55,16 @@ class SpecializeRequest(NamedTuple):
     parameters: tuple[Parameter, ...]
     output_places: tuple[NDArray[np.intp], ...] | None
     bounds: bool = False
+    derivative: str = ""
 
     @property
     def options(self) -> recording.ProgramOptions:
         """The part of the request that the engines read."""
         fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
         places = () if self.output_places is None else tuple(tuple(x.ravel().tolist()) for x in self.output_places)
-        return recording.ProgramOptions(fixed, self.parameters, places, self.dtype == np.float32, bounds=self.bounds)
+        return recording.ProgramOptions(
+            fixed, self.parameters, places, self.dtype == np.float32, bounds=self.bounds, derivative=self.derivative
+        )
 
     @property
     def tables(self) -> tuple[Any, ...]:
@@ -68,7 +72,28 @@ class SpecializeRequest(NamedTuple):
         return tuple(self.static.values())
 
     def inputs(self) -> list[Array]:
-        """The remaining inputs, in order."""
+        """The inputs, in order: those that are left, then tangents of them, or weights of the results."""
+        own = self._left()
+        if self.derivative == "jvp":
+            return own + [x._replace(name="d" + x.name) for x in self._tangents()]
+        return own + [x._replace(name=x.name + "_bar") for x in self._values() if self.derivative]
+
+    def results(self) -> list[Array]:
+        """The results, in order: values, then their bounds or derivatives."""
+        values = self._values()
+        if self.bounds:
+            return values + [x._replace(name="bound") for x in values]
+        if self.derivative == "jvp":
+            return values + [x._replace(name="d" + x.name) for x in values]
+        return values + [x._replace(name=x.name + "_bar") for x in self._tangents() if self.derivative]
+
+    def _tangents(self) -> list[Array]:
+        """The inputs that are left, a configuration as a displacement."""
+        moved = {x.name for x in self.arguments if x.moved_by and self.model.nq != self.model.nv}
+        width = self.model.nv
+        return [x._replace(shape=(width,), shape_text="(nv,)") if x.name in moved else x for x in self._left()]
+
+    def _left(self) -> list[Array]:
         left = []
         for x in self.arguments:
             core = core_shape(self.model, x, self.tables)
@@ -83,8 +108,7 @@ class SpecializeRequest(NamedTuple):
             left.append(Array(name, parameters.shape(p, self.model.nv), shape_text(parameters.SHAPES[p.kind])))
         return left
 
-    def results(self) -> list[Array]:
-        """The results, in order."""
+    def _values(self) -> list[Array]:
         found = []
         for k, spec in enumerate(self.specs):
             if self.output_places is None:
@@ -93,7 +117,7 @@ class SpecializeRequest(NamedTuple):
                 shape = self.output_places[k].shape
                 text = shape_text(shape)
             found.append(Array(spec.output.name, shape, text))
-        return [*found, *(x._replace(name="bound") for x in found if self.bounds)]
+        return found
 
 
 def shape_text(shape: Sequence[str | int]) -> str:
@@ -113,10 +137,13 @@ def read_request(
     classical: bool,
     constraints: Any,
     bounds: bool = False,
+    derivative: str | None = None,
 ) -> SpecializeRequest:
     """The request of ``specialize``'s arguments, or of ``bounded``'s. Raises as they do."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
+    if derivative not in (None, "jvp", "vjp"):
+        raise SpatialDynError(f'derivative is {derivative!r}, expected "jvp", "vjp" or None')
     specs = specs_of(calls)
     optional, names, chosen = _inputs(model, inputs, specs)
     constants = _fixed(model, fixed, specs)
@@ -130,7 +157,7 @@ def read_request(
     return SpecializeRequest(
         model=model,
         specs=specs,
-        several=bounds or not callable(calls),
+        several=bounds or derivative is not None or not callable(calls),
         dtype=_dtype(dtype),
         arguments=tuple(x for x in given.values() if not x.static),
         static=values,
@@ -139,6 +166,7 @@ def read_request(
         parameters=chosen,
         output_places=_output_places(model, outputs, specs, tuple(values.values())),
         bounds=bounds,
+        derivative=derivative or "",
     )
 
 

@@ -33,6 +33,7 @@ class Argument:
     table           of a static table, its dtype; the value is a StaticTable
     sizes           of a static table, the columns of its header that are sizes of arrays
     unit_norm       the quaternions and (cos, sin) pairs of a configuration have to be of unit norm
+    moved_by        of a configuration, the name of the call that moves it by a displacement, an element of its tangent
     per_coordinate  an output indexed by coordinates rather than summed over them: with mimic joints, the independent
                     entries are taken where another output is contracted with G
     is_force        an input that pairs with velocities, as a torque does: with mimic joints, the followers' entries
@@ -49,6 +50,7 @@ class Argument:
     optional: bool = False
     static: bool = False
     unit_norm: bool = False
+    moved_by: str = ""
     per_coordinate: bool = False
     is_force: bool = False
     table: np.dtype | None = None
@@ -149,7 +151,7 @@ def sizes_of(bodies: Bodies, tables: Iterable[tuple[Argument, Any]] = ()) -> dic
     return found
 
 
-Q = Argument("q", ("nq",), "rad | m", "joint positions", unit_norm=True)
+Q = Argument("q", ("nq",), "rad | m", "joint positions", unit_norm=True, moved_by="integrate")
 V = Argument("v", ("nv",), "rad/s | m/s", "joint velocities")
 A = Argument("a", ("nv",), "rad/s² | m/s²", "joint accelerations")
 TAU = Argument("tau", ("nv",), "N m | N", "joint torques", is_force=True)

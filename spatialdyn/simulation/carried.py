@@ -114,13 +114,13 @@ class Acting(NamedTuple):
 
     free        ``(system, q, v, a) -> status, powers``: writes the acceleration of all but the law; powers by name of
                 states of work
-    law         ``(q, v, states) -> tau, made``: the control law, made are the rates or ends of its states; or None
+    law         ``(q, v, tau, states) -> tau, made``: the control law, made are the rates or ends of its states; or None
     held        whether the law's torque is that of the beginning of the step
     integrated  names of the states that have rates
     """
 
     free: Callable[[System, Any, Any, Any], tuple[int, Power]]
-    law: Callable[[Any, Any, Power], tuple[Any, Power]] | None
+    law: Callable[[Any, Any, Any, Power], tuple[Any, Power]] | None
     held: bool
     integrated: tuple[str, ...]
 
@@ -136,7 +136,8 @@ def carry(
     ends, at = {}, {}
     begun = None
     if acting.law is not None:
-        begun, made = acting.law(state.q, state.w, own)
+        torque(system, t, state.q, state.w)
+        begun, made = acting.law(state.q, state.w, system.tau, own)
         ends = {name: x for name, x in made.items() if name not in acting.integrated}
     size = n
     for name in acting.integrated:
@@ -151,7 +152,7 @@ def carry(
         v, tau = w[:n], system.tau
         rates: Power = {}
         if acting.law is not None:
-            wanted, rates = acting.law(q, v, states(w))
+            wanted, rates = acting.law(q, v, tau, states(w))
             tau = tau + (begun if acting.held else wanted)
         code, powers = acting.free(system._replace(tau=tau, kernels=kernels), q, v, a[:n])
         for name, part in at.items():
@@ -195,7 +196,7 @@ def carry_solved(
     """
     made: Power = {}
     if acting.law is not None:
-        wanted, made = acting.law(q, v, own)
+        wanted, made = acting.law(q, v, tau, own)
         tau = tau + wanted
     after, solved, forces = solve(tau)
     found = {**own, **solved}

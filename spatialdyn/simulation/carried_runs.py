@@ -30,7 +30,7 @@ from .traced_steps import EXPLICIT_METHODS
 
 Array = NDArray[np.float64]
 ADAPTIVE = ("dop853", "radau")
-Law = Callable[[Any, Any, Mapping[str, Any]], tuple[Array, dict[str, Array]]]
+Law = Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Array, dict[str, Array]]]
 
 
 def check_carrying(control: Control | None, work: bool, method: str) -> None:
@@ -62,9 +62,9 @@ def law_in_floats(control: Control, model: Model, total: int) -> Callable[[int, 
             given[name] = now if cores[name] else float(now)
         recorded = law_on(spec, rows, given)
 
-        def law(q: Any, v: Any, states: Mapping[str, Any]) -> tuple[Array, dict[str, Array]]:
-            tau, made = recorded(q, v, states)
-            return np.asarray(tau, float), {name: np.asarray(x, float) for name, x in made.items()}
+        def law(q: Any, v: Any, tau: Any, states: Mapping[str, Any]) -> tuple[Array, dict[str, Array]]:
+            wanted, made = recorded(q, v, tau, states)
+            return np.asarray(wanted, float), {name: np.asarray(x, float) for name, x in made.items()}
 
         return law
 
@@ -178,7 +178,7 @@ def beside(
     def rates(step: int, q: Array, v: Array, x: Array, tau: Array) -> tuple[Array, Array]:
         found: dict[str, Array] = {}
         if laws is not None:
-            wanted, found = laws(step, recorder.steps.dt)(q, v, dict(zip(names, carried.views(x), strict=True)))
+            wanted, found = laws(step, recorder.steps.dt)(q, v, tau, dict(zip(names, carried.views(x), strict=True)))
             tau = tau + wanted
         found[ledger.TORQUE.name] = tau * v
         if fext is not None and work:

@@ -32,7 +32,7 @@ from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
 Array = NDArray[Any]
 RATE, AFTER = "_rate", "_after"  # endings of a state's part
 OWN_INPUT = "control."  # before the names of a law's inputs among those of a step
-OF_STEP = (Q.name, V.name, DT.name)  # inputs that the step gives
+OF_STEP = (Q.name, V.name, TAU.name, DT.name)  # inputs that the step gives
 CODE = (types.FunctionType, types.BuiltinFunctionType, types.ModuleType, type)  # what a law may close over
 
 
@@ -41,8 +41,8 @@ class Control:
 
     spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in their order:
             NAME_rate, integrated by the method of the run as v is, or NAME_after, the state at the end of a step, of
-            inputs at its beginning. Its inputs are any of q, v, dt (the step), its states, and others. A law of time
-            has a clock, a state whose rate is 1
+            inputs at its beginning. Its inputs are any of q, v, tau (the torque of the arguments alone), dt (the
+            step), its states, and others. A law of time has a clock, a state whose rate is 1
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
             axes of samples and steps
     held    False: the law acts wherever the method evaluates forces. True: its torque is that of the beginning
@@ -158,12 +158,12 @@ def inputs_of(spec: Spec) -> tuple[Argument, ...]:
 
 def law_on(
     spec: Spec, rows: Sequence[Any], inputs: Mapping[str, Any]
-) -> Callable[[Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]:
-    """``(q, v, states) -> tau, rates or ends of the states`` on a table of Rows; ``inputs`` are those of a step."""
+) -> Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]:
+    """``(q, v, tau, states) -> tau, rates or ends of states`` on a table of Rows; ``inputs`` are those of a step."""
     parts = spec.parts or (spec.output,)
 
-    def law(q: Any, v: Any, states: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-        given = {Q.name: q, V.name: v}
+    def law(q: Any, v: Any, tau: Any, states: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+        given = {Q.name: q, V.name: v, TAU.name: tau}
         for x in spec.present:
             if x.name not in given:
                 name = x.name if x.name in OF_STEP else OWN_INPUT + x.name
@@ -171,8 +171,8 @@ def law_on(
         sizes = sizes_of(rows, [(x, given[x.name]) for x in spec.present if x.table is not None])
         widths = [math.prod(shape_in(x.shape, sizes)) for x in parts]
         out = evaluate(spec, rows, (sum(widths),), given, np.zeros(len(rows) - 1, object))
-        tau, *made = np.split(out, np.cumsum(widths)[:-1])
-        return tau, {OWN_INPUT + x.name: y for x, y in zip(spec.states, made, strict=True)}
+        wanted, *made = np.split(out, np.cumsum(widths)[:-1])
+        return wanted, {OWN_INPUT + x.name: y for x, y in zip(spec.states, made, strict=True)}
 
     return law
 
@@ -246,10 +246,11 @@ def step_kernel(
 
 
 def law_torques(
-    control: Control, model: Model, q: Array, v: Array, states: Mapping[str, Array], steps: Array, dt: float, total: int
-) -> Array:
-    """The law's torques (N, nv) in samples of a run, at the beginning of these steps (N,)."""
-    given: dict[str, Array] = {Q.name: q, V.name: v, DT.name: np.full((len(q), 1), dt), **states}
+    control: Control, model: Model, q: Array, v: Array, tau: Array, states: Mapping[str, Array], steps: Array,
+    dt: float, total: int,
+) -> Array:  # fmt: skip
+    """The law's torques (N, nv) in samples of a run, at the beginning of these steps (N,); tau is that of arguments."""
+    given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
     for name, rows in control.rows(model, 1, total).items():
         given[name.removeprefix(OWN_INPUT)] = rows[0, np.minimum(steps, rows.shape[1] - 1)]
     inputs = [x for x in control.spec.present if not x.static]
@@ -266,6 +267,6 @@ def _torque(spec: Spec) -> Spec:
 
     def recursion(rows: Any, *arrays: Any) -> None:
         given = {(x.name if x.name in OF_STEP else OWN_INPUT + x.name): y for x, y in zip(inputs, arrays, strict=False)}
-        arrays[-1][:] = law_on(spec, rows, given)(given.get(Q.name), given.get(V.name), {})[0]
+        arrays[-1][:] = law_on(spec, rows, given)(given.get(Q.name), given.get(V.name), given.get(TAU.name), {})[0]
 
     return Spec(f"{spec.name}_torque", recursion, None, inputs, TAU, spec.summary, spec.source, regroup=spec.regroup)

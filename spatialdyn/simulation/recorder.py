@@ -117,7 +117,7 @@ class Recorder:
         self.split = T, V
         states = self.carried.shown(self.own_rows[:n].copy())
         if control is not None and n:
-            tau += law_torques(control, model, q, v, states, self.kept[:n], self.steps.dt, self.steps.total)
+            tau += law_torques(control, model, q, v, tau, states, self.kept[:n], self.steps.dt, self.steps.total)
         words = (self.method.name, self.steps.dt, model.name, interrupted, model)
         touched = None
         if self.touch is not None and self.touch.records:

@@ -86,6 +86,16 @@ class Rollout:
         """Deflections (B, T, nv) of the bristles of LuGre friction [rad | m]; None without any."""
         return self.states.get("bristles")
 
+    @property
+    def end(self) -> dict[str, Any]:
+        """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there."""
+        single = self.q.ndim - self.t.ndim == 1
+
+        def last(x: Array) -> Array:
+            return x if self.t.ndim == 0 else x[-1] if single else x[:, -1]
+
+        return {"q0": last(self.q), "v0": last(self.v), "states": {name: last(x) for name, x in self.states.items()}}
+
     def __iter__(self) -> Iterator[Array]:
         return iter((self.q, self.v))
 

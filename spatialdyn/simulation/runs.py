@@ -183,7 +183,7 @@ def simulate(
     if held is not None and chosen.name in HELD_SYMPLECTIC:
         rattle.check_symplectic(model, held, chosen.name)
     touch = touching(model, contacts, limits, record_contacts, chosen.name, q, found, held)
-    acting = Acting(held, found, control, works, forces is not None, touch=touch)
+    acting = Effects(held, found, control, works, forces is not None, touch=touch)
     return _run(model, q, v, p, chosen, duration, dt, torque, forces, every, progress, rtol, atol, acting, states)
 
 
@@ -235,7 +235,7 @@ def hamilton_simulation(
     return _run(model, q, v, momenta, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
 
 
-class Acting(NamedTuple):
+class Effects(NamedTuple):
     """What acts in a run beside torques: constraints, friction, a control law; and whether work is recorded.
 
     pushed   whether external forces act
@@ -277,7 +277,7 @@ class Acting(NamedTuple):
         return carried_by(None if self.found is None else self.found.way, spec, self.work, touch)
 
 
-FREE = Acting()
+FREE = Effects()
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -337,7 +337,7 @@ def _every(record: int | None, total: int) -> int:
 def _run(
     model: Model, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
     fext: Array | None, record: int | None, progress: Progress, rtol: float, atol: float,
-    acting: Acting = FREE, states: Any = None,
+    acting: Effects = FREE, states: Any = None,
 ) -> Trajectory:  # fmt: skip
     steps = Steps.of(duration, dt)
     for name, x in (("rtol", rtol), ("atol", atol)):
@@ -388,7 +388,7 @@ def _run(
 
 def _run_fixed(
     recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None], acting: Acting,
+    report: Callable[[int, int], None], acting: Effects,
 ) -> None:  # fmt: skip
     """All steps of a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps, own = recorder.model, recorder.method, recorder.steps, recorder.own

@@ -81,6 +81,14 @@ def test_a_shorted_motor_brakes_as_its_damping_does(arm: sd.Model) -> None:
     np.testing.assert_allclose(sd.friction_torque(arm, v, sd.Friction(0.0, m.damping)), -m.damping * v, rtol=1e-15)
 
 
+def test_a_freedom_without_a_motor_has_no_torque(arm: sd.Model) -> None:
+    m = motor(torque_constant=[0.0, K])
+    lower, upper = sd.torque_limits(arm, [3.0, 0.0], m)
+    assert lower[0] == upper[0] == 0.0
+    assert m.no_load_speed[0] == np.inf
+    assert upper[1] == pytest.approx(N * K * V / R)
+
+
 def test_the_turns_of_the_gear_may_have_either_sign(arm: sd.Model) -> None:
     v = [[1.0, 2.0], [-3.0, 0.5]]
     for one, other in zip(sd.torque_limits(arm, v, motor(ratio=-N)), sd.torque_limits(arm, v, motor()), strict=True):

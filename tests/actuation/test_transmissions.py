@@ -159,6 +159,16 @@ def test_the_exact_engine_has_it() -> None:
     assert float(abs(again - tau).max()) < 1e-60
 
 
+def test_symbols_have_it() -> None:
+    pytest.importorskip("sympy")
+    t = sd.Transmission(("joint1", "joint2"), [[0.5, 0.5], [0.5, -0.5]], [0.125, 0.5])
+    model = sd.load_urdf("two_link").with_(transmissions=[t])
+    s, q = sd.SymbolicManipulator(model), [0.3, -0.4]
+    M = np.array(s.M().subs(dict(zip(s.q, q, strict=True))).evalf(17), float)
+    close(M, plainly(model, "crba", {"q": np.array([q])}))
+    assert M[0, 1] != plainly(sd.load_urdf("two_link"), "crba", {"q": np.array([q])})[0, 1]
+
+
 @pytest.mark.parametrize("name", ["aba", "minverse", "rnea", "crba", "aba_derivatives", "momentum"])
 def test_without_transmissions_their_numbers_are_not_read(name: str) -> None:
     model = sd.load_urdf("two_link")

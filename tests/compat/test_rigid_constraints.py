@@ -194,6 +194,8 @@ def test_lists_of_contacts_do_too_and_their_values_are_copied() -> None:
     given, own = [models[0].copy()], [models[0].createData()]
     close(p.constraintDynamics(model, data, case.q, case.v, case.tau, given, own), wanted, 0.0)
     close(own[0].contact_force.vector, datas[0].contact_force.vector, 0.0)
+    own[0].oMc2.translation = np.ones(3)
+    assert not given[0].joint2_placement.translation.any()
     models[0].name = "mine"
     assert p.StdVec_RigidConstraintModel(given)[0].name == ""
     for x in (models, datas):

@@ -13,10 +13,12 @@ import pytest
 from dense import Array
 
 import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.examples import gallery
 
 EPS = float(np.finfo(float).eps)
 INERTIA = np.array([1.0, 2.0, 3.0])
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: thousands of steps of gauss6")
 
 
 def crf(xi: Array) -> Array:
@@ -44,6 +46,7 @@ def test_rnea_of_one_floating_body_is_the_euler_poincare_equation(body: sd.Model
     assert abs(f - wrong).max() > 0.1
 
 
+@compiled
 def test_spatial_momentum_is_constant_in_a_free_motion(body: sd.Model) -> None:
     """Ad*_{g⁻¹} I ξ, the momentum in the world, and not with the other sign of d/dt(I ω) = ± ω × I ω."""
     q0, v0 = sd.neutral(body), np.array([0.3, -0.2, 0.1, 1.0, 2.0, -1.5])
@@ -61,6 +64,7 @@ def top() -> sd.Model:
     return made.build()
 
 
+@compiled
 def test_a_free_top_moves_by_jacobis_elliptic_functions() -> None:
     pytest.importorskip("scipy")
     example = gallery.module("spinning_top")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from dense import Array
 from grounded import DT, G, box, hold, jacobian, mass, quadruped, stance, trot
+from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
@@ -69,7 +70,7 @@ def test_a_mass_brakes_over_v_squared_by_two_mu_g() -> None:
 
 
 @compiled
-@pytest.mark.parametrize("dt", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dt", slow_but([1e-3], [1e-3, 1e-4]))
 def test_a_ball_bounces_at_the_times_of_its_geometric_series(dt: float) -> None:
     """From 1 m with e = 0.5: .451524, .903047, 1.128809 s, and without end before 1.354571 s."""
     model = mass()

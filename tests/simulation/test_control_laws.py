@@ -15,7 +15,11 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.tracer import scratch
+from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.friction import DT
+from spatialdyn.recursions.regressor import WORK as REGRESSOR_WORK
+from spatialdyn.recursions.regressor import joint_torque_regressor
 from spatialdyn.recursions.rnea import WORK, rnea
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
 from spatialdyn.simulation import program_steps
@@ -219,6 +223,82 @@ def test_a_step_without_a_program_carries_states_all_the_same(arm: sd.Model, mon
     np.testing.assert_allclose(found.states["past"], wanted.states["past"], rtol=0.0, atol=SAME)
 
 
+# --- what later chapters rest on ------------------------------------------------------------------------
+
+ESTIMATE = Argument("estimate", ("njoints", 10), "kg | kg m | kg m²", "inertial parameters of each body", start=0.0)
+RATES = Argument("estimate_rate", ("njoints", 10), "", "")
+
+
+def adapting(bodies: Any, work: Any, q: Any, v: Any, reach: Any, estimate: Any, tau: Any, estimate_rate: Any) -> None:
+    """Gravity Y(q) θ by estimated parameters, θ̇ = -Yᵀ s with s = v + (q - q_d), and PD (Slotine and Li, 1987)."""
+    n, rest = len(tau), np.zeros(len(tau))
+    Y = np.zeros((n, *np.shape(estimate)), object)
+    joint_torque_regressor(bodies, work, q, rest, rest, Y)
+    off = [q[i] - reach[i] for i in range(n)]
+    for i in range(n):
+        tau[i] = (Y[i] * estimate).sum() - 20.0 * off[i] - 10.0 * v[i]
+    columns = Y.reshape((n, -1))
+    for k in range(len(estimate_rate)):
+        estimate_rate[k] = -sum(columns[i, k] * (v[i] + off[i]) for i in range(n))
+
+
+@compiled
+def test_an_adaptive_law_learns_the_gravity_that_it_does_not_know() -> None:
+    """Its state is a table, a parameter for each body; PD alone rests where its springs and gravity balance."""
+    model, goal = sd.load_urdf("two_link"), np.array([0.8, 0.4])
+    parts = (TAU, RATES)
+    spec = Spec("adapting", adapting, REGRESSOR_WORK, (Q, V, REACH, ESTIMATE), TAU, "", "", parts=parts)
+    run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 15.0, 5e-3, control=sd.Control(spec, {"reach": goal}))
+    assert run.states["estimate"].shape == (3001, 3, 10)
+    assert abs(run.q[-1] - goal).max() < 1e-3
+    Y = sd.joint_torque_regressor(model, run.q[-1], [0.0, 0.0], [0.0, 0.0])
+    learnt = np.einsum("ijk,jk->i", Y, run.states["estimate"][-1])
+    np.testing.assert_allclose(learnt, sd.generalized_gravity(model, goal), rtol=5e-3)
+    python = in_python(model, [0.0, 0.0], [0.0, 0.0], 0.05, 5e-3, control=sd.Control(spec, {"reach": goal}))
+    np.testing.assert_allclose(python.states["estimate"], run.states["estimate"][:11], rtol=0.0, atol=SAME)
+
+
+MOMENTUM = Argument("momentum", ("nv",), "kg m²/s", "estimated", start=0.0)
+
+
+def observing(bodies: Any, q: Any, v: Any, tau: Any, momentum: Any, nothing: Any, momentum_rate: Any) -> None:
+    """p̂' = Cᵀ v - g + tau + r with r = 20 (M v - p̂), which follows the torque that no motor gave (De Luca, 2006)."""
+    n = len(nothing)
+    M = np.zeros((n, n), object)
+    back, gravity, rows = np.zeros(n, object), np.zeros(n, object), len(bodies)
+    crba.recursion(bodies, scratch(crba.work, rows), q, M)
+    transposed.recursion(bodies, scratch(transposed.work, rows), q, v, back)
+    rnea(bodies, scratch(WORK, rows), q, None, None, None, gravity)
+    for i in range(n):
+        nothing[i] = 0.0
+        residual = 20.0 * (sum(M[i, j] * v[j] for j in range(n)) - momentum[i])
+        momentum_rate[i] = back[i] - gravity[i] + tau[i] + residual
+
+
+crba, transposed = SPECS["crba"], SPECS["coriolis_transpose_times_velocity"]
+
+
+def test_an_observer_finds_the_torque_that_no_motor_gave(arm: sd.Model) -> None:
+    """Its law gives no torque, and knows that of the arguments; r goes to Jᵀ f as 1 - e^-20t."""
+    parts = (TAU, part("momentum_rate"))
+    spec = Spec("observer", observing, None, (Q, V, TAU, MOMENTUM), TAU, "", "", parts=parts)
+    q0, tau, fext = np.array([0.3, 0.5, -0.4]), np.array([2.0, 10.0, 3.0]), np.zeros((arm.njoints, 6))
+    kept = dict(control=sd.Control(spec), torque=tau)
+    for f in (0.0, 3.0):
+        fext[-1, 1] = f
+        run = sd.simulate(arm, q0, [0.0] * 3, 0.4, 5e-3, **kept, fext=fext)
+        p = np.einsum("nij,nj->ni", sd.crba(arm, run.q), run.v)
+        found = 20.0 * (p - run.states["momentum"])
+        push = sd.generalized_gravity(arm, run.q) - sd.static_torque(arm, run.q, fext)
+        lag = np.zeros(3)
+        for k in range(len(run) - 1):  # the filter by itself: ṙ = 20 (push - r)
+            lag += (1.0 - np.exp(-20.0 * 5e-3)) * (0.5 * (push[k] + push[k + 1]) - lag)
+        np.testing.assert_allclose(found[-1], lag, atol=2e-3)
+        np.testing.assert_allclose(run.tau, np.broadcast_to(tau, run.tau.shape))
+    free = sd.simulate(arm, q0, [0.0] * 3, 0.4, 5e-3, **kept)  # by a program
+    assert abs(np.einsum("nij,nj->ni", sd.crba(arm, free.q), free.v) - free.states["momentum"]).max() < 1e-6
+
+
 # --- starts and continuations ---------------------------------------------------------------------------
 
 
@@ -244,10 +324,37 @@ def test_a_rollout_goes_on_from_states(arm: sd.Model) -> None:
     q0 = np.random.default_rng(1).normal(size=(9, 3))
     whole = sd.rollout(arm, q0, np.zeros(3), steps=20, **kept)
     first = sd.rollout(arm, q0, np.zeros(3), steps=12, **kept)
-    last = {name: x[:, -1] for name, x in first.states.items()}
-    then = sd.rollout(arm, first.q[:, -1], first.v[:, -1], steps=8, states=last, **kept)
+    then = sd.rollout(arm, **first.end, steps=8, **kept)
     np.testing.assert_array_equal(then.q, whole.q[:, 12:])
     np.testing.assert_array_equal(then.states["past"], whole.states["past"][:, 12:])
+    last = sd.rollout(arm, q0, np.zeros(3), steps=12, record="last", **kept)
+    one = sd.rollout(arm, q0[4], np.zeros(3), steps=12, **kept)
+    for name, x in first.end["states"].items():
+        np.testing.assert_array_equal(last.end["states"][name], x)
+        np.testing.assert_array_equal(one.end["states"][name], x[4])
+    np.testing.assert_array_equal(sd.rollout(arm, **last.end, steps=8, **kept).q, then.q)
+    np.testing.assert_array_equal(sd.rollout(arm, **one.end, steps=8, **kept).q, then.q[4])
+
+
+def test_ctrl_c_keeps_the_states_of_the_last_step(arm: sd.Model) -> None:
+    """A run that is stopped goes on from its end as if it had not been."""
+
+    def stopping(t: float, q: Any, v: Any) -> Any:
+        if t > 0.031:
+            raise KeyboardInterrupt
+        return np.zeros(3)
+
+    args, kept = ([0.1, 0.2, 0.3], [0.5, 0.0, -0.5]), dict(dt=0.01, control=reaching())
+    with pytest.raises(sd.SimulationInterrupt) as caught:
+        sd.simulate(arm, *args, 1.0, torque=stopping, record=50, **kept)
+    run = caught.value.trajectory
+    assert len(run) == 2
+    whole = in_python(arm, *args, 0.1, **kept)
+    done = round(run.t[-1] / 0.01)
+    assert done >= 2
+    np.testing.assert_array_equal(run.states["past"][-1], whole.states["past"][done])
+    then = in_python(arm, duration=0.1 - run.t[-1], **run.end, **kept)
+    np.testing.assert_allclose(then.q[-1], whole.q[-1], rtol=0.0, atol=SAME)
 
 
 def test_states_are_saved_and_tabled(arm: sd.Model, tmp_path: Path) -> None:

@@ -185,6 +185,7 @@ def test_steps_in_python_keep_the_same_ledger(arm: sd.Model, way: str) -> None:
         np.testing.assert_allclose(found.work[kind], x, rtol=0.0, atol=1e3 * EPS)
 
 
+@compiled
 @pytest.mark.parametrize(
     ("method", "kept"),
     [

@@ -126,6 +126,17 @@ def test_the_ledger_counts_what_gears_and_windings_take(lift: sd.Model, user: bo
     assert abs(ledger.error).max() < 2.0 * 1e-3 * LOAD * abs(run.v).max()
 
 
+def test_a_motor_on_a_rotor_drives_a_joint_through_its_spring() -> None:
+    """The gear's loss is between motor and rotor; the passive joint, without a motor, feels the spring alone."""
+    b = sd.ModelBuilder("sea").add_body("link", inertia=(1.0, (0, 0, 0), 0.2 * np.eye(3)), joint_name="joint")
+    model = b.add_series_elastic("joint", 300.0, 2.0, 1e-4, 50.0).build()
+    m = sd.Motor([0.0, 0.03], 0.6, 24.0, efficiency=0.8)
+    q, v = sd.rollout(model, [0.1, 0.0], [0.0, 0.0], [0.0, 0.2], dt=1e-4, steps=1, motor=m)
+    pull = sd.spring_torque(model, [0.1, 0.0], [0.0, 0.0])
+    np.testing.assert_allclose(v[0], 1e-4 * (pull + np.array([0.0, 0.8 * 0.2])) / [0.2, 1e-4], rtol=1e-10)
+    np.testing.assert_allclose(q[0], [0.1, 0.0] + 1e-4 * v[0], rtol=1e-12)
+
+
 def test_motors_are_refused_where_they_cannot_act(lift: sd.Model) -> None:
     with pytest.raises(sd.SimulationError, match='method "rk4", expected "implicit" and "semi_implicit_euler"'):
         sd.simulate(lift, [0.0], [0.0], 1.0, 0.1, "rk4", motor=motor())

@@ -13,7 +13,6 @@ algorithms, 2nd ed. (2002), section 3.3.
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -40,13 +39,11 @@ from .operations import (
     signed,
 )
 from .program import Program
+from .replay import line, record
 from .tracer import Number, Tape
 
 TURN, EXPONENTIAL, ANGLE = 3.5, 3.0, 7.0  # errors of sin and cos, exp, atan2 in u |x|: an ulp is at most 2 u |x|
 LOST = 2.0**-40  # share of a result's error for what arithmetic of constants loses of other results' size: 2⁻¹⁰⁴ of it
-PLAIN: dict[int, Callable[[Any, Any], Any]] = {
-    ADD: operator.add, SUB: operator.sub, MUL: operator.mul, DIV: operator.truediv,
-}  # fmt: skip
 UNDERFLOW = {8: 2.0**-900, 4: 2.0**-100}  # by size: far above what an underflow may come to in a result
 INFINITE = math.inf
 
@@ -102,7 +99,8 @@ class Bounding:
                 lines.append(Bounded(x, self._of_constant(program, op)) if bounds else self.exact(x))
             else:
                 given = [lines[k] if k >= 0 else -lines[-k - 1] for k in signed(op)]
-                lines.append(self.apply(op.code, *given) if bounds else self.exact(self._value(op.code, given)))
+                made = self.apply(op.code, *given) if bounds else self.exact(self._value(op.code, given))
+                lines.append(made)
         return [-lines[k] if minus else lines[k] for k, minus in program.outputs]
 
     def _of_constant(self, program: Program, op: Operation) -> float:
@@ -159,6 +157,9 @@ class Bounding:
         x = self._value(code, given)
         return Bounded(x, _RULES[code](self, x, *given) if isinstance(x, Number) else 0.0)
 
+    def _value(self, code: int, given: Sequence[Bounded]) -> Any:
+        return record(self.tape, code, [x.x for x in given])
+
     # -- numbers that are not negative
 
     def magnitude(self, x: Any) -> Any:
@@ -191,26 +192,9 @@ class Bounding:
         return self._line(FNMA, self.u * (1.0 + self.slack), x.b, self.magnitude(x.x))
 
     def _line(self, code: int, *given: Any) -> Number:
-        places = [_operand(self.tape.number(x)) for x in given]
-        return Number(self.tape, self.tape.line((code, *places, *[0] * (3 - len(places)), 0.0)), False)  # type: ignore[arg-type]
+        return line(self.tape, code, *given)
 
     # -- lines
-
-    def _value(self, code: int, given: Sequence[Bounded]) -> Any:
-        """An operation as the program has it: the same bits, whatever the signs of its operands."""
-        if code in PLAIN:
-            return PLAIN[code](given[0].x, given[1].x)
-        numbers = [self.tape.number(g.x) for g in given]
-        if code not in (FMA, FMS, FNMA):
-            odd, even = code == SIN, code in (COS, ABS)
-            if odd or even:
-                line = self.tape.line((code, numbers[0].line, 0, 0, 0.0))
-                return Number(self.tape, line, numbers[0].minus and odd)
-            return self._line(code, *numbers)
-        a, b, c = numbers
-        product, other = (a.minus != b.minus) != (code == FNMA), c.minus != (code == FMS)
-        code = FMA if product == other else FMS if other else FNMA
-        return Number(self.tape, self.tape.line((code, a.line, b.line, c.line, 0.0)), product and other)
 
     def _sum(self, x: Number, a: Bounded, b: Bounded) -> Any:
         return a.b + b.b + self.magnitude(x)
@@ -279,7 +263,3 @@ _RULES: dict[int, Callable[..., Any]] = {
 
 def _zero(x: Any) -> bool:
     return not isinstance(x, Number) and x == 0.0
-
-
-def _operand(x: Number) -> int:
-    return -x.line - 1 if x.minus else x.line

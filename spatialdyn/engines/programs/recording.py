@@ -23,6 +23,7 @@ from ...recursions.spec import Argument, Spec, shape_in, sizes_of
 from ..compiled.numba_kernels import variant
 from . import float32_range, host_cpu
 from .constants import constant
+from .derivative import jvp, vjp
 from .error_bound import Bounded, Bounding
 from .kernel_layout import KernelLayout
 from .move_origins import move_origins
@@ -58,6 +59,9 @@ class ProgramOptions(NamedTuple):
     ranged         reject samples whose result may depend on numbers below or above float32's range
     double_double  in double-double, on the table without regrouping: its numbers are exact
     bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
+    derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
+                   outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
+                   each input as further outputs. Of a configuration they are by displacements
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -66,6 +70,7 @@ class ProgramOptions(NamedTuple):
     ranged: bool = False
     double_double: bool = False
     bounds: bool = False
+    derivative: str = ""
 
 
 ALL = ProgramOptions()
@@ -104,6 +109,8 @@ def record(
     """
     if options.bounds:
         return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
+    if options.derivative:
+        return _with_derivative(specs, bodies, static, options, dtype)
     for spec in specs:
         if not spec.traceable:
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
@@ -273,6 +280,72 @@ def _chosen(
     ]
     count = sum(math.prod(parameter_shape(p, len(bodies) - 1)) for p in options.parameters)
     return [*chosen, *inputs[len(inputs) - count :]]
+
+
+def _with_derivative(
+    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
+) -> Recording:
+    """Some calls with their derivatives."""
+    program, layout = record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
+    tape, order = Tape(), itertools.count(program.inputs)
+    inputs = [tape.input(k) for k in range(program.inputs)]
+    arrays = _arrays(specs, options, bodies)
+    ends = list(itertools.accumulate(layout.inputs, initial=0))
+    parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
+    forward = options.derivative == "jvp"
+    further, results = [], []
+    if forward:
+        tangents: list[Any] = []
+        for mover, part in zip(arrays, parts, strict=True):
+            further.append(len(bodies) - 1 if mover else len(part))
+            along = [tape.input(next(order)) for _ in range(further[-1])]
+            if mover:
+                rest = [0.0] * len(part)
+                along = jvp(tape, _mover(mover, bodies), [*part, *[0.0] * len(along)], [*rest, *along])[1]
+            tangents += along
+        values, rates = jvp(tape, program, inputs, tangents)
+        results = [[rates[k] for k in places] for places in layout.outputs]
+    else:
+        weights: list[Any] = [0.0] * len(program.outputs)
+        for places in layout.outputs:
+            further.append(len(places))
+            for k in places:
+                weights[k] = tape.input(next(order))
+        values, found = vjp(tape, program, inputs, weights)
+        for mover, part, first in zip(arrays, parts, ends, strict=False):
+            by = found[first : first + len(part)]
+            if mover:
+                by = vjp(tape, _mover(mover, bodies), [*part, *[0.0] * (len(bodies) - 1)], by)[1][len(part) :]
+            results.append(by)
+    outputs = [*values, *itertools.chain.from_iterable(results)]
+    at = itertools.count(len(values))
+    beside = tuple(tuple(next(at) for _ in part) for part in results)
+    layout = replace(layout, inputs=(*layout.inputs, *further), outputs=(*layout.outputs, *beside))
+    return Recording(Program(tape, outputs, next(order)), layout)
+
+
+def _mover(name: str, bodies: NDArray[Any]) -> Program:
+    """The program of the call that moves a configuration."""
+    return record((SPECS[name],), bodies).program
+
+
+def _arrays(specs: Sequence[Spec], options: ProgramOptions, bodies: NDArray[Any]) -> list[str]:
+    """For each input array the name of the call that moves it, "" for an array of numbers.
+
+    Raises SpatialDynError for a configuration of quaternions or pairs of which some entries are fixed.
+    """
+    known, found = dict(options.fixed), {}
+    for spec in specs:
+        for x in spec.present:
+            if x.static or (x.name in known and not any(map(math.isnan, known[x.name]))):
+                continue
+            moved = bool(x.moved_by and unit_parts(bodies))
+            if moved and x.name in known:
+                raise SpatialDynError(
+                    f"{x.name} has fixed entries, expected all or none where joints have quaternions or pairs"
+                )
+            found[x.name] = x.moved_by if moved else ""
+    return [*found.values(), *[""] * len(options.parameters)]
 
 
 def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:

@@ -49,7 +49,7 @@ class Side(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """A contact at a state, in the axes of frame 1: frame 2 from there, its action matrix X, J, J v, γ and the error.
+    """A contact at a state, in the axes of frame 1: frame 2 from there, J, J v, γ and the error.
 
     turn  (size, size) takes rows and forces to the axes of the reference frame
     """
@@ -57,7 +57,6 @@ class Contact(NamedTuple):
     model: RigidConstraintModel
     sides: tuple[Side, Side]
     M: SE3
-    X: Array
     J: Array
     Jv: Array
     error: Array
@@ -75,13 +74,29 @@ def _cross(V: Array) -> Array:
 
 def _side(at: Any, joint: int, placement: SE3) -> Side:
     """A frame at q, v and, if there is one, at a; without it A is the drift."""
+    if joint == 0:
+        return Side(SE3(placement), np.zeros((6, len(at.v))), np.zeros(6), np.zeros(6))
     where = int(at.library.rows[joint]), placement._x
     J = _call_about_frame("frame_jacobian", at, *where, IN_FRAME)
     if at.a is None:
         A = _call_about_frame("jacobian_dot_times_v", at, *where, IN_FRAME)
     else:
         A = _call_about_frame("frame_acceleration", at, *where, IN_FRAME, 0)
-    return Side(SE3(_call_about_frame("frame_placement", at, *where)), J, J @ at.v, A)
+    return Side(SE3.over(_call_about_frame("frame_placement", at, *where)), J, J @ at.v, A)
+
+
+def _point(side: Side) -> Array:
+    """The classical acceleration of a frame's origin, A + ω × v."""
+    a, b, c, x, y, z = side.V.tolist()
+    return np.add(side.A[:3], (y * c - z * b, z * a - x * c, x * b - y * a))
+
+
+def _blocks(R: Array, size: int) -> Array:
+    """R, once or twice along the diagonal."""
+    made = np.zeros((size, size))
+    for k in range(0, size, 3):
+        made[k : k + 3, k : k + 3] = R
+    return made
 
 
 def _contact(at: Any, model: RigidConstraintModel) -> Contact:
@@ -90,10 +105,9 @@ def _contact(at: Any, model: RigidConstraintModel) -> Contact:
     two = _side(at, model.joint2_id, model.joint2_placement)
     M, aligned = one.X.actInv(two.X), model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
     if model.type == ContactType.CONTACT_3D:
-        X = np.hstack([M.rotation, np.zeros((3, 3))])
-        J, error = one.J[:3] - X @ two.J, -M.translation
-        points = [side.A[:3] + np.cross(side.V[3:], side.V[:3]) for side in (one, two)]
-        gamma = points[0] - M.rotation @ points[1]
+        X = M.rotation
+        J, error = one.J[:3] - X @ two.J[:3], -M.translation
+        gamma = _point(one) - X @ _point(two)
     else:
         X = M.toActionMatrix()
         J, error = one.J - X @ two.J, -log6(M).vector
@@ -102,8 +116,8 @@ def _contact(at: Any, model: RigidConstraintModel) -> Contact:
             gamma = gamma + _cross(one.V) @ (X @ two.V)
     gains, Jv = model.m_baumgarte_parameters, J @ at.v
     gamma = gamma + gains.Kd * Jv + gains.Kp * error
-    turn: Any = np.kron(np.eye(len(J) // 3), one.X.rotation) if aligned else np.eye(len(J))
-    return Contact(model, (one, two), M, X, J, Jv, error, gamma, turn)
+    turn = _blocks(one.X.rotation, len(J)) if aligned else np.eye(len(J))
+    return Contact(model, (one, two), M, J, Jv, error, gamma, turn)
 
 
 def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
@@ -130,10 +144,15 @@ def _note(contacts: list[Contact], pairs: Any) -> None:
     """Write placements, velocities and errors to the contacts' data."""
     for c, (_, own) in zip(contacts, pairs, strict=True):
         own.oMc1, own.oMc2, own.c1Mc2 = c.sides[0].X, c.sides[1].X, c.M
-        own.contact1_velocity, own.contact2_velocity = (Motion(side.V) for side in c.sides)
-        rest = np.zeros(6 - len(c.J))
-        own.contact_placement_error = Motion(np.append(c.error, rest))
-        own.contact_velocity_error = Motion(np.append(c.Jv, rest))
+        own.contact1_velocity, own.contact2_velocity = (Motion.over(side.V) for side in c.sides)
+        own.contact_placement_error, own.contact_velocity_error = (Motion.over(_six(x)) for x in (c.error, c.Jv))
+
+
+def _six(x: Array) -> Array:
+    """Three numbers and three zeros, or six numbers."""
+    made = np.zeros(6)
+    made[: len(x)] = x
+    return made
 
 
 def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> Any:
@@ -206,7 +225,7 @@ def _store(data: Data, pairs: Any, name: str, force: Array) -> None:
     first = 0
     for x, own in pairs:
         size = x.residualSize()
-        own.contact_force = Force(np.append(force[first : first + size], np.zeros(6 - size)))
+        own.contact_force = Force.over(_six(force[first : first + size]))
         first += size
 
 
@@ -313,8 +332,7 @@ def _rows_by_state(at: Any, c: Contact) -> Array:
             """∂(R x) for a constant x."""
             return np.cross(S[3:], R @ x, axisa=0).T
 
-        A2 = two.A[:3] + np.cross(two.V[3:], two.V[:3])
-        by_q, by_v = A1_q[:3] - R @ A2_q[:3] - turned(A2), A1_v[:3] - R @ A2_v[:3]
+        by_q, by_v = A1_q[:3] - R @ A2_q[:3] - turned(_point(two)), A1_v[:3] - R @ A2_v[:3]
         rate = dV1[:3] - R @ dV2[:3] - turned(two.V[:3])
         error = -S[:3] - np.cross(S[3:], c.M.translation, axisa=0).T
     else:
@@ -335,7 +353,7 @@ def _rows_by_state(at: Any, c: Contact) -> Array:
 
 def _load(c: Contact, force: Array, fext: list[Force]) -> Array:
     """Add the contact's forces to those on joints, in their frames; what Jᵀ λ changes by beside (nv, nv)."""
-    wrench = np.append(force, np.zeros(6 - len(force)))
+    wrench = _six(force)
     S, X = _seen(c), c.M.toActionMatrix()
     if len(force) == 3:  # at the origin of frame 2
         R = c.M.rotation

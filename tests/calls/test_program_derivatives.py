@@ -1,0 +1,167 @@
+"""Derivatives along a direction and of weighted sums, of any call: against the analytic ones and complex steps."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from inputs import random_inputs
+from slow import slow_but
+from trees import random_tree
+
+import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import derivative
+from spatialdyn.engines.programs.derivative import jvp, vjp
+from spatialdyn.engines.programs.operations import FORMS, SELECT
+from spatialdyn.engines.programs.program import Program
+from spatialdyn.engines.programs.tracer import Tape
+from spatialdyn.recursions import SPECS
+
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
+
+MODELS: dict[str, Callable[[], sd.Model]] = {
+    "two_link": lambda: sd.load_urdf("two_link"),
+    "tree": lambda: random_tree(3, 3).model,
+    "floating": lambda: random_tree(5, 3, floating=True).model,
+    "panda": lambda: sd.load_urdf("panda"),
+}
+ANALYTIC = ("rnea", "aba")
+CASES = [(name, call) for name in MODELS for call in ANALYTIC]
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("name", "call"), slow_but([("tree", "rnea"), ("floating", "rnea"), ("two_link", "aba")], CASES)
+)
+def test_both_equal_the_analytic_derivatives(name: str, call: str) -> None:
+    model, rng = MODELS[name](), np.random.default_rng(3)
+    given = random_inputs(model, numba_kernels.variant(SPECS[call], frozenset()), seed=4, batch=(20,))
+    parts = getattr(sd, call + "_derivatives")(model, *given)
+    forward = sd.specialize(model, getattr(sd, call), derivative="jvp")
+    backward = sd.specialize(model, getattr(sd, call), derivative="vjp")
+    along, weights = rng.standard_normal((3, 20, model.nv)), rng.standard_normal((20, model.nv))
+    value, rate = forward(*given, *along)
+    wanted = sum(np.einsum("sij,sj->si", parts[:, k], along[k]) for k in range(3))
+    np.testing.assert_allclose(value, getattr(sd, call)(model, *given), rtol=1e-9, atol=1e-9 * abs(value).max())
+    scale = abs(parts).max() * 10.0
+    np.testing.assert_allclose(rate, wanted, rtol=0.0, atol=1e-12 * scale)
+    same, *by = backward(*given, weights)
+    np.testing.assert_array_equal(same.shape, value.shape)
+    for k in range(3):
+        wanted = np.einsum("sij,si->sj", parts[:, k], weights)
+        np.testing.assert_allclose(by[k], wanted, rtol=0.0, atol=1e-12 * scale)
+    plain = sd.specialize(model, getattr(sd, call)).operations
+    for k in (forward, backward):
+        assert count(k.operations) <= 3.0 * count(plain)
+
+
+def count(operations: dict[str, int]) -> int:
+    return sum(n for what, n in operations.items() if what != "depth")
+
+
+@compiled
+@pytest.mark.parametrize("call", ["crba", "coriolis_matrix", "kinetic_energy", "center_of_mass", "generalized_gravity"])
+def test_any_call_has_both_and_they_agree(call: str) -> None:
+    """<weights, f' d> = <f'ᵀ weights, d>, and f' d is the difference quotient along q ∘ exp(h d)."""
+    model, rng = MODELS["tree"](), np.random.default_rng(1)
+    spec = numba_kernels.variant(SPECS[call], frozenset())
+    given = random_inputs(model, spec, seed=2)
+    function = getattr(sd, call)
+    along = rng.standard_normal((len(given), model.nv))
+    value, rate = sd.specialize(model, function, derivative="jvp")(*given, *along)
+    weights = rng.standard_normal(np.shape(value))
+    _, *by = sd.specialize(model, function, derivative="vjp")(*given, weights)
+    forth = float(np.sum(weights * rate))
+    assert sum(float(g @ d) for g, d in zip(by, along, strict=True)) == pytest.approx(forth, rel=1e-10, abs=1e-12)
+    h = 1e-5
+
+    def at(step: float) -> Any:
+        q = sd.integrate(model, given[0], step * along[0])
+        return function(model, q, *(x + step * d for x, d in zip(given[1:], along[1:], strict=True)))
+
+    quotient = (at(h) - at(-h)) / (2.0 * h)
+    np.testing.assert_allclose(rate, quotient, rtol=0.0, atol=1e-7 * max(1.0, np.abs(quotient).max()))
+
+
+@compiled
+def test_names_shapes_batches_loads_and_float32() -> None:
+    model = MODELS["floating"]()
+    k = sd.specialize(model, sd.rnea, derivative="jvp", inputs="gravity")
+    assert k.signature == (
+        "(q (nq,), v (nv,), a (nv,), gravity (3,), dq (nv,), dv (nv,), da (nv,), dgravity (3,)) "
+        "-> (tau (nv,), dtau (nv,))"
+    )
+    k = sd.specialize(model, [sd.rnea, sd.kinetic_energy], derivative="vjp", fixed={"v": 0})
+    assert k.signature.startswith("(q (nq,), a (nv,), tau_bar (nv,), ")
+    assert k.signature.endswith("q_bar (nv,), a_bar (nv,))")
+    two = sd.load_urdf("two_link")
+    k = sd.specialize(two, sd.rnea, derivative="vjp", inputs={"payload": two.frames[-1].name})
+    q, v, a, load, w = [0.3, 0.1], [1.0, 2.0], [0.1, 0.2], [1.5, 0.1, 0, 0, 0, 0, 0, 0, 0, 0.1], [1.0, -2.0]
+    _, *by = k(q, v, a, load, w)
+    h = 1e-6
+    more = [
+        np.dot(w, k(q, v, a, np.array(load) + h * e, w)[0] - k(q, v, a, np.array(load) - h * e, w)[0])
+        for e in np.eye(10)
+    ]
+    np.testing.assert_allclose(by[3], np.array(more) / (2 * h), atol=1e-7)
+    narrow = sd.specialize(two, sd.rnea, derivative="jvp", dtype=np.float32)
+    wide = sd.specialize(two, sd.rnea, derivative="jvp")
+    given = [np.ones((9, 2)) * x for x in (0.3, 0.2, 0.1, 1.0, 2.0, 3.0)]
+    np.testing.assert_allclose(narrow(*given)[1], wide(*given)[1], rtol=1e-5)
+    again = pickle.loads(pickle.dumps(wide))
+    for one, other in zip(again(*(x[0] for x in given)), wide(*given), strict=True):
+        np.testing.assert_array_equal(one, other[0])
+
+
+@compiled
+def test_what_has_no_derivative_is_named() -> None:
+    model = sd.load_urdf("two_link")
+    with pytest.raises(sd.SpatialDynError, match='derivative is \'grad\', expected "jvp", "vjp" or None'):
+        sd.specialize(model, sd.rnea, derivative="grad")
+    with pytest.raises(
+        sd.SpatialDynError, match=r"aba_square_root .* has no program in float64, expected one for deriv"
+    ):
+        sd.specialize(model, sd.aba_square_root, derivative="jvp")
+    k = sd.specialize(model, sd.generalized_gravity, derivative="jvp")
+    with pytest.raises(sd.SpatialDynError, match="sample 1 is beyond the program's range"):
+        k(np.array([[0.1, 0.2], [1e7, 0.0]]), np.ones((2, 2)))
+    assert np.isnan(k(np.array([[0.1, 0.2], [np.nan, 0.0]]), np.ones((2, 2)))[1][1]).any()
+    free = MODELS["floating"]()
+    with pytest.raises(sd.SpatialDynError, match="q has fixed entries, expected all or none"):
+        sd.specialize(free, sd.rnea, derivative="jvp", fixed={"q": {free.joints[-1].name: 0.1}})
+
+
+def test_each_operation_has_a_derivative_that_matters() -> None:
+    assert set(derivative.PARTIALS) | {SELECT} == set(FORMS)
+
+
+@pytest.mark.parametrize("code", sorted(FORMS))
+def test_an_operations_derivative_is_its_difference_quotient(code: int) -> None:
+    form, rng = FORMS[code], np.random.default_rng(code)
+    given = 0.5 + rng.random(form.arity)
+
+    def of(tape: Tape, x: list[Any]) -> Any:
+        from spatialdyn.engines.programs.replay import record
+
+        return record(tape, code, x)
+
+    tape = Tape()
+    program = Program(tape, [of(tape, [tape.input(k) for k in range(form.arity)])], form.arity, fuse=False)
+    for k in range(form.arity):
+        made = Tape()
+        inputs = [made.input(j) for j in range(form.arity)]
+        tangents = [made.number(1.0) if j == k else 0.0 for j in range(form.arity)]
+        _, (rate,) = jvp(made, program, inputs, tangents)
+        (forward,) = Program(made, [rate], form.arity).run(given)
+        made = Tape()
+        inputs = [made.input(j) for j in range(form.arity)]
+        _, by = vjp(made, program, inputs, [made.number(1.0)])
+        (backward,) = Program(made, [by[k]], form.arity).run(given)
+        h = 1e-6 * np.eye(form.arity)[k]
+        quotient = (float(form.numpy(*(given + h))) - float(form.numpy(*(given - h)))) / 2e-6
+        assert float(forward) == pytest.approx(quotient, abs=1e-8)
+        assert float(backward) == pytest.approx(quotient, abs=1e-8)
