@@ -53,6 +53,7 @@ PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
 
 LEAST = 0.1  # of G_nn: the least of what resists along a sliding point's impulse; beyond, friction jams the point
 RISE = 0.2  # of its depth that a point in the ground comes out in a step
+YIELD = 1e-4  # of what it is pushed, that a joint at its limit gives way: one pushed off its limit is then let go
 BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest
 
 
@@ -143,7 +144,7 @@ def contact_step(
                     e[i, m] = product(Y, Z, k + i, 3 * points + m) if is_behind(bodies, contacts, m, row) else 0.0
             lock(bodies, contacts, row, -1, 3, x, Y, b, after, A, a, e, s, g, stopped, bound)
             r = sub(Vec(x[3, 0], x[3, 1], x[3, 2]), times(x, now))
-            factor_block(x, n, C)
+            factor_block(x, B[p, 0, 0] + B[p, 1, 1] + B[p, 2, 2], n, C)
             solved = point_impulse(x, C, r, mu[p], p, sigma, sweep == 0)
             force[k], force[k + 1], force[k + 2] = solved.x, solved.y, solved.z
             x[4, 0], x[4, 1], x[4, 2] = solved.x - now.x, solved.y - now.y, solved.z - now.z
@@ -376,7 +377,7 @@ def lock(
                 a[l, m] = A[l, m]
     for l in range(contacts[0].nl):
         if l != own and is_behind(bodies, contacts, l, row):
-            g[l] = stopped[l] * (1.0 / a[l, l])
+            g[l] = stopped[l] * ((1.0 - YIELD) / a[l, l])
             for m in range(l + 1, contacts[0].nl):
                 if m != own and is_behind(bodies, contacts, m, row):
                     share = a[m, l] * g[l]
@@ -417,10 +418,13 @@ def release(
 
 
 @inline
-def factor_block(x: Matrix, n: int, C: Matrix) -> None:
-    """C (3, 3), the factors of the block in x; directions in which the point cannot move drop out."""
+def factor_block(x: Matrix, total: Scalar, n: int, C: Matrix) -> None:
+    """C (3, 3), the factors of the block in x; directions in which the point cannot move drop out.
+
+    total  trace of the block before joints were taken out of it
+    """
     for i in range(3):
-        C[3, i] = x[0, 0] + x[1, 1] + x[2, 2]
+        C[3, i] = total
         for j in range(3):
             C[i, j] = x[i, j]
     factor_dropping(C[:3], C[3], DEPENDENT * (n + 3) * EPS, C[4])

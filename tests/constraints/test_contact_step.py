@@ -365,6 +365,19 @@ def test_a_joint_stops_at_its_limits() -> None:
     assert sd.contact_step(model, contacts, [0.26], [0.0], [0.0], DT).v[0] == pytest.approx(-0.2 * 0.01 / DT)
 
 
+@pytest.mark.parametrize("push", [0.0, 50.0])
+def test_the_ground_pushes_a_joint_off_its_limit(push: float) -> None:
+    """Gravity and a torque hold an arm at its limit, and its tip is in the ground by half a millimetre."""
+    made = sd.ModelBuilder("arm")
+    made.add_body("rod", None, "revolute", (0, -1, 0), inertia=(1.0, (0.5, 0, 0), np.eye(3) / 12), limits=(0.0, 1.0))
+    model = made.add_body("tip", "rod", "fixed", placement=(1, 0, 0)).build()
+    contacts = sd.Contacts(model, {"tip": 0.0}, terrain=sd.Plane(height=5e-4), limits=True)
+    step = sd.contact_step(model, contacts, [0.0], [0.0], [-push], DT)
+    assert step.v[0] == pytest.approx(0.2 * 5e-4 / DT, rel=1e-9)
+    assert step.residual <= 1e-9
+    assert step.impulse[0, 2] > 0.0
+
+
 def test_limits_and_feet_are_solved_together() -> None:
     """A leg that is pressed to its limit by the ground: all joints stay within, and the feet keep Coulomb's law."""
     model, feet = quadruped()
