@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..engines import object_layout
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, float32_range, recording, single_call
+from ..engines.programs import batch_kernels, derived, float32_range, recording, single_call
 from ..engines.programs.program import Program
 from ..engines.programs.single_call import Parameter
 from ..engines.programs.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
@@ -187,7 +187,7 @@ class Specialized:
         request = self._request
         static = tuple(request.static.values())
         try:
-            return recording.record(request.specs, request.model.bodies, static, request.options, request.dtype)
+            return derived.record(request.specs, request.model.bodies, static, request.options, request.dtype)
         except ZeroDivisionError:
             what = "a joint with zero articulated inertia in every state"
             raise InertiaError(f'model "{request.model.name}" has {what}, expected none for a program') from None

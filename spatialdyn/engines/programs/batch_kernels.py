@@ -26,11 +26,11 @@ from ..compiled.numba_kernels import STAMP
 from ..threads import PIECES, thread_pool
 from . import host_cpu, simd, structure
 from .batches import Batches, rejected
+from .derived import record as record
 from .kernel_layout import KernelLayout
 from .llvm_entry import DATA_OFFSET, buffer_size
 from .program import Program
 from .recording import ALL, ProgramOptions, Recording
-from .recording import record as record
 
 Made = TypeVar("Made")
 CACHE_SIZE = 128  # programs in memory, and structures

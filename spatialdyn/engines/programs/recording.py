@@ -7,7 +7,6 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,16 +17,11 @@ from ...bodies.joints import pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
 from ...bodies.static_table import StaticTable
 from ...errors import SpatialDynError
-from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec, shape_in, sizes_of
-from ..compiled.numba_kernels import variant
 from . import float32_range, host_cpu
 from .constants import constant
-from .derivative import jvp, vjp
-from .error_bound import Bounded, Bounding
 from .kernel_layout import KernelLayout
 from .move_origins import move_origins
-from .operations import SUB
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .program import Program
@@ -37,7 +31,6 @@ from .tracer import Number, Tape, evaluate, table
 
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
-MOST_PRODUCT = 12  # freedoms of an inverse M whose residual M M⁻¹ - 1 bounds it: n³ products
 MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 POSITION = "rad | m"  # unit of the inputs that are positions
@@ -100,17 +93,14 @@ def record(
     """Some calls on one table of bodies as one program; an input of one name is one input.
 
     static   values of the static inputs of the calls, in their order
-    options  constant inputs, parameters that are inputs, and wanted outputs
+    options  constant inputs, parameters that are inputs, and wanted outputs; neither bounds nor derivatives, which
+             ``derived`` makes of what is recorded here
     dtype    of the program, whose eps pivots are compared with
     errors   record the errors of constants
 
     Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
     """
-    if options.bounds:
-        return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
-    if options.derivative:
-        return _with_derivative(specs, bodies, static, options, dtype)
     for spec in specs:
         if not spec.traceable:
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
@@ -196,156 +186,11 @@ def record(
     return Recording(program, layout)
 
 
-def _with_bounds(
-    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
-) -> Recording:
-    """One call with bounds: by running error analysis, or of what is solved for by its residual, which is sharper."""
-    (spec,) = specs
-    matrix = len(spec.output.shape) == 2
-    fma = host_cpu.host()[3]
-    if not spec.residual or (matrix and len(bodies) - 1 > MOST_PRODUCT):
-        program, layout = record(specs, bodies, static, options, dtype)
-        with_errors = record(specs, bodies, static, options, dtype, errors=True).program
-        made = Bounding(dtype, with_errors.operations["depth"], fma)
-        inputs = made.inputs(program.inputs, layout.units)
-        results = made.run(program, inputs, bounds=False)
-        found = made.run(with_errors, inputs)
-        return _beside(made, program, layout, results, made.beside(results, found, layout.outputs[0]))
-    whole = options._replace(outputs=())
-    program, layout = record(specs, bodies, static, whole, dtype)
-    given, solving = (variant(SPECS[name], {x.name for x in spec.present}) for name in spec.residual)
-    back, inverse = (record((x,), bodies, (), whole, dtype, errors=True).program for x in (given, solving))
-    made = Bounding(dtype, sum(x.operations["depth"] for x in (program, back, inverse)) + len(bodies), fma)
-    inputs = made.inputs(program.inputs, layout.units)
-    results = made.run(program, inputs, bounds=False)
-    columns = _columns(spec, options, bodies, inputs)
-    n = len(bodies) - 1
-    entries = made.run(inverse, _chosen(solving, options, bodies, columns, inputs))[: n * n]
-    rows = [entries[n * i : n * i + n] for i in range(n)]
-    if matrix:
-        mass = made.run(back, _chosen(given, options, bodies, columns, inputs))
-        by_column = [made.solved(rows, made.product(mass, [x.x for x in results[j : n * n : n]], j)) for j in range(n)]
-        bounds = [by_column[j][i] for i in range(n) for j in range(n)]
-    else:
-        columns[spec.output.name] = [made.exact(x.x) for x in results[:n]]
-        found = made.run(back, _chosen(given, options, bodies, columns, inputs))
-        wanted = columns[given.output.name]
-        bounds = made.solved(rows, [made.apply(SUB, x, y) for x, y in zip(found, wanted, strict=False)])
-    places = options.outputs[0] if options.outputs else layout.outputs[0]
-    chosen = replace(layout, outputs=(tuple(places),))
-    return _beside(made, program, chosen, results, [bounds[k] for k in places])
-
-
 def _tracked(values: NDArray[Any]) -> NDArray[Any]:
     """An array of Constants, whose arithmetic knows its errors."""
     made = np.empty(values.shape, dtype=object)
     made.ravel()[:] = [constant(x) for x in values.ravel().tolist()]
     return made
-
-
-def _beside(
-    made: Bounding, program: Program, layout: KernelLayout, results: Sequence[Bounded], bounds: Sequence[Any]
-) -> Recording:
-    """A program with its results, then the bounds of those that the layout has."""
-    outputs = [x.x for x in results] + list(bounds)
-    places = (*layout.outputs, tuple(range(len(results), len(outputs))))
-    return Recording(Program(made.tape, outputs, program.inputs, fuse=False), replace(layout, outputs=places, bounds=1))
-
-
-def _columns(
-    spec: Spec, options: ProgramOptions, bodies: NDArray[Any], inputs: Sequence[Bounded]
-) -> dict[str, list[Bounded]]:
-    """The entries of each input of a call: from its columns, or constants."""
-    known, order, found = dict(options.fixed), iter(inputs), {}
-    for x in spec.present:
-        entries = known.get(x.name, (math.nan,) * math.prod(shape_of(x, bodies)))
-        found[x.name] = [next(order) if math.isnan(e) else Bounded(e, 0.0) for e in entries]
-    return found
-
-
-def _chosen(
-    spec: Spec,
-    options: ProgramOptions,
-    bodies: NDArray[Any],
-    columns: dict[str, list[Bounded]],
-    inputs: Sequence[Bounded],
-) -> list[Bounded]:
-    """The inputs of another call's program with the same options: entries by name, then the parameters."""
-    known = dict(options.fixed)
-    chosen = [
-        entry
-        for x in spec.present
-        for entry, constant in zip(columns[x.name], known.get(x.name, columns[x.name]), strict=True)
-        if not isinstance(constant, float) or math.isnan(constant)
-    ]
-    count = sum(math.prod(parameter_shape(p, len(bodies) - 1)) for p in options.parameters)
-    return [*chosen, *inputs[len(inputs) - count :]]
-
-
-def _with_derivative(
-    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
-) -> Recording:
-    """Some calls with their derivatives."""
-    program, layout = record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
-    tape, order = Tape(), itertools.count(program.inputs)
-    inputs = [tape.input(k) for k in range(program.inputs)]
-    arrays = _arrays(specs, options, bodies)
-    ends = list(itertools.accumulate(layout.inputs, initial=0))
-    parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
-    forward = options.derivative == "jvp"
-    further, results = [], []
-    if forward:
-        tangents: list[Any] = []
-        for mover, part in zip(arrays, parts, strict=True):
-            further.append(len(bodies) - 1 if mover else len(part))
-            along = [tape.input(next(order)) for _ in range(further[-1])]
-            if mover:
-                rest = [0.0] * len(part)
-                along = jvp(tape, _mover(mover, bodies), [*part, *[0.0] * len(along)], [*rest, *along])[1]
-            tangents += along
-        values, rates = jvp(tape, program, inputs, tangents)
-        results = [[rates[k] for k in places] for places in layout.outputs]
-    else:
-        weights: list[Any] = [0.0] * len(program.outputs)
-        for places in layout.outputs:
-            further.append(len(places))
-            for k in places:
-                weights[k] = tape.input(next(order))
-        values, found = vjp(tape, program, inputs, weights)
-        for mover, part, first in zip(arrays, parts, ends, strict=False):
-            by = found[first : first + len(part)]
-            if mover:
-                by = vjp(tape, _mover(mover, bodies), [*part, *[0.0] * (len(bodies) - 1)], by)[1][len(part) :]
-            results.append(by)
-    outputs = [*values, *itertools.chain.from_iterable(results)]
-    at = itertools.count(len(values))
-    beside = tuple(tuple(next(at) for _ in part) for part in results)
-    layout = replace(layout, inputs=(*layout.inputs, *further), outputs=(*layout.outputs, *beside))
-    return Recording(Program(tape, outputs, next(order)), layout)
-
-
-def _mover(name: str, bodies: NDArray[Any]) -> Program:
-    """The program of the call that moves a configuration."""
-    return record((SPECS[name],), bodies).program
-
-
-def _arrays(specs: Sequence[Spec], options: ProgramOptions, bodies: NDArray[Any]) -> list[str]:
-    """For each input array the name of the call that moves it, "" for an array of numbers.
-
-    Raises SpatialDynError for a configuration of quaternions or pairs of which some entries are fixed.
-    """
-    known, found = dict(options.fixed), {}
-    for spec in specs:
-        for x in spec.present:
-            if x.static or (x.name in known and not any(map(math.isnan, known[x.name]))):
-                continue
-            moved = bool(x.moved_by and unit_parts(bodies))
-            if moved and x.name in known:
-                raise SpatialDynError(
-                    f"{x.name} has fixed entries, expected all or none where joints have quaternions or pairs"
-                )
-            found[x.name] = x.moved_by if moved else ""
-    return [*found.values(), *[""] * len(options.parameters)]
 
 
 def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
