@@ -96,7 +96,8 @@ def record(
     options  constant inputs, parameters that are inputs, and wanted outputs; neither bounds nor derivatives, which
              ``derived`` makes of what is recorded here
     dtype    of the program, whose eps pivots are compared with
-    errors   record the errors of constants
+    errors   record the errors of constants, of the table as it is: moving origins supposes that rotations are orthogonal
+             to the last bit
 
     Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
@@ -110,7 +111,7 @@ def record(
     rows = table(bodies, number)
     vars(rows[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
     taken = withdraw(rows, options.parameters)
-    if all(spec.regroup for spec in specs) and not options.double_double:
+    if all(spec.regroup for spec in specs) and not (options.double_double or errors):
         in_body = options.parameters or any(x.name == "fext" or x.table for spec in specs for x in spec.present)
         if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
             move_origins(rows)
