@@ -22,7 +22,8 @@ from ..recursions.kkt import bordered_inverse, constrained_samples, factored
 from ..recursions.ltdl import solve_tree
 from ..recursions.spec import TAU
 from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
-from .table import Constraints
+from .kinds import Constraint
+from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
 RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
@@ -114,12 +115,21 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     >>> rank, bool(abs(a - same).max() < 1e-12)
     (2, True)
     """
-    if isinstance(given[0] if given else named.get("constraints"), Constraints):
+    if _of_table(model, given, named):
         return constrained_motion(model, *given, **named)
     return _with_jacobian(model, *given, **named)
 
 
 constrained_dynamics.spec = MOTION  # type: ignore[attr-defined]  # for ``exact``
+
+
+def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bool:
+    """Whether a call has a table of Constraints. Raises ConstraintError for single constraints in its place."""
+    first = given[0] if given else named.get("constraints")
+    items = first if isinstance(first, (list, tuple)) else [first]
+    if "constraints" in named or any(isinstance(x, (Constraint, str)) for x in items):
+        check_constraints(model, first)
+    return isinstance(first, Constraints)
 
 
 def _with_jacobian(
@@ -169,7 +179,7 @@ def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpac
     >>> bool(abs(after).max() < 1e-12)
     True
     """
-    if isinstance(given[0] if given else named.get("constraints"), Constraints):
+    if _of_table(model, given, named):
         return constrained_impact(model, *given, **named)
     return _impact_of_points(model, *given, **named)
 

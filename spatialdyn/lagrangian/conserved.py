@@ -65,7 +65,8 @@ def conserved_quantities(model: Model) -> list[ConservedQuantity]:
     no work: of a floating base without gravity all six, with gravity the linear ones across it and the angular ones
     about the vertical and, in free fall, about the centre of mass. Added are single momenta p_i whose rate is zero in
     every state, such as that of a symmetric top about its axis. Each quantity is checked at random states: its rate is
-    below 1e-9 of its terms. Joint limits are ignored. A robot may conserve more than these symmetries give.
+    below 1e-9 of its terms. Joint limits are ignored, and springs of series-elastic joints, which are torques here:
+    what they act on is not conserved. A robot may conserve more than these symmetries give.
 
     Returns a list of ConservedQuantity, with .name, .unit, .description and .value(q, p).
     Raises  InertiaError if M is singular; ModelError if model is not a Model.

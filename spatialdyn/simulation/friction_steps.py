@@ -85,6 +85,11 @@ class Rubbing:
     values: tuple[Array, ...]
 
     @property
+    def driven(self) -> bool:
+        """Whether a motor's gear is part of it."""
+        return "efficiency" in self.inputs
+
+    @property
     def own(self) -> Argument | None:
         """The state that it carries, None for none."""
         return OWN.get(self.way)
@@ -103,6 +108,13 @@ def rubbing(
         raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
     if not isinstance(drive, str) or drive not in DRIVES:
         raise SimulationError(f"drive is {drive!r}, expected one of {', '.join(DRIVES)}")
+    if motor is None and drive != CURRENT:
+        raise SimulationError(f'drive is "{drive}" and no motor is given, expected motor=Motor(...) with it')
+    if motor is None and friction is None and way != IMPLICIT:
+        raise SimulationError(
+            f'friction_method is "{way}" and no friction is given, expected friction=Friction(...), or True for that '
+            "of the URDF"
+        )
     if motor is not None:
         if way != IMPLICIT or method != STEPPED:
             raise SimulationError(
@@ -142,6 +154,8 @@ def check_together(found: Rubbing | None, constraints: Any) -> None:
     Of joints of a closed loop that stick, Coulomb's law does not determine the torques, only their sum against the
     load: whether the loop sticks is a problem of all of them at once, and a projection would move joints that stick.
     """
+    if found is not None and constraints is not None and found.driven:
+        raise SimulationError("motor is given beside constraints, expected one of them: its gears rub as dry joints do")
     if found is not None and constraints is not None and found.way == IMPLICIT:
         raise SimulationError(
             'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which '

@@ -31,7 +31,7 @@ class Trajectory:
     p            (N, nv)   joint momenta M(q) v [kg m²/s | kg m/s]
     tau          (N, nv)   joint torques at these times [N m | N], held ones of the step that begins there; NaN at the
                            last state if Ctrl-C came before the torque function was called
-    energy       (N,)      T + V [J]
+    energy       (N,)      T + V [J]; what springs of series-elastic joints hold is apart: ``spring_energy``
     method, dt   name of the method, its step [s]
     robot        name of the model
     interrupted  whether Ctrl-C ended the simulation

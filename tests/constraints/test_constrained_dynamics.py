@@ -586,6 +586,11 @@ def test_what_is_refused() -> None:
     assert sd.constrained_dynamics(four_bar(), held, q, v, np.zeros(3)).rank == 2  # an equal model is the same model
     with pytest.raises(sd.ConstraintError, match=r"constraints are a list, expected Constraints\(model"):
         sd.constraint_jacobian(model, [held], q)  # type: ignore[arg-type]
+    for given in ([*held], held.items[0], "pin"):
+        with pytest.raises(sd.ConstraintError, match=r"constraints are a \w+, expected Constraints\(model"):
+            sd.constrained_dynamics(model, given, q, v, np.zeros(3))  # type: ignore[call-overload]
+        with pytest.raises(sd.ConstraintError, match=r"constraints are a \w+, expected Constraints\(model"):
+            sd.impact(model, constraints=given, q=q, v=v)  # type: ignore[call-overload]
     for bad in (0.0, -1.0, math.nan, "0.1"):
         with pytest.raises(sd.ConstraintError, match="expected a time in seconds above 0, or None"):
             sd.constrained_dynamics(model, held, q, v, np.zeros(3), bad)  # type: ignore[arg-type]

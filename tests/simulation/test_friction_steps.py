@@ -333,6 +333,10 @@ def test_the_urdfs_friction_acts_where_it_is_asked_for() -> None:
         ({"friction_method": "tanh"}, "friction_method is 'tanh', expected one of implicit, lugre, smooth"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "smooth"}, "friction has no smoothing"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "lugre"}, "friction has no bristle_stiffness"),
+        (
+            {"friction": None, "friction_method": "lugre"},
+            'friction_method is "lugre" and no friction is given, expected',
+        ),
         ({"dt": 0.5, "friction_method": "smooth"}, r"expected at most \S+ s, where semi_implicit_euler is stable"),
     ],
 )

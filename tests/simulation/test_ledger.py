@@ -223,6 +223,8 @@ def test_what_has_no_ledger_is_named(arm: sd.Model) -> None:
         sd.simulate(*args, method="gauss4", record="work")
     with pytest.raises(sd.SpatialDynError, match="expected a number of steps, "):
         sd.simulate(*args, record=(1, 2, "work"))
+    with pytest.raises(sd.SpatialDynError, match="record is 'works', expected a number of steps, "):
+        sd.simulate(*args, record="works")
     run = sd.simulate(*args, record="work")
     with pytest.raises(sd.SimulationError, match="constraints have 3 equations, expected the 0 of the trajectory"):
         sd.energy_ledger(run, pin_of(four_bar()))
