@@ -316,8 +316,8 @@ def _pair_angle(q0: Config, q1: Config, k: int) -> Scalar:
 
 _ANY_Q = Argument("q", ("nq",), "rad | m", "joint positions, of any norm but 0")
 _STEP = Argument("v", ("nv",), "rad | m", "displacement: a velocity held for unit time, in each body's own frame")
-_Q0 = Argument("q0", ("nq",), "rad | m", "joint positions to start from", unit_norm=True)
-_Q1 = Argument("q1", ("nq",), "rad | m", "joint positions to reach", unit_norm=True)
+_Q0 = Argument("q0", ("nq",), "rad | m", "joint positions to start from", unit_norm=True, moved_by="integrate")
+_Q1 = Argument("q1", ("nq",), "rad | m", "joint positions to reach", unit_norm=True, moved_by="integrate")
 _T = Argument("t", (), "1", "0 at q0, 1 at q1")
 _Q_OUT = Argument("q", ("nq",), "rad | m", "joint positions", per_coordinate=True)
 _NORMAL = Argument("unit", ("nq",), "rad | m", "joint positions of unit norm", unit_norm=True, per_coordinate=True)

@@ -16,7 +16,7 @@ import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import derivative
 from spatialdyn.engines.programs.derivative import jvp, vjp
-from spatialdyn.engines.programs.operations import FORMS, SELECT
+from spatialdyn.engines.programs.operations import DIV, FORMS, SELECT
 from spatialdyn.engines.programs.program import Program
 from spatialdyn.engines.programs.tracer import Tape
 from spatialdyn.recursions import SPECS
@@ -88,6 +88,29 @@ def test_any_call_has_both_and_they_agree(call: str) -> None:
 
 
 @compiled
+@pytest.mark.parametrize("angle", [0.0, 1e-18, 1e-16, 1e-13, 1e-10, 1e-3])
+def test_small_rotations_have_derivatives_of_all_digits(angle: float) -> None:
+    """Of a step and of a difference, along a turn: what sin(θ)/θ rounds to is not divided by θ again."""
+    builder = sd.ModelBuilder()
+    builder.add_body("trunk", None, "floating", inertia=(1.0, (0.0, 0.0, 0.0), np.eye(3)))
+    model, rng = builder.build(), np.random.default_rng(2)
+    step, along = np.array([1.0, 2.0, 3.0, 0.6 * angle, 0.0, 0.8 * angle]), rng.standard_normal((2, 6))
+    q = sd.random_configuration(model, rng)
+    to, D = sd.integrate(model, q, step), sd.dintegrate(model, q, step)
+    moved = sd.difference(model, to, sd.integrate(model, q, step + 1e-6 * along[1])) * 1e6
+    _, rate = sd.specialize(model, sd.integrate, derivative="jvp")(q, step, np.zeros(6), along[1])
+    np.testing.assert_allclose(moved, D[1] @ along[1], atol=1e-4)
+    turned = sd.difference(model, to, sd.normalize(model, to + 1e-6 * rate)) * 1e6
+    np.testing.assert_allclose(turned, D[1] @ along[1], atol=1e-4)
+    wanted = np.einsum("kij,kj->i", sd.ddifference(model, q, to), along)
+    _, rate = sd.specialize(model, sd.difference, derivative="jvp")(q, to, *along)
+    np.testing.assert_allclose(rate, wanted, atol=1e-9)
+    weights = rng.standard_normal(6)
+    _, *by = sd.specialize(model, sd.difference, derivative="vjp")(q, to, weights)
+    assert sum(float(g @ d) for g, d in zip(by, along, strict=True)) == pytest.approx(float(weights @ rate), abs=1e-9)
+
+
+@compiled
 def test_names_shapes_batches_loads_and_float32() -> None:
     model = MODELS["floating"]()
     k = sd.specialize(model, sd.rnea, derivative="jvp", inputs="gravity")
@@ -136,7 +159,7 @@ def test_what_has_no_derivative_is_named() -> None:
 
 
 def test_each_operation_has_a_derivative_that_matters() -> None:
-    assert set(derivative.PARTIALS) | {SELECT} == set(FORMS)
+    assert set(derivative.PARTIALS) | {SELECT, DIV} == set(FORMS)
 
 
 @pytest.mark.parametrize("code", sorted(FORMS))

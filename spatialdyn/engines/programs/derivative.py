@@ -43,22 +43,17 @@ def _turned(x: Any, a: Any, cosine: bool) -> Any:
     return -scalars.sin(a) if cosine else scalars.cos(a)
 
 
-def _quotient(x: Any, a: Any, b: Any) -> Sequence[Any]:
-    inverse = 1.0 / b
-    return inverse, -x * inverse
-
-
 def _angle(x: Any, a: Any, b: Any) -> Sequence[Any]:
     inverse = 1.0 / (a * a + b * b)
     return b * inverse, -a * inverse
 
 
-# The derivatives of each operation's value x by its operands; those of SELECT are ``_selected``
+# The derivatives of each operation's value x by its operands; those of SELECT are ``_selected``. Those of x = a / b are
+# written (a' - x b') / b: near θ = 0 the derivative of sin(θ)/θ is then 0, where a'/b - x/b b' would be rounding over θ
 PARTIALS: dict[int, Partial] = {
     ADD: lambda x, a, b: (1.0, 1.0),
     SUB: lambda x, a, b: (1.0, -1.0),
     MUL: lambda x, a, b: (b, a),
-    DIV: _quotient,
     FMA: lambda x, a, b, c: (b, a, 1.0),
     FMS: lambda x, a, b, c: (b, a, -1.0),
     FNMA: lambda x, a, b, c: (-b, -a, 1.0),
@@ -87,7 +82,11 @@ def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[
             moved.append(_selected(given[0], *rates[1:]))
             continue
         total: Any = 0.0
-        if any(isinstance(r, Number) for r in rates):
+        if not any(isinstance(r, Number) for r in rates):
+            pass
+        elif code == DIV:
+            total = (rates[0] - x * rates[1]) * (1.0 / given[1])
+        else:
             for partial, rate in zip(PARTIALS[code](x, *given), rates, strict=True):
                 total = total + partial * rate
         moved.append(total)
@@ -115,6 +114,9 @@ def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[A
             continue
         if code == SELECT:
             shares = [0.0, _selected(given[0], weight, 0.0), _selected(given[0], 0.0, weight)]
+        elif code == DIV:
+            share = weight * (1.0 / given[1])
+            shares = [share, -x * share]
         else:
             shares = [partial * weight for partial in PARTIALS[code](x, *given)] if places else []
         for k, share in zip(places, shares, strict=True):

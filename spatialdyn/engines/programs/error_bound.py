@@ -155,7 +155,8 @@ class Bounding:
     def apply(self, code: int, *given: Bounded) -> Bounded:
         """An operation, with its b."""
         x = self._value(code, given)
-        return Bounded(x, _RULES[code](self, x, *given) if isinstance(x, Number) else 0.0)
+        known = not isinstance(x, Number) and all(_zero(y.b) for y in given)  # x - x is 0 of floats alone
+        return Bounded(x, 0.0 if known else _RULES[code](self, x, *given))
 
     def _value(self, code: int, given: Sequence[Bounded]) -> Any:
         return record(self.tape, code, [x.x for x in given])

@@ -12,6 +12,7 @@ import pytest
 
 from spatialdyn.algebra import scalars
 from spatialdyn.engines.programs import error_bound
+from spatialdyn.engines.programs.constants import constant, error_of
 from spatialdyn.engines.programs.error_bound import Bounding
 from spatialdyn.engines.programs.operations import (
     ADD,
@@ -132,6 +133,18 @@ def test_a_divisor_that_may_be_zero_has_no_bound() -> None:
     program = bounded(Program(tape, [1.0 / ((x + y) - x)], 2))
     assert program.run([1e20, 1.0])[1] == math.inf
     assert program.run([1.0, 1.0])[1] < 1e-14
+
+
+def test_constants_of_one_float_do_not_cancel_without_a_bound() -> None:
+    """0.1 · 0.3 and the float that it rounds to: their difference is 0, and not that of the numbers."""
+    tape = Tape(errors=True)
+    x, product = tape.input(0), constant(0.1) * 0.3
+    one, other = x * product, x * constant(float(product))
+    program = Program(tape, [one - other, one, other], 1)
+    made = Bounding(np.float64, program.operations["depth"], fma=False)
+    result = made.run(program, made.inputs(1))[0]
+    found, bound = Program(made.tape, [result.x, made.absolute(result.b)], 1, fuse=False).run([2.0])
+    assert abs(found - 2.0 * error_of(product)) <= bound < 2.0**-53
 
 
 def test_signs_of_operands_do_not_change_a_value() -> None:
