@@ -65,8 +65,8 @@ def specialize(
     derivative   "jvp": along a direction. The program also takes a tangent of each input, dq dv ... in their order, and
               also returns the derivatives of the results along them, dtau. "vjp": of Σ weight · result. It also takes
               the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some three
-              times the operations. A configuration's tangents and derivatives are those of a displacement (nv,), as
-              those of ``rnea_derivatives`` are
+              times the operations, in float64. A sample beyond the program's range is an error. A configuration's
+              tangents and derivatives are those of a displacement (nv,), as those of ``rnea_derivatives`` are
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
 

@@ -144,6 +144,8 @@ def read_request(
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
     if derivative not in (None, "jvp", "vjp"):
         raise SpatialDynError(f'derivative is {derivative!r}, expected "jvp", "vjp" or None')
+    if derivative is not None and _dtype(dtype) != np.float64:
+        raise SpatialDynError("dtype is float32, expected float64 with a derivative: a tangent may be beyond its range")
     specs = specs_of(calls)
     optional, names, chosen = _inputs(model, inputs, specs)
     constants = _fixed(model, fixed, specs)

@@ -51,6 +51,7 @@ WORK = table_dtype(
 PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
 
 RISE = 0.2  # of its depth that a point in the ground comes out in a step
+SLOWEST = 1e-2  # [s] and no faster than in this time: by 0.2 of a depth in ever shorter steps it would be thrown
 YIELD = 1e-4  # of what it is pushed, that a joint at its limit gives way: one pushed off its limit is then let go
 BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest
 
@@ -258,6 +259,13 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T:
 
 
 @inline
+def rising(depth: Scalar, dt: Number) -> Scalar:
+    """The velocity by which a point in the ground, or a joint beyond a limit, comes out; ``depth`` is negative."""
+    within = (1.0 / RISE) * dt
+    return depth / select(within - SLOWEST, within, SLOWEST)
+
+
+@inline
 def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> Scalar:
     """c of a point's normal: u_n + c is 0 where it just reaches the ground, or rises out of it, or bounces.
 
@@ -265,7 +273,7 @@ def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: N
 
     before, free  velocities of its normal before the step, and after it without impulses
     """
-    c = select(gap, gap, RISE * gap) / dt
+    c = select(gap, gap / dt, rising(gap, dt))
     fast = select(-before - BOUNCING, select(restitution, restitution * before, c), c)
     return select(-(gap / dt + free), fast, c)
 
@@ -312,8 +320,8 @@ def times(B: Matrix, f: Vec) -> Vec:
 def stopping(c: Record, q: Config, dt: Number, free: Scalar) -> Scalar:
     """By how much the velocity of a joint has to change so that it does not pass its limits within the step."""
     above, below = q[c.q_index] - c.lower, c.upper - q[c.q_index]
-    least = -select(above, above, RISE * above) / dt
-    most = select(below, below, RISE * below) / dt
+    least = -select(above, above / dt, rising(above, dt))
+    most = select(below, below / dt, rising(below, dt))
     return select(least - free, least - free, 0.0) - select(free - most, free - most, 0.0)
 
 

@@ -7,6 +7,7 @@ by its name, so that another law of the same name does not meet an old kernel.
 
 from __future__ import annotations
 
+import dis
 import hashlib
 import math
 import types
@@ -33,6 +34,8 @@ Array = NDArray[Any]
 RATE, AFTER = "_rate", "_after"  # endings of a state's part
 OWN_INPUT = "control."  # before the names of a law's inputs among those of a step
 OF_STEP = (Q.name, V.name, TAU.name, DT.name)  # inputs that the step gives
+NUMBERS = (int, float, complex, list, dict, np.ndarray, np.generic)  # what a law may not read but as an input
+OWN_MODULES = __name__.partition(".")[0] + "."
 CODE = (types.FunctionType, types.BuiltinFunctionType, types.ModuleType, type)  # what a law may close over
 
 
@@ -189,16 +192,43 @@ def _static(name: str, value: Any) -> Any:
 
 
 def _refuse_constants(spec: Spec) -> None:
-    """Raise SimulationError for a recursion that closes over numbers: they would be no part of its inputs."""
-    code = getattr(spec.recursion, "__code__", None)
-    cells = getattr(spec.recursion, "__closure__", None) or ()
-    for name, cell in zip(code.co_freevars if code else (), cells, strict=True):
-        held = cell.cell_contents
-        if not isinstance(held, CODE):
+    """Raise SimulationError for a recursion that reads numbers which are no inputs: what was compiled keeps them.
+
+    Also for a function that it calls, other than the library's own.
+    """
+    seen: set[int] = set()
+    waiting: list[Any] = [spec.recursion]
+    while waiting:
+        function = waiting.pop()
+        if isinstance(function, types.MethodType):
             raise SimulationError(
-                f'recursion of spec "{spec.name}" closes over {name} = {held!r}, expected functions only: '
-                f'make {name} an input, Argument("{name}", ...), and give it in values'
+                f'recursion of spec "{spec.name}" is or calls a method, {function.__qualname__}, expected functions: '
+                "what an object holds is no input"
             )
+        if id(function) in seen or not isinstance(function, types.FunctionType):
+            continue
+        seen.add(id(function))
+        for name, held in _read(function):
+            if isinstance(held, NUMBERS) or (name in function.__code__.co_freevars and not isinstance(held, CODE)):
+                raise SimulationError(
+                    f'recursion of spec "{spec.name}" reads {name} = {held!r} in {function.__name__}, expected '
+                    f'functions only: make {name} an input, Argument("{name}", ...), and give it in values'
+                )
+            if isinstance(held, (types.FunctionType, types.MethodType)) and not held.__module__.startswith(OWN_MODULES):
+                waiting.append(held)
+
+
+def _read(function: types.FunctionType) -> list[tuple[str, Any]]:
+    """What a function reads from around it: its closure, and the globals that its code names."""
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    found = [(name, cell.cell_contents) for name, cell in cells]
+    codes = [function.__code__]
+    while codes:
+        code = codes.pop()
+        codes += [x for x in code.co_consts if isinstance(x, types.CodeType)]
+        names = {x.argval for x in dis.get_instructions(code) if x.opname == "LOAD_GLOBAL"}
+        found += [(name, function.__globals__[name]) for name in sorted(names) if name in function.__globals__]
+    return found
 
 
 def _check_parts(spec: Spec) -> None:

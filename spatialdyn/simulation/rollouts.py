@@ -88,7 +88,12 @@ class Rollout:
 
     @property
     def end(self) -> dict[str, Any]:
-        """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there."""
+        """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there.
+
+        Raises SimulationError of a rollout of no steps, whose start is its end.
+        """
+        if not self.t.size:
+            raise SimulationError("the rollout has no steps, expected some for a last state")
         single = self.q.ndim - self.t.ndim == 1
 
         def last(x: Array) -> Array:

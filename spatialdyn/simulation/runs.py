@@ -320,7 +320,7 @@ def _wanted(record: Any) -> tuple[int | None, bool]:
     """The argument ``record`` as its number of steps, and whether work is recorded."""
     asked = [*record] if isinstance(record, (tuple, list)) else [record]
     numbers = [x for x in asked if not (isinstance(x, str) and x == "work")]
-    if len(numbers) > 1 or any(isinstance(x, str) for x in numbers):
+    if not asked or len(numbers) > 1 or any(isinstance(x, str) for x in numbers):
         raise SpatialDynError(f'record is {record!r}, expected a number of steps, "work", or both')
     return (numbers[0] if numbers else None), len(numbers) < len(asked)
 

@@ -409,6 +409,20 @@ def test_contacts_that_are_not_asked_for_cost_no_operation(method: str, law: boo
 # --- refusals -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("dt", [2e-3, 1e-3, 1e-4, 2e-5])
+def test_a_point_in_the_ground_comes_out_at_rest_whatever_the_step(dt: float) -> None:
+    """By a share of its depth a step it would be thrown, the higher the shorter the step."""
+    made = sd.ModelBuilder("ball")
+    made.add_body("ball", None, "prismatic", (0, 0, 1), inertia=(1.0, (0, 0, 0), 0.01 * np.eye(3)), limits=(-1.0, 9.0))
+    model = made.build()
+    contacts = sd.Contacts(model, {"ball": 0.05})
+    run = sd.rollout(model, [[0.05 - 9e-4]], [[0.0]], dt=dt, steps=round(0.2 / dt), contacts=contacts)
+    assert run.q.max() < 0.05 + 1e-9
+    assert run.q[0, -1] > 0.05 - 1e-6
+    low = sd.rollout(model, [[-1.0 - 9e-4]], [[0.0]], dt=dt, steps=round(0.2 / dt), limits=True)
+    assert low.q.max() < -1.0 + 1e-9
+
+
 def test_a_start_in_the_ground_or_beyond_a_limit_is_named_with_its_depth(robot: Any) -> None:
     model, contacts, q0 = robot
     low = q0.copy()

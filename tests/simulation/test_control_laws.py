@@ -398,7 +398,7 @@ def test_what_a_law_closes_over_is_named() -> None:
         return law
 
     with pytest.raises(
-        sd.SimulationError, match=r'"p" closes over gain = 3\.0, expected functions only: make gain an inp'
+        sd.SimulationError, match=r'"p" reads gain = 3\.0 in law, expected functions only: make gain an inp'
     ):
         sd.Control(Spec("p", closing(3.0, abs), None, (Q,), TAU, "", ""))
 
@@ -457,3 +457,30 @@ def test_two_states_of_one_name_are_refused(arm: sd.Model) -> None:
         sd.rollout(
             arm, [0.0] * 3, [0.0] * 3, dt=1e-3, steps=2, control=reaching(), pd=sd.PD([0.0] * 3, [0.0] * 3, [0.0] * 3)
         )
+
+
+GAIN = 10.0
+
+
+class Holder:
+    gain = 3.0
+
+    def law(self, bodies: Any, q: Any, tau: Any) -> None:
+        tau[0] = -self.gain * q[0]
+
+
+def helped(q: Any) -> Any:
+    return -GAIN * q
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (lambda bodies, q, tau: tau.__setitem__(0, -GAIN * q[0]), "reads GAIN = 10.0 in"),
+        (lambda bodies, q, tau: tau.__setitem__(0, helped(q[0])), "reads GAIN = 10.0 in helped"),
+        (Holder().law, r"is or calls a method, Holder\.law"),
+    ],
+)
+def test_numbers_around_a_law_are_refused_as_what_is_compiled_would_keep_them(law: Any, words: str) -> None:
+    with pytest.raises(sd.SimulationError, match=words):
+        sd.Control(Spec("law", law, None, (Q,), TAU, "", ""))

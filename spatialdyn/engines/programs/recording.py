@@ -96,8 +96,8 @@ def record(
     options  constant inputs, parameters that are inputs, and wanted outputs; neither bounds nor derivatives, which
              ``derived`` makes of what is recorded here
     dtype    of the program, whose eps pivots are compared with
-    errors   record the errors of constants, of the table as it is: moving origins supposes that rotations are orthogonal
-             to the last bit
+    errors   record the errors of constants, of the table as it is: moving origins supposes rotations that are
+             orthogonal to the last bit
 
     Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
