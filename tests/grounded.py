@@ -13,6 +13,7 @@ import spatialdyn as sd
 
 G = 9.81
 DT = 1e-3
+RISING = max(5.0 * DT, 1e-2)  # [s] in which a depth would be left at the speed of its first step
 
 
 def mass(slope: float = 0.0, kg: float = 1.0) -> sd.Model:
@@ -113,7 +114,7 @@ def off_the_law(contacts: sd.Contacts, q: Array, v: Array, tau: Array, dt: float
         gap = float(centre @ normal) - contacts.terrain.height - contacts.radii[k]
         u, f = J[k] @ step.v, step.impulse[k]
         scale = float(normal @ J[k] @ np.linalg.solve(M, J[k].T) @ normal)
-        fn, un = float(f @ normal), float(u @ normal) + (gap if gap > 0.0 else 0.2 * gap) / dt
+        fn, un = float(f @ normal), float(u @ normal) + (gap / dt if gap > 0.0 else gap / max(5.0 * dt, 1e-2))
         ft, ut = f - fn * normal, u - float(u @ normal) * normal
         slides = float(np.linalg.norm(ut))
         most = mu * fn

@@ -118,7 +118,7 @@ def touching(
         raise SimulationError(f"{what} beside constraints, expected one of them")
     if has_springs(model):
         raise SimulationError(f'{what} and model "{model.name}" has springs at its rotors, expected one of them')
-    if found is not None and found.driven:
+    if found is not None and found.has_motor:
         raise SimulationError(f"{what} beside a motor, expected one of them: gears rub, and no dry joint acts here")
     if found is not None and found.way != SMOOTH:
         raise SimulationError(f'{what} and friction_method is "{found.way}", expected friction_method="smooth"')

@@ -85,7 +85,7 @@ class Rubbing:
     values: tuple[Array, ...]
 
     @property
-    def driven(self) -> bool:
+    def has_motor(self) -> bool:
         """Whether a motor's gear is part of it."""
         return "efficiency" in self.inputs
 
@@ -154,7 +154,7 @@ def check_together(found: Rubbing | None, constraints: Any) -> None:
     Of joints of a closed loop that stick, Coulomb's law does not determine the torques, only their sum against the
     load: whether the loop sticks is a problem of all of them at once, and a projection would move joints that stick.
     """
-    if found is not None and constraints is not None and found.driven:
+    if found is not None and constraints is not None and found.has_motor:
         raise SimulationError("motor is given beside constraints, expected one of them: its gears rub as dry joints do")
     if found is not None and constraints is not None and found.way == IMPLICIT:
         raise SimulationError(
