@@ -63,33 +63,66 @@ pin.framesForwardKinematics(model, data, q)
 (pin.framesForwardKinematics(model, data, q), data.oMf[tip].translation)
 pin.computeJointJacobians(model, data, q)
 (pin.computeJointJacobians(model, data, q), pin.getFrameJacobian(model, data, tip, pin.LOCAL_WORLD_ALIGNED))
+(pin.computeJointJacobians(model, data, q), pin.getFrameJacobian(model, data, tip, pin.WORLD))
+pin.getFrameJacobian(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
 pin.computeFrameJacobian(model, data, q, tip)
+pin.computeFrameJacobian(model, data, q, tip, pin.WORLD)
+pin.computeFrameJacobian(model, data, q, tip, pin.LOCAL_WORLD_ALIGNED)
+pin.computeJointJacobian(model, data, q, 3)
+pin.getJointJacobian(model, data, 3, pin.LOCAL_WORLD_ALIGNED)
 pin.getFrameVelocity(model, data, tip)
+pin.getFrameVelocity(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
+pin.getFrameClassicalAcceleration(model, data, tip, pin.LOCAL_WORLD_ALIGNED)
 pin.centerOfMass(model, data, q)
+pin.centerOfMass(model, data, q, v)
+pin.jacobianCenterOfMass(model, data, q)
+pin.computeCentroidalMomentum(model, data, q, v)
+pin.ccrba(model, data, q, v)
+pin.computeAllTerms(model, data, q, v)
+(pin.computeAllTerms(model, data, q, v), data.M, data.nle)
+pin.computeRNEADerivatives(model, data, q, v, a)
+pin.computeABADerivatives(model, data, q, v, a)
+pin.computeGeneralizedGravityDerivatives(model, data, q)
+pin.computeJointTorqueRegressor(model, data, q, v, a)
 pin.forwardDynamics(model, data, q, v, a, J, drift)
 pin.integrate(model, q, v)
 pin.difference(model, q, q)
 pin.neutral(model)
 (model.gravity.__setattr__("linear", next(weights)), pin.rnea(model, data, q, v, a))
+(model.inertias[2].__setattr__("mass", next(masses)), pin.rnea(model, data, q, v, a))
+(model.inertias.__setitem__(2, next(bodies)), pin.rnea(model, data, q, v, a))
+pin.constraintDynamics(model, data, q, v, a, contacts, contact_datas, settings)
+pin.constraintDynamics(model, data, q, v, a, contacts, contact_datas)
 """
 
 
-def robot(name: str) -> Callable[[Any], dict[str, Any]]:
-    """A robot in a state, the same for both."""
+def robot(name: str, feet: Sequence[str] = ()) -> Callable[[Any], dict[str, Any]]:
+    """A robot in a state, the same for both; one with feet has a free flyer, and they are in contact."""
 
     def values(pin: Any) -> dict[str, Any]:
         from spatialdyn.urdf.load import find_robot
 
         rng = np.random.default_rng(0)
-        model = pin.buildModelFromUrdf(str(find_robot(name)))
+        model = pin.buildModelFromUrdf(str(find_robot(name)), *([pin.JointModelFreeFlyer()] if feet else []))
         v, a = rng.standard_normal((2, model.nv))
         q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
         data = model.createData()
         J = rng.standard_normal((3, model.nv))
+        contacts = [
+            pin.RigidConstraintModel(
+                pin.ContactType.CONTACT_3D, model, model.frames[k].parentJoint, model.frames[k].placement,
+                pin.LOCAL_WORLD_ALIGNED,
+            )
+            for k in ((model.getFrameId(foot) for foot in feet) if feet else [model.nframes - 1])
+        ]  # fmt: skip
+        contact_datas = [x.createData() for x in contacts]
+        pin.initConstraintDynamics(model, data, contacts, contact_datas)
         weights = cycle(np.array([[0.0, 0.0, -9.81], [0.0, 0.0, -9.8]]))  # each an edit
         return {
             "pin": pin, "model": model, "data": data, "q": q, "v": v, "a": a, "tip": model.nframes - 1, "J": J,
-            "drift": J[:, 0].copy(), "weights": weights,
+            "drift": J[:, 0].copy(), "weights": weights, "masses": cycle([1.0, 1.1]),
+            "bodies": cycle([model.inertias[2].copy(), model.inertias[2] + model.inertias[2]]),
+            "contacts": contacts, "contact_datas": contact_datas, "settings": pin.ProximalSettings(1e-12, 1e-9, 10),
         }  # fmt: skip
 
     return values
@@ -99,6 +132,7 @@ CALLS = DYNAMICS.strip().split("\n")
 GROUPS: dict[str, Group] = {
     "types": Group(typed, [x for line in TYPES.split("\n") for x in line.split("  ") if x]),
     **{name: Group(robot(name), CALLS) for name in ("panda", "talos_full_v2")},
+    "anymal": Group(robot("anymal_b_simple_description/anymal", ("LF_FOOT", "RF_FOOT", "LH_FOOT", "RH_FOOT")), CALLS),
 }
 
 

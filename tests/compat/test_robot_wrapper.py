@@ -82,7 +82,7 @@ def test_what_is_out_of_scope_says_so(name: str) -> None:
 
 def test_a_centre_of_mass_without_a_configuration_needs_one_before() -> None:
     wrapper = robot(ours)
-    with pytest.raises(RuntimeError, match="expected forwardKinematics before"):
+    with pytest.raises(RuntimeError, match="expected forwardKinematics to be called before"):
         wrapper.com()
     wrapper.forwardKinematics(wrapper.q0)
     assert (wrapper.com() == robot(ours).com(wrapper.q0)).all()

@@ -11,18 +11,24 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from ...algebra import public_arrays, spatial
+from ...algebra.records import pose_of
 from ...algebra.scalars import inline
-from ...algebra.spatial import Motion, Pose
+from ...algebra.spatial import Motion, Pose, identity_pose
+from ...bodies.joints import place_joint
 from ...engines.compiled import jit, numba_kernels
 from ...engines.compiled.cpython import Builtin, dims
 from ...engines.object_layout import DATA
-from ...recursions import SPECS
+from ...recursions import SPECS, kinematics
 from ...recursions.kinematics import classical_acceleration, express_in
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
 from . import operators
+from .edited_table import GRAVITY
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
+RECORD_GRAVITY = f"copy(at(table + {GRAVITY}, (3,)), at(memory, (3,)))"  # after the inputs
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
 
 
@@ -95,6 +101,7 @@ def recorded_call(name: str, unused: tuple[str, ...] = (), new_result: bool = Tr
         body.append(f"if {run} != {numba_kernels.OK}: return return_none(plan)")
     for x in inputs:  # before the result, which may share memory with an input
         body += [f"copy({x.name}_in, at(memory, ({x.shape[0]},)))", f"memory += 8 * {x.shape[0]}"]
+    body.append(RECORD_GRAVITY)
     if new_result:
         body.append(f"copy(at(word(answer, {DATA}), (count,)), at(result, (count,)))")
     body.append("return answer" if new_result else "return return_true(plan)")
@@ -148,7 +155,7 @@ def place_frames(joints_too: bool) -> Builtin:
             *body,
             f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)",
         ]
-        body.append("copy(q_in, at(memory, (nq,)))")
+        body += ["copy(q_in, at(memory, (nq,)))", "memory += 8 * nq", RECORD_GRAVITY]
     body.append(f"place_all(X, places(joints, frames), at(placements, {STACK}), at(result, {STACK}))")
     scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "place_all": _place_all, "copy": copy}
     return Builtin(
@@ -265,23 +272,64 @@ def _jacobian_statements(words: list[str], passed: str) -> list[str]:
     ]
 
 
+HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
+
+
+@inline
+def _place_path(bodies: Any, work: Any, path: Any, q: Any, row: int, poses: Any, local: Any, held: int) -> Pose:
+    """Write the poses of the joints that carry a row, in the world (held 1, 3) and their parents (2, 3); the last."""
+    n, i = 0, row
+    while i > 0:
+        path[n] = i
+        n += 1
+        i = bodies[i].parent
+    X, last = identity_pose(), identity_pose()
+    for k in range(n - 1, -1, -1):
+        i = path[k]
+        place_joint(bodies, i, q, work[i].X)
+        last = spatial.compose(last, pose_of(work[i].X))
+        joint = bodies[i].joint
+        if joint > 0:  # the last row of the joint
+            X = spatial.compose(X, last)
+            if held & 1:
+                public_arrays.write_pose(poses[joint], X)
+            if held & 2:
+                public_arrays.write_pose(local[joint], last)
+            last = identity_pose()
+    return X
+
+
 @cache
 def frame_jacobian_at() -> Builtin:
     """``(q, frame) -> (6, nv)``: ``frame_jacobian`` in one reference; records q.
 
-    Words: table, six (6), sizes, memory, code of the reference, frames; joints are rows of the table.
+    In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table, six
+    (6), sizes, memory, code of the reference, addresses of held fields, frames; joints are rows of the table.
     """
     spec = SPECS["frame_jacobian"]
-    words = ["table", *SIZES[::2], "six", "nv", "memory", "code", *FRAMES]
+    words = ["table", *SIZES[::2], "six", "nv", "memory", "code", *HELD, *FRAMES]
     body = [
         *_check_arguments(spec.present[:1]),
         "k = index(plan, frame, frames)",
         "if k < 0: return return_none(plan)",
         *_jacobian_statements(words, "q_in, "),
+        "held = (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
+        "if held != 0 or oMf != 0:",
+        "    bodies = table_at(table)",
+        "    work, path = empty(len(bodies), WORK), empty(len(bodies), intp)",
+        "    poses, local = at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4))",
+        "    X = place_path(bodies, work, path, q_in, places(joints, frames)[k], poses, local, held)",
+        "    if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(X, read_pose(p)))",
         "copy(q_in, at(memory, (nq,)))",
+        "memory += 8 * nq",
+        RECORD_GRAVITY,
         "return answer",
     ]
-    scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "copy": copy}
+    scope = {
+        **vars(public_arrays), "sample_kernel": numba_kernels.sample_kernel(spec), "copy": copy,
+        "place_path": _place_path, "compose": spatial.compose, "table_at": jit.table_at, "empty": np.empty,
+        "intp": np.intp, "WORK": kinematics.WORK,
+    }  # fmt: skip
     return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
 
 

@@ -13,7 +13,7 @@ from ...engines.compiled.cpython import Builtin, dims
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.kkt import bordered_inverse, constrained
-from .recorded_calls import SIZES, copy
+from .recorded_calls import RECORD_GRAVITY, SIZES, copy
 
 FACTORS = ("L", "Y", "C", "force")  # words of a plan: addresses of the factors that ``recursions.kkt`` computes
 CHECK_AND_COMPUTE_M = [
@@ -44,7 +44,9 @@ def _copy2(x: Any, out: Any) -> None:
         copy(x[i], out[i])
 
 
-def _scope() -> dict[str, Any]:
+def scope_of_constraints() -> dict[str, Any]:
+    """Names that the bodies of these builtins use."""
+
     def kernel(name: str) -> Any:
         return numba_kernels.sample_kernel(numba_kernels.variant(SPECS[name], frozenset()))
 
@@ -77,12 +79,14 @@ def dynamics() -> Builtin:
         f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
         *RECORD,
         "copy(v_in, at(memory + 8 * nq, (nv,)))",
+        "memory += 8 * (nq + nv)",
+        RECORD_GRAVITY,
         "copy(b_in, at(bias, (nv,)))",
         "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
         "return answer",
     ]
     arguments = ["q", "v", "tau", "J", "drift", "damping"]
-    return Builtin("constrained", arguments, words, body, _scope(), optional=1)
+    return Builtin("constrained", arguments, words, body, scope_of_constraints(), optional=1)
 
 
 @cache
@@ -112,7 +116,7 @@ def impact() -> Builtin:
         "copy(after, at(result, (nv,)))",
         "return answer",
     ]
-    return Builtin("impact", ["q", "v", "J", "restitution", "damping"], words, body, _scope(), optional=2)
+    return Builtin("impact", ["q", "v", "J", "restitution", "damping"], words, body, scope_of_constraints(), optional=2)
 
 
 @cache
@@ -137,4 +141,4 @@ def inverse() -> Builtin:
         *RECORD,
         "return answer",
     ]
-    return Builtin("bordered_inverse", ["q", "J", "damping"], words, body, _scope(), optional=1)
+    return Builtin("bordered_inverse", ["q", "J", "damping"], words, body, scope_of_constraints(), optional=1)

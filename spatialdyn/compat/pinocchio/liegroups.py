@@ -14,7 +14,7 @@ from ...errors import ShapeError
 from .algorithms import configuration
 from .algorithms.tangent_map import tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .model.joint import JointModel
-from .model.joints_compound import JointModelComposite, JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
+from .model.joints_compound import JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
 from .model.joints_one_axis import JointModelPX, JointModelRUBX
 from .model.model import Model
 from .types.arguments import ArgumentError, described, expected
@@ -240,7 +240,7 @@ def lieGroup(model: Model) -> LieGroup:
 
 
 def _groups(joint: JointModel) -> list[str]:
-    if isinstance(joint, JointModelComposite):
+    if hasattr(joint, "joints"):  # a composite
         return [part for inner in joint.joints for part in _groups(inner)]
     groups = [kind_of(step.kind, "cos_sin").group for step in joint.steps()] if joint.nv else []
     return [groups[0]] if groups and groups[0] != "R" else [f"R^{len(groups)}"] * bool(groups)

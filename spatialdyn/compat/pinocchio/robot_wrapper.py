@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...engines.compiled.generated import function_from_text
 from .algorithms import centroidal, configuration, dynamics, jacobians, kinematics
 from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
 from .model.geometry import buildModelsFromUrdf, createDatas
@@ -15,14 +16,10 @@ from .model.model import Model
 from .model.model_surgery import buildReducedModel
 from .types.arguments import ValueRuntimeError
 from .types.frame import LOCAL
-from .types.inertia import Inertia
-from .types.motion import Force, Motion
-from .types.se3 import SE3
 from .visualize import MeshcatVisualizer
 
 __all__ = ["RobotWrapper"]
 
-Array = NDArray[np.float64]
 OTHER_FILES = "initFromMJCF initFromSDF"
 
 
@@ -36,9 +33,11 @@ class RobotWrapper:
     Methods call the function that their docstring names, on the robot's model and data.
     """
 
-    _instead: ClassVar[dict[str, str]] = {
-        **dict.fromkeys(OTHER_FILES.split(), "only URDFs are read, expected BuildFromURDF"),
-    }
+    _instead: ClassVar[dict[str, str]] = dict.fromkeys(
+        OTHER_FILES.split(), "only URDFs are read, expected BuildFromURDF"
+    )
+    nq = property(lambda self: self.model.nq, doc="Number of coordinates.")
+    nv = property(lambda self: self.model.nv, doc="Number of velocities.")
 
     def __init__(
         self,
@@ -58,9 +57,7 @@ class RobotWrapper:
     @staticmethod
     def BuildFromURDF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
         """The robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
-        robot = RobotWrapper()
-        robot.initFromURDF(filename, *arguments, **named)
-        return robot
+        return RobotWrapper(*buildModelsFromUrdf(filename, *arguments, **named))
 
     @staticmethod
     def BuildFromMJCF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
@@ -78,9 +75,8 @@ class RobotWrapper:
 
     def rebuildData(self) -> None:
         """Make a new Data for the model as it is now."""
-        self.data, self.collision_data, self.visual_data = createDatas(
-            self.model, self.collision_model, self.visual_model
-        )
+        models = self.model, self.collision_model, self.visual_model
+        self.data, self.collision_data, self.visual_data = createDatas(*models)
 
     def buildReducedRobot(
         self, list_of_joints_to_lock: Iterable[int | str], reference_configuration: Any = None
@@ -94,6 +90,23 @@ class RobotWrapper:
         if name in self._instead:
             raise OutOfScopeAttributeError(f"{name}: {self._instead[name]}")
         raise AttributeError(f"a RobotWrapper has no attribute {name!r}")
+
+    def index(self, name: str) -> int:
+        """Index of the joint of that name."""
+        return self.model.getJointId(name)
+
+    def com(self, q: Any = None, v: Any = None, a: Any = None) -> Any:
+        """Centre of mass; with v the tuple (position, velocity), with a (position, velocity, acceleration)."""
+        if q is None:
+            centroidal.centerOfMass(self.model, self.data)
+            return self.data.com[0]
+        found = centroidal.centerOfMass(self.model, self.data, q, v, a)
+        more = [] if v is None else [self.data.vcom[0]] if a is None else [self.data.vcom[0], self.data.acom[0]]
+        return (self.data.com[0], *more) if more else found
+
+    def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
+        """Raises OutOfScopeError: geometry is out of scope."""
+        raise OutOfScopeError("updateGeometryPlacements: geometry is out of scope of spatialdyn; place it by data.oMi")
 
     # --- viewers: see ``visualize`` --------------------------------------------------------------------------
 
@@ -121,199 +134,70 @@ class RobotWrapper:
             raise ValueRuntimeError("the robot has no visualizer, expected initViewer or setVisualizer before")
         return self.viz
 
-    def loadViewerModel(self, *arguments: Any, **named: Any) -> None:
-        """Call the visualizer's method of this name."""
-        self._visualizer().loadViewerModel(*arguments, **named)
 
-    def display(self, q: Any) -> None:
-        """Call the visualizer's method of this name."""
-        self._visualizer().display(q)
+# --- methods that call a function, or the visualizer's method of their name ----------------------------------
 
-    def displayCollisions(self, visibility: bool) -> None:
-        """Call the visualizer's method of this name."""
-        self._visualizer().displayCollisions(visibility)
+# method(parameters) -> function and what it is passed after model and data, or fields of the data after that call.
+# A method with update_kinematics calls forwardKinematics first, with the parameters before ``index``
+_MOVED = "update_kinematics=True, reference_frame=LOCAL"
+_METHODS = f"""
+vcom(q, v) -> centerOfMass(q, v); vcom[0]
+acom(q, v, a) -> centerOfMass(q, v, a); acom[0]
+Jcom(q) -> jacobianCenterOfMass(q)
+centroidalMomentum(q, v) -> computeCentroidalMomentum(q, v)
+centroidalMap(q) -> computeCentroidalMap(q)
+centroidal(q, v) -> ccrba(q, v); hg, Ag, Ig
+centroidalMomentumVariation(q, v, a) -> computeCentroidalMomentumTimeVariation(q, v, a)
+mass(q) -> crba(q)
+nle(q, v) -> nonLinearEffects(q, v)
+gravity(q) -> computeGeneralizedGravity(q)
+forwardKinematics(q, v=None, a=None) -> forwardKinematics(q, v, a)
+placement(q, index, update_kinematics=True) -> library_of(); oMi[index]
+velocity(q, v, index, {_MOVED}) -> getVelocity(index, reference_frame)
+acceleration(q, v, a, index, {_MOVED}) -> getAcceleration(index, reference_frame)
+classicalAcceleration(q, v, a, index, {_MOVED}) -> getClassicalAcceleration(index, reference_frame)
+computeJointJacobian(q, index) -> computeJointJacobian(q, index)
+getJointJacobian(index, rf_frame=LOCAL) -> getJointJacobian(index, rf_frame)
+computeJointJacobians(q) -> computeJointJacobians(q)
+framesForwardKinematics(q) -> framesForwardKinematics(q)
+framePlacement(q, index, update_kinematics=True) -> updateFramePlacement(index)
+frameVelocity(q, v, index, {_MOVED}) -> getFrameVelocity(index, reference_frame)
+frameAcceleration(q, v, a, index, {_MOVED}) -> getFrameAcceleration(index, reference_frame)
+frameClassicalAcceleration(q, v, a, index, {_MOVED}) -> getFrameClassicalAcceleration(index, reference_frame)
+getFrameJacobian(frame_id, rf_frame=LOCAL) -> getFrameJacobian(frame_id, rf_frame)
+computeFrameJacobian(q, frame_id) -> computeFrameJacobian(q, frame_id)
+"""
+_OF_VISUALIZER = """
+loadViewerModel(*arguments, **named)  display(q)  displayCollisions(visibility)  displayVisuals(visibility)
+getViewerNodeName(geometry_object, geometry_type)  play(q_trajectory, dt)
+"""
 
-    def displayVisuals(self, visibility: bool) -> None:
-        """Call the visualizer's method of this name."""
-        self._visualizer().displayVisuals(visibility)
 
-    def getViewerNodeName(self, geometry_object: Any, geometry_type: Any) -> Any:
-        """Call the visualizer's method of this name."""
-        return self._visualizer().getViewerNodeName(geometry_object, geometry_type)
+def _add_methods() -> None:
+    scope: dict[str, Any] = {"LOCAL": LOCAL, "place": kinematics.forwardKinematics, "__name__": __name__}
+    for module in (centroidal, dynamics, jacobians, kinematics):
+        scope |= {f"call_{name}": x for name, x in vars(module).items()}
+    rows: list[tuple[str, str, list[str], str]] = []
+    for line in _METHODS.strip().split("\n"):
+        ((head, function, passed, fields),) = re.findall(r"(.*) -> (\w+)\((.*?)\)(?:; (.*))?", line)
+        lines = []
+        if "update_kinematics" in head:
+            state = head.partition("(")[2].partition("index")[0].rstrip(", ")
+            lines = ["if update_kinematics:", f"    place(self.model, self.data, {state})"]
+        call = f"call_{function}(self.model, self.data{passed and ', '}{passed})"
+        found = ", ".join(f"self.data.{field}" for field in fields.split(", ")) if fields else ""
+        lines += [call, f"return {found}"] if fields else [f"return {call}"]
+        about = f"``{function}``" + (f": ``data.{fields}``" if fields else "")
+        after = ", after forwardKinematics if ``update_kinematics``" if "update" in head else ""
+        rows.append((*head[:-1].split("(", 1), lines, f"{about}{after}."))
+    for head in re.findall(r"\w+\(.*?\)", _OF_VISUALIZER):
+        name, parameters = head[:-1].split("(", 1)
+        rows.append((name, parameters, [f"return self._visualizer().{name}({parameters})"], "The visualizer's method."))
+    for name, parameters, lines, about in rows:
+        text = [f"def {name}(self, {parameters}):", *(f"    {line}" for line in lines)]
+        method = function_from_text(name, text, dict(scope), f"RobotWrapper.{name}")
+        method.__qualname__, method.__doc__ = f"RobotWrapper.{name}", about
+        setattr(RobotWrapper, name, method)
 
-    def play(self, q_trajectory: Any, dt: float) -> None:
-        """Call the visualizer's method of this name."""
-        self._visualizer().play(q_trajectory, dt)
 
-    @property
-    def nq(self) -> int:
-        """Number of coordinates."""
-        return self.model.nq
-
-    @property
-    def nv(self) -> int:
-        """Number of velocities."""
-        return self.model.nv
-
-    def index(self, name: str) -> int:
-        """Index of the joint of that name."""
-        return self.model.getJointId(name)
-
-    # --- the robot as a whole ------------------------------------------------------------------------------
-
-    def com(self, q: Any = None, v: Any = None, a: Any = None) -> Any:
-        """Centre of mass; with v the tuple (position, velocity), with a (position, velocity, acceleration)."""
-        if q is None:
-            centroidal.centerOfMass(self.model, self.data)
-            return self.data.com[0]
-        if v is None:
-            return centroidal.centerOfMass(self.model, self.data, q)
-        if a is None:
-            centroidal.centerOfMass(self.model, self.data, q, v)
-            return self.data.com[0], self.data.vcom[0]
-        centroidal.centerOfMass(self.model, self.data, q, v, a)
-        return self.data.com[0], self.data.vcom[0], self.data.acom[0]
-
-    def vcom(self, q: Any, v: Any) -> Array:
-        """Velocity of the centre of mass."""
-        centroidal.centerOfMass(self.model, self.data, q, v)
-        found: Array = self.data.vcom[0]
-        return found
-
-    def acom(self, q: Any, v: Any, a: Any) -> Array:
-        """Acceleration of the centre of mass."""
-        centroidal.centerOfMass(self.model, self.data, q, v, a)
-        found: Array = self.data.acom[0]
-        return found
-
-    def Jcom(self, q: Any) -> Array:
-        """``jacobianCenterOfMass``."""
-        return centroidal.jacobianCenterOfMass(self.model, self.data, q)
-
-    def centroidalMomentum(self, q: Any, v: Any) -> Force:
-        """``computeCentroidalMomentum``."""
-        return centroidal.computeCentroidalMomentum(self.model, self.data, q, v)
-
-    def centroidalMap(self, q: Any) -> Any:
-        """``computeCentroidalMap``."""
-        return centroidal.computeCentroidalMap(self.model, self.data, q)
-
-    def centroidal(self, q: Any, v: Any) -> tuple[Force, Array, Inertia]:
-        """``ccrba``: momentum hg, map Ag and inertia Ig."""
-        centroidal.ccrba(self.model, self.data, q, v)
-        return self.data.hg, self.data.Ag, self.data.Ig
-
-    def centroidalMomentumVariation(self, q: Any, v: Any, a: Any) -> Force:
-        """``computeCentroidalMomentumTimeVariation``."""
-        return centroidal.computeCentroidalMomentumTimeVariation(self.model, self.data, q, v, a)
-
-    # --- dynamics ------------------------------------------------------------------------------------------
-
-    def mass(self, q: Any) -> Any:
-        """``crba``: the mass matrix."""
-        return dynamics.crba(self.model, self.data, q)
-
-    def nle(self, q: Any, v: Any) -> Any:
-        """``nonLinearEffects``."""
-        return dynamics.nonLinearEffects(self.model, self.data, q, v)
-
-    def gravity(self, q: Any) -> Any:
-        """``computeGeneralizedGravity``."""
-        return dynamics.computeGeneralizedGravity(self.model, self.data, q)
-
-    # --- joints --------------------------------------------------------------------------------------------
-
-    def forwardKinematics(self, q: Any, v: Any = None, a: Any = None) -> None:
-        """``forwardKinematics``."""
-        kinematics.forwardKinematics(self.model, self.data, q, v, a)
-
-    def placement(self, q: Any, index: int, update_kinematics: bool = True) -> SE3:
-        """Pose of a joint in the world."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q)
-        found: SE3 = self.data.oMi[index]
-        return found
-
-    def velocity(
-        self, q: Any, v: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
-    ) -> Motion:
-        """``getVelocity``, after forwardKinematics if ``update_kinematics``."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q, v)
-        return kinematics.getVelocity(self.model, self.data, index, reference_frame)
-
-    def acceleration(
-        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
-    ) -> Motion:
-        """``getAcceleration``, after forwardKinematics if ``update_kinematics``."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q, v, a)
-        return kinematics.getAcceleration(self.model, self.data, index, reference_frame)
-
-    def classicalAcceleration(
-        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
-    ) -> Motion:
-        """``getClassicalAcceleration``, after forwardKinematics if ``update_kinematics``."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q, v, a)
-        return kinematics.getClassicalAcceleration(self.model, self.data, index, reference_frame)
-
-    def computeJointJacobian(self, q: Any, index: int) -> Array:
-        """``computeJointJacobian``."""
-        return jacobians.computeJointJacobian(self.model, self.data, q, index)
-
-    def getJointJacobian(self, index: int, rf_frame: Any = LOCAL) -> Array:
-        """``getJointJacobian``."""
-        return jacobians.getJointJacobian(self.model, self.data, index, rf_frame)
-
-    def computeJointJacobians(self, q: Any) -> Array:
-        """``computeJointJacobians``."""
-        return jacobians.computeJointJacobians(self.model, self.data, q)
-
-    # --- frames --------------------------------------------------------------------------------------------
-
-    def framesForwardKinematics(self, q: Any) -> None:
-        """``framesForwardKinematics``."""
-        kinematics.framesForwardKinematics(self.model, self.data, q)
-
-    def framePlacement(self, q: Any, index: int, update_kinematics: bool = True) -> SE3:
-        """Pose of a frame in the world."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q)
-        return kinematics.updateFramePlacement(self.model, self.data, index)
-
-    def frameVelocity(
-        self, q: Any, v: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
-    ) -> Motion:
-        """``getFrameVelocity``, after forwardKinematics if ``update_kinematics``."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q, v)
-        return kinematics.getFrameVelocity(self.model, self.data, index, reference_frame)
-
-    def frameAcceleration(
-        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
-    ) -> Motion:
-        """``getFrameAcceleration``, after forwardKinematics if ``update_kinematics``."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q, v, a)
-        return kinematics.getFrameAcceleration(self.model, self.data, index, reference_frame)
-
-    def frameClassicalAcceleration(
-        self, q: Any, v: Any, a: Any, index: int, update_kinematics: bool = True, reference_frame: Any = LOCAL
-    ) -> Motion:
-        """``getFrameClassicalAcceleration``, after forwardKinematics if ``update_kinematics``."""
-        if update_kinematics:
-            kinematics.forwardKinematics(self.model, self.data, q, v, a)
-        return kinematics.getFrameClassicalAcceleration(self.model, self.data, index, reference_frame)
-
-    def getFrameJacobian(self, frame_id: int, rf_frame: Any = LOCAL) -> Array:
-        """``getFrameJacobian``."""
-        return jacobians.getFrameJacobian(self.model, self.data, frame_id, rf_frame)
-
-    def computeFrameJacobian(self, q: Any, frame_id: int) -> Array:
-        """``computeFrameJacobian``."""
-        return jacobians.computeFrameJacobian(self.model, self.data, q, frame_id)
-
-    def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
-        """Raises OutOfScopeError: geometry is out of scope."""
-        raise OutOfScopeError("updateGeometryPlacements: geometry is out of scope of spatialdyn; place it by data.oMi")
+_add_methods()

@@ -33,19 +33,19 @@ def bound(function: cpython.Builtin, model: Any, arrays: dict[str, Any], **sizes
 @compiled
 def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
     model, s = case
-    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
     call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
     found = call(s.q, s.v, s.a)
     np.testing.assert_array_equal(found, table_call("rnea", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(tau, found)
-    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
     assert not np.shares_memory(tau, found)
 
 
 @compiled
 def test_forces_are_a_last_vector(case: Any) -> None:
     model, s = case
-    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
     call = bound(
         recorded_calls.recorded_call("rnea", forces=True), model, {"memory": memory, "result": tau}, axis0=model.nv
     )
@@ -56,12 +56,12 @@ def test_forces_are_a_last_vector(case: Any) -> None:
 @compiled
 def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
-    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv)
+    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv + 3)
     axes = {"axis0": model.njoints, "axis1": 4, "axis2": 4}
     function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), False)
     assert bound(function, model, {"memory": memory, "result": X}, **axes)(s.q, s.v, s.a) is True
     np.testing.assert_array_equal(X, table_call("forward_kinematics", model, s.q))
-    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
 
 
 @compiled
@@ -69,7 +69,7 @@ def test_an_input_that_runs_backwards_into_the_result_is_turned_away() -> None:
     """Also one that is only recorded, after the result; inputs wholly before or after the result are accepted."""
     model = random_tree(3, 5, ["revolute"]).model
     n, count = model.nq, 16 * model.njoints
-    q, memory, axes = np.full(n, 0.1), np.empty(2 * n), {"axis0": model.njoints, "axis1": 4, "axis2": 4}
+    q, memory, axes = np.full(n, 0.1), np.empty(2 * n + 3), {"axis0": model.njoints, "axis1": 4, "axis2": 4}
     room = np.zeros(n + count + n)
     X = room[n : n + count].reshape(model.njoints, 4, 4)
     call = bound(
@@ -87,7 +87,7 @@ def test_an_input_that_runs_backwards_into_the_result_is_turned_away() -> None:
 @compiled
 def test_a_failure_notes_nothing(case: Any) -> None:
     model, s = case
-    tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv)
+    tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv + 3)
     call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
     assert call(2.0 * s.q, s.v, s.a) is call(s.q, s.v, s.a * np.inf) is None
     assert not memory.any()
@@ -110,7 +110,7 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     model, s = case
     frames = [f for f in model.frames if f.joint > 0]
     joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
-    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq)
+    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq + 3)
     arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": placements}
     assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
@@ -126,7 +126,7 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     model, s = case
     m, n, rng = 3, model.nv, np.random.default_rng(3)
     J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
-    arrays = {"memory": np.empty(model.nq + n), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
+    arrays = {"memory": np.empty(model.nq + n + 3), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
     arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m)}
     call = bound(recorded_constraints.dynamics(), model, arrays, m=m)
     bias = table_call("nonlinear_effects", model, s.q, s.v)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....calls import dynamics
+from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ..coverage.strictness import strict
 from ..data.dispatch import vector
@@ -32,64 +34,62 @@ def _library_model(model: Model) -> Any:
     return library_model(expected(model, Model, "model")).model
 
 
-def neutral(model: Model) -> Array:
-    """Configuration (nq,) without displacement of any joint."""
-    try:
-        found: Array | None = model._library.neutral()
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    found = dynamics.table_call("neutral", _library_model(model))
-    return found
+def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[..., Array]:
+    """``name(model, *inputs)``: the library's call of that name by its builtin, or with checked arguments.
+
+    clipped  configurations are clipped to finite products first
+    """
+    names = inputs.split()
+
+    def checked(model: Model, *given: Any) -> Array:
+        library, values = _library_model(model), []
+        for x, value in zip(names, given, strict=True):
+            value = number(value, x) if x == "alpha" else vector(x, value, model.nv if x == "v" else model.nq)
+            values.append(_clipped(model, value) if clipped and x != "alpha" else value)
+        found: Array = dynamics.table_call(name, library, *values)
+        return found
+
+    text = [
+        f"def {name}({', '.join(['model', *names])}):",
+        "    try:",
+        f"        found = model._library.{name}({', '.join(names)})",
+        "        if found is not None:",
+        "            return found",
+        "    except AttributeError:  # the fast path does not apply",
+        "        pass",
+        f"    return checked({', '.join(['model', *names])})",
+    ]
+    function = function_from_text(name, text, {"checked": checked, "__name__": __name__}, f"pinocchio {name}")
+    function.__doc__ = doc
+    return function
 
 
-def integrate(model: Model, q: Any, v: Any) -> Array:
+neutral = _call("neutral", "", "Configuration (nq,) without displacement of any joint.")
+integrate = _call(
+    "integrate",
+    "q v",
     """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
 
     Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size, and in strict mode
     ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
-    """
-    try:
-        found: Array | None = model._library.integrate(q, v)
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    library = _library_model(model)
-    found = dynamics.table_call("integrate", library, vector("q", q, model.nq), vector("v", v, model.nv))
-    return found
-
-
-def difference(model: Model, q1: Any, q2: Any) -> Array:
+    """,
+)
+difference = _call(
+    "difference",
+    "q1 q2",
     """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
 
     Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products stay finite.
-    """
-    try:
-        found: Array | None = model._library.difference(q1, q2)
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    library = _library_model(model)
-    q1, q2 = (_clipped(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
-    found = dynamics.table_call("difference", library, q1, q2)
-    return found
-
-
-def interpolate(model: Model, q1: Any, q2: Any, alpha: float) -> Array:
-    """Configuration (nq,) at the fraction alpha of the way from q1 to q2."""
-    try:
-        found: Array | None = model._library.interpolate(q1, q2, alpha)
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    library = _library_model(model)
-    q1, q2 = (_clipped(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2)))
-    found = dynamics.table_call("interpolate", library, q1, q2, number(alpha, "alpha"))
-    return found
+    """,
+    clipped=True,
+)
+interpolate = _call(
+    "interpolate",
+    "q1 q2 alpha",
+    "Configuration (nq,) at the fraction alpha of the way from q1 to q2.",
+    clipped=True,
+)
+normalize = _call("normalize", "q", "q (nq,) with its quaternions and (cos, sin) pairs at unit norm.")
 
 
 def _clipped(model: Model, q: Array) -> Array:
@@ -114,19 +114,6 @@ def distance(model: Model, q1: Any, q2: Any) -> float:
     """Norm of the difference."""
     v = difference(model, q1, q2)
     return math.hypot(*v.tolist())
-
-
-def normalize(model: Model, q: Any) -> Array:
-    """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
-    try:
-        found: Array | None = model._library.normalize(q)
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    library = _library_model(model)
-    found = dynamics.table_call("normalize", library, vector("q", q, model.nq))
-    return found
 
 
 def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
@@ -172,14 +159,14 @@ def dIntegrate(model: Model, q: Any, v: Any, argument_position: Any = None) -> A
     """Derivatives (nv, nv) of integrate by q and by v, a tuple; one of them for ARG0, ARG1."""
     library = _library_model(model)
     both = dynamics.table_call("dintegrate", library, vector("q", q, model.nq), vector("v", v, model.nv))
-    return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
+    return tuple(both) if argument_position is None else both[_position(argument_position)]
 
 
 def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = None) -> Any:
     """Derivatives (nv, nv) of difference by q1 and by q2, a tuple; one of them for ARG0, ARG1."""
     library = _library_model(model)
     both = dynamics.table_call("ddifference", library, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
-    return (both[0], both[1]) if argument_position is None else both[_position(argument_position)]
+    return tuple(both) if argument_position is None else both[_position(argument_position)]
 
 
 def dIntegrateTransport(model: Model, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:

@@ -62,7 +62,7 @@ def forwardDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
     if library.has_builtins and "q" in given:
         every = data._runs["all"]
         words = {"bias": every.result.ctypes.data, **_words(every, run, f)}
-        call = recorded_constraints.dynamics().bind(library.model, every, run, f, **words)
+        call = recorded_constraints.dynamics().bind(library, every, run, f, **words)
         data._bound[CONSTRAINED] = library, every, run, call
     return f.x
 
@@ -105,7 +105,7 @@ def impulseDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
             library,
             masses,
             run,
-            recorded_constraints.impact().bind(library.model, masses, run, f, **words),
+            recorded_constraints.impact().bind(library, masses, run, f, **words),
         )
     return after
 
@@ -130,7 +130,7 @@ def computeKKTContactDynamicMatrixInverse(
         masses, size = data._runs["crba_world"], model.nv + len(J)
         words = {"M": masses.result.ctypes.data, "rows": size, "columns": size, **_words(masses, run, f)}
         del words["result"]
-        call = recorded_constraints.inverse().bind(library.model, masses, run, f, **words)
+        call = recorded_constraints.inverse().bind(library, masses, run, f, **words)
         data._bound[BORDERED] = library, masses, run, call
     return inverse(library.model, f)
 

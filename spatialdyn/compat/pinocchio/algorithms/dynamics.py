@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ..data.data import Data, library_of
-from ..data.dispatch import compute, compute_copy, fast_call
-from ..data.last_call import Run
+from ..data.dispatch import fast_call
 from ..model.model import Model
 from ..types.arguments import ArgumentError, described
 from ..types.frame import Convention
@@ -27,7 +26,29 @@ __all__ = [
 Array = NDArray[np.float64]
 
 
-def _rnea(model: Model, data: Data, q: Any, v: Any, a: Any, fext: Any = None) -> Array:
+def _kind(kind: str, convention: Any) -> str:
+    """The kind of call of a convention. Raises ArgumentError for what is none."""
+    if not isinstance(convention, Convention):
+        raise ArgumentError(f"convention is {described(convention)}, expected a Convention")
+    return kind if convention == Convention.LOCAL else f"{kind}_world"
+
+
+def _aba_kind(fext: Any, convention: Any) -> tuple[str, Any]:
+    """Kind and forces of ``aba``, whose convention may stand in place of the forces."""
+    return (_kind("aba", fext), None) if isinstance(fext, Convention) else (_kind("aba", convention), fext)
+
+
+def given_forces(fext: Any) -> None:
+    """Raise ArgumentError if forces that have to be given are None."""
+    if fext is None:
+        raise ArgumentError("fext is None, expected a list of Force")
+
+
+_CONVENTION = {"LOCAL": Convention.LOCAL, "by_convention": _kind, "aba_kind": _aba_kind}
+
+rnea = fast_call(
+    "rnea",
+    "rnea",
     """Torques τ = M(q) a + C(q, v) v + g(q) - Σ Jᵀ fext (nv,), also ``data.tau``.
 
     q     (nq,)            joint positions
@@ -35,156 +56,94 @@ def _rnea(model: Model, data: Data, q: Any, v: Any, a: Any, fext: Any = None) ->
     fext  list of njoints  Force on each joint's body, in the joint's frame; the universe's is ignored
 
     Raises ArgumentError (a TypeError) for a wrong type, ShapeError (a ValueError) for a wrong size.
-    """
-    return compute_copy(model, data, "rnea", q, v, a, fext=fext)
-
-
-def _aba(
-    model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any = None, convention: Any = Convention.LOCAL
-) -> Array:
+    """,
+    forces="fext=None",
+)
+aba = fast_call(
+    "aba",
+    "aba",
     """Accelerations (nv,) under torques tau (nv,) and external forces, also ``data.ddq``.
 
     ``aba(model, data, q, v, tau[, fext][, convention])``, fext as in rnea. The convention only selects which fields of
     data are filled.
 
     Raises as rnea, and InertiaError naming a joint with zero articulated inertia, where Pinocchio returns nan.
-    """
-    if isinstance(fext, Convention):
-        fext, convention = None, fext
-    if not isinstance(convention, Convention):
-        raise ArgumentError(f"convention is {described(convention)}, expected a Convention")
-    return compute_copy(model, data, _in("aba", convention), q, v, tau, fext=fext)
+    """,
+    forces="fext=None",
+    options="convention=LOCAL",
+    when="convention is LOCAL",
+    slow="kind, fext = aba_kind(fext, convention)",
+    **_CONVENTION,
+)
+crba = fast_call(
+    "crba",
+    "crba",
+    "Mass matrix M(q) (nv, nv), both triangles filled, also ``data.M``; the convention selects the other fields.",
+    options="convention=LOCAL",
+    when="convention is LOCAL",
+    slow="kind = by_convention(kind, convention)",
+    **_CONVENTION,
+)
+nonLinearEffects = nle = fast_call("nonLinearEffects", "nle", "Bias torques C(q, v) v + g(q) (nv,), also ``data.nle``.")
+computeGeneralizedGravity = fast_call(
+    "computeGeneralizedGravity", "gravity", "Gravity torques g(q) (nv,), also ``data.g``."
+)
+computeStaticTorque = fast_call(
+    "computeStaticTorque",
+    "static",
+    "Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still, also ``data.tau``; fext as in rnea.",
+    forces="fext",
+    when="fext is not None",
+    slow="given_forces(fext)",
+    given_forces=given_forces,
+)
+computeCoriolisMatrix = fast_call(
+    "computeCoriolisMatrix", "coriolis", "Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols, also ``data.C``."
+)
+computeMinverse = fast_call(
+    "computeMinverse",
+    "minverse",
+    """Inverse of the mass matrix (nv, nv), also ``data.Minv``; without q that of the last ``aba``.
 
-
-def _crba(model: Model, data: Data, q: Any, convention: Any = Convention.LOCAL) -> Array:
-    """Mass matrix M(q) (nv, nv), both triangles filled, also ``data.M``; the convention selects the other fields."""
-    if not isinstance(convention, Convention):
-        raise ArgumentError(f"convention is {described(convention)}, expected a Convention")
-    return compute_copy(model, data, _in("crba", convention), q)
-
-
-def _in(kind: str, convention: Convention) -> str:
-    return kind if convention == Convention.LOCAL else f"{kind}_world"
-
-
-def _nonLinearEffects(model: Model, data: Data, q: Any, v: Any) -> Array:
-    """Bias torques C(q, v) v + g(q) (nv,), also ``data.nle``."""
-    return compute_copy(model, data, "nle", q, v)
-
-
-def _computeGeneralizedGravity(model: Model, data: Data, q: Any) -> Array:
-    """Gravity torques g(q) (nv,), also ``data.g``."""
-    return compute_copy(model, data, "gravity", q)
-
-
-def _computeStaticTorque(model: Model, data: Data, q: Any, fext: Any) -> Array:
-    """Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still, also ``data.tau``; fext as in rnea."""
-    if fext is None:
-        raise ArgumentError("fext is None, expected a list of Force")
-    return compute_copy(model, data, "static", q, fext=fext)
-
-
-def _computeCoriolisMatrix(model: Model, data: Data, q: Any, v: Any) -> Array:
-    """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols, also ``data.C``."""
-    return compute_copy(model, data, "coriolis", q, v)
+    Raises InertiaError naming a joint with zero articulated inertia, where Pinocchio returns inf.
+    """,
+    last="ddq",
+)
+computeAllTerms = fast_call(
+    "computeAllTerms",
+    "all",
+    "Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed at its first read.",
+    "None",
+)
+computeKineticEnergy = fast_call(
+    "computeKineticEnergy",
+    "kinetic_energy",
+    "Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's.",
+    "run.result.item()",
+    last="v",
+)
+computePotentialEnergy = fast_call(
+    "computePotentialEnergy",
+    "potential_energy",
+    "Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.",
+    "run.result.item()",
+    last="oMi",
+)
+computeMechanicalEnergy = fast_call(
+    "computeMechanicalEnergy",
+    "mechanical_energy",
+    "Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.",
+    "data.mechanical_energy",
+    last="v",
+)
 
 
 def getCoriolisMatrix(model: Model, data: Data) -> Array:
     """Coriolis matrix (nv, nv) at the q, v of the last call that filled ``data.dJ``, such as computeCoriolisMatrix."""
-    library = library_of(model, data)
+    library_of(model, data)
     run = data.latest("dJ")
-    if run is None or not run.stamp:
+    if run is None:
         return np.array(data.array("C"))
-    found: Array = dynamics.table_call("coriolis_matrix", library.model, run.q, run.v)
+    found: Array = dynamics.table_call("coriolis_matrix", run.model, run.q, run.v)
     data.put("C", found)
     return found
-
-
-def computeMinverse(model: Model, data: Data, q: Any = None) -> Array:
-    """Inverse of the mass matrix (nv, nv), also ``data.Minv``; without q that of the last ``aba``.
-
-    Raises InertiaError naming a joint with zero articulated inertia, where Pinocchio returns inf.
-    """
-    if q is None:
-        library_of(model, data)
-        runs = [run for kind in ("aba", "aba_world") if (run := data._runs.get(kind)) is not None and run.stamp]
-        if not runs:
-            raise ArgumentError("q is not given and aba was not called with this data, expected either")
-        q = max(runs, key=lambda run: run.stamp).q.copy()
-    found: Array = _minverse(model, data, q)
-    return found
-
-
-def _computeMinverse(model: Model, data: Data, q: Any) -> Array:
-    return compute_copy(model, data, "minverse", q)
-
-
-def computeAllTerms(model: Model, data: Data, q: Any, v: Any) -> None:
-    """Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed at its first read."""
-    _all(model, data, q, v)
-
-
-def _all_terms(model: Model, data: Data, q: Any, v: Any) -> Run:
-    return compute(model, data, "all", q, v)
-
-
-def computeKineticEnergy(model: Model, data: Data, q: Any = None, v: Any = None) -> float:
-    """Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's."""
-    if q is None:
-        run = _last(model, data, "v")
-        q, v = run.q.copy(), run.v.copy()
-    energy: float = _kinetic(model, data, q, v).result.item()
-    return energy
-
-
-def _kinetic_energy(model: Model, data: Data, q: Any, v: Any) -> Run:
-    return compute(model, data, "kinetic_energy", q, v)
-
-
-def computePotentialEnergy(model: Model, data: Data, q: Any = None) -> float:
-    """Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's."""
-    if q is None:
-        q = _last(model, data, "oMi").q.copy()
-    energy: float = _potential(model, data, q).result.item()
-    return energy
-
-
-def _potential_energy(model: Model, data: Data, q: Any) -> Run:
-    return compute(model, data, "potential_energy", q)
-
-
-def computeMechanicalEnergy(model: Model, data: Data, q: Any = None, v: Any = None) -> float:
-    """Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's."""
-    if q is None:
-        run = _last(model, data, "v")
-        q, v = run.q.copy(), run.v.copy()
-    compute(model, data, "mechanical_energy", q, v)
-    found: float = data.mechanical_energy
-    return found
-
-
-def _last(model: Model, data: Data, field: str) -> Any:
-    """The last call that filled a field. Raises ArgumentError if there was none."""
-    library_of(model, data)
-    run = data.latest(field)
-    if run is None:
-        raise ArgumentError("q is not given and no kinematics were computed with this data, expected either")
-    return run
-
-
-rnea = fast_call(_rnea, "rnea", parameters=", fext=None")
-aba = fast_call(
-    _aba,
-    "aba",
-    condition="convention is LOCAL",
-    parameters=", fext=None, convention=LOCAL",
-)
-crba = fast_call(_crba, "crba", condition="convention is LOCAL", parameters=", convention=LOCAL")
-nonLinearEffects = nle = fast_call(_nonLinearEffects, "nle")
-computeGeneralizedGravity = fast_call(_computeGeneralizedGravity, "gravity")
-computeCoriolisMatrix = fast_call(_computeCoriolisMatrix, "coriolis")
-computeStaticTorque = fast_call(_computeStaticTorque, "static", condition="fext is not None", parameters=", fext")
-_all = fast_call(_all_terms, "all")
-_kinetic = fast_call(_kinetic_energy, "kinetic_energy")
-_potential = fast_call(_potential_energy, "potential_energy")
-_minverse = fast_call(_computeMinverse, "minverse")

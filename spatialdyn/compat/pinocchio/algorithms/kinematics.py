@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....calls import dynamics
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import compute, fast_call
-from ..data.frame_arguments import (
-    IDENTITY,
-    REFERENCES,
-    frame_argument,
-    frame_index,
-    index_argument,
-    joint_index,
-    reference_code,
-)
-from ..data.last_call import Run, clock
+from ..data.dispatch import fast_call
+from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, reference_code
+from ..data.last_call import Run
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.frame import LOCAL
@@ -34,12 +26,12 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
-_dynamics: Any = dynamics  # Any: its stub names the public calls alone
 
 # --- places ----------------------------------------------------------------------------------------------
 
-
-def forwardKinematics(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> None:
+forwardKinematics = fast_call(
+    "forwardKinematics",
+    "kinematics0 kinematics1 kinematics2",
     """Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.
 
     q     (nq,)  joint positions
@@ -47,40 +39,9 @@ def forwardKinematics(model: Model, data: Data, q: Any, v: Any = None, a: Any = 
 
     ``updateFramePlacements`` places the frames. Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a
     ValueError, for a wrong size.
-    """
-    if v is None:
-        try:
-            run = data._runs["kinematics0"]
-            if run.library is model._library and run.call(q) is not None:
-                if run.recompute:
-                    data.note_builtin_call(run)
-                else:
-                    run.stamp = clock()
-                return
-        except (AttributeError, KeyError, ValueError):  # the fast path does not apply
-            pass
-        _kinematics0(model, data, q)
-    elif a is None:
-        _kinematics1(model, data, q, v)
-    else:
-        _kinematics2(model, data, q, v, a)
-
-
-def _places(model: Model, data: Data, q: Any) -> None:
-    compute(model, data, "kinematics0", q)
-
-
-def _velocities(model: Model, data: Data, q: Any, v: Any) -> None:
-    compute(model, data, "kinematics1", q, v)
-
-
-def _accelerations(model: Model, data: Data, q: Any, v: Any, a: Any) -> None:
-    compute(model, data, "kinematics2", q, v, a)
-
-
-_kinematics0 = fast_call(_places, "kinematics0")
-_kinematics1 = fast_call(_velocities, "kinematics1")
-_kinematics2 = fast_call(_accelerations, "kinematics2")
+    """,
+    "None",
+)
 
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:
@@ -158,7 +119,7 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
-    _kinematics0(model, data, q)
+    forwardKinematics(model, data, q)
     _place_frames(model, data)
     run, frames = data._runs["kinematics0"], data._runs["frames"]
     library, placements = run.library, model._frame_placements
@@ -173,97 +134,79 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
 
 # --- velocities and accelerations ------------------------------------------------------------------------
 
-
-VELOCITY, ACCELERATION, CLASSICAL = "v", "a", "classical a"
 _new = Motion.__new__
 
 
-def _bind_frame_motion(kind: str, model: Model, data: Data, frames: Any, joints: bool) -> None:
-    """Bind a builtin to these frames, for later calls of this kind of motion."""
-    library = library_of(model, data)
-    if library.has_builtins:
-        motions = data.hold(kind[-1])
-        velocities, X = data.hold("v") if kind == CLASSICAL else motions, data.hold("oMi")
-        arrays = {"poses": X, "velocities": velocities, "motions": motions}
-        words = {name: array.ctypes.data for name, array in arrays.items()}
-        sizes = {"six": 6, **{name: n for name, n in library.words.items() if name != "table"}}
-        function = recorded_calls.frame_motion(kind == CLASSICAL)
-        call = function.bind(*arrays.values(), frames, **sizes, **words, **REFERENCES, **frames.words())
-        data._bound[kind, joints] = frames, call
+def _motion(name: str, doc: str, field: str, of_joints: bool, classical: bool = False) -> Callable[..., Motion]:
+    """The motion of a frame, or of a joint's own frame, from a field of Data that has one for each joint."""
+    bound_as = name
+
+    def function(
+        model: Model,
+        data: Data,
+        frame_id: Any = None,
+        reference_frame: Any = LOCAL,
+        last: Any = None,
+        *,
+        joint_id: Any = None,
+        placement: Any = None,
+    ) -> Motion:
+        try:
+            frames, call = data._bound[bound_as]
+            if frames is (model._library.frames if of_joints else model._frame_placements):
+                x = call(frame_id, reference_frame)
+                if x is not None:
+                    motion = _new(Motion)
+                    motion._x = x
+                    return motion
+        except (AttributeError, KeyError):  # the fast path does not apply
+            pass
+        library = library_of(model, data)
+        about = frame_id, reference_frame, last, joint_id, placement
+        joint, place, reference = about_frame(model, of_joints, *about)
+        code, out = reference_code(reference), np.empty(6)
+        X, motions = data.array("oMi")[joint], data.array(field)
+        velocities = data.array("v") if classical else motions
+        recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
+        if library.has_builtins:
+            frames = joints_as_frames(model) if of_joints else frame_placements(model)
+            motions = data.hold(field)
+            arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
+            words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
+            sizes = {"six": 6, **{x: n for x, n in library.words.items() if x != "table"}}
+            data._bound[bound_as] = (
+                frames,
+                recorded_calls.frame_motion(classical).bind(
+                    *arrays.values(), motions, frames, **sizes, **words, **REFERENCES, **frames.words()
+                ),
+            )
+        return Motion.over(out)
+
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = doc
+    return function
 
 
-def _frame_motion_of(kind: str, data: Data, joint: int, placement: Array, reference_frame: Any) -> Motion:
-    """Motion of a joint's body as that of a frame on it, expressed in a reference frame."""
-    code, out = reference_code(reference_frame), np.empty(6)
-    motion = data.array(kind[-1])[joint]
-    velocity = data.array("v")[joint] if kind == CLASSICAL else motion
-    recorded_calls.write_frame_motion(
-        data.array("oMi")[joint], placement, velocity, motion, kind == CLASSICAL, code, out
-    )
-    return Motion.over(out)
-
-
-def _joint_motion(kind: str, model: Model, data: Data, joint_id: Any, reference_frame: Any) -> Motion:
-    try:
-        frames, call = data._bound[kind, True]
-        if model._library.frames is frames:
-            x = call(joint_id, reference_frame)
-            if x is not None:
-                made = _new(Motion)
-                made._x = x
-                return made
-    except (AttributeError, KeyError):  # the fast path does not apply
-        pass
-    library_of(model, data)
-    found = _frame_motion_of(kind, data, joint_index(model, joint_id), IDENTITY, reference_frame)
-    _bind_frame_motion(kind, model, data, joints_as_frames(model), True)
-    return found
-
-
-def _frame_motion(kind: str, model: Model, data: Data, given: tuple[Any, ...], named: dict[str, Any]) -> Motion:
-    try:
-        frames, call = data._bound[kind, False]
-        if model._frame_placements is frames and not named:
-            x = call(*given)
-            if x is not None:
-                made = _new(Motion)
-                made._x = x
-                return made
-    except (AttributeError, KeyError):  # the fast path does not apply
-        pass
-    library_of(model, data)
-    found = _frame_motion_of(kind, data, *frame_argument(model, *index_argument(given, named), named))
-    _bind_frame_motion(kind, model, data, frame_placements(model), False)
-    return found
-
-
-def getVelocity(model: Model, data: Data, joint_id: int, reference_frame: Any = LOCAL) -> Motion:
-    """Velocity of a joint's frame, from ``data.v``."""
-    return _joint_motion(VELOCITY, model, data, joint_id, reference_frame)
-
-
-def getAcceleration(model: Model, data: Data, joint_id: int, reference_frame: Any = LOCAL) -> Motion:
-    """Spatial acceleration of a joint's frame, from ``data.a``."""
-    return _joint_motion(ACCELERATION, model, data, joint_id, reference_frame)
-
-
-def getClassicalAcceleration(model: Model, data: Data, joint_id: int, reference_frame: Any = LOCAL) -> Motion:
-    """Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``."""
-    return _joint_motion(CLASSICAL, model, data, joint_id, reference_frame)
-
-
-def getFrameVelocity(model: Model, data: Data, *frame: Any, **named: Any) -> Motion:
-    """Velocity of a frame, from ``data.v``: ``(model, data, frame_id[, reference_frame])``, or
-    ``(model, data, joint_id, placement[, reference_frame])`` for a frame that is not in the model.
+_FRAME = """``(model, data, frame_id[, reference_frame])``, or ``(model, data, joint_id, placement[, reference_frame])``
+    for a frame that is not in the model.
     """
-    return _frame_motion(VELOCITY, model, data, frame, named)
-
-
-def getFrameAcceleration(model: Model, data: Data, *frame: Any, **named: Any) -> Motion:
-    """Spatial acceleration of a frame, from ``data.a``; arguments as of getFrameVelocity."""
-    return _frame_motion(ACCELERATION, model, data, frame, named)
-
-
-def getFrameClassicalAcceleration(model: Model, data: Data, *frame: Any, **named: Any) -> Motion:
-    """Classical acceleration of a frame, from ``data.v`` and ``data.a``; arguments as of getFrameVelocity."""
-    return _frame_motion(CLASSICAL, model, data, frame, named)
+getVelocity = _motion("getVelocity", "Velocity of a joint's frame, from ``data.v``.", "v", True)
+getAcceleration = _motion("getAcceleration", "Spatial acceleration of a joint's frame, from ``data.a``.", "a", True)
+getClassicalAcceleration = _motion(
+    "getClassicalAcceleration",
+    "Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``.",
+    "a",
+    True,
+    True,
+)
+getFrameVelocity = _motion("getFrameVelocity", f"Velocity of a frame, from ``data.v``.\n\n    {_FRAME}", "v", False)
+getFrameAcceleration = _motion(
+    "getFrameAcceleration", f"Spatial acceleration of a frame, from ``data.a``.\n\n    {_FRAME}", "a", False
+)
+getFrameClassicalAcceleration = _motion(
+    "getFrameClassicalAcceleration",
+    f"Classical acceleration of a frame, from ``data.v`` and ``data.a``.\n\n    {_FRAME}",
+    "a",
+    False,
+    True,
+)

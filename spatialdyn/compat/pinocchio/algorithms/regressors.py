@@ -10,50 +10,60 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....algebra import spatial
-from ....algebra.euclidean import Vec
+from ....algebra.public_arrays import read_motion
 from ....errors import ModelError
 from ....recursions.regressor import body_force
+from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
+from ....recursions.spec import WORLD as IN_WORLD
 from ..data.data import Data, library_of
-from ..data.dispatch import compute
+from ..data.dispatch import fast_call
 from ..data.field_recipes import columns
+from ..data.frame_arguments import frame_index, joint_index, reference_code
 from ..model.model import Model
 from ..types.arguments import expected
 from ..types.motion import Motion
+from ..types.se3 import SE3
 
 __all__ = [
-    "bodyRegressor", "computeJointTorqueRegressor", "computeKineticEnergyRegressor",
-    "computePotentialEnergyRegressor", "computeStaticRegressor", "frameBodyRegressor", "jointBodyRegressor",
+    "bodyRegressor", "computeFrameKinematicRegressor", "computeJointKinematicRegressor", "computeJointTorqueRegressor",
+    "computeKineticEnergyRegressor", "computePotentialEnergyRegressor", "computeStaticRegressor",
+    "frameBodyRegressor", "jointBodyRegressor",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 
-def computeJointTorqueRegressor(model: Model, data: Data, q: Any, v: Any, a: Any) -> Array:
-    """Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques."""
-    return columns(compute(model, data, "torque_regressor", q, v, a))
+def _regressor(name: str, kind: str, doc: str) -> Any:
+    return fast_call(name, kind, doc, "columns(run)", columns=columns)
 
 
-def computeStaticRegressor(model: Model, data: Data, q: Any) -> Array:
-    """Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments."""
-    return columns(compute(model, data, "static_regressor", q))
-
-
-def computeKineticEnergyRegressor(model: Model, data: Data, q: Any, v: Any) -> Array:
-    """Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies."""
-    return columns(compute(model, data, "kinetic_regressor", q, v))
-
-
-def computePotentialEnergyRegressor(model: Model, data: Data, q: Any) -> Array:
-    """Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π."""
-    return columns(compute(model, data, "potential_regressor", q))
+computeJointTorqueRegressor = _regressor(
+    "computeJointTorqueRegressor",
+    "torque_regressor",
+    "Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.",
+)
+computeStaticRegressor = _regressor(
+    "computeStaticRegressor",
+    "static_regressor",
+    "Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments.",
+)
+computeKineticEnergyRegressor = _regressor(
+    "computeKineticEnergyRegressor",
+    "kinetic_regressor",
+    "Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies.",
+)
+computePotentialEnergyRegressor = _regressor(
+    "computePotentialEnergyRegressor",
+    "potential_regressor",
+    "Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π.",
+)
 
 
 def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
     """Y (6, 10), linear first: I a + v ×* I v is Y times toDynamicParameters of I."""
     v, a = expected(velocity, Motion, "velocity"), expected(acceleration, Motion, "acceleration")
     out = np.empty((6, 10))
-    body_force(_motion(v), _motion(a), out)
+    body_force(read_motion(v.vector.tolist()), read_motion(a.vector.tolist()), out)
     return out
 
 
@@ -72,12 +82,31 @@ def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
     return bodyRegressor(placement.actInv(data.v[joint]), placement.actInv(data.a_gf[joint]))
 
 
+def computeJointKinematicRegressor(
+    model: Model, data: Data, joint_id: int, reference_frame: Any, placement: SE3 | None = None
+) -> Array:
+    """Y (6, 6 (njoints - 1)), from ``data.oMi``: motion of a joint's frame, or of one placed on the joint, for motions
+    of the joints' placements, each in the joint's own frame.
+    """
+    library_of(model, data)
+    at, code = joint_index(model, joint_id), reference_code(reference_frame)
+    here = data.oMi[at] if placement is None else data.oMi[at] * expected(placement, SE3, "placement")
+    found = np.zeros((6, 6 * (model.njoints - 1)))
+    turn = SE3(here.rotation, np.zeros(3)) if code == ALIGNED else SE3.Identity()
+    for k in list(model.supports[at])[1:]:
+        X = data.oMi[k] if code == IN_WORLD else turn * here.actInv(data.oMi[k])
+        found[:, 6 * (k - 1) : 6 * k] = X.action
+    return found
+
+
+def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Array:
+    """``computeJointKinematicRegressor`` of a frame of the model."""
+    library_of(model, data)
+    frame = model.frames[frame_index(model, frame_id)]
+    return computeJointKinematicRegressor(model, data, frame.parentJoint, reference_frame, frame.placement)
+
+
 def _index(name: str, value: Any, n: int) -> int:
     if not 0 <= value < n:
         raise ModelError(f"{name} is {value}, expected 0 to {n - 1}")
     return int(value)
-
-
-def _motion(m: Motion) -> spatial.Motion:
-    x, y, z, wx, wy, wz = m.vector.tolist()
-    return spatial.Motion(Vec(wx, wy, wz), Vec(x, y, z))

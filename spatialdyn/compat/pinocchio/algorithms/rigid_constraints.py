@@ -15,20 +15,23 @@ from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....constraints.contact import Solved, inverse, solve
+from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
+from ....recursions.kinematics import WORK
 from ....recursions.spec import LOCAL as IN_FRAME
+from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
 from ..data.data import Data, library_of
-from ..data.dispatch import forces, vector
-from ..explog import Jlog6, log6
+from ..data.dispatch import forces, last_call, vector
+from ..data.last_call import Run
+from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
 from ..types.arguments import ArgumentError, described, expected, number
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
-from .derivatives import _call_about_frame
 from .dynamics import computeAllTerms, crba
-from .jacobians import _last_filled
+from .jacobians import call_about_frame
 
 __all__ = [
     "ConstraintCholeskyDecomposition", "ContactCholeskyDecomposition", "computeConstraintDynamicsDerivatives",
@@ -49,18 +52,15 @@ class Side(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """A contact at a state, in the axes of frame 1: frame 2 from there, J, J v, γ and the error.
+    """A contact at a state, for derivatives: frame 2 from frame 1, J (rows, nv) in the axes of frame 1.
 
-    turn  (size, size) takes rows and forces to the axes of the reference frame
+    turn  (rows, rows) takes rows and forces to the axes of the reference frame
     """
 
     model: RigidConstraintModel
     sides: tuple[Side, Side]
     M: SE3
     J: Array
-    Jv: Array
-    error: Array
-    gamma: Array
     turn: Array
 
 
@@ -73,51 +73,28 @@ def _cross(V: Array) -> Array:
 
 
 def _side(at: Any, joint: int, placement: SE3) -> Side:
-    """A frame at q, v and, if there is one, at a; without it A is the drift."""
+    """A frame at q, v and a."""
     if joint == 0:
         return Side(SE3(placement), np.zeros((6, len(at.v))), np.zeros(6), np.zeros(6))
-    where = int(at.library.rows[joint]), placement._x
-    J = _call_about_frame("frame_jacobian", at, *where, IN_FRAME)
-    if at.a is None:
-        A = _call_about_frame("jacobian_dot_times_v", at, *where, IN_FRAME)
-    else:
-        A = _call_about_frame("frame_acceleration", at, *where, IN_FRAME, 0)
-    return Side(SE3.over(_call_about_frame("frame_placement", at, *where)), J, J @ at.v, A)
+    where = joint, placement._x
+    J = call_about_frame("frame_jacobian", at, *where, IN_FRAME)
+    A = call_about_frame("frame_acceleration", at, *where, IN_FRAME, 0)
+    return Side(SE3.over(call_about_frame("frame_placement", at, *where)), J, J @ at.v, A)
 
 
 def _point(side: Side) -> Array:
     """The classical acceleration of a frame's origin, A + ω × v."""
-    a, b, c, x, y, z = side.V.tolist()
-    return np.add(side.A[:3], (y * c - z * b, z * a - x * c, x * b - y * a))
-
-
-def _blocks(R: Array, size: int) -> Array:
-    """R, once or twice along the diagonal."""
-    made = np.zeros((size, size))
-    for k in range(0, size, 3):
-        made[k : k + 3, k : k + 3] = R
-    return made
+    return np.asarray(side.A[:3] + np.cross(side.V[3:], side.V[:3]))
 
 
 def _contact(at: Any, model: RigidConstraintModel) -> Contact:
-    """A contact at q, v."""
+    """A contact at q, v, a."""
     one = _side(at, model.joint1_id, model.joint1_placement)
     two = _side(at, model.joint2_id, model.joint2_placement)
-    M, aligned = one.X.actInv(two.X), model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
-    if model.type == ContactType.CONTACT_3D:
-        X = M.rotation
-        J, error = one.J[:3] - X @ two.J[:3], -M.translation
-        gamma = _point(one) - X @ _point(two)
-    else:
-        X = M.toActionMatrix()
-        J, error = one.J - X @ two.J, -log6(M).vector
-        gamma = one.A - X @ two.A
-        if not aligned:  # in the world's axes Pinocchio leaves it out: it is 0 where J v is
-            gamma = gamma + _cross(one.V) @ (X @ two.V)
-    gains, Jv = model.m_baumgarte_parameters, J @ at.v
-    gamma = gamma + gains.Kd * Jv + gains.Kp * error
-    turn = _blocks(one.X.rotation, len(J)) if aligned else np.eye(len(J))
-    return Contact(model, (one, two), M, J, Jv, error, gamma, turn)
+    M, n = one.X.actInv(two.X), model.residualSize()
+    J = one.J[:3] - M.rotation @ two.J[:3] if n == 3 else one.J - M.action @ two.J
+    aligned = model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
+    return Contact(model, (one, two), M, J, np.kron(np.eye(n // 3), one.X.rotation) if aligned else np.eye(n))
 
 
 def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
@@ -133,19 +110,16 @@ def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidCon
     return list(zip(models, datas, strict=True))
 
 
-def _system(at: Any, pairs: Any) -> tuple[list[Contact], Array, Array]:
-    """The contacts, and J (m, nv) and γ (m,) of all."""
-    contacts = [_contact(at, x) for x, _ in pairs]
-    J = np.vstack([np.empty((0, at.library.model.nv)), *(c.turn @ c.J for c in contacts)])
-    return contacts, J, np.concatenate([np.empty(0), *(c.turn @ c.gamma for c in contacts)])
-
-
-def _note(contacts: list[Contact], pairs: Any) -> None:
-    """Write placements, velocities and errors to the contacts' data."""
-    for c, (_, own) in zip(contacts, pairs, strict=True):
-        own.oMc1, own.oMc2, own.c1Mc2 = c.sides[0].X, c.sides[1].X, c.M
-        own.contact1_velocity, own.contact2_velocity = (Motion.over(side.V) for side in c.sides)
-        own.contact_placement_error, own.contact_velocity_error = (Motion.over(_six(x)) for x in (c.error, c.Jv))
+def _system(at: Any, pairs: Any, write: bool = True) -> tuple[Array, Array]:
+    """J (m, nv) and γ (m,) of contacts; ``write``: placements, velocities and errors are written to their data."""
+    model, (n, m) = at.library.model, (len(pairs), sum(x.residualSize() for x, _ in pairs))
+    given, found = np.array([x._x for x, _ in pairs]).reshape(n, GIVEN), np.empty((n, FOUND))
+    J, gamma, rows = np.empty((m, model.nv)), np.empty(m), at.library.row_numbers
+    run = table_kernels.kernel(put_contacts, 1, 1, 1, 2, 2, 2, 1, work=WORK)
+    run(getattr(model, numba_kernels.TABLE), np.array(at.q), np.array(at.v), rows, given, found, J, gamma)
+    for x, (_, own) in zip(found, pairs, strict=True):
+        own._x[6:] = x[6:] if write else own._x[6:]
+    return J, gamma
 
 
 def _six(x: Array) -> Array:
@@ -183,17 +157,45 @@ def constraintDynamics(
 
     Raises ConstraintError naming the rank of contacts that are not independent, if mu is 0; as ``rnea``
     """
+    settings = None
+    try:
+        library, models, datas, before, run, solved, call = data._bound["contacts"]
+        if library is model._library and models == contact_models and datas == contact_datas:
+            settings = _settings(prox_settings)
+            found: Array | None = call(q, v, tau, settings._x)
+            if found is not None:
+                run.contact = solved
+                data.note_builtin_call(before)
+                data.note_builtin_call(run)
+                return found
+    except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
+        pass
     pairs, settings = _pairs(contact_models, contact_datas), _settings(prox_settings)
     computeAllTerms(model, data, q, v)
     tau = vector("tau", tau, model.nv)
-    at = _at(model, data, *(vector(name, x, n) for name, x, n in (("q", q, model.nq), ("v", v, model.nv))))
-    contacts, J, gamma = _system(at, pairs)
-    _note(contacts, pairs)
-    solved = _solved(at, data.array("M"), tau - data.array("nle"), J, gamma, settings)
-    _store(data, pairs, "lambda_c", solved.force)
-    data.put("ddq", solved.x)
-    data.__dict__["_contacts"] = at, contacts, J, solved
+    every = data._runs["all"]
+    J, gamma = _system(every, pairs)
+    solved = _solved(every, data.array("M"), tau - data.array("nle"), J, gamma, settings)
+    run = data.run_of("contacts", model, every.library, solved.x.shape)
+    run.result[...], run.contact = solved.x, solved
+    _share(pairs, solved.force)
+    data.note_call(run)
+    _bind(data, every, run, pairs)
     return np.array(solved.x)
+
+
+def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
+    """Bind the builtin of these contacts for later calls; it reads and writes the arrays of contacts and data."""
+    library, f = every.library, run.contact
+    if not library.has_builtins:
+        return
+    models, datas = [x for x, _ in pairs], [own for _, own in pairs]
+    addresses = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
+    arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
+    arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
+    words = {**library.words, **{name: x.ctypes.data for name, x in arrays.items()}}
+    call = contact_dynamics().bind(library, arrays, models, datas, m=len(f.force), count=len(pairs), **words)
+    data._bound["contacts"] = library, models, datas, every, run, f, call
 
 
 def impulse_of_contacts(
@@ -207,25 +209,28 @@ def impulse_of_contacts(
     v = vector("v", v, model.nv)
     crba(model, data, q, Convention.WORLD)
     at = _at(model, data, vector("q", q, model.nq), v)
-    contacts, J, _ = _system(at, pairs)
-    _note(contacts, pairs)
+    J, _ = _system(at, pairs)
     solved = _solved(at, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), settings)
-    _store(data, pairs, "impulse_c", solved.force)
+    data.put("impulse_c", solved.force)
+    _share(pairs, solved.force)
     data.put("dq_after", v + solved.x)
     return np.asarray(v + solved.x)
 
 
 def _settings(given: Any) -> ProximalSettings:
-    found: ProximalSettings = ProximalSettings() if given is None else expected(given, ProximalSettings, "settings")
+    found: ProximalSettings = _DEFAULT if given is None else expected(given, ProximalSettings, "settings")
     return found
 
 
-def _store(data: Data, pairs: Any, name: str, force: Array) -> None:
-    data.put(name, force)
+_DEFAULT = ProximalSettings()
+
+
+def _share(pairs: Any, force: Array) -> None:
+    """Write each contact's force to its data."""
     first = 0
     for x, own in pairs:
         size = x.residualSize()
-        own.contact_force = Force.over(_six(force[first : first + size]))
+        own._x[:6] = _six(force[first : first + size])
         first += size
 
 
@@ -246,8 +251,8 @@ def _solved(at: Any, M: Array, r: Array, J: Array, gamma: Array, settings: Proxi
 
 def getConstraintsJacobian(model: Model, data: Data, constraint_models: Any, constraint_datas: Any) -> Array:
     """J (m, nv) of contacts, at the q of ``data.oMi``."""
-    run = _last_filled(model, data, "oMi", "computeJointJacobians")
-    return _system(_at(model, data, run.q.copy()), _pairs(constraint_models, constraint_datas))[1]
+    run = last_call(model, data, "oMi", before="computeJointJacobians")
+    return _system(_at(model, data, run.q.copy()), _pairs(constraint_models, constraint_datas), False)[0]
 
 
 def getConstraintJacobian(model: Model, data: Data, constraint_model: Any, constraint_data: Any) -> Array:
@@ -260,7 +265,7 @@ def computeDelassusMatrix(
 ) -> Array:
     """G = J M⁻¹ Jᵀ (m, m) of contacts; with mu above 0 (G⁻¹ + mu)⁻¹, as in Pinocchio."""
     M = crba(model, data, q)
-    J = _system(_at(model, data, vector("q", q, model.nq)), _pairs(contact_models, contact_datas))[1]
+    J = _system(_at(model, data, vector("q", q, model.nq)), _pairs(contact_models, contact_datas), False)[0]
     G = J @ np.linalg.solve(M, J.T)
     softened = np.linalg.solve(np.eye(len(G)) + number(mu, "mu") * G, G)
     return np.asarray(0.5 * (softened + softened.T))
@@ -278,12 +283,14 @@ def computeConstraintDynamicsDerivatives(
     M a + b = τ + Jᵀ λ and J a + γ = 0 are differentiated: M ∂a - Jᵀ ∂λ = ∂(τ - b - M a + Jᵀ λ), J ∂a = -∂(J a + γ).
     Raises SimulationError if constraintDynamics was not called with these contacts.
     """
-    pairs, found = _pairs(contact_models, contact_datas), data.__dict__.get("_contacts")
+    pairs, run = _pairs(contact_models, contact_datas), data._runs.get("contacts")
     _settings(settings)
-    if found is None or len(found[1]) != len(pairs) or library_of(model, data) is not found[0].library:
+    size = sum(x.residualSize() for x, _ in pairs)
+    if run is None or len(run.contact.force) != size or library_of(model, data) is not run.library:
         raise SimulationError("data holds no such contacts, expected constraintDynamics to be called before")
-    before, contacts, J, solved = found
-    at, n, m = _at(model, data, before.q, before.v, solved.x), model.nv, len(J)
+    solved, every = run.contact, data._runs["all"]
+    at, n, m = _at(model, data, every.q, every.v, run.result), model.nv, size
+    contacts = [_contact(at, x) for x, _ in pairs]
     fext, rows, first = [Force.Zero() for _ in range(model.njoints)], np.zeros((m, 2 * n)), 0
     by_force, turning = np.zeros((n, n)), np.zeros((m, n))
     for c in contacts:
@@ -316,14 +323,13 @@ def _seen(c: Contact) -> Array:
 
 def _rows_by_state(at: Any, c: Contact) -> Array:
     """∂(J a + γ) by q and v (size, 2 nv), in the axes of frame 1."""
-    places = (c.model.joint1_id, c.model.joint1_placement), (c.model.joint2_id, c.model.joint2_placement)
-    rows = [(int(at.library.rows[joint]), place._x) for joint, place in places]
+    rows = (c.model.joint1_id, c.model.joint1_placement._x), (c.model.joint2_id, c.model.joint2_placement._x)
     point, gains = c.model.type == ContactType.CONTACT_3D, c.model.m_baumgarte_parameters
     (A1_q, A1_v, _), (A2_q, A2_v, _) = (
-        _call_about_frame("frame_acceleration_derivatives", at, *where, IN_FRAME, int(point)) for where in rows
+        call_about_frame("frame_acceleration_derivatives", at, *where, IN_FRAME, int(point)) for where in rows
     )
-    dV1, dV2 = (_call_about_frame("frame_velocity_derivatives", at, *where, IN_FRAME)[0] for where in rows)
-    one, two = (_side(at, joint, place) for joint, place in places)
+    dV1, dV2 = (call_about_frame("frame_velocity_derivatives", at, *where, IN_FRAME)[0] for where in rows)
+    one, two = c.sides
     S, X = _seen(c), c.M.toActionMatrix()
     if point:
         R = c.M.rotation

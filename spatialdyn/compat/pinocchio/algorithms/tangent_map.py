@@ -12,7 +12,7 @@ from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ...native import operator_kernels
 from ..data.dispatch import vector
-from ..model.joint_mimic import JointModelMimic
+from ..model.joint_mimic import Mimic
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, described, expected
 
@@ -25,7 +25,7 @@ COLUMNS = 6  # of compactTangentMap
 def _blocks(model: Model, q: Array) -> Iterator[tuple[int, int, Array]]:
     """First index in q, in v, and the block of T, of each of the library's joints."""
     for joint in model.joints[1:]:
-        if isinstance(joint, JointModelMimic):
+        if isinstance(joint, Mimic):
             continue
         row, column = joint.idx_q, joint.idx_v
         for step in joint.steps():

@@ -56,7 +56,6 @@ INSTEAD: tuple[tuple[str, str], ...] = (
         "*KinematicHessian *KinematicHessians",
         "second derivatives of kinematics: finite differences of getJointJacobian",
     ),
-    ("*KinematicRegressor", "regressors of placement errors: columns of getJointJacobian, moved by SE3.actInv"),
     ("CONCRETE ICE METAL PLASTIC WOOD", _GEOMETRY),
     ("AUTOMATIC MANUAL CONSTANT LINEAR OSQP SPECTRAL", _CONSTRAINTS),
     ("JointData?*", "one class for all kinds: JointData"),

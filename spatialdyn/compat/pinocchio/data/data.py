@@ -107,6 +107,7 @@ class Data(Stored):
         own["_filled_by"] = {}  # field -> the Runs that fill it
         own["_assigned"] = {}  # field -> (stamp, array), of fields assigned whole by a call or the user
         own["_held"] = {}  # field -> array, of fields that were read: calls write it in place
+        own["_last_J"] = [None]  # the latest Run that filled J, which Jacobians of frames are computed from
         own["_bound"] = {}  # builtins that read or write held arrays, by the call that bound them
 
     def run_of(self, name: str, model: Model, library: LibraryModel, shape: tuple[int, ...] | None = None) -> Run:
@@ -123,7 +124,7 @@ class Data(Stored):
             stamp = 0 if run is None else run.stamp
             run = Run(name, library, np.array(model.parents, np.intp), shape)
             run.bodies = library.numbers.inertias
-            run.stamp = stamp
+            run.stamp, run.last_J = stamp, self._last_J
             self._runs[name] = run
             self._bound.clear()
             run.hold(self._held, self._recompute_field)
@@ -140,12 +141,16 @@ class Data(Stored):
     def note_call(self, run: Run) -> None:
         """Stamp a Run that was computed just now, and recompute the held fields that it fills."""
         run.stamp = clock()
+        if "J" in run.kind.fills:
+            self._last_J[0] = run
         if self._held:
             self.recompute_held(run)
 
     def note_builtin_call(self, run: Run) -> None:
         """Stamp a Run whose builtin was called just now, and recompute the held fields by their builtins."""
         run.stamp = clock()
+        if "J" in run.kind.fills:
+            self._last_J[0] = run
         for recompute in run.recompute:
             if recompute() is None:
                 self.recompute_held(run)
@@ -259,7 +264,7 @@ class Data(Stored):
             fill(model, given["model"])
             self.__dict__.clear()
             Data.__init__(self, model)
-        self.__dict__.update(_runs={}, _filled_by={}, _assigned={}, _bound={})
+        self.__dict__.update(_runs={}, _filled_by={}, _assigned={}, _bound={}, _last_J=[None])
         for name, x in self._held.items():
             if name not in given["fields"]:
                 x[...] = _initial(self.model, name)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -14,9 +17,8 @@ from ....errors import ShapeError
 from ....model.robot import masked
 from ..model.library_model import LibraryModel
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, described
+from ..types.arguments import NUMBERS, ArgumentError, ValueRuntimeError, described
 from ..types.array_rows import Rows
-from ..types.frame import Convention
 from ..types.motion import Force
 from .data import Data, library_of
 from .field_recipes import CALL_KINDS
@@ -55,67 +57,117 @@ def forces(fext: Any, library: LibraryModel, njoints: int) -> Array:
     return spread
 
 
-def compute(model: Model, data: Data, kind: str, *values: Any, fext: Any = None) -> Run:
-    """Check the arguments, compute a call of a kind, and return its Run, which holds the result.
+def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: Any = None) -> tuple[Run, Any]:
+    """Check the inputs of a kind, compute its call; returns its Run and a new array, True if the data keeps the result.
 
     Raises ArgumentError, ShapeError, and what the library's call raises.
     """
     library = library_of(model, data)
     entry = CALL_KINDS[kind]
     run: Run = data.run_of(kind, model, library)
-    names = entry.inputs.split()
+    try:  # the builtin applies after an edit of the model, whose Run is new or points to the edited model
+        result = run.call(*given) if fext is None else run.call_with_forces(fext, *given)
+    except SystemError:
+        result = None
+    if result is not None:
+        if fext is None:
+            run.fext = None
+        data.note_builtin_call(run)
+        return run, result
     arrays = [
-        vector(name, value, model.nq if name == "q" else model.nv) for name, value in zip(names, values, strict=True)
+        vector(name, value, model.nq if name == "q" else model.nv)
+        for name, value in zip(entry.inputs.split(), given, strict=True)
     ]
-    given = arrays[: len(arrays) - entry.unused_inputs]
+    passed = arrays[: len(arrays) - entry.unused_inputs]
     if fext is not None:
         fext = forces(fext, library, model.njoints)
-        given.append(fext)
-    found = dynamics.table_call(entry.call, library.model, *given)
+        passed.append(fext)
+    found = dynamics.table_call(entry.call, library.model, *passed)
     run.store_inputs(*arrays)  # before the result, which may share memory with an input
     run.result[...] = found
     run.fext = fext
     data.note_call(run)
-    return run
+    return run, True if entry.result_in_data else run.result.copy()
 
 
-def compute_copy(model: Model, data: Data, kind: str, *values: Any, fext: Any = None) -> Array:
-    """``compute``, and a copy of its result."""
-    return compute(model, data, kind, *values, fext=fext).result.copy()
+def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKinematics") -> Run:
+    """The last call that filled the first of these fields that some call filled.
 
-
-def fast_call(slow: Callable[..., Any], kind: str, condition: str = "", parameters: str = "") -> Callable[..., Any]:
-    """``slow(model, data, *inputs of a kind)`` with a fast path: the Run's builtin, for float64 arrays of one sample.
-
-    condition   source text that has to hold for the fast path
-    parameters  source text of further parameters, such as ", fext=None"
-
-    The function returns the result, or the Run of a kind whose result stays in the data.
+    Raises ValueRuntimeError naming the call that has to come before.
     """
-    entry, name = CALL_KINDS[kind], slow.__name__.lstrip("_")
-    given = ", ".join(entry.inputs.split())
-    rest = "".join(f", {x.partition('=')[0].strip()}" for x in parameters.split(",")[1:])
-    call = f"run.call({given})"
-    if "fext" in parameters:
-        call = f"{call} if fext is None else run.call_with_forces(fext, {given})"
-    text = [
-        f"def {name}(model, data, {given}{parameters}):",
-        "    try:",
-        f"        run = data._runs[{kind!r}]",
-        f"        if run.library is model._library{condition and f' and {condition}'}:",
-        f"            result = {call}",
-        "            if result is not None:",
-        "                run.stamp = clock()",
-        *(["                if fext is None:", "                    run.fext = None"] if "fext" in parameters else []),
-        "                for recompute in run.recompute:",
-        "                    if recompute() is None:",
-        "                        data.recompute_held(run)",
-        f"                return {'run' if entry.result_in_data else 'result'}",
+    library_of(model, data)
+    for field in fields:
+        runs: list[Run] = [run for run in data._filled_by.get(field, ()) if run.stamp and run.q is not None]
+        if runs:
+            return max(runs, key=attrgetter("stamp"))
+    raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
+
+
+def fast_call(
+    name: str,
+    kinds: str,
+    doc: str,
+    returns: str = "result",
+    *,
+    forces: str = "",
+    options: str = "",
+    when: str = "",
+    slow: str = "",
+    last: str = "",
+    optional: bool = False,
+    **scope: Any,
+) -> Callable[..., Any]:
+    """The function ``name(model, data, *inputs of a kind)``: the Run's builtin, for float64 arrays of one sample, else
+    ``compute``, which checks the arguments.
+
+    kinds    kinds whose inputs begin alike; the inputs that are not None choose one
+    returns  source text of what it returns, from ``result``, a new array, and ``run``
+    forces   source text of the parameter for external forces: "fext" or "fext=None"
+    options  source text of further parameters
+    when     source text of a condition that these have to meet for the builtin
+    slow     source text of a statement that comes before ``compute``; it may change the inputs, fext and ``kind``
+    last     field of Data: without inputs, those of the last call that filled it are taken
+    optional the inputs may be left out: ``slow`` finds them
+    scope    names in these texts
+    """
+    choices = {kind: CALL_KINDS[kind].inputs.split() for kind in kinds.split()}
+    given = [*choices.values()]
+    inputs, least = given[-1], 0 if last or optional else len(given[0])
+    parameters = [*inputs[:least], *(f"{x}=None" for x in inputs[least:]), forces, options]
+    text = [f"def {name}(model, data, {', '.join(filter(None, parameters))}):"]
+    if last:
+        text += ["    if q is None:", f"        run = last_call(model, data, {last!r})"]
+        text.append(f"        {', '.join(inputs)} = {', '.join(f'run.{x}.copy()' for x in inputs)}")
+    text.append("    try:")
+    condition = f"run.library is model._library{when and f' and {when}'}"
+    for (kind, names), more in zip(choices.items(), [*given[1:], None], strict=True):
+        call = f"run.call({', '.join(names)})"
+        if forces:
+            call = f"({call} if fext is None else run.call_with_forces(fext, {', '.join(names)}))"
+        branch = f"{'el' * (names is not given[0])}if {more[len(names)]} is None:" if more else "else:"
+        lines = [f"run = data._runs[{kind!r}]", f"result = {call} if {condition} else None"]
+        text += [f"        {line}" for line in ([branch, *(f"    {x}" for x in lines)] if len(given) > 1 else lines)]
+    chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
+    text += [
+        "        if result is not None:",
+        "            run.stamp = clock()",
+        *(["            run.last_J[0] = run"] if any("J" in CALL_KINDS[kind].fills for kind in choices) else []),
+        *(["            if fext is None:", "                run.fext = None"] if forces else []),
+        "            for recompute in run.recompute:",
+        "                if recompute() is None:",
+        "                    data.recompute_held(run)",
+        f"            return {returns}",
         "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # the fast path does not apply",
         "        pass",
-        f"    return slow(model, data, {given}{rest})",
+        f"    kind = {next(iter(choices))!r}",
+        *([f"    {slow}"] if slow else []),
+        f"    given = {chosen}({', '.join(inputs)},)",
+        *([f"    kind = {[*choices]!r}[len(given) - {len(given[0])}]"] if len(given) > 1 else []),
+        f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
+        f"    return {returns}",
     ]
-    scope: dict[str, Any] = {"clock": clock, "slow": slow, "LOCAL": Convention.LOCAL}
+    scope |= {"clock": clock, "compute": compute, "last_call": last_call}
+    scope["__name__"] = sys._getframe(1).f_globals["__name__"]
     function = function_from_text(name, text, scope, f"pinocchio {name}")
-    function.__module__, function.__doc__ = slow.__module__, slow.__doc__
+    function.__doc__ = doc
     return function

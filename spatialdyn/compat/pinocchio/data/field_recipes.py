@@ -29,6 +29,7 @@ class Kind:
     inputs          names of the inputs that are recorded, those of ``call`` first
     fills           field of Data -> recipe
     unused_inputs   how many of the inputs ``call`` does not take
+    places_path     its builtin writes those of the held fields that it fills, for the joints that carry a frame
     result_in_data  no array is returned: the result is read from the Run or the data
     """
 
@@ -36,6 +37,7 @@ class Kind:
     inputs: str
     fills: Mapping[str, Recipe] = field(default_factory=dict)
     unused_inputs: int = 0
+    places_path: bool = False
     result_in_data: bool = False
 
 
@@ -58,7 +60,7 @@ class CallRecipe:
 
 def call_library(name: str, run: Any, *inputs: Any) -> Array:
     """A call of the library on the model of a run."""
-    found: Array = dynamics.table_call(name, run.library.model, *inputs)
+    found: Array = dynamics.table_call(name, run.model, *inputs)
     return found
 
 
@@ -120,7 +122,7 @@ def a_gf(run: Any) -> Array:
     """Accelerations less that of gravity, in the joints' frames."""
     found = a(run)
     weight = np.zeros((1, 6))
-    weight[0, :3] = run.library.model.gravity
+    weight[0, :3] = run.model.gravity
     out = np.empty_like(found)
     recorded_calls.motions_to_child(
         np.ascontiguousarray(oMi(run)), np.arange(len(out)), np.repeat(weight, len(out), 0), out
@@ -273,7 +275,7 @@ def mechanical_energy(run: Any) -> float:
 def centroidal_rate_and_weight(run: Any) -> Array:
     """dhg of Pinocchio's computeAllTerms: the rate of momentum at a = 0, less the weight."""
     dh = call_library("centroidal_momentum_rate", run, run.q, run.v, run.a)
-    dh[:3] -= run.library.model.total_mass * run.library.model.gravity
+    dh[:3] -= run.model.total_mass * run.model.gravity
     return dh
 
 
@@ -282,7 +284,7 @@ def net_forces(run: Any) -> Array:
     found = f(run)
     X, c, m = oMi(run), world_com(run), mass(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = m[:, None] * run.library.model.gravity
+    weight[:, :3] = m[:, None] * run.model.gravity
     weight[:, 3:] = np.cross(c, weight[:, :3])
     weight = np.array([_force_in(T, w) for T, w in zip(X, weight, strict=True)])
     return summed_at_world(run, found + weight)
@@ -342,7 +344,7 @@ def tau(run: Any) -> Array:
 def tau_without_weight(run: Any) -> Array:
     """Torques without those of gravity and of rotor inertia."""
     weight = call_library("generalized_gravity", run, run.q)
-    found: Array = tau(run) - weight - run.library.model.armature * run.a
+    found: Array = tau(run) - weight - run.model.armature * run.a
     return found
 
 
@@ -411,9 +413,9 @@ CALL_KINDS: dict[str, Kind] = {
     "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2, result_in_data=True),
     "frames": Kind("", "", {"oMf": result}),
     "global_placements": Kind("", "q", {"oMi": result}),
-    "frame_jacobian_local": Kind("", "q", CHAIN),
-    "frame_jacobian_world": Kind("", "q", PLACES),
-    "frame_jacobian_aligned": Kind("", "q", {**PLACES, "oMf": oMf}),
+    "frame_jacobian_local": Kind("", "q", CHAIN, places_path=True),
+    "frame_jacobian_world": Kind("", "q", PLACES, places_path=True),
+    "frame_jacobian_aligned": Kind("", "q", {**PLACES, "oMf": oMf}, places_path=True),
     "jacobians": Kind("joint_jacobians", "q", {**PLACES, "J": result}),
     "jacobians_dot": Kind("joint_jacobians_dot", "q v", {**PLACES, "J": J, "dJ": result, "v": v, "ov": ov}),
     "com0": Kind("center_of_mass", "q", MASSES),
@@ -463,6 +465,7 @@ CALL_KINDS: dict[str, Kind] = {
         },
     ),
     "constrained": Kind("", "", {"ddq": result, "lambda_c": constraint_forces, "D": D, "U": U}),
+    "contacts": Kind("", "", {"ddq": result, "lambda_c": constraint_forces}),
     "impact": Kind("", "", {"dq_after": result, "impulse_c": constraint_forces, "D": D, "U": U}),
     "bordered": Kind("", "", {"D": D, "U": U}),
     "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}, result_in_data=True),

@@ -13,7 +13,7 @@ from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ..model.library_model import frame_placements
 from ..model.model import Model
-from ..types.arguments import ArgumentError, RangeError, described
+from ..types.arguments import ArgumentError, RangeError, described, expected
 from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.se3 import SE3
 
@@ -50,25 +50,28 @@ def reference_code(reference_frame: Any) -> int:
     return CODES[reference_frame]
 
 
-def frame_argument(model: Model, first: Any, rest: tuple[Any, ...], named: dict[str, Any]) -> tuple[int, Array, Any]:
-    """Joint, placement and reference of (frame_id[, reference]) or (joint_id, placement[, reference])."""
-    if "placement" in named:
-        rest = (named["placement"], *rest)
-    if rest and isinstance(rest[0], SE3):
-        joint, placement, rest = joint_index(model, first), rest[0]._x, rest[1:]
-    else:
-        k, frames = frame_index(model, first), frame_placements(model)
-        joint, placement = int(frames.joints[k]), frames.placements[k]
-    if len(rest) > 1:
-        raise ArgumentError(f"{len(rest)} arguments follow the frame, expected a ReferenceFrame")
-    return joint, placement, rest[0] if rest else named.get("reference_frame", LOCAL)
+def about_frame(
+    model: Model,
+    of_joints: bool,
+    frame_id: Any,
+    reference_frame: Any,
+    last: Any = None,
+    joint_id: Any = None,
+    placement: Any = None,
+) -> tuple[int, Array, Any]:
+    """Joint, placement and reference of (frame_id, reference_frame), or (joint_id, placement[, reference_frame]).
 
-
-def index_argument(given: tuple[Any, ...], named: dict[str, Any]) -> tuple[Any, tuple[Any, ...]]:
-    """The index, by position or by name, and the arguments after it."""
-    for name in ("frame_id", "joint_id"):
-        if name in named:
-            return named[name], given
-    if not given:
-        raise ArgumentError("no index is given, expected that of a frame, or of a joint with a placement")
-    return given[0], given[1:]
+    of_joints  the index is a joint's, without a placement
+    last       the reference frame where the second argument is a placement, LOCAL if it is left out
+    """
+    index = joint_id if frame_id is None else frame_id
+    if isinstance(reference_frame, SE3) and not of_joints:
+        placement, reference_frame, last = reference_frame, LOCAL if last is None else last, None
+    if last is not None:
+        raise ArgumentError(f"{described(last)} follows the reference frame, expected nothing")
+    if of_joints:
+        return joint_index(model, index), IDENTITY, reference_frame
+    if placement is not None:
+        return joint_index(model, index), expected(placement, SE3, "placement")._x, reference_frame
+    k, frames = frame_index(model, index), frame_placements(model)
+    return int(frames.joints[k]), frames.placements[k], reference_frame

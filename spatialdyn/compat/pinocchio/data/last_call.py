@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ....calls.arguments import core_shape
 from ....engines.compiled.cpython import retarget, unavailable
+from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ...native import recorded_calls
 from ..model.library_model import LibraryModel
@@ -29,11 +30,12 @@ class Run:
 
     stamp           its time by ``clock``; 0 if there was no call
     library         the LibraryModel of that call
-    memory          the inputs, one after the other; q, v, a, tau are views of it
+    memory          the inputs, one after the other, then gravity; q, v, a, tau, gravity are views of it
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
+    last_J          the cell of its Data that holds the latest Run that filled J
     fext            forces on the library's joints (njoints, 6), or None
     bodies          inertias (njoints, 10) of the model at that call
     parents         parents of its joints
@@ -55,7 +57,9 @@ class Run:
         "fext",
         "forces_builtin",
         "frames",
+        "gravity",
         "kind",
+        "last_J",
         "library",
         "memory",
         "parents",
@@ -73,15 +77,17 @@ class Run:
         self.kind = CALL_KINDS[name]
         self.stamp, self.library, self.parents = 0, library, parents
         self.fext: Array | None = None
+        self.last_J: list[Any] = [None]
         self.frames: Any = None
         self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
         self.bodies: Array = np.empty((0, 10))
-        model = library.model
+        model = library._model
         if shape is None:
             shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
         sizes = [(x, model.nq if x == "q" else model.nv) for x in self.kind.inputs.split()]
-        self.memory: Array = np.empty(sum(size for _, size in sizes))
+        self.memory: Array = np.empty(sum(size for _, size in sizes) + 3)
+        self.gravity, self.memory[-3:] = self.memory[-3:], library.gravity
         self.result: Array = np.empty(shape)
         self._own_result, self.result_is_held = self.result, False
         self.q: Any = None
@@ -99,19 +105,24 @@ class Run:
         self.bound: dict[Any, Any] = {}
 
     @property
+    def model(self) -> SdModel:
+        """The library's Model at the call."""
+        return self.library.model_at(self.gravity)
+
+    @property
     def v(self) -> Array:
         """Velocities of the call; zeros if it took none."""
-        return np.zeros(self.library.model.nv) if self._v is None else self._v
+        return np.zeros(self.library.words["nv"]) if self._v is None else self._v
 
     @property
     def a(self) -> Array:
         """Accelerations that the call took or computed; zeros if neither."""
-        return np.zeros(self.library.model.nv) if self._a is None else self._a
+        return np.zeros(self.library.words["nv"]) if self._a is None else self._a
 
     def call_with_forces(self, fext: Any, *inputs: Any) -> Any:
         """``call`` with a list of one Force for each joint; returns None if not applicable."""
         library = self.library
-        fits = isinstance(fext, (list, Rows)) and len(fext) == library.model.njoints and library.joints is None
+        fits = isinstance(fext, (list, Rows)) and len(fext) == library.words["njoints"] and library.joints is None
         if not fits or {*map(type, fext)} != {Force}:
             return None
         given = np.concatenate([force._x for force in fext])
@@ -127,7 +138,7 @@ class Run:
         self.library = library
         self.cache.clear()
         for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
-            retarget(function, library.model)
+            retarget(function, library)
 
     def store_inputs(self, *inputs: Array) -> None:
         """Copy the inputs to ``memory``, in order."""
@@ -135,6 +146,7 @@ class Run:
         for x in inputs:
             self.memory[at : at + x.size] = x
             at += x.size
+        self.gravity[:] = self.library.gravity
 
     def _bind_and_call(self, *inputs: Any) -> Any:
         """Bind the builtin and call it."""
@@ -151,14 +163,15 @@ class Run:
         )
         places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data}
         axes = {f"axis{k}": n for k, n in enumerate(self.result.shape)}
-        return function.bind(library.model, self.memory, self.result, **library.words, **places, **axes)
+        return function.bind(library, self.memory, self.result, **library.words, **places, **axes)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
         self.recompute, result = [], self._own_result
+        by_call = self.kind.places_path and self.library.has_builtins and self.library.joints is None
         for name, x in held.items():
             recipe = self.kind.fills.get(name)
-            if recipe is None:
+            if recipe is None or by_call:
                 continue
             places = recipe is oMi and self.library.joints is None
             if (recipe is RESULT or (places and self.kind.call == "forward_kinematics")) and self._may_share(x):
@@ -186,8 +199,8 @@ class Run:
             return None
         inputs = {name: getattr(self, name) for name in recipe.inputs}
         spec = SPECS[recipe.call]
-        if x.shape != core_shape(library.model, spec.output) or any(x.optional for x in spec.present):
+        if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None
         words = {f"{name}_address": array.ctypes.data for name, array in inputs.items()}
         words[f"{spec.output.name}_address"] = x.ctypes.data
-        return recorded_calls.recompute(recipe.call).bind(library.model, x, *inputs.values(), **library.words, **words)
+        return recorded_calls.recompute(recipe.call).bind(library, x, *inputs.values(), **library.words, **words)

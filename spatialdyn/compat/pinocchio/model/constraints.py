@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any
 
 import numpy as np
 
 from ....errors import ModelError
+from ...native.recorded_contacts import (
+    ABSOLUTE,
+    ABSOLUTE_RESIDUAL,
+    FOUND,
+    GIVEN,
+    ITERATIONS,
+    MOST,
+    MU,
+    RELATIVE,
+    RELATIVE_RESIDUAL,
+)  # fmt: skip
 from ..coverage.coverage import OutOfScopeAttributeError
 from ..types.arguments import ArgumentError, described, expected, number
 from ..types.containers import StdVec
@@ -21,19 +33,43 @@ __all__ = [
     "StdVec_RigidConstraintData", "StdVec_RigidConstraintModel",
 ]  # fmt: skip
 
-_MOTIONS = (  # of the data, zero at rest
-    "contact_placement_error", "contact_velocity_error", "contact_acceleration", "contact_acceleration_desired",
-    "contact_acceleration_deviation", "contact_acceleration_error", "contact1_velocity", "contact1_acceleration_drift",
-    "contact2_velocity", "contact2_acceleration_drift",
+_UNWRITTEN = (  # motions of the data that stay zero
+    "contact_acceleration", "contact_acceleration_desired", "contact_acceleration_deviation",
+    "contact_acceleration_error", "contact1_acceleration_drift", "contact2_acceleration_drift",
 )  # fmt: skip
+REFERENCES = ReferenceFrame.LOCAL, ReferenceFrame.LOCAL_WORLD_ALIGNED, ReferenceFrame.WORLD
 _INSTEAD = "getConstraintJacobian gives J; a ProximalSettings with mu above 0 solves contacts that depend on others"
+
+
+def _entry(at: int, what: str, kind: Any = float, doc: str = "") -> Any:
+    """A property for a number of ``_x``."""
+
+    def assign(self: Any, value: Any) -> None:
+        self._x[at] = number(value, what)
+
+    return property(lambda self: kind(self._x[at]), assign, doc=doc or f"{what}.")
+
+
+def _view(first: int, kind: Any, doc: str) -> Any:
+    """A property for an SE3, Motion or Force that views numbers of ``_x``; assigning one copies it."""
+    shape = (4, 4) if kind is SE3 else (6,)
+
+    def part(self: Any) -> Any:
+        return self._x[first : first + math.prod(shape)].reshape(shape)
+
+    def assign(self: Any, value: Any) -> None:
+        part(self)[...] = expected(value, kind, "value")._x
+
+    return property(lambda self: kind.over(part(self)), assign, doc=doc)
 
 
 class BaumgarteCorrectorParameters:
     """Gains of errors of a contact, Kp of its placement [1/s²] and Kd of its velocity [1/s]."""
 
+    Kp, Kd = _entry(0, "Kp"), _entry(1, "Kd")
+
     def __init__(self, Kp: Any, Kd: Any) -> None:
-        self.Kp, self.Kd = number(Kp, "Kp"), number(Kd, "Kd")
+        self._x = np.array([number(Kp, "Kp"), number(Kd, "Kd")])
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, BaumgarteCorrectorParameters) and (self.Kp, self.Kd) == (other.Kp, other.Kd)
@@ -48,17 +84,18 @@ class ProximalSettings:
     ``iter``, ``absolute_residual`` (of J a + γ) and ``relative_residual`` (of λ) are written by a solver.
     """
 
+    absolute_accuracy, relative_accuracy = _entry(ABSOLUTE, "absolute_accuracy"), _entry(RELATIVE, "relative_accuracy")
+    mu, max_iter, iter = _entry(MU, "mu"), _entry(MOST, "max_iter", int), _entry(ITERATIONS, "iter", int)
+    absolute_residual = _entry(ABSOLUTE_RESIDUAL, "absolute_residual", doc="Largest entry of J a + γ.")
+    relative_residual = _entry(RELATIVE_RESIDUAL, "relative_residual", doc="Largest change of λ in the last iteration.")
+
     def __init__(self, *given: Any) -> None:
         if len(given) not in (0, 3, 4):
             raise ArgumentError(f"ProximalSettings got {len(given)} numbers, expected 0, 3 or 4")
-        accuracies = given[:-2] or (1e-12,)
-        mu, most = given[-2:] or (0.0, 1)
-        self.absolute_accuracy, self.relative_accuracy = (
-            number(accuracies[0], "accuracy"),
-            number(accuracies[-1], "accuracy"),
-        )
-        self.mu, self.max_iter = number(mu, "mu"), int(number(most, "max_iter"))
-        self.iter, self.absolute_residual, self.relative_residual = 0, -1.0, -1.0
+        accuracies, (mu, most) = given[:-2] or (1e-12,), given[-2:] or (0.0, 1)
+        self._x = np.array([0.0, 0.0, 0.0, 1.0, 0.0, -1.0, -1.0])
+        self.absolute_accuracy, self.relative_accuracy = accuracies[0], accuracies[-1]
+        self.mu, self.max_iter = mu, most
 
 
 class ContactType(Enum):
@@ -84,6 +121,35 @@ class RigidConstraintModel:
     desired_contact_placement, desired_contact_velocity, desired_contact_acceleration  kept, unused as in Pinocchio
     """
 
+    joint1_id, joint2_id = _entry(2, "joint1_id", int), _entry(3, "joint2_id", int)
+    joint1_placement = _view(6, SE3, "Placement of the first frame on its joint.")
+    joint2_placement = _view(22, SE3, "Placement of the second frame on its joint.")
+
+    @property
+    def type(self) -> ContactType:
+        """Whether the contact constrains a point or a frame."""
+        return ContactType.CONTACT_3D if self._x[0] == 3.0 else ContactType.CONTACT_6D
+
+    @property
+    def reference_frame(self) -> ReferenceFrame:
+        """The axes of J and of forces: of frame 1 (LOCAL) or of the world (LOCAL_WORLD_ALIGNED)."""
+        return REFERENCES[int(self._x[1])]
+
+    @reference_frame.setter
+    def reference_frame(self, value: Any) -> None:
+        self._x[1] = REFERENCES.index(expected(value, ReferenceFrame, "reference_frame"))
+
+    @property
+    def m_baumgarte_parameters(self) -> BaumgarteCorrectorParameters:
+        """Gains of errors, a view: 0 at first."""
+        found = BaumgarteCorrectorParameters(0.0, 0.0)
+        found._x = self._x[4:6]
+        return found
+
+    @m_baumgarte_parameters.setter
+    def m_baumgarte_parameters(self, value: Any) -> None:
+        self._x[4:6] = expected(value, BaumgarteCorrectorParameters, "bp")._x
+
     def __init__(self, contact_type: Any, model: Any = None, joint1_id: Any = None, *rest: Any, **named: Any) -> None:
         if isinstance(contact_type, RigidConstraintModel):
             self.__dict__.update(copy.deepcopy(contact_type).__dict__)
@@ -98,8 +164,8 @@ class RigidConstraintModel:
                 f"RigidConstraintModel got {len(rest) + 3} arguments and {', '.join(named)}, expected contact_type, "
                 f"model, joint1_id and some of {', '.join(order)}"
             )
-        self.type = expected(contact_type, ContactType, "contact_type")
-        if self.type == ContactType.CONTACT_UNDEFINED:
+        kind = expected(contact_type, ContactType, "contact_type")
+        if kind == ContactType.CONTACT_UNDEFINED:
             raise ArgumentError("contact_type is CONTACT_UNDEFINED, expected CONTACT_3D or CONTACT_6D")
         joints = [joint1_id, given.get("joint2_id", 0)]
         for at in joints:
@@ -107,19 +173,18 @@ class RigidConstraintModel:
                 raise ArgumentError(f"joint index is {described(at)}, expected an int")
             if not 0 <= at < expected(model, Model, "model").njoints:
                 raise ModelError(f"joint index is {at}, expected one from 0 to {model.njoints - 1}")
-        self.joint1_id, self.joint2_id = map(int, joints)
-        self.joint1_placement, self.joint2_placement = (
-            SE3(expected(given.get(name, SE3.Identity()), SE3, name))
-            for name in ("joint1_placement", "joint2_placement")
-        )
-        self.reference_frame = ReferenceFrame(given.get("reference_frame", ReferenceFrame.LOCAL))
-        self.name, self.m_baumgarte_parameters = "", BaumgarteCorrectorParameters(0.0, 0.0)
+        self._x = np.zeros(GIVEN)  # as ``native.recorded_contacts`` reads it
+        self._x[0], self._x[2:4] = 3.0 if kind == ContactType.CONTACT_3D else 6.0, joints
+        self.joint1_placement = given.get("joint1_placement", SE3.Identity())
+        self.joint2_placement = given.get("joint2_placement", SE3.Identity())
+        self.reference_frame = given.get("reference_frame", ReferenceFrame.LOCAL)
+        self.name = ""
         self.desired_contact_placement = SE3.Identity()
         self.desired_contact_velocity, self.desired_contact_acceleration = Motion.Zero(), Motion.Zero()
 
     def residualSize(self) -> int:
         """Number of constraints: 3 or 6."""
-        return 3 if self.type == ContactType.CONTACT_3D else 6
+        return int(self._x[0])
 
     def createData(self) -> RigidConstraintData:
         """A RigidConstraintData."""
@@ -135,7 +200,7 @@ class RigidConstraintModel:
 
     def setBaumgarteCorrectorParameters(self, bp: BaumgarteCorrectorParameters) -> None:
         """Set the gains of errors."""
-        self.m_baumgarte_parameters = copy.copy(expected(bp, BaumgarteCorrectorParameters, "bp"))
+        self.m_baumgarte_parameters = bp
 
     def __getattr__(self, name: str) -> Any:
         if name in ("calc", "jacobian", "setCompliance", "retrieveCompliance"):
@@ -150,23 +215,19 @@ class RigidConstraintData:
     OutOfScopeError.
     """
 
-    contact_placement_error: Motion
-    contact_velocity_error: Motion
-    contact_acceleration: Motion
-    contact_acceleration_desired: Motion
-    contact_acceleration_deviation: Motion
-    contact_acceleration_error: Motion
-    contact1_velocity: Motion
-    contact1_acceleration_drift: Motion
-    contact2_velocity: Motion
-    contact2_acceleration_drift: Motion
+    contact_force = _view(0, Force, "Force of the contact.")
+    oMc1, oMc2 = _view(6, SE3, "Pose of the first frame."), _view(22, SE3, "Pose of the second frame.")
+    c1Mc2 = _view(38, SE3, "Pose of the second frame in the first.")
+    contact1_velocity, contact2_velocity = _view(54, Motion, "Of frame 1."), _view(60, Motion, "Of frame 2.")
+    contact_placement_error = _view(66, Motion, "Error of the placement.")
+    contact_velocity_error = _view(72, Motion, "Error of the velocity.")
 
     def __init__(self, contact_model: RigidConstraintModel) -> None:
         expected(contact_model, RigidConstraintModel, "contact_model")
-        self.contact_force = Force.Zero()
-        for name in _MOTIONS:
+        self._x = np.zeros(FOUND)
+        self.oMc1 = self.oMc2 = self.c1Mc2 = SE3.Identity()
+        for name in _UNWRITTEN:
             setattr(self, name, Motion.Zero())
-        self.oMc1, self.oMc2, self.c1Mc2 = SE3.Identity(), SE3.Identity(), SE3.Identity()
 
     def __getattr__(self, name: str) -> Any:
         if name in ("extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"):

@@ -6,6 +6,8 @@ a translation or angles about z, y, x, and the steps of its parts for a composit
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,20 +35,22 @@ class Step(NamedTuple):
     pitch: float = 0.0
 
 
-class _Variant(type):
+class Variant(type):
+    """Class of the joint model classes."""
+
     def __call__(cls, *arguments: Any, **named: Any) -> Any:
-        """``JointModel(other)`` is a copy of a joint of any kind, ``JointModel()`` a revolute joint about x."""
+        """``JointModel(other)`` is a JointModel that holds a copy of any joint, ``JointModel()`` a rotation about x."""
         if cls is not JointModel:
             return super().__call__(*arguments, **named)
         if len(arguments) == 1 and isinstance(arguments[0], JointModel):
-            return arguments[0].copy()
+            return arguments[0].copy().held()
         if arguments or named:
             raise ArgumentError(f"JointModel got {arguments or named!r}, expected a joint model or nothing")
-        return kinds()["JointModelRX"]()
+        return KINDS["JointModelRX"]().held()
 
 
-class JointModel(metaclass=_Variant):
-    """A joint of any kind.
+class JointModel(metaclass=Variant):
+    """A joint of any kind, as ``model.joints`` holds it; ``extract()`` is one of its own kind.
 
     id             index in its model
     idx_q, nq      first index and number of its coordinates in q
@@ -55,7 +59,11 @@ class JointModel(metaclass=_Variant):
 
     __slots__ = ("_owner", "id", "idx_q", "idx_v", "idx_vExtended")
     lieGroup: Any  # set by liegroups, which imports this module
+    _name = "JointModel"
     _nq, _nv, _unlimited = 1, 1, (1, 1)  # the first coordinates and velocities that can have a limit
+    _steps: tuple[Step, ...] = ()
+    _own_kind: Any  # the class of its kind, and that of joints in a model
+    _any_kind: Any
 
     def __init__(self) -> None:
         self._owner: Any = None
@@ -84,7 +92,7 @@ class JointModel(metaclass=_Variant):
 
     def steps(self) -> tuple[Step, ...]:
         """The library's joints that make up this one."""
-        raise NotImplementedError
+        return self._steps
 
     def neutral(self) -> list[float]:
         """Coordinates (nq,) at which the joint's two frames coincide."""
@@ -94,18 +102,30 @@ class JointModel(metaclass=_Variant):
         """Constructor arguments that make an equal joint."""
         return ()
 
-    def shortname(self) -> str:
-        """Name of the kind of joint."""
-        return type(self).__name__
-
     @classmethod
-    def classname(cls) -> str:
+    def shortname(cls) -> str:
         """Name of the kind of joint."""
-        return cls.__name__
+        return cls._name
+
+    classname = shortname
 
     def extract(self) -> JointModel:
-        """The joint itself."""
+        """A copy, of the class of its kind."""
+        made = self.copy()
+        made.__class__ = self._own_kind
+        return made
+
+    def held(self) -> JointModel:
+        """The joint itself as a JointModel, which is of no kind: the class of those in a model."""
+        self.__class__ = self._any_kind
         return self
+
+    def state(self) -> dict[str, Any]:
+        """Kind and parameters as names and numbers, of which ``joint_of`` makes an equal joint without indices."""
+        return {"kind": self._name, "parameters": [*self.parameters()]}
+
+    def _fill(self, given: Mapping[str, Any]) -> None:
+        """Take over what the constructor does not take, from a state."""
 
     def createData(self) -> JointData:
         """A JointData for the results of ``calc``."""
@@ -137,9 +157,7 @@ class JointModel(metaclass=_Variant):
 
     def copy(self) -> JointModel:
         """An independent copy that belongs to no model."""
-        made: JointModel = type(self)(*self.parameters())
-        made.id, made.idx_q, made.idx_v, made.idx_vExtended = self._indexes()
-        return made
+        return joint_of(self.state(), type(self), self._indexes())
 
     def changed(self) -> None:
         """Notify the owner, if any, of a change."""
@@ -150,12 +168,7 @@ class JointModel(metaclass=_Variant):
         return self.id, self.idx_q, self.idx_v, self.idx_vExtended
 
     def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, JointModel)
-            and type(self) is type(other)
-            and self._indexes() == other._indexes()
-            and self.steps() == other.steps()
-        )
+        return isinstance(other, JointModel) and self._indexes() == other._indexes() and self.state() == other.state()
 
     __hash__ = object.__hash__
 
@@ -166,7 +179,8 @@ class JointModel(metaclass=_Variant):
         return self.copy()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self), self.parameters(), self._indexes())
+        kind = None if type(self) is self._any_kind else self._own_kind
+        return joint_of, (self.state(), kind, self._indexes())
 
     def __repr__(self) -> str:
         lines = [
@@ -182,15 +196,29 @@ class JointModel(metaclass=_Variant):
         return "\n".join([*lines, ""])
 
 
-def _restored(kind: type, parameters: tuple[Any, ...], indexes: tuple[int, int, int, int]) -> JointModel:
-    made: JointModel = kind(*parameters)
-    made.id, made.idx_q, made.idx_v, made.idx_vExtended = indexes
+KINDS: dict[str, Any] = {}  # joint model classes by name
+
+
+def joint_kind(name: str, base: Any, doc: str, **own: Any) -> Any:
+    """The class of a kind of joints with that name, and beside it the class of such joints in a model.
+
+    base  class that behaves as these joints do
+    own   its attributes: _nq, _nv, _unlimited, _steps ...
+    """
+    module = sys._getframe(1).f_globals["__name__"]
+    space = {"__slots__": (), "__doc__": doc, "__module__": module}
+    behaviour = Variant(f"_{name}", (base,), {**space, "_name": name, **own})
+    behaviour._any_kind = Variant("JointModel", (behaviour,), space)
+    KINDS[name] = behaviour._own_kind = Variant(name, (behaviour,), space)
+    return KINDS[name]
+
+
+def joint_of(state: Mapping[str, Any], kind: Any = "own", indexes: tuple[int, int, int, int] | None = None) -> Any:
+    """The joint of a ``state()``: of a class, of its own kind by default, of none if None."""
+    made = KINDS[state["kind"]](*state["parameters"])
+    made._fill(state)
+    if kind != "own":
+        made.__class__ = made._any_kind if kind is None else kind
+    if indexes is not None:
+        made.setIndexes(*indexes)
     return made
-
-
-def kinds(of: type[JointModel] = JointModel) -> dict[str, type[JointModel]]:
-    """Joint model classes by name."""
-    found = {kind.__name__: kind for kind in of.__subclasses__() if kind.__name__.startswith("JointModel")}
-    for kind in of.__subclasses__():
-        found |= kinds(kind)
-    return found

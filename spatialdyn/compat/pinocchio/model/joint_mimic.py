@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ....errors import ModelError
 from ..types.arguments import expected
-from .joint import NOWHERE, JointModel, Step
+from .joint import NOWHERE, JointModel, Step, joint_kind, joint_of
 from .joints_one_axis import JointModelRX
 
 __all__ = ["JointModelMimic"]
 
 
-class JointModelMimic(JointModel):
+def _number(slot: str, doc: str) -> Any:
+    """A property for a number; assigning it is an edit."""
+
+    def assign(joint: Any, value: float) -> None:
+        setattr(joint, slot, float(value))
+        joint.changed()
+
+    return property(lambda joint: getattr(joint, slot), assign, doc=doc)
+
+
+class Mimic(JointModel):
     """A joint that follows another: ``(joint of a model, scaling, offset)``, q = scaling q' + offset.
 
     It has the motion of that joint and no coordinates of its own.
@@ -20,6 +31,10 @@ class JointModelMimic(JointModel):
 
     __slots__ = ("_leader", "_motion", "_offset", "_scaling")
     _nq, _nv, _unlimited = 0, 0, (0, 0)
+    nvExtended = property(lambda self: 1, doc=JointModel.nvExtended.__doc__)
+    leader = property(lambda self: self._leader, doc="Index of the leader.")
+    scaling = _number("_scaling", "Ratio of the joint's coordinate to its leader's.")
+    offset = _number("_offset", "Coordinate of the joint where its leader's is 0.")
 
     def __init__(self, joint: JointModel | None = None, scaling: float = 1.0, offset: float = 0.0) -> None:
         super().__init__()
@@ -28,14 +43,14 @@ class JointModelMimic(JointModel):
         self._follow(JointModelRX() if joint is None else joint, joint, scaling, offset)
 
     @classmethod
-    def of(cls, motion: JointModel, leader: JointModel, scaling: float, offset: float) -> JointModelMimic:
+    def of(cls, motion: JointModel, leader: JointModel, scaling: float, offset: float) -> Mimic:
         """A joint with the motion of ``motion`` and the coordinates of ``leader``."""
-        made: JointModelMimic = cls()
+        made: Mimic = cls()
         made._follow(motion, leader, scaling, offset)
         return made
 
     def _follow(self, motion: JointModel, leader: JointModel | None, scaling: float, offset: float) -> None:
-        motion = motion._motion if isinstance(motion, JointModelMimic) else motion
+        motion = motion._motion if isinstance(motion, Mimic) else motion
         for joint in (motion, leader or motion):
             if joint.nv != 1:
                 raise ModelError(f"a {joint.shortname()} has {joint.nv} freedoms, expected a joint of one")
@@ -45,54 +60,19 @@ class JointModelMimic(JointModel):
         if leader is not None:
             self.idx_q, self.idx_v = leader.idx_q, leader.idx_v
 
-    @property
-    def leader(self) -> int:
-        """Index of the leader."""
-        return self._leader
-
-    @property
-    def scaling(self) -> float:
-        """Ratio of the joint's coordinate to its leader's."""
-        return self._scaling
-
-    @scaling.setter
-    def scaling(self, value: float) -> None:
-        self._scaling = float(value)
-        self.changed()
-
-    @property
-    def offset(self) -> float:
-        """Coordinate of the joint where its leader's is 0."""
-        return self._offset
-
-    @offset.setter
-    def offset(self, value: float) -> None:
-        self._offset = float(value)
-        self.changed()
-
-    @property
-    def nvExtended(self) -> int:
-        return 1
-
     def steps(self) -> tuple[Step, ...]:
         return self._motion.steps()
 
     def neutral(self) -> list[float]:
         return []
 
-    def copy(self) -> JointModel:
-        return _mimic(self._motion, self._leader, self._scaling, self._offset, self._indexes())
+    def state(self) -> dict[str, Any]:
+        own = {"leader": self._leader, "scaling": self._scaling, "offset": self._offset}
+        return {**super().state(), "motion": self._motion.state(), **own}
 
-    def __eq__(self, other: object) -> bool:
-        return super().__eq__(other) and self._followed() == other._followed()  # type: ignore[attr-defined]
-
-    __hash__ = object.__hash__
-
-    def _followed(self) -> tuple[int, float, float]:
-        return self._leader, self._scaling, self._offset
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _mimic, (self._motion, *self._followed(), self._indexes())
+    def _fill(self, given: Mapping[str, Any]) -> None:
+        self._follow(joint_of(given["motion"]), None, given["scaling"], given["offset"])
+        self._leader = given["leader"]
 
     def __repr__(self) -> str:
         lines = [
@@ -104,10 +84,4 @@ class JointModelMimic(JointModel):
         return super().__repr__() + "\n".join([*lines, ""])
 
 
-def _mimic(
-    motion: JointModel, leader: int, scaling: float, offset: float, indexes: tuple[int, int, int, int]
-) -> JointModelMimic:
-    made: JointModelMimic = JointModelMimic(motion, scaling, offset)
-    made._leader = leader
-    made.id, made.idx_q, made.idx_v, made.idx_vExtended = indexes
-    return made
+JointModelMimic = joint_kind("JointModelMimic", Mimic, Mimic.__doc__ or "")

@@ -16,7 +16,7 @@ from ..types.motion import Motion
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList, owned_copy
 from .joint import JointModel
-from .joint_mimic import JointModelMimic
+from .joint_mimic import Mimic
 from .joints_one_axis import JointModelRX
 
 Array = NDArray[np.float64]
@@ -45,6 +45,36 @@ class Listener:
             setattr(self._model, attribute, None)
 
 
+class Gravity:
+    """The owner of a model's gravity: an edit is written to its LibraryModel at once."""
+
+    __slots__ = ("_model",)
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+
+    def changed(self) -> None:
+        """Write gravity to the LibraryModel; with an angular part the next call raises."""
+        library, x = self._model._library, self._model._gravity._x
+        if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
+            library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
+        else:
+            self._model._library = None
+
+
+class Joints(OwnedList[JointModel]):
+    """The joints of a model, each of the class JointModel, as in Pinocchio."""
+
+    def _own(self, value: JointModel) -> JointModel:
+        return super()._own(value).held()
+
+    def __setitem__(self, at: Any, value: Any) -> None:
+        raise ModelError(
+            f"joints[{at}] of a Model cannot be assigned, for the indices of all joints follow from it; expected "
+            "addJoint on a new Model, buildReducedModel or transformJointIntoMimic"
+        )
+
+
 class Tree:
     """The part of a Model that concerns joints; index 0 is the universe.
 
@@ -61,25 +91,29 @@ class Tree:
         self._library: Any = None  # LibraryModel, None from an edit on
         self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
         self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
-        self._on_edit = Listener(self, "_library")
+        self._inertia_numbers: Any = None  # arrays of the LibraryModel, None from an edit on
+        self._placement_numbers: Any = None  # those of placements and of armature
+        self._on_edit = Listener(self, "_library", "_placement_numbers")
+        on_inertia_edit = Listener(self, "_library", "_inertia_numbers")
         MODELS.add(self)
-        on_tree_edit = Listener(self, "_library", "_frame_placements", "_library_before")
+        on_tree_edit = Listener(
+            self, "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers"
+        )
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
         self.nbodies = 1
         self.names: list[str] = OwnedList(on_tree_edit, str, ["universe"])
         self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
-        universe = JointModelRX()
-        self.joints: list[JointModel] = OwnedList(on_tree_edit, JointModel, [universe])
+        self.joints: list[JointModel] = Joints(on_tree_edit, JointModel, [JointModelRX()])
         self.jointPlacements: list[SE3] = OwnedList(self._on_edit, SE3, [SE3.Identity()])
-        self.inertias: list[Inertia] = OwnedList(self._on_edit, Inertia, [Inertia.Zero()])
+        self.inertias: list[Inertia] = OwnedList(on_inertia_edit, Inertia, [Inertia.Zero()])
         self.idx_qs, self.nqs = Indices([0]), Indices([0])
         self.idx_vs, self.nvs = Indices([0]), Indices([0])
         self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])
         self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
         self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
         self.mimic_joint_supports = [Indices([0])]
-        self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), self._on_edit)
+        self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), Gravity(self))
 
     @property
     def njoints(self) -> int:
@@ -94,7 +128,7 @@ class Tree:
     @gravity.setter
     def gravity(self, value: Motion) -> None:
         self._gravity._x[...] = expected(value, Motion, "gravity")._x
-        self._library = None
+        self._gravity.changed()
 
     def _check_joint(self, index: Any) -> int:
         at = int(index)
@@ -117,14 +151,14 @@ class Tree:
         self.children[parent].append(index)
         for above in self.supports[index]:
             self.subtrees[above].append(index)
-        follows = [index] if isinstance(joint, JointModelMimic) else []
+        follows = [index] if isinstance(joint, Mimic) else []
         self.mimic_joint_supports.append(Indices([*self.mimic_joint_supports[parent], *follows]))
         return index
 
     def _assign_indices(self, index: int, joint: JointModel, name: str) -> None:
         """Set the indices of a new joint in q and v: after all others, or its leader's."""
         leader, q, v = joint.leader, self.nq, self.nv
-        if isinstance(joint, JointModelMimic):
+        if isinstance(joint, Mimic):
             if leader is None or not 0 < leader < index:
                 raise ModelError(f'joint "{name}" mimics joint {leader}, expected one from 1 to {index - 1}')
             q, v = self.idx_qs[leader], self.idx_vs[leader]

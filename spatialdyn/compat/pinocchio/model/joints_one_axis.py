@@ -6,12 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....algebra.rotations import UNIT_AXIS
 from ....errors import ModelError
 from ..types.arguments import ArgumentError, number
-from .joint import JointModel, Step, Vector, X, Y, Z
+from .joint import JointModel, Step, Vector, X, Y, Z, joint_kind
 
 __all__ = [
     "JointModelHX", "JointModelHY", "JointModelHZ", "JointModelHelicalUnaligned", "JointModelPX", "JointModelPY",
@@ -19,8 +18,6 @@ __all__ = [
     "JointModelRX", "JointModelRY", "JointModelRZ", "JointModelRevoluteUnaligned",
     "JointModelRevoluteUnboundedUnaligned",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 def unit(what: str, axis: Any) -> Vector:
@@ -37,51 +34,41 @@ def unit(what: str, axis: Any) -> Vector:
     return float(u[0]) + 0.0, float(u[1]) + 0.0, float(u[2]) + 0.0
 
 
-class _Aligned(JointModel):
-    """A joint along or about a coordinate axis."""
+def axis_property(slot: str, doc: str) -> Any:
+    """A property for an axis of a joint: read as a copy, checked and normalised when it is assigned."""
 
-    __slots__ = ()
-    _step = Step("revolute", X)
+    def assign(joint: Any, value: Any) -> None:
+        setattr(joint, slot, unit(joint.shortname(), (np.asarray(value),)))
+        joint.changed()
 
-    def steps(self) -> tuple[Step, ...]:
-        return (self._step,)
-
-    def getMotionAxis(self) -> Array:
-        """The axis (3,)."""
-        return np.array(self._step.axis)
+    return property(lambda joint: np.array(getattr(joint, slot)), assign, doc=doc)
 
 
-class _Unaligned(JointModel):
-    """A joint along or about any axis."""
+class OneAxis(JointModel):
+    """A joint along or about an axis."""
 
-    __slots__ = ("_axis",)
+    __slots__ = ("_axis", "_pitch")
     _kind = "revolute"
+    _along: Vector | None = None  # the axis, where it is fixed
 
-    def __init__(self, *axis: Any) -> None:
+    def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__()
-        self._axis = unit(type(self).__name__, axis) if axis else X
-
-    @property
-    def axis(self) -> Array:
-        """The unit axis (3,), a copy: assign to change it."""
-        return np.array(self._axis)
-
-    @axis.setter
-    def axis(self, value: Any) -> None:
-        self._axis = unit(self.shortname(), (np.asarray(value),))
-        self.changed()
+        screw = self._kind == "helical"
+        if screw and {*named} == {"pitch"}:
+            given, named = (*given, named["pitch"]), {}
+        wanted = () if self._along else ("an axis or three numbers",)
+        if named or len(given) not in ((0, int(screw)) if self._along else (0, 1 + screw, 3 + screw)):
+            wanted = ", and ".join([*wanted, *["a pitch"] * screw]) or "nothing"
+            raise ArgumentError(f"{self._name} got {len(given) + len(named)} arguments, expected {wanted}")
+        axis = given[: len(given) - screw]
+        self._axis: Vector = self._along or (unit(self._name, axis) if axis else X)
+        self._pitch = number(given[-1], "pitch") if screw and given else 0.0
 
     def steps(self) -> tuple[Step, ...]:
-        return (Step(self._kind, self._axis),)
+        return (Step(self._kind, self._axis, pitch=self._pitch),)
 
     def parameters(self) -> tuple[Any, ...]:
-        return self._axis
-
-
-def _pitch_of(joint: Any) -> float:
-    """Travel along the axis per radian [m/rad]."""
-    pitch: float = joint._pitch
-    return pitch
+        return *(() if self._along else self._axis), *([self._pitch] if self._kind == "helical" else [])
 
 
 def _set_pitch(joint: Any, value: Any) -> None:
@@ -89,145 +76,49 @@ def _set_pitch(joint: Any, value: Any) -> None:
     joint.changed()
 
 
-class _AlignedHelical(_Aligned):
-    """A screw about a fixed axis of its frame: ``(pitch)`` [m/rad], 0 if left out."""
-
-    __slots__ = ("_pitch",)
-    pitch = property(_pitch_of, _set_pitch)
-
-    def __init__(self, pitch: float = 0.0) -> None:
-        super().__init__()
-        self._pitch = number(pitch, "pitch")
-
-    def steps(self) -> tuple[Step, ...]:
-        return (self._step._replace(pitch=self._pitch),)
-
-    def parameters(self) -> tuple[Any, ...]:
-        return (self._pitch,)
+_PITCH = property(lambda joint: joint._pitch, _set_pitch, doc="Travel along the axis per radian [m/rad].")
+_AXIS = axis_property("_axis", "The unit axis (3,), a copy: assign to change it.")
 
 
-class JointModelRX(_Aligned):
-    """A rotation about x."""
-
-    __slots__ = ()
-    _step = Step("revolute", X)
+def _motion_axis(joint: Any) -> Any:
+    """The axis (3,)."""
+    return np.array(joint._axis)
 
 
-class JointModelRY(_Aligned):
-    """A rotation about y."""
-
-    __slots__ = ()
-    _step = Step("revolute", Y)
-
-
-class JointModelRZ(_Aligned):
-    """A rotation about z."""
-
-    __slots__ = ()
-    _step = Step("revolute", Z)
+def _one_axis(name: str, kind: str, doc: str, along: Vector | None = None) -> Any:
+    own: dict[str, Any] = {"_kind": kind, "_along": along}
+    own |= {"getMotionAxis": _motion_axis} if along else {"axis": _AXIS}
+    own |= {"_nq": 2, "_unlimited": (0, 0)} if kind == "continuous" else {}
+    own |= {"pitch": _PITCH} if kind == "helical" else {}
+    return joint_kind(f"JointModel{name}", OneAxis, doc, **own)
 
 
-class JointModelPX(_Aligned):
-    """A translation along x."""
-
-    __slots__ = ()
-    _step = Step("prismatic", X)
+def _about_xyz(name: str, kind: str, doc: str) -> Any:
+    axes = {"X": X, "Y": Y, "Z": Z}
+    return (_one_axis(f"{name}{at}", kind, doc.format(at.lower()), axis) for at, axis in axes.items())
 
 
-class JointModelPY(_Aligned):
-    """A translation along y."""
-
-    __slots__ = ()
-    _step = Step("prismatic", Y)
-
-
-class JointModelPZ(_Aligned):
-    """A translation along z."""
-
-    __slots__ = ()
-    _step = Step("prismatic", Z)
-
-
-class JointModelRUBX(_Aligned):
-    """A rotation without limits about x: q = [cos, sin]."""
-
-    __slots__ = ()
-    _nq, _unlimited, _step = 2, (0, 0), Step("continuous", X)
-
-
-class JointModelRUBY(_Aligned):
-    """A rotation without limits about y: q = [cos, sin]."""
-
-    __slots__ = ()
-    _nq, _unlimited, _step = 2, (0, 0), Step("continuous", Y)
-
-
-class JointModelRUBZ(_Aligned):
-    """A rotation without limits about z: q = [cos, sin]."""
-
-    __slots__ = ()
-    _nq, _unlimited, _step = 2, (0, 0), Step("continuous", Z)
-
-
-class JointModelRevoluteUnaligned(_Unaligned):
-    """A rotation about an axis: ``(x, y, z)`` or ``(axis (3,))``."""
-
-    __slots__ = ()
-
-
-class JointModelPrismaticUnaligned(_Unaligned):
-    """A translation along an axis: ``(x, y, z)`` or ``(axis (3,))``."""
-
-    __slots__ = ()
-    _kind = "prismatic"
-
-
-class JointModelRevoluteUnboundedUnaligned(_Unaligned):
-    """A rotation without limits about an axis: ``(x, y, z)`` or ``(axis (3,))``; q = [cos, sin]."""
-
-    __slots__ = ()
-    _kind, _nq, _unlimited = "continuous", 2, (0, 0)
-
-
-class JointModelHX(_AlignedHelical):
-    """A screw about x: ``(pitch)`` [m/rad]."""
-
-    __slots__ = ()
-    _step = Step("helical", X)
-
-
-class JointModelHY(_AlignedHelical):
-    """A screw about y: ``(pitch)`` [m/rad]."""
-
-    __slots__ = ()
-    _step = Step("helical", Y)
-
-
-class JointModelHZ(_AlignedHelical):
-    """A screw about z: ``(pitch)`` [m/rad]."""
-
-    __slots__ = ()
-    _step = Step("helical", Z)
-
-
-class JointModelHelicalUnaligned(_Unaligned):
-    """A screw about an axis: ``(x, y, z, pitch)`` or ``(axis (3,), pitch)``, the pitch in m/rad."""
-
-    __slots__ = ("_pitch",)
-    _kind = "helical"
-    pitch = property(_pitch_of, _set_pitch)
-
-    def __init__(self, *arguments: Any) -> None:
-        if len(arguments) not in (0, 2, 4):
-            raise ArgumentError(
-                f"JointModelHelicalUnaligned got {len(arguments)} arguments, expected an axis or three numbers, and a "
-                "pitch"
-            )
-        super().__init__(*arguments[:-1])
-        self._pitch = number(arguments[-1], "pitch") if arguments else 0.0
-
-    def steps(self) -> tuple[Step, ...]:
-        return (Step(self._kind, self._axis, pitch=self._pitch),)
-
-    def parameters(self) -> tuple[Any, ...]:
-        return *self._axis, self._pitch
+JointModelRX, JointModelRY, JointModelRZ = _about_xyz("R", "revolute", "A rotation about {}.")
+JointModelPX, JointModelPY, JointModelPZ = _about_xyz("P", "prismatic", "A translation along {}.")
+JointModelRUBX, JointModelRUBY, JointModelRUBZ = _about_xyz(
+    "RUB", "continuous", "A rotation without limits about {}: q = [cos, sin]."
+)
+JointModelHX, JointModelHY, JointModelHZ = _about_xyz(
+    "H", "helical", "A screw about {}: ``(pitch)`` [m/rad], 0 if left out."
+)
+JointModelRevoluteUnaligned = _one_axis(
+    "RevoluteUnaligned", "revolute", "A rotation about an axis: ``(x, y, z)`` or ``(axis (3,))``."
+)
+JointModelPrismaticUnaligned = _one_axis(
+    "PrismaticUnaligned", "prismatic", "A translation along an axis: ``(x, y, z)`` or ``(axis (3,))``."
+)
+JointModelRevoluteUnboundedUnaligned = _one_axis(
+    "RevoluteUnboundedUnaligned",
+    "continuous",
+    "A rotation without limits about an axis: ``(x, y, z)`` or ``(axis (3,))``; q = [cos, sin].",
+)
+JointModelHelicalUnaligned = _one_axis(
+    "HelicalUnaligned",
+    "helical",
+    "A screw about an axis: ``(x, y, z, pitch)`` or ``(axis (3,), pitch)``, the pitch in m/rad.",
+)

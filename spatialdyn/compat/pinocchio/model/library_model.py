@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....calls.arguments import core_shape
+from ....engines.compiled import table_kernels
 from ....engines.compiled.cpython import READY, unavailable
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
@@ -24,9 +25,10 @@ from ....model.robot import Link, Mimic, Robot, RobotJoint, clear_rounding, make
 from ....model.update import edited
 from ....recursions import SPECS
 from ...native import recorded_calls
+from ...native.edited_table import GRAVITY, put_inertias
 from ..coverage.strictness import strict
 from ..types.inertia import Inertia
-from .joint_mimic import JointModelMimic
+from .joint_mimic import Mimic as MimicJoint
 from .model import Model
 
 Array = NDArray[np.float64]
@@ -40,7 +42,6 @@ class ModelNumbers(NamedTuple):
     inertias: Array
     placements: Array
     armature: Array
-    gravity: Array
     strict: bool
 
 
@@ -48,6 +49,7 @@ class LibraryModel:
     """The library's Model behind a Model.
 
     model   the library's Model: same q, v and armature, ``continuous="cos_sin"``
+    table   a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
     rows    (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
     joints  None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
@@ -57,50 +59,80 @@ class LibraryModel:
 
     def __init__(self, model: SdModel, joint_map: Indices, numbers: ModelNumbers) -> None:
         """From the library's model, its joint that carries each joint's body, and the numbers it was assembled from."""
-        self.model, self.numbers = model, numbers
         self.joint_map = joint_map
         self.rows = np.array([model.joints[k].row for k in joint_map], np.intp)
+        self.row_numbers = self.rows.astype(np.float64)
         self.joints = None if model.njoints == len(joint_map) else joint_map
         self.frames: FramePlacements | None = None  # of joints_as_frames
         firsts = [(joint, model.bodies[joint.row - joint.nv + 1]) for joint in model.joints[1:]]
         parts = [unit_part(int(first["kind"]), joint.idx_q) for joint, first in firsts]
         self.unit_parts = [part for part in parts if part is not None]  # slices of q: quaternions and (cos, sin) pairs
+        self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
+        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
 
-    def with_numbers(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
-        """The LibraryModel of the same tree with other numbers."""
+    def _take(self, model: SdModel, table: Any, numbers: ModelNumbers) -> None:
+        self._model, self._model_numbers, self.numbers = model, numbers, numbers
+        self.table, self.address = table, table.ctypes.data
+        self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
+        self._at_gravity: dict[bytes, SdModel] = {}  # with the gravity of the last call that asked
+        self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+
+    def _copy(self) -> LibraryModel:
         found = LibraryModel.__new__(LibraryModel)
-        found.__dict__.update(
-            {name: self.__dict__[name] for name in ("joint_map", "rows", "joints", "frames", "unit_parts")}
-        )
-        found.model, found.numbers = model, numbers
+        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "has_builtins")
+        found.__dict__.update({name: self.__dict__[name] for name in names})
         return found
+
+    def with_model(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
+        """The LibraryModel of the same tree, as a Model with other numbers."""
+        found = self._copy()
+        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
+        return found
+
+    def with_inertias(self, numbers: ModelNumbers) -> LibraryModel | None:
+        """The LibraryModel with other inertias; None if they need checks. Its ``model`` is made at the first read."""
+        found, table = self._copy(), self.table.copy()
+        given = self.numbers.inertias, numbers.inertias, self.row_numbers, np.empty((len(self._model.bodies), 3))
+        if table_kernels.kernel(put_inertias, 2, 2, 1, 2)(table.ctypes.data, *given):
+            return None
+        found._take(self._model, table, numbers)
+        found._model_numbers = self._model_numbers
+        return found
+
+    @property
+    def model(self) -> SdModel:
+        """The library's Model."""
+        now, then = self.numbers, self._model_numbers
+        if now is not then or not (self.gravity == self._model.gravity).all():
+            links = _changed_links(self._model, then.inertias, now.inertias)
+            self._model, self._model_numbers = edited(self._model, links, {}, _numbers(self.gravity)), now
+        return self._model
+
+    def model_at(self, gravity: Array) -> SdModel:
+        """The library's Model with the gravity (3,) of an earlier call."""
+        if (gravity == self.gravity).all():
+            return self.model
+        key = gravity.tobytes()
+        if key not in self._at_gravity:
+            self._at_gravity.clear()
+            self._at_gravity[key] = edited(self.model, {}, {}, _numbers(gravity))
+        return self._at_gravity[key]
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in SPECS:
             raise AttributeError(f"no call {name!r}")
         call: Callable[..., Any] = unavailable
         if self.has_builtins:
-            axes = {f"axis{k}": n for k, n in enumerate(core_shape(self.model, SPECS[name].output) or (1,))}
-            call = recorded_calls.call_builtin(name).bind(self.model, **self.words, **axes)
+            axes = {f"axis{k}": n for k, n in enumerate(core_shape(self._model, SPECS[name].output) or (1,))}
+            call = recorded_calls.call_builtin(name).bind(self, **self.words, **axes)
         self.__dict__[name] = call
         return call
 
     def off_norm(self, q: Array) -> bool:
         """Whether norms are not checked and a quaternion or (cos, sin) pair of q is off its unit norm."""
-        return self.model.options.any_norm and any(
+        return self._model.options.any_norm and any(
             abs(part @ part - 1.0) > NORM_ROUNDING for part in (q[unit] for unit in self.unit_parts)
         )
-
-    @property
-    def has_builtins(self) -> bool:
-        """Whether builtins apply: not with mimic joints, nor where compiled code is off."""
-        return READY and self.model.mimic_matrix is None
-
-    @property
-    def words(self) -> dict[str, int]:
-        """Words of a builtin's plan about the model."""
-        model = self.model
-        return {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
 
 class FramePlacements(NamedTuple):
@@ -164,15 +196,30 @@ def joints_as_frames(model: Model) -> FramePlacements:
 
 
 def _numbers_of(model: Model) -> ModelNumbers:
-    inertias = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
-    placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
-    return ModelNumbers(inertias, placements, model._arrays["armature"].copy(), model.gravity._x.copy(), strict())
+    """The numbers; inertias and placements are gathered again only if one of them was edited."""
+    if model._inertia_numbers is None:
+        model._inertia_numbers = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+    if model._placement_numbers is None:
+        placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
+        model._placement_numbers = placements, model._arrays["armature"].copy()
+    return ModelNumbers(model._inertia_numbers, *model._placement_numbers, strict())
+
+
+def _numbers(x: Array) -> tuple[float, float, float]:
+    a, b, c = x.tolist()
+    return a, b, c
+
+
+def _changed_links(compiled: SdModel, then: Array, now: Array) -> dict[int, Link]:
+    """Links of the inertias that differ, by index in the robot."""
+    links = compiled.robot.links
+    return {int(k): _link(links[k].name, now[k]) for k in np.flatnonzero((now != then).any(1))}
 
 
 def _assembled(model: Model) -> LibraryModel:
     check_depth_first(model)
     _check_gravity(model)
-    links, joints = [_link(ROOT, model.inertias[0])], []
+    links, joints = [_link(ROOT, model.inertias[0]._x)], []
     names = {ROOT}
     ends = [ROOT]  # the link of each joint of the model
     last = [0]  # of each, the library's joint that carries its body
@@ -180,7 +227,7 @@ def _assembled(model: Model) -> LibraryModel:
     for k in range(1, model.njoints):
         joint, parent = model.joints[k], ends[model.parents[k]]
         mimic = None
-        if isinstance(joint, JointModelMimic):
+        if isinstance(joint, MimicJoint):
             mimic, mimics = Mimic(ends[joint.leader], joint.scaling, joint.offset), True
         steps = joint.steps()
         if not steps:
@@ -197,28 +244,32 @@ def _assembled(model: Model) -> LibraryModel:
             own: dict[str, Any] = {"armature": rotor, "mimic": mimic, "pitch": step.pitch}
             robot_joint = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, **own)
             joints.append(make_joint(robot_joint))
-            links.append(_link(name, model.inertias[k] if n == len(steps) - 1 else None))
+            links.append(_link(name, model.inertias[k]._x if n == len(steps) - 1 else None))
             parent = name
         ends.append(parent)
         last.append(len(joints))
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
-    gravity = tuple(model.gravity.linear.tolist())
+    gravity = _numbers(model.gravity._x[:3])
     compiled = SdModel(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
     return LibraryModel(compiled, np.array(last, np.intp), _numbers_of(model))
 
 
 def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     """The LibraryModel after an edit of numbers alone; None if it has to be assembled again."""
-    now, then, compiled = _numbers_of(model), before.numbers, before.model
-    if before.joints is not None or compiled.mimic_matrix is not None:
+    if before.joints is not None or not before.has_builtins:
         return None
+    now, then = _numbers_of(model), before.numbers
     _check_gravity(model)
-    robot = compiled.robot
-    links = {
-        int(k): _link(robot.links[k].name, model.inertias[k])
-        for k in np.flatnonzero((now.inertias != then.inertias).any(1))
-    }
-    moved = (now.placements != then.placements).any((1, 2))
+    same = now.placements is then.placements and now.armature is then.armature and now.strict == then.strict
+    same = same and (before.gravity == model.gravity._x[:3]).all()
+    if same:
+        if now.inertias is then.inertias:
+            return before
+        found = before.with_inertias(now)
+        if found is not None:
+            return found
+    compiled = before.model
+    robot, moved = compiled.robot, (now.placements != then.placements).any((1, 2))
     for at in np.flatnonzero(now.armature != then.armature):
         moved[np.searchsorted(model.idx_vs[1:], at, "right")] = True
     joints: dict[int, RobotJoint] = {}
@@ -230,15 +281,15 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
             X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
             edited_joint = replace(edited_joint, placement=_pose(X))
         joints[k] = make_joint(edited_joint)
-    gravity = None if (now.gravity == then.gravity).all() else tuple(now.gravity[:3].tolist())
+    gravity = _numbers(model.gravity._x[:3])
     norms = None if now.strict == then.strict else not now.strict
-    if not links and not joints and gravity is None and norms is None:
-        return before
-    return before.with_numbers(edited(compiled, links, joints, gravity, norms), now)
+    links = _changed_links(compiled, then.inertias, now.inertias)
+    return before.with_model(edited(compiled, links, joints, gravity, norms), now)
 
 
 def _check_gravity(model: Model) -> None:
-    if model.gravity._x[3:].any():
+    x = model.gravity._x
+    if not x[3] == 0.0 == x[4] or x[5] != 0.0:
         raise ModelError(f"gravity has angular part {model.gravity.angular.tolist()}, expected zero")
 
 
@@ -248,10 +299,12 @@ def _rotor(armature: Array) -> float | tuple[float, ...]:
     return rotors[0] if len({*rotors}) == 1 else rotors
 
 
-def _link(name: str, inertia: Inertia | None) -> Link:
+def _link(name: str, inertia: Array | None) -> Link:
+    """The Link of an inertia's numbers (10,)."""
     if inertia is None:
         return Link(name)
-    return make_link(name, (inertia.mass, np.array(inertia.lever), np.array(inertia.inertia)))
+    body = Inertia.over(inertia)
+    return make_link(name, (body.mass, np.array(body.lever), np.array(body.inertia)))
 
 
 def _pose(X: Array) -> tuple[float, ...]:

@@ -68,7 +68,7 @@ def _array(name: str, meaning: str) -> Any:
             raise ShapeError(f"{name} has shape {value.shape}, expected ({n},)")
         self._arrays[name][...] = np.asarray(value).reshape(n)  # in place: held arrays see it, as in Pinocchio
         if name == "armature":
-            self._library = None
+            self._on_edit.changed()
 
     return property(read, write, doc=meaning)
 

@@ -13,7 +13,7 @@ from ..types.arguments import ArgumentError, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
-from .joint_mimic import JointModelMimic
+from .joint_mimic import JointModelMimic, Mimic
 from .limits import POSITIONS
 from .model import Model
 
@@ -156,7 +156,7 @@ def _copy_joint(whole: Model, part: _Part, k: int, joint: JointModel | None = No
     model, given = part.model, part.model.joints[k]
     carrier = part.carriers[model.parents[k]]
     new = given if joint is None else joint
-    if isinstance(new, JointModelMimic):
+    if isinstance(new, Mimic):
         leader = whole.joints[part.carriers[new.leader].joint]
         new = JointModelMimic.of(new, leader, new.scaling, new.offset)
     q, v = (slice(at, at + n) for at, n in ((given.idx_q, new.nq), (given.idx_v, new.nv)))

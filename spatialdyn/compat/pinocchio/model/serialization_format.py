@@ -20,9 +20,7 @@ from ..types.frame import Frame, FrameType
 from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
-from .joint import JointModel, kinds
-from .joint_mimic import JointModelMimic
-from .joints_compound import JointModelComposite
+from .joint import joint_of
 
 FORMAT = "spatialdyn.compat.pinocchio model 1"
 
@@ -40,7 +38,7 @@ def state(model: Any) -> dict[str, Any]:
             {
                 "name": model.names[k],
                 "parent": int(model.parents[k]),
-                "joint": _joint_state(model.joints[k]),
+                "joint": model.joints[k].state(),
                 "placement": _numbers(model.jointPlacements[k]),
                 "inertia": _numbers(model.inertias[k]),
             }
@@ -69,7 +67,7 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
     model.gravity = _value(Motion, given["gravity"])
     for k, entry in enumerate(given["joints"]):
         if k:
-            made = _joint(entry["joint"])
+            made = joint_of(entry["joint"])
             model._append_joint(entry["parent"], made, _value(SE3, entry["placement"]), entry["name"])
         model.names[k] = entry["name"]
         model.jointPlacements[k] = _value(SE3, entry["placement"])
@@ -100,35 +98,6 @@ def _numbers(value: Any) -> list[float]:
 def _value(kind: Any, numbers: list[float]) -> Any:
     x = np.array(numbers, dtype=float)
     return kind.over(x.reshape(4, 4) if kind is SE3 else x)
-
-
-def _joint_state(joint: JointModel) -> dict[str, Any]:
-    made: dict[str, Any] = {"kind": joint.shortname(), "parameters": list(joint.parameters())}
-    if isinstance(joint, JointModelComposite):
-        made["parts"] = [
-            [_joint_state(part), _numbers(placement), name]
-            for part, placement, name in zip(joint.joints, joint.jointPlacements, joint._names, strict=True)
-        ]
-    elif isinstance(joint, JointModelMimic):
-        made["motion"] = _joint_state(joint._motion)
-        made["leader"], made["scaling"], made["offset"] = joint._followed()
-    return made
-
-
-def _joint(given: Mapping[str, Any]) -> JointModel:
-    kind = kinds()[given["kind"]]
-    if kind is JointModelComposite:
-        composite = JointModelComposite()
-        for part, placement, name in given["parts"]:
-            composite.addJoint(_joint(part), _value(SE3, placement), name)
-        return composite
-    if kind is JointModelMimic:
-        motion = _joint(given["motion"])
-        leader = motion.copy()
-        leader.id = given["leader"]
-        return JointModelMimic.of(motion, leader, given["scaling"], given["offset"])
-    made: JointModel = kind(*given["parameters"])
-    return made
 
 
 # --- files -------------------------------------------------------------------------------------------------

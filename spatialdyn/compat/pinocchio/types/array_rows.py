@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import ArgumentError, described, expected
+
 Array = NDArray[np.float64]
 
 
@@ -29,15 +31,21 @@ class Rows(Sequence[Any]):
     def __getitem__(self, at: Any) -> Any:
         if isinstance(at, slice):
             return [self[k] for k in range(*at.indices(len(self)))]
-        if self._kind is None:
-            return self.array[at]
-        found = self._views[at]
+        found = self._views[at]  # raises IndexError, and TypeError for what is no index, as a list does
         if found is None:
-            found = self._views[at] = self._kind.over(self.array[at])
+            x = self.array[at]
+            if x.ndim == 0:
+                return float(x)
+            found = self._views[at] = x if self._kind is None else self._kind.over(x)
         return found
 
-    def __setitem__(self, at: int, value: Any) -> None:
-        self.array[at] = value if self._kind is None else value._x
+    def __setitem__(self, at: Any, value: Any) -> None:
+        self._views[at]  # raises as __getitem__
+        if self._kind is not None:
+            value = expected(value, self._kind, "value")._x
+        elif not isinstance(at, slice) and (np.shape(value) != self.array.shape[1:] or isinstance(value, str)):
+            raise ArgumentError(f"value is {described(value)}, expected one of shape {self.array.shape[1:]}")
+        self.array[at] = value
 
     def __iter__(self) -> Iterator[Any]:
         return (self[k] for k in range(len(self.array)))
