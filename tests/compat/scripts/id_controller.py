@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-robot = pin.RobotWrapper.BuildFromURDF(
-    str(Path(sys.argv[1]) / "solo_description/robots/solo12.urdf"),
-    [str(Path(sys.argv[1]).parent)],
-    pin.JointModelFreeFlyer(),
+robot = pin.RobotWrapper(
+    pin.buildModelFromUrdf(str(Path(sys.argv[1]) / "solo_description/robots/solo12.urdf"), pin.JointModelFreeFlyer())
 )
 model, data = robot.model, robot.data
 feet = [model.getFrameId(f"{leg}_FOOT") for leg in ("FL", "FR", "HL", "HR")]

@@ -24,7 +24,7 @@ def measured(q):
     )
 
 
-def differences(f, q, eps=1e-6):
+def differences(f, q, eps=1e-4):
     return np.array(
         [(f(pin.integrate(model, q, eps * e)) - f(pin.integrate(model, q, -eps * e))) / (2 * eps) for e in np.eye(nv)]
     ).T

@@ -85,8 +85,8 @@ def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
 def computeJointKinematicRegressor(
     model: Model, data: Data, joint_id: int, reference_frame: Any, placement: SE3 | None = None
 ) -> Array:
-    """Y (6, 6 (njoints - 1)), from ``data.oMi``: motion of a joint's frame, or of one placed on the joint, for motions
-    of the joints' placements, each in the joint's own frame.
+    """Y (6, 6 (njoints - 1)), from ``data.oMi``: what a joint's frame, or one placed on the joint, moves by where the
+    placements of joints move, each by a motion in its own frame.
     """
     library_of(model, data)
     at, code = joint_index(model, joint_id), reference_code(reference_frame)
@@ -94,7 +94,8 @@ def computeJointKinematicRegressor(
     found = np.zeros((6, 6 * (model.njoints - 1)))
     turn = SE3(here.rotation, np.zeros(3)) if code == ALIGNED else SE3.Identity()
     for k in list(model.supports[at])[1:]:
-        X = data.oMi[k] if code == IN_WORLD else turn * here.actInv(data.oMi[k])
+        X = data.oMi[model.parents[k]] * model.jointPlacements[k]
+        X = X if code == IN_WORLD else turn * here.actInv(X)
         found[:, 6 * (k - 1) : 6 * k] = X.action
     return found
 
