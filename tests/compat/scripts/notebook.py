@@ -15,7 +15,10 @@ for k, length in enumerate(lengths):
 tip = model.addFrame(pin.Frame("tip", parent, 0, placement, pin.FrameType.OP_FRAME))
 model.lowerPositionLimit, model.upperPositionLimit = -np.ones(3), np.ones(3)
 data = model.createData()
-seen = [f"{name}: {joint.shortname()} nq {joint.nq} nv {joint.nv}" for name, joint in zip(model.names, model.joints, strict=True)]
+seen = [
+    f"{name}: {joint.shortname()} nq {joint.nq} nv {joint.nv}"
+    for name, joint in zip(model.names, model.joints, strict=True)
+]
 masses = [inertia.mass for inertia in model.inertias]
 
 # a first look

@@ -42,10 +42,14 @@ def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[.
     names = inputs.split()
 
     def checked(model: Model, *given: Any) -> Array:
-        library, values = _library_model(model), []
+        library = _library_model(model)
+        values: list[Any] = []
         for x, value in zip(names, given, strict=True):
-            value = number(value, x) if x == "alpha" else vector(x, value, model.nv if x == "v" else model.nq)
-            values.append(_clipped(model, value) if clipped and x != "alpha" else value)
+            if x == "alpha":
+                values.append(number(value, x))
+            else:
+                q = vector(x, value, model.nv if x == "v" else model.nq)
+                values.append(_clipped(model, q) if clipped else q)
         found: Array = dynamics.table_call(name, library, *values)
         return found
 

@@ -44,7 +44,7 @@ def given_forces(fext: Any) -> None:
         raise ArgumentError("fext is None, expected a list of Force")
 
 
-_CONVENTION = {"LOCAL": Convention.LOCAL, "by_convention": _kind, "aba_kind": _aba_kind}
+_CONVENTION: dict[str, Any] = {"LOCAL": Convention.LOCAL, "by_convention": _kind, "aba_kind": _aba_kind}
 
 rnea = fast_call(
     "rnea",

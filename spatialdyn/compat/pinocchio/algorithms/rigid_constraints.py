@@ -94,7 +94,8 @@ def _contact(at: Any, model: RigidConstraintModel) -> Contact:
     M, n = one.X.actInv(two.X), model.residualSize()
     J = one.J[:3] - M.rotation @ two.J[:3] if n == 3 else one.J - M.action @ two.J
     aligned = model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
-    return Contact(model, (one, two), M, J, np.kron(np.eye(n // 3), one.X.rotation) if aligned else np.eye(n))
+    turn: Array = np.kron(np.eye(n // 3), one.X.rotation) if aligned else np.eye(n)
+    return Contact(model, (one, two), M, J, turn)
 
 
 def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
@@ -190,7 +191,7 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     if not library.has_builtins:
         return
     models, datas = [x for x, _ in pairs], [own for _, own in pairs]
-    addresses = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
+    addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
     arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
     words = {**library.words, **{name: x.ctypes.data for name, x in arrays.items()}}

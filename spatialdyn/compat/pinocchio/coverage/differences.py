@@ -105,6 +105,21 @@ DIFFERENCES = (
         "a picture in viser, of the file's geometry or else of the inertias; without viser nothing, and one warning",
     ),
     Difference(
+        "matrices of results and of Data, such as data.M and data.J",
+        "in Fortran order",
+        "in C order, with the same entries",
+    ),
+    Difference(
+        "data.oMi, data.oMf after computeFrameJacobian",
+        "only the joints that carry the frame are placed",
+        "the others are placed too, unless the field was read before",
+    ),
+    Difference(
+        "model.joints[k] = ...",
+        "replaces a joint without its indices",
+        "ModelError that says what to do",
+    ),
+    Difference(
         "joint indices that are not there (appendBodyToJoint, addFrame)",
         "memory is overwritten",
         "ModelError naming the index",

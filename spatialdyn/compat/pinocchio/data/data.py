@@ -221,15 +221,7 @@ class Data(Stored):
         return _initial(self.model, name) if given is None else given[1]
 
     def __getattr__(self, name: str) -> Any:
-        if name not in FIELDS:
-            raise AttributeError(_missing(name))
-        kind = FIELDS[name][1]
-        if kind is float:
-            return float(self.array(name).ravel()[0])
-        x = self.hold(name)
-        view = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
-        self.__dict__[name] = view
-        return view
+        raise AttributeError(_missing(name))
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name not in FIELDS:
@@ -288,8 +280,27 @@ class Data(Stored):
 
     __hash__ = object.__hash__
 
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *FIELDS})
+
+class Field:
+    """A field of Data, computed at its first read: its view replaces this descriptor in the Data."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.__doc__ = name, f"Field {name} of the results."
+
+    def __get__(self, data: Data | None, kind: Any = None) -> Any:
+        if data is None:
+            return self
+        kind = FIELDS[self.name][1]
+        if kind is float:
+            return float(data.array(self.name).ravel()[0])
+        x = data.hold(self.name)
+        view = x if kind is None else Rows(x, kind[0]) if isinstance(kind, list) else kind.over(x)
+        data.__dict__[self.name] = view
+        return view
+
+
+for _name in FIELDS:
+    setattr(Data, _name, Field(_name))
 
 
 def _restored(model: Model, fields: dict[str, Array]) -> Data:

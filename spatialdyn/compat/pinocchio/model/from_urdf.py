@@ -157,15 +157,13 @@ def _inertia(link: Link) -> Inertia:
     return Inertia.over(np.array([link.mass, *link.com, xx, xy, yy, xz, yz, zz]))
 
 
-def joint_model(joint: RobotJoint) -> JointModel:
+def joint_model(joint: RobotJoint) -> Any:
     """The joint model of a robot's joint. A planar joint ignores its axis, with a warning if that is not z."""
     if joint.kind in ALIGNED:
         for axis, aligned in ALIGNED[joint.kind].items():
             if math.dist(axis, joint.axis) <= ALONG:
-                made: JointModel = aligned()
-                return made
-        made = UNALIGNED[joint.kind](*joint.axis)
-        return made
+                return aligned()
+        return UNALIGNED[joint.kind](*joint.axis)
     if joint.kind == "floating":
         return JointModelFreeFlyer()
     if joint.kind == "planar":

@@ -157,7 +157,8 @@ class JointModel(metaclass=Variant):
 
     def copy(self) -> JointModel:
         """An independent copy that belongs to no model."""
-        return joint_of(self.state(), type(self), self._indexes())
+        made: JointModel = joint_of(self.state(), type(self), self._indexes())
+        return made
 
     def changed(self) -> None:
         """Notify the owner, if any, of a change."""
@@ -199,7 +200,7 @@ class JointModel(metaclass=Variant):
 KINDS: dict[str, Any] = {}  # joint model classes by name
 
 
-def joint_kind(name: str, base: Any, doc: str, **own: Any) -> Any:
+def joint_kind(name: str, base: Any, doc: str | None, **own: Any) -> Any:
     """The class of a kind of joints with that name, and beside it the class of such joints in a model.
 
     base  class that behaves as these joints do
@@ -207,7 +208,7 @@ def joint_kind(name: str, base: Any, doc: str, **own: Any) -> Any:
     """
     module = sys._getframe(1).f_globals["__name__"]
     space = {"__slots__": (), "__doc__": doc, "__module__": module}
-    behaviour = Variant(f"_{name}", (base,), {**space, "_name": name, **own})
+    behaviour: Any = Variant(f"_{name}", (base,), {**space, "_name": name, **own})
     behaviour._any_kind = Variant("JointModel", (behaviour,), space)
     KINDS[name] = behaviour._own_kind = Variant(name, (behaviour,), space)
     return KINDS[name]

@@ -84,4 +84,4 @@ class Mimic(JointModel):
         return super().__repr__() + "\n".join([*lines, ""])
 
 
-JointModelMimic = joint_kind("JointModelMimic", Mimic, Mimic.__doc__ or "")
+JointModelMimic = joint_kind("JointModelMimic", Mimic, Mimic.__doc__)

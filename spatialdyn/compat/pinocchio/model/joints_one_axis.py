@@ -56,10 +56,10 @@ class OneAxis(JointModel):
         screw = self._kind == "helical"
         if screw and {*named} == {"pitch"}:
             given, named = (*given, named["pitch"]), {}
-        wanted = () if self._along else ("an axis or three numbers",)
+        wanted = [] if self._along else ["an axis or three numbers"]
         if named or len(given) not in ((0, int(screw)) if self._along else (0, 1 + screw, 3 + screw)):
-            wanted = ", and ".join([*wanted, *["a pitch"] * screw]) or "nothing"
-            raise ArgumentError(f"{self._name} got {len(given) + len(named)} arguments, expected {wanted}")
+            what = ", and ".join([*wanted, *["a pitch"] * screw]) or "nothing"
+            raise ArgumentError(f"{self._name} got {len(given) + len(named)} arguments, expected {what}")
         axis = given[: len(given) - screw]
         self._axis: Vector = self._along or (unit(self._name, axis) if axis else X)
         self._pitch = number(given[-1], "pitch") if screw and given else 0.0

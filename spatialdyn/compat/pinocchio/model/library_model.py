@@ -202,7 +202,8 @@ def _numbers_of(model: Model) -> ModelNumbers:
     if model._placement_numbers is None:
         placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
         model._placement_numbers = placements, model._arrays["armature"].copy()
-    return ModelNumbers(model._inertia_numbers, *model._placement_numbers, strict())
+    placements, armature = model._placement_numbers
+    return ModelNumbers(model._inertia_numbers, placements, armature, strict())
 
 
 def _numbers(x: Array) -> tuple[float, float, float]:

@@ -24,11 +24,15 @@ from .serialization_format import FORMAT, Stored, fill, state
 __all__ = ["Model"]
 
 Array = NDArray[np.float64]
-FIXED = {  # attributes derived from others, and lists whose entries alone are assigned
-    "nq", "nv", "nvExtended", "nbodies", "inertias", "joints", "names", "parents", "children", "nqs", "nvs", "idx_qs",
-    "idx_vs", "idx_vExtendeds", "nvExtendeds", "mimicking_joints", "mimicked_joints", "mimic_joint_supports",
-    "supports", "subtrees",
+FIXED = {  # attributes derived from others, and lists whose entries alone are assigned, with what they are
+    **dict.fromkeys(("nq", "nv", "nvExtended", "nbodies"), "A number of the model."),
+    **dict.fromkeys(("inertias", "joints", "names", "parents"), "A list with an entry for each joint, to write into."),
+    **dict.fromkeys(
+        ("children", "nqs", "nvs", "idx_qs", "idx_vs", "idx_vExtendeds", "nvExtendeds", "mimicking_joints",
+         "mimicked_joints", "mimic_joint_supports", "supports", "subtrees"), "Indices that follow from the joints.",
+    ),
 }  # fmt: skip
+OTHERS = dict.fromkeys(("name", "frames", "jointPlacements", "referenceConfigurations"), "An attribute of each model.")
 
 
 class Configuration(NamedTuple):
@@ -264,6 +268,17 @@ class Model(Tree, Arrays, Stored):
         lines = [f"Nb joints = {self.njoints} (nq={self.nq},nv={self.nv})"]
         lines += [f"  Joint {k} {self.names[k]}: parent={self.parents[k]}" for k in range(self.njoints)]
         return "\n".join([*lines, ""])
+
+
+class Attribute:
+    """What ``Model.frames`` and its like are on the class; a model has its own."""
+
+    def __init__(self, doc: str) -> None:
+        self.__doc__ = doc
+
+
+for _name, _doc in {**FIXED, **OTHERS}.items():
+    setattr(Model, _name, Attribute(_doc))
 
 
 def _restored(given: Mapping[str, Any]) -> Model:
