@@ -103,7 +103,9 @@ def test_kinematic_regressors_are_the_wheels(reference: str) -> None:
         found.append(
             [pin.computeJointKinematicRegressor(model, data, k, at) for k in range(1, model.njoints)]
             + [pin.computeJointKinematicRegressor(model, data, 5, at, X)]
-            + [pin.computeFrameKinematicRegressor(model, data, k, at) for k in range(1, model.nframes)]  # Pinocchio refuses frame 0
+            + [
+                pin.computeFrameKinematicRegressor(model, data, k, at) for k in range(1, model.nframes)
+            ]  # Pinocchio refuses frame 0
         )
     for x, y in zip(*found, strict=True):
         close(x, y)

@@ -94,8 +94,8 @@ def _contact(at: Any, model: RigidConstraintModel) -> Contact:
     M, n = one.X.actInv(two.X), model.residualSize()
     J = one.J[:3] - M.rotation @ two.J[:3] if n == 3 else one.J - M.action @ two.J
     aligned = model.reference_frame == ReferenceFrame.LOCAL_WORLD_ALIGNED
-    turn: Array = np.kron(np.eye(n // 3), one.X.rotation) if aligned else np.eye(n)
-    return Contact(model, (one, two), M, J, turn)
+    turn = np.kron(np.eye(n // 3), one.X.rotation if aligned else np.eye(3))
+    return Contact(model, (one, two), M, J, np.asarray(turn, float))
 
 
 def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:

@@ -361,123 +361,96 @@ of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.f
 J, dJ = from_call("joint_jacobians", "q"), from_call("joint_jacobians_dot", "q", "v")
 hg = from_call("centroidal_momentum", "q", "v")
 
-CHAIN: Fills = {"liMi": liMi}
-PLACES: Fills = {"liMi": liMi, "oMi": oMi}
-MASSES: Fills = {**PLACES, "com": com, "mass": mass}
-MAP: Fills = {**PLACES, "Ag": from_call("centroidal_map", "q"), "J": J, "com": com, "oYcrb": oYcrb}
-MAP_DOT: Fills = {**MAP, "dAg": from_call("centroidal_map_dot", "q", "v"), "dJ": dJ, "ov": ov}
-ENERGIES: Fills = {
+
+def _kind(call: str, inputs: str, fills: str = "", unused: int = 0, in_data: bool = False, **own: Recipe) -> Kind:
+    """A Kind that fills the fields named in ``fills`` by the recipes of their names, and others by their own."""
+    found = {name: globals()[name] for name in fills.split()}
+    return Kind(call, inputs, {**found, **own}, unused, result_in_data=in_data)
+
+
+def _path(**own: Recipe) -> Kind:
+    return Kind("", "q", {"liMi": liMi, **own}, places_path=True)
+
+
+bodies_in_world = in_world(recorded_calls.bodies_to_parent, bodies)
+PLACES = "liMi oMi"
+MASSES = f"{PLACES} com mass"
+MAP, MAP_DOT = f"{PLACES} J com oYcrb", f"{PLACES} J com oYcrb dJ ov"
+MOVING = f"{PLACES} J dJ v ov"
+ACCELERATED = f"{MOVING} a oa"
+Ag, dAg = from_call("centroidal_map", "q"), from_call("centroidal_map_dot", "q", "v")
+ENERGIES: dict[str, Any] = {
     "kinetic_energy": from_call("kinetic_energy", "q", "v"),
     "potential_energy": from_call("potential_energy", "q"),
     "mechanical_energy": mechanical_energy,
 }
-MOVING: Fills = {**PLACES, "J": J, "dJ": dJ, "v": v, "ov": ov}
-ACCELERATED: Fills = {**MOVING, "a": a, "oa": oa}
 CALL_KINDS: dict[str, Kind] = {
-    "rnea": Kind("rnea", "q v a", {**CHAIN, "tau": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
-    "aba": Kind("aba", "q v tau", {**CHAIN, "ddq": result, "v": v, "a_gf": a_gf, "f": f, "h": h}),
-    "aba_world": Kind(
-        "aba",
-        "q v tau",
-        {
-            **PLACES, "ddq": result, "J": J, "oYcrb": in_world(recorded_calls.bodies_to_parent, bodies), "oa": oa,
-            "oa_gf": oa_gf, "of": of, "oh": oh, "ov": ov,
-        },
+    "rnea": _kind("rnea", "q v a", "liMi v a_gf f h", tau=result),
+    "aba": _kind("aba", "q v tau", "liMi v a_gf f h", ddq=result),
+    "aba_world": _kind(
+        "aba", "q v tau", f"{PLACES} J oa oa_gf of oh ov", ddq=result, oYcrb=bodies_in_world
     ),
-    "crba": Kind("crba", "q", {**CHAIN, "M": result, "Ycrb": Ycrb}),
-    "crba_world": Kind("crba", "q", {**MAP, "M": result, "mass": mass}),
-    "nle": Kind("nonlinear_effects", "q v", {**CHAIN, "nle": result, "v": v, "a_gf": a_gf, "f": f}),
-    "gravity": Kind("generalized_gravity", "q", {**CHAIN, "g": result, "a_gf": a_gf, "f": f}),
-    "static": Kind("static_torque", "q", {**CHAIN, "tau": result, "a_gf": a_gf, "f": f}),
-    "coriolis": Kind(
-        "coriolis_matrix",
-        "q v",
-        {**PLACES, "C": result, "J": J, "dJ": dJ, "v": v, "ov": ov, "oh": oh, "oYcrb": without_universe(oYcrb)},
+    "crba": _kind("crba", "q", "liMi Ycrb", M=result),
+    "crba_world": _kind("crba", "q", f"{MAP} Ag mass", M=result),
+    "nle": _kind("nonlinear_effects", "q v", "liMi v a_gf f", nle=result),
+    "gravity": _kind("generalized_gravity", "q", "liMi a_gf f", g=result),
+    "static": _kind("static_torque", "q", "liMi a_gf f", tau=result),
+    "coriolis": _kind("coriolis_matrix", "q v", f"{MOVING} oh", C=result, oYcrb=without_universe(oYcrb)),
+    "minverse": _kind("minverse", "q", f"{PLACES} J", Minv=result, oYcrb=bodies_in_world),
+    "all": _kind(
+        "nonlinear_effects", "q v", f"{MASSES} {MAP_DOT} Ag dAg Ig a a_gf v hg vcom", in_data=True, **ENERGIES,
+        nle=result, M=from_call("crba", "q"), g=from_call("generalized_gravity", "q"),
+        Jcom=from_call("com_jacobian", "q"), f=forces_and_sum, h=subtree_momenta, dhg=centroidal_rate_and_weight,
     ),
-    "minverse": Kind(
-        "minverse", "q", {**PLACES, "Minv": result, "J": J, "oYcrb": in_world(recorded_calls.bodies_to_parent, bodies)}
+    "kinematics0": _kind("forward_kinematics", "q", PLACES, in_data=True),
+    "kinematics1": _kind("forward_kinematics", "q v", f"{PLACES} v", 1, True),
+    "kinematics2": _kind("forward_kinematics", "q v a", f"{PLACES} v a", 2, True),
+    "frames": _kind("", "", oMf=result),
+    "global_placements": _kind("", "q", oMi=result),
+    "frame_jacobian_local": _path(),
+    "frame_jacobian_world": _path(oMi=oMi),
+    "frame_jacobian_aligned": _path(oMi=oMi, oMf=oMf),
+    "jacobians": _kind("joint_jacobians", "q", PLACES, J=result),
+    "jacobians_dot": _kind("joint_jacobians_dot", "q v", f"{PLACES} J v ov", dJ=result),
+    "com0": _kind("center_of_mass", "q", MASSES),
+    "com1": _kind("center_of_mass", "q v", f"{MASSES} v vcom", 1),
+    "com2": _kind("center_of_mass", "q v a", f"{MASSES} v vcom a acom", 2),
+    "com_jacobian": _kind("com_jacobian", "q", f"{MASSES} J", Jcom=result, com=world_com),
+    "ccrba": _kind("centroidal_map", "q v", f"{MAP} Ig hg", 1, Ag=result),
+    "dccrba": _kind("centroidal_map_dot", "q v", f"{MAP_DOT} Ag Ig hg v vcom", dAg=result),
+    "map": _kind("centroidal_map", "q", MAP, Ag=result),
+    "map_dot": _kind("centroidal_map_dot", "q v", f"{MAP_DOT} Ag v", dAg=result),
+    "momentum": _kind("centroidal_momentum", "q v", f"{MASSES} v vcom", hg=result, h=subtree_momenta),
+    "momentum_dot": _kind(
+        "centroidal_momentum_rate", "q v a", f"{MASSES} hg v vcom a", dhg=result, h=subtree_momenta, f=net_forces
     ),
-    "all": Kind(
-        "nonlinear_effects",
-        "q v",
-        {
-            **MASSES, **MAP_DOT, **ENERGIES, "nle": result, "M": from_call("crba", "q"),
-            "g": from_call("generalized_gravity", "q"), "Jcom": from_call("com_jacobian", "q"), "Ig": Ig, "a": a,
-            "a_gf": a_gf, "f": forces_and_sum, "v": v, "h": subtree_momenta, "hg": hg,
-            "dhg": centroidal_rate_and_weight, "vcom": vcom,
-        },
-        result_in_data=True,
+    "rnea_derivatives": _kind(
+        "rnea_derivatives", "q v a", f"{ACCELERATED} tau oa_gf of", dtau_dq=part(0), dtau_dv=part(1), M=part(2),
+        oYcrb=without_universe(oYcrb),
     ),
-    "kinematics0": Kind("forward_kinematics", "q", PLACES, result_in_data=True),
-    "kinematics1": Kind("forward_kinematics", "q v", {**PLACES, "v": v}, 1, result_in_data=True),
-    "kinematics2": Kind("forward_kinematics", "q v a", {**PLACES, "v": v, "a": a}, 2, result_in_data=True),
-    "frames": Kind("", "", {"oMf": result}),
-    "global_placements": Kind("", "q", {"oMi": result}),
-    "frame_jacobian_local": Kind("", "q", CHAIN, places_path=True),
-    "frame_jacobian_world": Kind("", "q", PLACES, places_path=True),
-    "frame_jacobian_aligned": Kind("", "q", {**PLACES, "oMf": oMf}, places_path=True),
-    "jacobians": Kind("joint_jacobians", "q", {**PLACES, "J": result}),
-    "jacobians_dot": Kind("joint_jacobians_dot", "q v", {**PLACES, "J": J, "dJ": result, "v": v, "ov": ov}),
-    "com0": Kind("center_of_mass", "q", MASSES),
-    "com1": Kind("center_of_mass", "q v", {**MASSES, "v": v, "vcom": vcom}, 1),
-    "com2": Kind("center_of_mass", "q v a", {**MASSES, "v": v, "vcom": vcom, "a": a, "acom": acom}, 2),
-    "com_jacobian": Kind("com_jacobian", "q", {**MASSES, "Jcom": result, "J": J, "com": world_com}),
-    "ccrba": Kind("centroidal_map", "q v", {**MAP, "Ag": result, "Ig": Ig, "hg": hg}, 1),
-    "dccrba": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "Ig": Ig, "hg": hg, "v": v, "vcom": vcom}),
-    "map": Kind("centroidal_map", "q", {**MAP, "Ag": result}),
-    "map_dot": Kind("centroidal_map_dot", "q v", {**MAP_DOT, "dAg": result, "v": v}),
-    "momentum": Kind(
-        "centroidal_momentum", "q v", {**MASSES, "hg": result, "h": subtree_momenta, "v": v, "vcom": vcom}
+    "aba_derivatives": _kind(
+        "aba_derivatives", "q v tau", f"{PLACES} ddq J dJ ov", ddq_dq=part(0), ddq_dv=part(1), Minv=part(2),
+        dtau_dq=rnea_derivative_at_ddq(0), dtau_dv=rnea_derivative_at_ddq(1),
     ),
-    "momentum_dot": Kind(
-        "centroidal_momentum_rate",
-        "q v a",
-        {**MASSES, "dhg": result, "hg": hg, "h": subtree_momenta, "v": v, "vcom": vcom, "a": a, "f": net_forces},
+    "gravity_derivatives": _kind(
+        "generalized_gravity_derivatives", "q", f"{PLACES} J", g=from_call("generalized_gravity", "q")
     ),
-    "rnea_derivatives": Kind(
-        "rnea_derivatives",
-        "q v a",
-        {
-            **ACCELERATED, "dtau_dq": part(0), "dtau_dv": part(1), "M": part(2), "tau": tau, "oa_gf": oa_gf,
-            "of": of, "oYcrb": without_universe(oYcrb),
-        },
+    "static_derivatives": _kind("static_torque_derivatives", "q", f"{PLACES} tau J"),
+    "kinematics_derivatives1": _kind("forward_kinematics", "q v", MOVING, 1, True),
+    "kinematics_derivatives2": _kind("forward_kinematics", "q v a", ACCELERATED, 2, True),
+    "centroidal_derivatives": _kind(
+        "centroidal_dynamics_derivatives", "q v a", f"{ACCELERATED} hg Ig com mass", Ag=part(3),
+        dhg=from_call("centroidal_momentum_rate", "q", "v", "a"), tau=tau_without_weight,
     ),
-    "aba_derivatives": Kind(
-        "aba_derivatives",
-        "q v tau",
-        {
-            **PLACES, "ddq_dq": part(0), "ddq_dv": part(1), "Minv": part(2), "ddq": ddq,
-            "dtau_dq": rnea_derivative_at_ddq(0), "dtau_dv": rnea_derivative_at_ddq(1), "J": J, "dJ": dJ, "ov": ov,
-        },
-    ),
-    "gravity_derivatives": Kind(
-        "generalized_gravity_derivatives", "q", {**PLACES, "g": from_call("generalized_gravity", "q"), "J": J}
-    ),
-    "static_derivatives": Kind("static_torque_derivatives", "q", {**PLACES, "tau": tau, "J": J}),
-    "kinematics_derivatives1": Kind("forward_kinematics", "q v", MOVING, 1, result_in_data=True),
-    "kinematics_derivatives2": Kind("forward_kinematics", "q v a", ACCELERATED, 2, result_in_data=True),
-    "centroidal_derivatives": Kind(
-        "centroidal_dynamics_derivatives",
-        "q v a",
-        {
-            **ACCELERATED, "Ag": part(3), "hg": hg, "dhg": from_call("centroidal_momentum_rate", "q", "v", "a"),
-            "Ig": Ig, "com": com, "mass": mass, "tau": tau_without_weight,
-        },
-    ),
-    "constrained": Kind("", "", {"ddq": result, "lambda_c": constraint_forces, "D": D, "U": U}),
-    "contacts": Kind("", "", {"ddq": result, "lambda_c": constraint_forces}),
-    "impact": Kind("", "", {"dq_after": result, "impulse_c": constraint_forces, "D": D, "U": U}),
-    "bordered": Kind("", "", {"D": D, "U": U}),
-    "kinetic_energy": Kind("kinetic_energy", "q v", {**PLACES, "kinetic_energy": result, "v": v}, result_in_data=True),
-    "potential_energy": Kind("potential_energy", "q", {**PLACES, "potential_energy": result}, result_in_data=True),
-    "mechanical_energy": Kind("kinetic_energy", "q v", {**PLACES, **ENERGIES, "v": v}, result_in_data=True),
-    "total_mass": Kind("", "", {"mass": mass}),
-    "torque_regressor": Kind(
-        "joint_torque_regressor", "q v a", {**CHAIN, "jointTorqueRegressor": columns, "v": v, "a_gf": a_gf}
-    ),
-    "static_regressor": Kind("static_regressor", "q", {**PLACES, "staticRegressor": columns}),
-    "kinetic_regressor": Kind(
-        "kinetic_energy_regressor", "q v", {**PLACES, "kineticEnergyRegressor": columns, "v": v}
-    ),
-    "potential_regressor": Kind("potential_energy_regressor", "q", {**PLACES, "potentialEnergyRegressor": columns}),
+    "constrained": _kind("", "", "D U", ddq=result, lambda_c=constraint_forces),
+    "contacts": _kind("", "", ddq=result, lambda_c=constraint_forces),
+    "impact": _kind("", "", "D U", dq_after=result, impulse_c=constraint_forces),
+    "bordered": _kind("", "", "D U"),
+    "kinetic_energy": _kind("kinetic_energy", "q v", f"{PLACES} v", in_data=True, kinetic_energy=result),
+    "potential_energy": _kind("potential_energy", "q", PLACES, in_data=True, potential_energy=result),
+    "mechanical_energy": _kind("kinetic_energy", "q v", f"{PLACES} v", in_data=True, **ENERGIES),
+    "torque_regressor": _kind("joint_torque_regressor", "q v a", "liMi v a_gf", jointTorqueRegressor=columns),
+    "static_regressor": _kind("static_regressor", "q", PLACES, staticRegressor=columns),
+    "kinetic_regressor": _kind("kinetic_energy_regressor", "q v", f"{PLACES} v", kineticEnergyRegressor=columns),
+    "potential_regressor": _kind("potential_energy_regressor", "q", PLACES, potentialEnergyRegressor=columns),
 }  # fmt: skip

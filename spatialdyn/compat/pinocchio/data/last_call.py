@@ -46,29 +46,9 @@ class Run:
     """
 
     __slots__ = (
-        "_a",
-        "_own_result",
-        "_v",
-        "bodies",
-        "bound",
-        "cache",
-        "call",
-        "contact",
-        "fext",
-        "forces_builtin",
-        "frames",
-        "gravity",
-        "kind",
-        "last_J",
-        "library",
-        "memory",
-        "parents",
-        "q",
-        "recompute",
-        "result",
-        "result_is_held",
-        "stamp",
-        "tau",
+        "_a", "_own_result", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin", "frames",
+        "gravity", "kind", "last_J", "library", "memory", "parents", "q", "recompute", "result", "result_is_held",
+        "stamp", "tau",
     )  # fmt: skip
 
     def __init__(

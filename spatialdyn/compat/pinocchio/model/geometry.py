@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable
+from copy import deepcopy
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,18 +17,14 @@ from .from_urdf import buildModelFromUrdf
 from .model import Model
 
 __all__ = [
-    "COLLISION",
-    "VISUAL",
-    "CollisionPair",
-    "GeometryData",
-    "GeometryModel",
-    "GeometryNoMaterial",
-    "GeometryObject",
-    "GeometryPhongMaterial",
-    "GeometryType",
-    "buildModelsFromUrdf",
-    "createDatas",
+    "COLLISION", "VISUAL", "CollisionPair", "GeometryData", "GeometryModel", "GeometryNoMaterial", "GeometryObject",
+    "GeometryPhongMaterial", "GeometryType", "buildModelsFromUrdf", "createDatas",
 ]  # fmt: skip
+_FILES = "saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML loadFromBinary loadFromString"
+_ADVICE = "coal or trimesh, placed by forwardKinematics and updateFramePlacements, do that"
+
+
+BLACK = (0.0, 0.0, 0.0, 1.0)
 
 
 class GeometryType(Enum):
@@ -39,9 +35,6 @@ class GeometryType(Enum):
 
 
 VISUAL, COLLISION = GeometryType
-
-
-_ADVICE = "coal or trimesh, placed by forwardKinematics and updateFramePlacements, do that"
 
 
 class _Bookkeeping:
@@ -58,11 +51,9 @@ class _Bookkeeping:
 
     def copy(self) -> Any:
         """An independent copy."""
-        return copy.deepcopy(self)
+        return deepcopy(self)
 
-    def clone(self) -> Any:
-        """An independent copy."""
-        return copy.deepcopy(self)
+    clone = copy
 
 
 class GeometryNoMaterial:
@@ -73,10 +64,7 @@ class GeometryPhongMaterial:
     """A material: meshEmissionColor, meshSpecularColor (4,), meshShininess."""
 
     def __init__(
-        self,
-        meshEmissionColor: Any = (0.0, 0.0, 0.0, 1.0),
-        meshSpecularColor: Any = (0.0, 0.0, 0.0, 1.0),
-        meshShininess: float = 0.0,
+        self, meshEmissionColor: Any = BLACK, meshSpecularColor: Any = BLACK, meshShininess: Any = 0.0
     ) -> None:
         self.meshEmissionColor, self.meshSpecularColor = np.array(meshEmissionColor), np.array(meshSpecularColor)
         self.meshShininess = float(meshShininess)
@@ -92,12 +80,11 @@ class GeometryObject(_Bookkeeping):
     meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
     """
 
-    _beyond = """physicsMaterial saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML
-        loadFromBinary loadFromString"""
+    _beyond = f"physicsMaterial {_FILES}"
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
         if isinstance(name, GeometryObject):
-            self.__dict__.update(copy.deepcopy(name).__dict__)
+            self.__dict__.update(deepcopy(name).__dict__)
             return
         order = ["placement", "collision_geometry", "mesh_path", "mesh_scale", "override_material"]
         order += ["mesh_color", "mesh_texture_path", "mesh_material"]
@@ -112,12 +99,12 @@ class GeometryObject(_Bookkeeping):
         self.name, self.parentJoint = expected(name, str, "name"), int(parent_joint)
         self.parentFrame = int(given.get("parent_frame", 2**64 - 1))
         self.placement = SE3(expected(given["placement"], SE3, "placement"))
-        self.geometry = given.get("collision_geometry")
+        self.geometry, self.disableCollision = given.get("collision_geometry"), False
         self.meshPath, self.meshTexturePath = given.get("mesh_path", ""), given.get("mesh_texture_path", "")
         self.meshScale = np.array(given.get("mesh_scale", np.ones(3)), float)
-        self.meshColor = np.array(given.get("mesh_color", (0.0, 0.0, 0.0, 1.0)), float)
+        self.meshColor = np.array(given.get("mesh_color", BLACK), float)
         self.meshMaterial = given.get("mesh_material", GeometryNoMaterial())
-        self.overrideMaterial, self.disableCollision = bool(given.get("override_material", False)), False
+        self.overrideMaterial = bool(given.get("override_material", False))
 
     @staticmethod
     def CreateCapsule(radius: float, length: float) -> Any:
@@ -135,7 +122,7 @@ class CollisionPair:
 
     def copy(self) -> CollisionPair:
         """An independent copy."""
-        return copy.copy(self)
+        return CollisionPair(self.first, self.second)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, CollisionPair) and {self.first, self.second} == {other.first, other.second}
@@ -156,15 +143,14 @@ class GeometryModel(_Bookkeeping):
     collisionPairs   list of CollisionPair
     """
 
-    _beyond = """collisionPairMapping setCollisionPairs saveToText saveToXML saveToBinary saveToString loadFromText
-        loadFromXML loadFromBinary loadFromString"""
+    _beyond = f"collisionPairMapping setCollisionPairs {_FILES}"
 
     def __init__(self, other: GeometryModel | None = None) -> None:
         self.geometryObjects: list[GeometryObject] = []
         self.collisionPairs: list[CollisionPair] = []
         self._file: tuple[Any, tuple[Any, ...]] | None = None  # the URDF that it stands for, and package_dirs
         if other is not None:
-            self.__dict__.update(copy.deepcopy(expected(other, GeometryModel, "other")).__dict__)
+            self.__dict__.update(deepcopy(expected(other, GeometryModel, "other")).__dict__)
 
     @property
     def ngeoms(self) -> int:
@@ -235,10 +221,9 @@ class GeometryModel(_Bookkeeping):
 class GeometryData(_Bookkeeping):
     """Data of a GeometryModel: oMg, the identity for every object; activeCollisionPairs, flags."""
 
-    _beyond = """collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
+    _beyond = f"""collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
         contact_patch_functors distanceRequests distanceResults distance_functors fillInnerOuterObjectMaps radius
-        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins saveToText saveToXML saveToBinary
-        saveToString loadFromText loadFromXML loadFromBinary loadFromString"""
+        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins {_FILES}"""
 
     def __init__(self, geometry_model: GeometryModel) -> None:
         expected(geometry_model, GeometryModel, "geometry_model")
@@ -285,12 +270,10 @@ def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[A
     passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}
     model = buildModelFromUrdf(filename, mimic=bool(given.get("mimic", False)), **passed)
     folders = given.get("package_dirs") or ()
+    folders = (folders,) if isinstance(folders, str) or hasattr(folders, "__fspath__") else tuple(folders)
     made = [GeometryModel() for _ in kinds]
     for geometry in made:
-        geometry._file = (
-            filename,
-            (folders,) if isinstance(folders, str) or hasattr(folders, "__fspath__") else tuple(folders),
-        )
+        geometry._file = filename, folders
     return model, *made
 
 

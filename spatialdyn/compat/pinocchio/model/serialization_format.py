@@ -74,17 +74,9 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
         model.inertias[k] = _value(Inertia, entry["inertia"])
     vars(model)["nbodies"] = given["nbodies"]
     del model.frames[:]
-    for entry in given["frames"]:
-        model.frames.append(
-            Frame(
-                entry["name"],
-                entry["joint"],
-                entry["before"],
-                _value(SE3, entry["placement"]),
-                FrameType[entry["type"]],
-                _value(Inertia, entry["inertia"]),
-            )
-        )
+    for x in given["frames"]:
+        place, inertia = _value(SE3, x["placement"]), _value(Inertia, x["inertia"])
+        model.frames.append(Frame(x["name"], x["joint"], x["before"], place, FrameType[x["type"]], inertia))
     model._arrays.update({name: np.array(x, dtype=float) for name, x in given["arrays"].items()})
     for name, q in given["configurations"].items():
         model.referenceConfigurations[name] = np.array(q, dtype=float)
