@@ -89,7 +89,7 @@ RENAMED: dict[str, dict[str, str]] = {
     "commands": {"CALLS": "PROGRAM_CALLS", "numbers": "parse_numbers"},
     "compat": {
         "Made": "LibraryModel", "Given": "ModelNumbers", "Placed": "FramePlacements", "made": "library_model",
-        "placed": "frame_placements", "prepared": "library_of", "perform": "compute", "returned": "compute_copy",
+        "placed": "frame_placements", "prepared": "library_of", "perform": "compute",
         "quick": "fast_call", "live": "hold", "redo": "note_builtin_call", "refresh": "recompute_held",
         "_attach": "_bind_held", "kept": "recorded_call", "again": "recompute", "placing": "place_frames",
         "moving": "frame_motion", "Live": "TrackedArray", "Owned": "OwnedList", "owned": "owned_copy",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class Variant(type):
             return arguments[0].copy().held()
         if arguments or named:
             raise ArgumentError(f"JointModel got {arguments or named!r}, expected a joint model or nothing")
-        return KINDS["JointModelRX"]().held()
+        return kind_named("JointModelRX")().held()
 
 
 class JointModel(metaclass=Variant):
@@ -197,9 +198,6 @@ class JointModel(metaclass=Variant):
         return "\n".join([*lines, ""])
 
 
-KINDS: dict[str, Any] = {}  # joint model classes by name
-
-
 def joint_kind(name: str, base: Any, doc: str | None, **own: Any) -> Any:
     """The class of a kind of joints with that name, and beside it the class of such joints in a model.
 
@@ -210,13 +208,25 @@ def joint_kind(name: str, base: Any, doc: str | None, **own: Any) -> Any:
     space = {"__slots__": (), "__doc__": doc, "__module__": module}
     behaviour: Any = Variant(f"_{name}", (base,), {**space, "_name": name, **own})
     behaviour._any_kind = Variant("JointModel", (behaviour,), space)
-    KINDS[name] = behaviour._own_kind = Variant(name, (behaviour,), space)
-    return KINDS[name]
+    behaviour._own_kind = Variant(name, (behaviour,), space)
+    return behaviour._own_kind
+
+
+@cache
+def kind_named(name: str) -> Any:
+    """The class of a kind of joints. Raises KeyError if there is none."""
+    below: list[Any] = [JointModel]
+    while below:
+        found = below.pop()
+        if found.__dict__.get("_name") == name and found is not JointModel:
+            return found._own_kind
+        below += found.__subclasses__()
+    raise KeyError(name)
 
 
 def joint_of(state: Mapping[str, Any], kind: Any = "own", indexes: tuple[int, int, int, int] | None = None) -> Any:
     """The joint of a ``state()``: of a class, of its own kind by default, of none if None."""
-    made = KINDS[state["kind"]](*state["parameters"])
+    made = kind_named(state["kind"])(*state["parameters"])
     made._fill(state)
     if kind != "own":
         made.__class__ = made._any_kind if kind is None else kind
