@@ -91,8 +91,8 @@ pin.neutral(model)
 (model.gravity.__setattr__("linear", next(weights)), pin.rnea(model, data, q, v, a))
 (model.inertias[2].__setattr__("mass", next(masses)), pin.rnea(model, data, q, v, a))
 (model.inertias.__setitem__(2, next(bodies)), pin.rnea(model, data, q, v, a))
-pin.constraintDynamics(model, data, q, v, a, contacts, contact_datas, settings)
-pin.constraintDynamics(model, data, q, v, a, contacts, contact_datas)
+pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas, settings)
+pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas)
 """
 
 
@@ -116,13 +116,15 @@ def robot(name: str, feet: Sequence[str] = ()) -> Callable[[Any], dict[str, Any]
             for k in ((model.getFrameId(foot) for foot in feet) if feet else [model.nframes - 1])
         ]  # fmt: skip
         contact_datas = [x.createData() for x in contacts]
-        pin.initConstraintDynamics(model, data, contacts, contact_datas)
+        data2 = model.createData()  # Pinocchio resizes its factors for the contacts
+        pin.initConstraintDynamics(model, data2, contacts, contact_datas)
         weights = cycle(np.array([[0.0, 0.0, -9.81], [0.0, 0.0, -9.8]]))  # each an edit
         return {
             "pin": pin, "model": model, "data": data, "q": q, "v": v, "a": a, "tip": model.nframes - 1, "J": J,
             "drift": J[:, 0].copy(), "weights": weights, "masses": cycle([1.0, 1.1]),
             "bodies": cycle([model.inertias[2].copy(), model.inertias[2] + model.inertias[2]]),
-            "contacts": contacts, "contact_datas": contact_datas, "settings": pin.ProximalSettings(1e-12, 1e-9, 10),
+            "data2": data2, "contacts": contacts, "contact_datas": contact_datas,
+            "settings": pin.ProximalSettings(1e-12, 1e-9, 10),
         }  # fmt: skip
 
     return values
