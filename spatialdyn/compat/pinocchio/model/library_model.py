@@ -92,10 +92,10 @@ class LibraryModel:
     def with_inertias(self, numbers: ModelNumbers) -> LibraryModel | None:
         """The LibraryModel with other inertias; None if they need checks. Its ``model`` is made at the first read."""
         found, table = self._copy(), self.table.copy()
-        given = self.numbers.inertias, numbers.inertias, self.row_numbers, np.empty((len(self._model.bodies), 3))
-        if table_kernels.kernel(put_inertias, 2, 2, 1, 2)(table.ctypes.data, *given):
-            return None
+        given = self.numbers.inertias, numbers.inertias, self.row_numbers, np.empty((self._model.nv + 1, 3))
         found._take(self._model, table, numbers)
+        if table_kernels.kernel(put_inertias, 2, 2, 1, 2)(found.address, *given):
+            return None
         found._model_numbers = self._model_numbers
         return found
 
@@ -262,7 +262,7 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     now, then = _numbers_of(model), before.numbers
     _check_gravity(model)
     same = now.placements is then.placements and now.armature is then.armature and now.strict == then.strict
-    same = same and (before.gravity == model.gravity._x[:3]).all()
+    same = same and before.gravity.tolist() == model.gravity._x[:3].tolist()
     if same:
         if now.inertias is then.inertias:
             return before
