@@ -6,6 +6,7 @@ A damping μ makes J a + γ = -μ λ of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ....constraints.contact import Solved, inverse
 from ....constraints.contact import solve as solved
+from ....engines.compiled.cpython import Builtin
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
 from ..data.data import Data, library_of
@@ -59,11 +61,9 @@ def forwardDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
         computeAllTerms(model, data, given["q"], given["v"])
     f = solved(library.model, data.array("M"), tau - data.array("nle"), J, gamma, mu)
     run = _record(CONSTRAINED, model, data, f, f.x)
-    if library.has_builtins and "q" in given:
+    if "q" in given:
         every = data._runs["all"]
-        words = {"bias": every.result.ctypes.data, **_words(every, run, f)}
-        call = recorded_constraints.dynamics().bind(library, every, run, f, **words)
-        data._bound[CONSTRAINED] = library, every, run, call
+        _bind(CONSTRAINED, recorded_constraints.dynamics, data, every, run, bias=every.result.ctypes.data)
     return f.x
 
 
@@ -98,15 +98,9 @@ def impulseDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
     f = solved(library.model, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), mu)
     after: Array = v + f.x
     run = _record(IMPACT, model, data, f, after)
-    if library.has_builtins and "q" in given:
+    if "q" in given:
         masses = data._runs["crba_world"]
-        words = {"M": masses.result.ctypes.data, **_words(masses, run, f)}
-        data._bound[IMPACT] = (
-            library,
-            masses,
-            run,
-            recorded_constraints.impact().bind(library, masses, run, f, **words),
-        )
+        _bind(IMPACT, recorded_constraints.impact, data, masses, run, M=masses.result.ctypes.data)
     return after
 
 
@@ -126,12 +120,9 @@ def computeKKTContactDynamicMatrixInverse(
     crba(model, data, q, Convention.WORLD)
     f = solved(library.model, data.array("M"), np.zeros(model.nv), J, np.zeros(len(J)), mu)
     run = _record(BORDERED, model, data, f, np.empty(0))
-    if library.has_builtins:
-        masses, size = data._runs["crba_world"], model.nv + len(J)
-        words = {"M": masses.result.ctypes.data, "rows": size, "columns": size, **_words(masses, run, f)}
-        del words["result"]
-        call = recorded_constraints.inverse().bind(library, masses, run, f, **words)
-        data._bound[BORDERED] = library, masses, run, call
+    masses, size = data._runs["crba_world"], model.nv + len(J)
+    words = {"M": masses.result.ctypes.data, "rows": size, "columns": size}
+    _bind(BORDERED, recorded_constraints.inverse, data, masses, run, **words)
     return inverse(library.model, f)
 
 
@@ -175,10 +166,16 @@ def _record(kind: str, model: Model, data: Data, f: Solved, result: Array) -> Ru
     return run
 
 
-def _words(before: Run, run: Run, f: Solved) -> dict[str, int]:
-    """Words that the plans of all three builtins share: addresses of inputs, result and factors."""
+def _bind(kind: str, builtin: Callable[[], Builtin], data: Data, before: Run, run: Run, **words: int) -> None:
+    """Bind a builtin to the inputs of the call before, and to the result and factors of this kind, for later calls."""
+    library, f = run.library, run.contact
+    if not library.has_builtins:
+        return
     places = {"memory": before.memory, "result": run.result, "L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
-    return {"m": len(f.C), **run.library.words, **{name: x.ctypes.data for name, x in places.items()}}
+    words |= {"m": len(f.C), **library.words, **{name: x.ctypes.data for name, x in places.items()}}
+    made = builtin()
+    call = made.bind(library, before, run, f, **{name: words[name] for name in made.words})
+    data._bound[kind] = library, before, run, call
 
 
 def _arguments(

@@ -17,7 +17,7 @@ from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_call, last_call
-from ..data.frame_arguments import about_frame, joint_index, reference_code
+from ..data.frame_arguments import about_frame, joint_index, named, reference_code
 from ..data.last_call import Run
 from ..model.model import Model
 from ..types.arguments import ArgumentError, ValueRuntimeError, expected
@@ -172,26 +172,15 @@ def _of_frame(name: str, run: Run, joint: int, placement: Array, reference: Any,
 def _derivatives(name: str, doc: str, of_joints: bool, accelerations: bool) -> Callable[..., tuple[Array, ...]]:
     """Derivatives of the velocity of a frame, and of its spatial acceleration."""
 
-    def function(
-        model: Model,
-        data: Data,
-        frame_id: Any = None,
-        reference_frame: Any = None,
-        last: Any = None,
-        *,
-        joint_id: Any = None,
-        placement: Any = None,
-    ) -> tuple[Array, ...]:
+    def function(model: Model, data: Data, *given: Any, **named: Any) -> tuple[Array, ...]:
         run = _kinematics(model, data, accelerations)
-        about = about_frame(model, of_joints, frame_id, reference_frame, last, joint_id, placement)
+        about = about_frame(model, of_joints, *given, **named)
         velocities = _of_frame("frame_velocity_derivatives", run, *about)
         if not accelerations:
             return tuple(velocities)
         return velocities[0], *_of_frame("frame_acceleration_derivatives", run, *about, 0)
 
-    function.__name__ = function.__qualname__ = name
-    function.__doc__ = doc
-    return function
+    return named(function, name, doc)
 
 
 getJointVelocityDerivatives = _derivatives(

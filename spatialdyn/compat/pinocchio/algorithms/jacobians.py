@@ -20,7 +20,7 @@ from ....recursions.spec import WORLD as IN_WORLD
 from ...native import recorded_calls
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_call, last_call, vector
-from ..data.frame_arguments import REFERENCES, about_frame, reference_code
+from ..data.frame_arguments import REFERENCES, about_frame, named, reference_code
 from ..data.last_call import Run, clock
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
@@ -173,9 +173,7 @@ def _recorded(name: str, doc: str, call_name: str, of_joints: bool) -> Callable[
         _bind(run, model, call_name, of_joints)
         return found
 
-    function.__name__ = function.__qualname__ = name
-    function.__doc__ = doc
-    return function
+    return named(function, name, doc)
 
 
 def _bind(run: Run, model: Model, call_name: str, of_joints: bool) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_call
-from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, reference_code
+from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, named, reference_code
 from ..data.last_call import Run
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
@@ -182,9 +182,7 @@ def _motion(name: str, doc: str, field: str, of_joints: bool, classical: bool = 
             )
         return Motion.over(out)
 
-    function.__name__ = function.__qualname__ = name
-    function.__doc__ = doc
-    return function
+    return named(function, name, doc)
 
 
 _FRAME = """``(model, data, frame_id[, reference_frame])``, or ``(model, data, joint_id, placement[, reference_frame])``

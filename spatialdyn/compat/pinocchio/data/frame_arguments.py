@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,13 @@ Array = NDArray[np.float64]
 CODES = {LOCAL: IN_FRAME, WORLD: IN_WORLD, LOCAL_WORLD_ALIGNED: ALIGNED}
 REFERENCES = {"in_frame": id(LOCAL), "in_world": id(WORLD), "aligned": id(LOCAL_WORLD_ALIGNED)}
 IDENTITY = np.eye(4)
+
+
+def named(function: Callable[..., Any], name: str, doc: str) -> Callable[..., Any]:
+    """A function made from a row of a table, with its name and docstring."""
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = doc
+    return function
 
 
 def joint_index(model: Model, index: Any) -> int:
@@ -53,8 +61,8 @@ def reference_code(reference_frame: Any) -> int:
 def about_frame(
     model: Model,
     of_joints: bool,
-    frame_id: Any,
-    reference_frame: Any,
+    frame_id: Any = None,
+    reference_frame: Any = None,
     last: Any = None,
     joint_id: Any = None,
     placement: Any = None,
