@@ -96,14 +96,14 @@ pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas)
 """
 
 
-def robot(name: str, feet: Sequence[str] = ()) -> Callable[[Any], dict[str, Any]]:
-    """A robot in a state, the same for both; one with feet has a free flyer, and they are in contact."""
+def robot(name: str, feet: Sequence[str], floating: bool = False) -> Callable[[Any], dict[str, Any]]:
+    """A robot in a state, the same for both; its feet are in contact."""
 
     def values(pin: Any) -> dict[str, Any]:
         from spatialdyn.urdf.load import find_robot
 
         rng = np.random.default_rng(0)
-        model = pin.buildModelFromUrdf(str(find_robot(name)), *([pin.JointModelFreeFlyer()] if feet else []))
+        model = pin.buildModelFromUrdf(str(find_robot(name)), *([pin.JointModelFreeFlyer()] if floating else []))
         v, a = rng.standard_normal((2, model.nv))
         q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
         data = model.createData()
@@ -113,7 +113,7 @@ def robot(name: str, feet: Sequence[str] = ()) -> Callable[[Any], dict[str, Any]
                 pin.ContactType.CONTACT_3D, model, model.frames[k].parentJoint, model.frames[k].placement,
                 pin.LOCAL_WORLD_ALIGNED,
             )
-            for k in ((model.getFrameId(foot) for foot in feet) if feet else [model.nframes - 1])
+            for k in (model.getFrameId(foot) for foot in feet)
         ]  # fmt: skip
         contact_datas = [x.createData() for x in contacts]
         data2 = model.createData()  # Pinocchio resizes its factors for the contacts
@@ -133,8 +133,11 @@ def robot(name: str, feet: Sequence[str] = ()) -> Callable[[Any], dict[str, Any]
 CALLS = DYNAMICS.strip().split("\n")
 GROUPS: dict[str, Group] = {
     "types": Group(typed, [x for line in TYPES.split("\n") for x in line.split("  ") if x]),
-    **{name: Group(robot(name), CALLS) for name in ("panda", "talos_full_v2")},
-    "anymal": Group(robot("anymal_b_simple_description/anymal", ("LF_FOOT", "RF_FOOT", "LH_FOOT", "RH_FOOT")), CALLS),
+    "panda": Group(robot("panda", ["panda_link8"]), CALLS),
+    "talos_full_v2": Group(robot("talos_full_v2", ["left_sole_link"]), CALLS),
+    "anymal": Group(
+        robot("anymal_b_simple_description/anymal", ("LF_FOOT", "RF_FOOT", "LH_FOOT", "RH_FOOT"), True), CALLS
+    ),
 }
 
 
