@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
     from .calls.prepare import compile
+    from .calls.promise import Promise
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
     from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
@@ -112,8 +113,8 @@ __all__ = [
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
     "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
     "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
-    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot",
-    "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise", "Recommendation",
+    "Robot", "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
     "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
     "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
     "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
@@ -133,7 +134,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
     "actuation.transmissions": "to_actuators to_joints",
     "calls.bounded": "bounded", "calls.exact": "Exact exact",
-    "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
+    "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile", "calls.promise": "Promise",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
     "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ShapeError
+from .arguments import aligned
 from .specialize_request import SpecializeRequest
 
 
@@ -33,26 +33,8 @@ class Differentiable:
         self.results, self.several = [x.shape for x in request.results()], request.several
 
     def aligned(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """Shapes of inputs, with as many leading axes each: of size 1 before those that there are.
-
-        Raises TypeError for a wrong number of inputs, ShapeError for shapes that are not the inputs' or do not
-        broadcast.
-        """
-        if len(shapes) != len(self.cores):
-            names = ", ".join(self.names)
-            raise TypeError(f"{len(shapes)} inputs were given, expected {len(self.cores)}: ({names})")
-        leads = []
-        for name, shape, core in zip(self.names, shapes, self.cores, strict=True):
-            rank = len(shape) - len(core)
-            if rank < 0 or tuple(shape[rank:]) != core:
-                raise ShapeError(f"{name} has shape {tuple(shape)}, expected ({', '.join(['...', *map(str, core)])})")
-            leads.append(tuple(shape[:rank]))
-        try:
-            rank = len(np.broadcast_shapes(*leads))
-        except ValueError:
-            shown = ", ".join(f"{x} {lead}" for x, lead in zip(self.names, leads, strict=True))
-            raise ShapeError(f"leading axes are {shown}, expected some that broadcast") from None
-        return [(1,) * (rank - len(lead)) + lead + core for lead, core in zip(leads, self.cores, strict=True)]
+        """``arguments.aligned`` of the inputs."""
+        return aligned(self.names, self.cores, shapes)
 
     def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """The shapes of the results for inputs of these aligned shapes."""

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import time
+import typing
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,43 @@ from . import specialize_fallback
 from .arguments import as_array, broadcast, empty, flatten_batch
 from .differentiable import Differentiable
 from .exported import exported, jacobian_of
+from .promise import Promise
 from .specialize_request import Array, Names, SpecializeRequest, read_request
+
+
+@typing.overload
+def specialize(
+    model: Model,
+    calls: Callable[..., Any] | Sequence[Callable[..., Any]],
+    dtype: DTypeLike = ...,
+    fixed: Mapping[str, Any] | None = ...,
+    inputs: Names = ...,
+    outputs: str | int | Sequence[str | int] | None = ...,
+    frame: str | Frame | None = ...,
+    reference: str = ...,
+    classical: bool = ...,
+    constraints: Any = ...,
+    derivative: str | None = ...,
+    tolerance: None = ...,
+) -> Specialized: ...
+
+
+@typing.overload
+def specialize(
+    model: Model,
+    calls: Callable[..., Any],
+    dtype: DTypeLike = ...,
+    fixed: Mapping[str, Any] | None = ...,
+    inputs: Names = ...,
+    outputs: str | int | Sequence[str | int] | None = ...,
+    frame: str | Frame | None = ...,
+    reference: str = ...,
+    classical: bool = ...,
+    constraints: Any = ...,
+    derivative: None = ...,
+    *,
+    tolerance: float | tuple[float, float],
+) -> Promise: ...
 
 
 def specialize(
@@ -44,7 +81,8 @@ def specialize(
     classical: bool = False,
     constraints: Any = None,
     derivative: str | None = None,
-) -> Specialized:
+    tolerance: float | tuple[float, float] | None = None,
+) -> Specialized | Promise:
     """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
 
     model     Model without mimic joints
@@ -70,8 +108,12 @@ def specialize(
               the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some three
               times the operations, in float64. A sample beyond the program's range is an error. A configuration's
               tangents and derivatives are those of a displacement (nv,), as those of ``rnea_derivatives`` are
+    tolerance  relative to the largest entry of a sample's result, or (relative, absolute): the answer is a Promise,
+              each sample computed by the cheapest of float32, float64 and double-double whose bound is within it. Of
+              one call, in float64
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
+    With a tolerance a Promise, called alike.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -90,6 +132,18 @@ def specialize(
     constants = {} if fixed is None else fixed
     given = (inputs, outputs, frame, reference, classical, constraints)
     request = read_request(model, calls, dtype, constants, *given, derivative=derivative)
+    if tolerance is not None:
+        if derivative is not None or request.dtype != np.float64 or request.several:
+            what = "a derivative" if derivative is not None else "several calls" if request.several else "float32"
+            raise SpatialDynError(f"tolerance is {tolerance!r} with {what}, expected one call in float64 alone")
+        words = {"tolerance": tolerance, "fixed": fixed, "inputs": inputs, "outputs": outputs, "frame": frame}
+        words |= {"reference": reference, "classical": classical, "constraints": constraints}
+
+        def bounded(dtype: Any) -> Specialized:
+            made = read_request(model, calls, dtype, constants, *given, bounds=True)
+            return check_program(of_request(made, specialize, ()), "bounds")
+
+        return Promise(request, tolerance, bounded, partial(specialize, **words), (model, calls))
     made = of_request(request, specialize, (model, calls, dtype, fixed, *given, derivative))
     return made if derivative is None else check_program(made, f"derivative={derivative!r}")
 

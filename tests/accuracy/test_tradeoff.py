@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 from collections import Counter
@@ -78,6 +79,36 @@ def test_what_is_recommended_meets_its_tolerance_on_fresh_states(name: str) -> N
             chosen = advice(found, tolerance)
             errors = references.of_calls(first, np.asarray(chosen(*fresh)), truth)
             assert errors.max() <= tolerance, (task, tolerance, chosen.option.name)
+
+
+@compiled
+def test_no_error_is_above_what_is_promised() -> None:
+    found = sd.trade(MODELS["two_link"](), states=64, batch=8)
+    lanes = [x for x in found.options if x.name.startswith("lanes")]
+    assert len(lanes) == 6  # aba, crba_solve and aba_refined, each in float64 and float32
+    for x in lanes:
+        assert x.error < x.promised < 1e4 * x.error
+        assert json.loads(found.to_json())["options"][found.options.index(x)]["promised"] == x.promised
+    assert {x.promised for x in found.options if x not in lanes} == {math.inf}
+    why = advice(found, 1e-9).why
+    assert "its rounding is bounded by " in why
+    assert "tolerance=...) holds each answer to its own bound" in why
+    figure = found.plot() if _has_matplotlib() else None
+    if figure is not None:
+        (axes,) = figure.axes
+        ends = sorted(tuple(path.vertices[:, 1]) for x in axes.collections for path in x.get_paths())
+        assert ends == sorted((x.error, x.promised) for x in lanes)
+
+
+@compiled
+def test_the_bound_is_the_smaller_of_both_extrapolations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(call_errors, "_promised", lambda *given: np.full(64, 1e-30))
+    for x in sd.trade(MODELS["two_link"](), "inverse_dynamics", states=64, batch=8).options:
+        assert x.bound == references.error_bound(np.full(64, 1e-30)) < x.error
+
+
+def _has_matplotlib() -> bool:
+    return importlib.util.find_spec("matplotlib") is not None
 
 
 @compiled

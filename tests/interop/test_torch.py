@@ -123,7 +123,7 @@ def test_what_it_has_not_is_refused(case: Case) -> None:
         f(q * 1j, v, tau)
     with pytest.raises(sd.ShapeError, match=re.escape("v has shape (2,), expected (..., 3)")):
         f(q, v[:2], tau)
-    with pytest.raises(sd.ShapeError, match=re.escape("leading axes are q (2,), v (), tau (3,)")):
+    with pytest.raises(sd.ShapeError, match=re.escape("batch shapes do not broadcast: q (2,), v (), tau (3,)")):
         f(torch.stack([q] * 2), v, torch.stack([tau] * 3))
     with pytest.raises(TypeError, match=re.escape("1 inputs were given, expected 3: (q, v, tau)")):
         f(q)
