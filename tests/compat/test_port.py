@@ -154,7 +154,7 @@ def test_json_holds_every_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     script.write_text(GOOD)
     assert cli.main(["port", "--json", str(script)]) == 0
     (listed,) = json.loads(capsys.readouterr().out).values()
-    assert {"name": "rnea", "lines": [8], "status": SUPPORTED, "note": ""} in listed
+    assert {"name": "rnea", "lines": [8], "status": SUPPORTED, "note": "", "raises": ""} in listed
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,45 +9,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
-from ...model.robot import rpy_matrix, rpy_of
+from ..native import operators
 from .types.arguments import array, number
 from .types.frame import LOCAL, ReferenceFrame
+from .types.value import on_values
 
 Array = NDArray[np.float64]
-AXES = {"x": 0, "y": 1, "z": 2}
 
 __all__ = [
-    "computeRpyJacobian",
-    "computeRpyJacobianInverse",
-    "computeRpyJacobianTimeDerivative",
-    "matrixToRpy",
-    "rotate",
+    "computeRpyJacobian", "computeRpyJacobianInverse", "computeRpyJacobianTimeDerivative", "matrixToRpy", "rotate",
     "rpyToMatrix",
-]
+]  # fmt: skip
+
+_rotation_of = on_values("rpyToMatrix(rpy: vec) -> rot", operators.rotation_of_rpy)
+_ABOUT = {
+    "x": on_values("rotate(angle: number) -> rot", operators.rotation_about_x),
+    "y": on_values("rotate(angle: number) -> rot", operators.rotation_about_y),
+    "z": on_values("rotate(angle: number) -> rot", operators.rotation_about_z),
+}
+
+matrixToRpy = on_values(
+    "matrixToRpy(R: rot) -> vec",
+    operators.rpy_of_rotation,
+    "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).",
+)
 
 
 def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
     """The rotation matrix (3, 3) of three angles, or of one array (3,) of them [rad]."""
-    if pitch is None and yaw is None:
-        return rpy_matrix(*array(roll, (3,), "rpy").tolist())
-    return rpy_matrix(number(roll, "roll"), number(pitch, "pitch"), number(yaw, "yaw"))
-
-
-def matrixToRpy(R: Any) -> Array:
-    """Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).
-
-    At a pitch of ±π/2, where roll and yaw are not unique, the roll is 0.
-    """
-    return np.array(rpy_of(array(R, (3, 3), "R")))
+    if pitch is not None or yaw is not None:
+        roll = np.array([number(roll, "roll"), number(pitch, "pitch"), number(yaw, "yaw")])
+    return _rotation_of(roll)  # type: ignore[no-any-return]
 
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    if axis not in AXES:
+    about = _ABOUT.get(axis)
+    if about is None:
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    angles = [0.0, 0.0, 0.0]
-    angles[AXES[axis]] = number(angle, "angle")
-    return rpy_matrix(*angles)
+    return about(angle)  # type: ignore[no-any-return]
 
 
 def _trigonometry(rpy: Any) -> tuple[float, float, float, float, float, float]:

@@ -10,7 +10,7 @@ import numpy.linalg as npl
 
 from .rpy import matrixToRpy, rotate, rpyToMatrix
 from .types.containers import StdVec_StdString
-from .types.tracked_array import Value
+from .types.value import Value
 
 __all__ = [
     "eye",

@@ -216,7 +216,7 @@ def _supported(model: Model, frame: int) -> Inertia:
             found.add(k)
     total = Inertia.Zero()
     for k in found:
-        total = total + model.frames[k].placement.act(model.frames[k].inertia)
+        total += model.frames[k].placement.act(model.frames[k].inertia)
     return total
 
 
