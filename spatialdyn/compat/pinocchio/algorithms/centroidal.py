@@ -214,7 +214,7 @@ def _supported(model: Model, frame: int) -> Inertia:
     for k in range(frame + 1, len(model.frames)):
         if model.frames[k].parentJoint == joint and model.frames[k].parentFrame in found:
             found.add(k)
-    total = Inertia.Zero()
+    total: Inertia = Inertia.Zero()
     for k in found:
         total += model.frames[k].placement.act(model.frames[k].inertia)
     return total

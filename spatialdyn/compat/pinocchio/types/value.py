@@ -106,9 +106,6 @@ class Summable(Value):
 
     __slots__ = ()
 
-    __add__: Callable[..., Any]
-    __sub__: Callable[..., Any]
-
     def __iadd__(self, other: Any) -> Any:
         total = self + other
         return self._write(total._x) if isinstance(total, Value) else NotImplemented
