@@ -29,44 +29,49 @@ SHAPES: dict[str, tuple[int, ...]] = {
 # --- on arrays ---------------------------------------------------------------------------------------------
 
 
+def deferred(make: Callable[[], Operation]) -> Operation:
+    """A function that another one makes at its first call: Numba takes milliseconds to list a function."""
+    kernel = None
+
+    def call(*arguments: Any) -> Any:
+        nonlocal kernel
+        kernel = kernel or make()
+        return kernel(*arguments)
+
+    return call
+
+
 def on_arrays(name: str, operator: Operation, kinds: str) -> Operation:
     """A kernel ``(*inputs, out)`` for an operator of these kinds, as "pose vec -> vec"; a "number" is returned."""
-    from ...engines.compiled import jit
-
     inputs, (output,) = (part.split() for part in kinds.split("->"))
     names = [f"x{k}" for k in range(len(inputs))]
     result = f"operator({', '.join(_read(kind, x) for x, kind in zip(names, inputs, strict=True))})"
-    body = ["stamp", f"return {result}" if output == "number" else f"write_{output}(out, {result})"]
-    parameters = names if output == "number" else [*names, "out"]
+    statement = f"return {result}" if output == "number" else f"write_{output}(out, {result})"
+    return deferred(
+        lambda: compiled_text(f"algebra_{name}", names + ["out"] * (output != "number"), [statement], operator)
+    )
+
+
+def compiled_text(name: str, parameters: list[str], body: list[str], operator: Operation) -> Operation:
+    """A kernel of statements that call ``operator`` and the readers and writers of ``public_arrays``."""
+    from ...engines.compiled import jit
+
     scope = {**vars(public_arrays), "operator": operator}
-    function = numba_kernels.kernel_from_text(f"algebra_{name}", parameters, body, scope)
+    function = numba_kernels.kernel_from_text(name, parameters, ["stamp", *body], scope)
     return jit.numba_jit(function, nogil=False)  # releasing the GIL costs 0.03 µs
-
-
-on_arrays_once = cache(on_arrays)
 
 
 def _read(kind: str, x: str) -> str:
     return x if kind == "number" else f"read_{kind}({x})"
 
 
-ON_ARRAYS: dict[str, tuple[Operation, str]] = {
-    "compose": (spatial.compose, "pose pose -> pose"),
-    "motion_to_parent": (spatial.motion_to_parent, "pose motion -> motion"),
-    "force_to_parent": (spatial.force_to_parent, "pose force -> force"),
-    "force_to_child": (spatial.force_to_child, "pose force -> force"),
-    "body_to_parent": (operators.body_to_parent, "pose body -> body"),
-    "add_body": (operators.add_bodies, "body body -> body"),
-    "quat_matrix": (lie.matrix, "quat -> rot"),
-}
-
-
-def __getattr__(name: str) -> Operation:
-    """The kernel of that name, made when it is first asked for."""
-    if name not in ON_ARRAYS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    kernel = globals()[name] = on_arrays(name, *ON_ARRAYS[name])
-    return kernel
+compose = on_arrays("compose", spatial.compose, "pose pose -> pose")
+motion_to_parent = on_arrays("motion_to_parent", spatial.motion_to_parent, "pose motion -> motion")
+force_to_parent = on_arrays("force_to_parent", spatial.force_to_parent, "pose force -> force")
+force_to_child = on_arrays("force_to_child", spatial.force_to_child, "pose force -> force")
+body_to_parent = on_arrays("body_to_parent", operators.body_to_parent, "pose body -> body")
+add_body = on_arrays("add_body", operators.add_bodies, "body body -> body")
+quat_matrix = on_arrays("quat_matrix", lie.matrix, "quat -> rot")
 
 
 # --- on objects --------------------------------------------------------------------------------------------

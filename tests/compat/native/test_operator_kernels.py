@@ -49,7 +49,7 @@ SHAPES = {
 
 def kernel(name: str) -> Any:
     """The compiled operator of that row."""
-    return operator_kernels.on_arrays_once(name, *OPERATIONS[name])
+    return operator_kernels.on_arrays(name, *OPERATIONS[name])
 
 
 def given(kind: str, rng: np.random.Generator) -> Any:
@@ -104,12 +104,11 @@ def test_quaternion_of_a_matrix_is_exact_at_half_a_turn(turn: tuple[float, ...])
     assert min(np.abs(back - q).max(), np.abs(back + q).max()) <= 4 * EPS
 
 
-def test_the_kernels_of_the_face_are_made_when_asked_for() -> None:
-    for name, row in operator_kernels.ON_ARRAYS.items():
-        assert getattr(operator_kernels, name) is getattr(operator_kernels, name)
-        assert OPERATIONS.get(name, row) == row
-    with pytest.raises(AttributeError, match="has no attribute 'frobnicate'"):
-        operator_kernels.frobnicate
+def test_a_kernel_is_made_at_its_first_call_and_once() -> None:
+    made: list[int] = []
+    function = operator_kernels.deferred(lambda: made.append(1) or (lambda x: x + 1))
+    assert made == []
+    assert (function(1), function(2), made) == (2, 3, [1])
 
 
 def test_a_rotational_inertia_is_judged() -> None:

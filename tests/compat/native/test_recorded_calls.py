@@ -142,7 +142,7 @@ def test_a_listed_operator_is_the_operator_row_by_row() -> None:
     rng = np.random.default_rng(1)
     a, b = np.empty((3, 4, 4)), rng.normal(size=(5, 6))
     for X in a:
-        operator_kernels.on_arrays_once("exp6", operators.exp_pose, "motion -> pose")(rng.normal(size=6), X)
+        operator_kernels.on_arrays("exp6", operators.exp_pose, "motion -> pose")(rng.normal(size=6), X)
     places, out, one = np.array([2, 0, 0, 1, 2]), np.empty((5, 6)), np.empty(6)
     recorded_calls.motions_to_parent(a, places, b, out)
     for k, place in enumerate(places):

@@ -204,6 +204,9 @@ def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Ca
             scope["call"] = operator_kernels.bind_values(builtin, slot, CLASSES, kinds, output)
         return scope["call"](*given)
 
+    text = " ".join(_array_kind(kind) for kind in kinds)
+    kernel = operator_kernels.on_arrays(label, operator, f"{text} -> {output.lower()}")
+
     def convert(*given: Any) -> Any:
         try:
             ready = [_converted(x, kind, what) for x, (what, kind) in zip(given, inputs.items(), strict=True)]
@@ -211,8 +214,6 @@ def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Ca
             if name.startswith("__"):
                 return NotImplemented
             raise
-        text = " ".join(_array_kind(kind) for kind in kinds)
-        kernel = operator_kernels.on_arrays_once(label, operator, f"{text} -> {output.lower()}")
         if output == "number":
             return kernel(*ready)
         out = np.empty(operator_kernels.SHAPES[output.lower()])
