@@ -126,7 +126,7 @@ def _print_folder(folder: str, scripts: list[Script]) -> None:
             [(name, status, _listed(noted[name, status, note]), note) for name, status, note in listed],
             [k for k, (_, status, _) in enumerate(listed) if "supported" not in status],
         )
-    rest = f"; {len(scripts) - len(used)} other files do not use Pinocchio" if len(scripts) > len(used) else ""
+    rest = f"; files without Pinocchio: {len(scripts) - len(used)}" if len(scripts) > len(used) else ""
     print(f"{folder}: {_share(used)} in {len(used)} files{rest}")
     lines = {text for script in used for text in _advice(script, numbered=False)}
     for text in sorted(lines):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ...algebra import lie
 from ...algebra.euclidean import (
     Mat3,
@@ -38,6 +40,7 @@ from ...algebra.spatial import (
     scale_motion,
 )
 
+NO_LIMIT = 1.7976931348623157e308  # the largest number: a limit of that size is none
 SOUND, NEGATIVE, ASYMMETRIC = 0.0, 1.0, 2.0  # faults of a rotational inertia
 ROUNDING = 1e-12  # relative: an asymmetry or a negative eigenvalue below it is a rounding error
 
@@ -134,6 +137,18 @@ def scaled_motion(m: Motion, s: Scalar) -> Motion:
 def scaled_force(f: Force, s: Scalar) -> Force:
     """``scale_force`` with its arguments exchanged."""
     return scale_force(s, f)
+
+
+@inline
+def divided_motion(m: Motion, s: Scalar) -> Motion:
+    """m / s."""
+    return Motion(Vec(m.w.x / s, m.w.y / s, m.w.z / s), Vec(m.v.x / s, m.v.y / s, m.v.z / s))
+
+
+@inline
+def divided_force(f: Force, s: Scalar) -> Force:
+    """f / s."""
+    return Force(Vec(f.n.x / s, f.n.y / s, f.n.z / s), Vec(f.f.x / s, f.f.y / s, f.f.z / s))
 
 
 @inline
@@ -381,3 +396,23 @@ def log_rotation_jacobian_derivative(R: Mat3, v: Vec) -> Mat3:
     w = log_rotation(R)
     rate = rotate(lie.log_jacobian(Motion(w, zero()), 1.0).J, v)
     return lie.log_jacobian(Motion(w, rate), 1.0).K
+
+
+# --- numbers -----------------------------------------------------------------------------------------------
+
+
+@inline
+def same(x: Any) -> Any:
+    """The argument, of any kind."""
+    return x
+
+
+@inline
+def between(lower: Scalar, upper: Scalar, draw: Scalar) -> Scalar:
+    """A number between bounds, by a draw in [0, 1); a bound that is none is 2 away from the other, or one of ±1."""
+    low, high = lower, upper
+    if abs(lower) >= NO_LIMIT:
+        low = -1.0 if abs(upper) >= NO_LIMIT else upper - 2.0
+    if abs(upper) >= NO_LIMIT:
+        high = 1.0 if abs(lower) >= NO_LIMIT else lower + 2.0
+    return low + (high - low) * draw

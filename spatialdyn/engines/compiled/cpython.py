@@ -58,6 +58,14 @@ def _real_call(typing_context: Any, address: Any, x: Any) -> Any:
     return types.intp(types.intp, types.float64), generate
 
 
+def _real_function(typing_context: Any, address: Any, x: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function = ir.FunctionType(ir.DoubleType(), [_WORD]).as_pointer()
+        return builder.call(builder.inttoptr(values[0], function), [values[1]])
+
+    return types.float64(types.intp, types.intp), generate
+
+
 def _word_at(typing_context: Any, base: Any, k: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.load(builder.gep(builder.inttoptr(arguments[0], _WORD.as_pointer()), [arguments[1]]))
@@ -71,6 +79,7 @@ _size: Any = _call(_WORD, _WORD)
 _void: Any = _call(ir.VoidType())
 _allocate: Any = _call(_WORD, _WORD, _WORD)
 _from_double: Any = intrinsic(_real_call)
+real_function: Any = intrinsic(_real_function)  # (address, word) -> float64 of a C function
 word: Any = intrinsic(_word_at)
 _pointer = jit.pointer
 

@@ -219,7 +219,8 @@ def _differences() -> dict[str, str]:
     for x in DIFFERENCES:
         if x.switched:
             continue
-        for name in re.findall(r"[\w.]+", x.what):
+        subject = re.split(r" (?:after|before|with) ", x.what)[0]
+        for name in dict.fromkeys(re.findall(r"[\w.]+", subject)):
             if name.split(".")[0] in NAMES | MEMBERS:
                 found.setdefault(name, []).append(f"{x.what}: {x.here}, in Pinocchio {x.pinocchio}")
     return {name: "; ".join(notes) for name, notes in found.items()}

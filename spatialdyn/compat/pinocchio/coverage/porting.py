@@ -75,7 +75,7 @@ def _use(name: str, lines: list[int]) -> Use:
     _, status, note = entry(name)
     when = raises(name)
     if when.startswith("always"):
-        status, note = OUT_OF_SCOPE, f"raises {when}"
+        status, note = OUT_OF_SCOPE, "always raises" + when.removeprefix("always")
     return Use(name, tuple(sorted(set(lines))), status, note, when)
 
 

@@ -31,6 +31,7 @@ class Spatial(Summable, InFrames):
     _arguments = ("linear", "angular")
     _letters: ClassVar[tuple[str, str]]
     _scaled: ClassVar[Callable[..., Any]]
+    _divided: ClassVar[Callable[..., Any]]
 
     def __init__(self, linear: Any = None, angular: Any = None, *, array: Any = None, clone: Any = None) -> None:
         if angular is not None:
@@ -65,10 +66,7 @@ class Spatial(Summable, InFrames):
     __rmul__ = __mul__
 
     def __truediv__(self: Vector, scale: Any) -> Vector:
-        if not isinstance(scale, (float, int)):
-            return NotImplemented
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self.over(self._x / scale)
+        return self._divided(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
 
     def __repr__(self) -> str:
         linear, angular = self._letters
@@ -84,6 +82,7 @@ class Force(Spatial, kind="Force"):
     __sub__ = on_values("__sub__(self: Force, other: Force) -> Force", spatial.sub_force)
     __neg__ = on_values("__neg__(self: Force) -> Force", operators.negated_force)
     _scaled = on_values("scaled(self: Force, scale: number) -> Force", operators.scaled_force)
+    _divided = on_values("divided(self: Force, scale: number) -> Force", operators.divided_force)
     Zero = staticmethod(on_values("Zero() -> Force", spatial.zero_force, "Zero."))
     dot = on_values("dot(self: Force, m: Motion) -> number", operators.power_of_force, "The power along a Motion [W].")
 
@@ -100,6 +99,7 @@ class Motion(Spatial, kind="Motion"):
     __sub__ = on_values("__sub__(self: Motion, other: Motion) -> Motion", spatial.sub_motion)
     __neg__ = on_values("__neg__(self: Motion) -> Motion", operators.negated_motion)
     _scaled = on_values("scaled(self: Motion, scale: number) -> Motion", operators.scaled_motion)
+    _divided = on_values("divided(self: Motion, scale: number) -> Motion", operators.divided_motion)
     Zero = staticmethod(on_values("Zero() -> Motion", spatial.zero_motion, "Zero."))
     dot = on_values("dot(self: Motion, f: Force) -> number", spatial.power, "The power of a Force along it [W].")
 

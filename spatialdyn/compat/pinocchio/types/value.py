@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
-from ...native import operator_kernels
+from ...native import operator_kernels, operators
 from .arguments import ArgumentError, array, expected, near, number
 from .tracked_array import tracked
 
@@ -32,12 +32,13 @@ class Value:
     _x: Array
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
-    _printed: ClassVar[str]  # with a field for each argument
 
     def __init_subclass__(cls, kind: str = "", **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:
             CLASSES[kind] = cls
+            copy = on_values(f"copy(self: {kind}) -> {kind}", operators.same, "An independent copy.")
+            cls.copy = copy  # type: ignore[method-assign]
 
     @classmethod
     def over(cls: type[Self], x: Array, owner: Any = None) -> Self:
@@ -61,16 +62,14 @@ class Value:
 
     def copy(self: Self) -> Self:
         """An independent copy."""
-        kind = type(self)
-        made = kind.__new__(kind)
-        made._x = self._x.copy()
-        return made
+        return self.over(self._x.copy())
 
     def cast(self: Self) -> Self:
         """A copy: the only scalar type is float64."""
         return self.copy()
 
-    __copy__ = copy
+    def __copy__(self: Self) -> Self:
+        return self.copy()
 
     def __deepcopy__(self: Self, memo: Any) -> Self:
         return self.copy()
