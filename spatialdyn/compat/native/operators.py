@@ -88,9 +88,15 @@ def rotation_about_z(angle: Scalar) -> Mat3:
 
 
 @inline
-def rotation_of_rpy(rpy: Vec) -> Mat3:
+def rotation_of_angles(roll: Scalar, pitch: Scalar, yaw: Scalar) -> Mat3:
     """R_z(yaw) R_y(pitch) R_x(roll)."""
-    return matmul(matmul(rotation_about_z(rpy.z), rotation_about_y(rpy.y)), rotation_about_x(rpy.x))
+    return matmul(matmul(rotation_about_z(yaw), rotation_about_y(pitch)), rotation_about_x(roll))
+
+
+@inline
+def rotation_of_rpy(rpy: Vec) -> Mat3:
+    """``rotation_of_angles`` of a vector of them."""
+    return rotation_of_angles(rpy.x, rpy.y, rpy.z)
 
 
 @inline

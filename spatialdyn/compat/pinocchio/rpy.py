@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
 from ..native import operators
-from .types.arguments import array, number
+from .types.arguments import array
 from .types.frame import LOCAL, ReferenceFrame
 from .types.value import on_values
 
@@ -21,7 +21,8 @@ __all__ = [
     "rpyToMatrix",
 ]  # fmt: skip
 
-_rotation_of = on_values("rpyToMatrix(rpy: vec) -> rot", operators.rotation_of_rpy)
+_of_array = on_values("rpyToMatrix(rpy: vec) -> rot", operators.rotation_of_rpy)
+_of_angles = on_values("rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot", operators.rotation_of_angles)
 _ABOUT = {
     "x": on_values("rotate(angle: number) -> rot", operators.rotation_about_x),
     "y": on_values("rotate(angle: number) -> rot", operators.rotation_about_y),
@@ -37,9 +38,9 @@ matrixToRpy = on_values(
 
 def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
     """The rotation matrix (3, 3) of three angles, or of one array (3,) of them [rad]."""
-    if pitch is not None or yaw is not None:
-        roll = np.array([number(roll, "roll"), number(pitch, "pitch"), number(yaw, "yaw")])
-    return _rotation_of(roll)  # type: ignore[no-any-return]
+    if pitch is None and yaw is None:
+        return _of_array(roll)  # type: ignore[no-any-return]
+    return _of_angles(roll, pitch, yaw)  # type: ignore[no-any-return]
 
 
 def rotate(axis: str, angle: float) -> Array:

@@ -15,6 +15,7 @@ from spatialdyn.engines import object_layout
 from spatialdyn.engines.compiled import numba_kernels
 
 EPS = float(np.finfo(float).eps)
+MOST = float(np.finfo(float).max)  # the wheel's limit where there is none
 FUSED = 32 * EPS  # compiled code may fuse a product and a sum, plain Python does not; entries are of order one
 
 OPERATIONS = {
@@ -187,6 +188,28 @@ def test_an_object_that_does_not_apply_gives_none() -> None:
         assert compose(A, x) is None
         assert compose(x, A) is None
     assert compose(np.eye(4), A) is compose(A) is compose() is compose(A, A, A) is None
+
+
+LIMITS = np.array([[-2.0, 3.0], [-MOST, 3.0], [-2.0, MOST], [-MOST, MOST], [-np.inf, 3.0], [-np.inf, np.inf]]).T
+RANGES = np.array([[-2.0, 3.0], [1.0, 3.0], [-2.0, 0.0], [-1.0, 1.0], [1.0, 3.0], [-1.0, 1.0]]).T
+
+
+def test_a_bound_that_is_none_is_two_away() -> None:
+    for low, high, first, last in zip(*LIMITS.tolist(), *RANGES.tolist(), strict=True):
+        assert operators.between(low, high, 0.0) == first
+        assert operators.between(low, high, 1.0) == last
+
+
+@compiled
+def test_draws_are_those_of_the_generator() -> None:
+    generator, twin = np.random.default_rng(5), np.random.default_rng(5)
+    draw = operator_kernels.draw_between(generator)
+    draws = twin.random(6)
+    expected = [operators.between(*x) for x in zip(*LIMITS.tolist(), draws.tolist(), strict=True)]
+    assert np.abs(draw(*LIMITS) - expected).max() <= 4 * EPS
+    generator.bit_generator.state = np.random.default_rng(5).bit_generator.state
+    assert np.abs(draw(*LIMITS) - expected).max() <= 4 * EPS
+    assert draw(LIMITS[0], LIMITS[1, :5]) is draw(LIMITS, LIMITS) is draw(1, 2) is None
 
 
 @compiled

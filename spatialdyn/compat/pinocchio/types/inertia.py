@@ -15,7 +15,7 @@ from .motion import Motion
 from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, body_of, parameters_of
 from .random import GENERATOR
 from .rotations import skew
-from .se3 import SE3, TO_CHILD, TO_PARENT
+from .se3 import SE3
 from .symmetric import PLACES, six
 from .value import InFrames, Summable, as_array, on_values, part, preset
 
@@ -132,6 +132,8 @@ class Inertia(Summable, InFrames, kind="Body"):
     __add__ = on_values("__add__(self: Body, other: Body) -> Body", operators.add_bodies)
     __sub__ = on_values("__sub__(self: Body, other: Body) -> Body", operators.subtract_bodies)
     __mul__ = on_values("__mul__(self: Body, v: Motion) -> Force", operators.body_momentum)
+    _to_parent = on_values("act(self: Pose, I: Body) -> Body", operators.body_to_parent)
+    _to_child = on_values("actInv(self: Pose, I: Body) -> Body", operators.body_to_child)
     vxiv = on_values(
         "vxiv(self: Body, v: Motion) -> Force", operators.bias_force, "v ×* I v: the bias force of a body."
     )
@@ -212,8 +214,6 @@ class Inertia(Summable, InFrames, kind="Body"):
 
 
 PseudoInertia._body = LogCholeskyParameters._body = Inertia
-TO_PARENT[Inertia] = on_values("act(self: Pose, I: Body) -> Body", operators.body_to_parent)
-TO_CHILD[Inertia] = on_values("actInv(self: Pose, I: Body) -> Body", operators.body_to_child)
 
 
 def _restored(x: Array) -> Inertia:

@@ -12,7 +12,6 @@ from ....algebra import spatial
 from ...native import operators
 from .arguments import ArgumentError, array, described, row
 from .random import uniform
-from .se3 import TO_CHILD, TO_PARENT
 from .value import InFrames, Summable, on_values, part, preset
 
 __all__ = ["Force", "Motion"]
@@ -83,6 +82,8 @@ class Force(Spatial, kind="Force"):
     __neg__ = on_values("__neg__(self: Force) -> Force", operators.negated_force)
     _scaled = on_values("scaled(self: Force, scale: number) -> Force", operators.scaled_force)
     _divided = on_values("divided(self: Force, scale: number) -> Force", operators.divided_force)
+    _to_parent = on_values("act(self: Pose, f: Force) -> Force", spatial.force_to_parent)
+    _to_child = on_values("actInv(self: Pose, f: Force) -> Force", spatial.force_to_child)
     Zero = staticmethod(on_values("Zero() -> Force", spatial.zero_force, "Zero."))
     dot = on_values("dot(self: Force, m: Motion) -> number", operators.power_of_force, "The power along a Motion [W].")
 
@@ -100,6 +101,8 @@ class Motion(Spatial, kind="Motion"):
     __neg__ = on_values("__neg__(self: Motion) -> Motion", operators.negated_motion)
     _scaled = on_values("scaled(self: Motion, scale: number) -> Motion", operators.scaled_motion)
     _divided = on_values("divided(self: Motion, scale: number) -> Motion", operators.divided_motion)
+    _to_parent = on_values("act(self: Pose, m: Motion) -> Motion", spatial.motion_to_parent)
+    _to_child = on_values("actInv(self: Pose, m: Motion) -> Motion", spatial.motion_to_child)
     Zero = staticmethod(on_values("Zero() -> Motion", spatial.zero_motion, "Zero."))
     dot = on_values("dot(self: Motion, f: Force) -> number", spatial.power, "The power of a Force along it [W].")
 
@@ -131,7 +134,3 @@ class Motion(Spatial, kind="Motion"):
 
 _cross_motion = on_values("__xor__(self: Motion, other: Motion) -> Motion", spatial.cross_motion)
 _cross_force = on_values("__xor__(self: Motion, other: Force) -> Force", spatial.cross_force)
-TO_PARENT[Motion] = on_values("act(self: Pose, m: Motion) -> Motion", spatial.motion_to_parent)
-TO_PARENT[Force] = on_values("act(self: Pose, f: Force) -> Force", spatial.force_to_parent)
-TO_CHILD[Motion] = on_values("actInv(self: Pose, m: Motion) -> Motion", spatial.motion_to_child)
-TO_CHILD[Force] = on_values("actInv(self: Pose, f: Force) -> Force", spatial.force_to_child)

@@ -19,6 +19,8 @@ __all__ = ["SE3"]
 Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
+_point_to_parent = on_values("act(self: Pose, point: vec) -> vec", operators.point_to_parent)
+_point_to_child = on_values("actInv(self: Pose, point: vec) -> vec", operators.point_to_child)
 _pose_of = on_values("pose_of(rotation: rot, translation: vec) -> pose", spatial.Pose)
 _pose_of_quaternion = on_values("pose_of(quat: Quat, translation: vec) -> pose", operators.pose_of_quaternion)
 _fraction = on_values("fraction(A: Pose, B: Pose, alpha: number) -> Pose", operators.interpolated)
@@ -92,19 +94,23 @@ class SE3(Value, kind="Pose"):
 
     # --- products ------------------------------------------------------------------------------------------
 
+    # The other classes that an SE3 moves have such functions too.
+    _to_parent = on_values("act(self: Pose, other: Pose) -> Pose", spatial.compose)
+    _to_child = on_values("actInv(self: Pose, other: Pose) -> Pose", operators.relative_pose)
+
     def __mul__(self, other: Any) -> Any:
-        move = TO_PARENT.get(type(other)) or _mover(TO_PARENT, other, None)
-        if move is None or (move is _point_to_parent and other.shape != (3,) and other.shape != (3, 1)):
-            return NotImplemented
-        return move(self, other)
+        if isinstance(other, np.ndarray):
+            return _point_to_parent(self, other) if other.shape in ((3,), (3, 1)) else NotImplemented
+        move = getattr(type(other), "_to_parent", None)
+        return NotImplemented if move is None else move(self, other)
 
     def act(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the frame to the reference frame."""
-        return _mover(TO_PARENT, other, _point_to_parent)(self, other)
+        return getattr(type(other), "_to_parent", _point_to_parent)(self, other)
 
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
-        return _mover(TO_CHILD, other, _point_to_child)(self, other)
+        return getattr(type(other), "_to_child", _point_to_child)(self, other)
 
     inverse = __invert__ = on_values(
         "inverse(self: Pose) -> Pose", spatial.inverse, "The pose of the reference frame in the frame."
@@ -122,23 +128,6 @@ class SE3(Value, kind="Pose"):
     def __repr__(self) -> str:
         text = np.array2string(self._x, separator=", ").replace("\n", "").replace("], [", "],[").replace(",  [", ",[")
         return f"SE3(array({text}))"
-
-
-_point_to_parent = on_values("act(self: Pose, point: vec) -> vec", operators.point_to_parent)
-_point_to_child = on_values("actInv(self: Pose, point: vec) -> vec", operators.point_to_child)
-# The functions that take a value between frames, by its class; Motion, Force and Inertia add theirs.
-TO_PARENT: dict[type, Any] = {
-    SE3: on_values("act(self: Pose, other: Pose) -> Pose", spatial.compose), np.ndarray: _point_to_parent
-}  # fmt: skip
-TO_CHILD: dict[type, Any] = {
-    SE3: on_values("actInv(self: Pose, other: Pose) -> Pose", operators.relative_pose), np.ndarray: _point_to_child
-}  # fmt: skip
-
-
-def _mover(movers: dict[type, Any], other: Any, otherwise: Any) -> Any:
-    """The function that moves values of that type, or of the class that it is derived from."""
-    move = movers.get(type(other))
-    return move if move is not None else next((movers[k] for k in movers if isinstance(other, k)), otherwise)
 
 
 def _homogeneous(given: Any) -> Array:

@@ -18,7 +18,6 @@ from .tracked_array import tracked
 
 Array = NDArray[np.float64]
 Self = TypeVar("Self", bound="Value")
-CLASSES: dict[str, type[Value]] = {}  # by the kind of their array, capitalized
 
 
 class Value:
@@ -30,13 +29,14 @@ class Value:
     __slots__ = ("__dict__", "__weakref__", "_x")
     _owner: Any = None
     _x: Array
+    _classes: ClassVar[dict[str, type[Value]]] = {}  # by the kind of their array, capitalized
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
 
     def __init_subclass__(cls, kind: str = "", **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:
-            CLASSES[kind] = cls
+            Value._classes[kind] = cls
             copy = on_values(f"copy(self: {kind}) -> {kind}", operators.same, "An independent copy.")
             cls.copy = copy  # type: ignore[method-assign]
 
@@ -125,11 +125,11 @@ class InFrames(Value):
 
     def se3Action(self: Self, M: Any) -> Self:
         """The value from the frame M in M's reference frame: ``M.act(self)``."""
-        return expected(M, CLASSES["Pose"], "M").act(self)  # type: ignore[no-any-return]
+        return expected(M, Value._classes["Pose"], "M").act(self)  # type: ignore[no-any-return]
 
     def se3ActionInverse(self: Self, M: Any) -> Self:
         """The value from M's reference frame in the frame M: ``M.actInv(self)``."""
-        return expected(M, CLASSES["Pose"], "M").actInv(self)  # type: ignore[no-any-return]
+        return expected(M, Value._classes["Pose"], "M").actInv(self)  # type: ignore[no-any-return]
 
 
 # --- attributes --------------------------------------------------------------------------------------------
@@ -196,11 +196,11 @@ def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Ca
     def first(*given: Any) -> Any:
         from ....engines.compiled.cpython import READY, unavailable
 
-        scope["call"] = unavailable
+        scope["call"] = unavailable if inputs else convert
         if READY:
             builtin = operator_kernels.value_builtin(label, operator, kinds, output)
             slot = slot_offset(Value, "_x")
-            scope["call"] = operator_kernels.bind_values(builtin, slot, CLASSES, kinds, output)
+            scope["call"] = operator_kernels.bind_values(builtin, slot, Value._classes, kinds, output)
         return scope["call"](*given)
 
     text = " ".join(_array_kind(kind) for kind in kinds)
@@ -217,11 +217,11 @@ def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Ca
             return kernel(*ready)
         out = np.empty(operator_kernels.SHAPES[output.lower()])
         kernel(*ready, out)
-        return CLASSES[output].over(out) if output in CLASSES else out
+        return Value._classes[output].over(out) if output in Value._classes else out
 
     names = ", ".join(inputs)
     lines = [f"def {name}({names}):", f"    result = call({names})"]
-    lines.append(f"    return result if result is not None else convert({names})")
+    lines.append(f"    return result if result is not None else convert({names})" if inputs else "    return result")
     module = sys._getframe(1).f_globals["__name__"]  # pickles name it
     scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module}
     function = function_from_text(name, lines, scope, label)
@@ -238,6 +238,6 @@ def _converted(x: Any, kind: str, what: str) -> Any:
     if kind == "number":
         return number(x, what)
     first, _, other = kind.partition("|")
-    if first in CLASSES and (not other or isinstance(x, CLASSES[first])):
-        return expected(x, CLASSES[first], what)._x
+    if first in Value._classes and (not other or isinstance(x, Value._classes[first])):
+        return expected(x, Value._classes[first], what)._x
     return array(x, operator_kernels.SHAPES[_array_kind(kind)], what)
