@@ -13,20 +13,9 @@ from .types.containers import StdVec_StdString
 from .types.value import Value
 
 __all__ = [
-    "eye",
-    "fromListToVectorOfString",
-    "isapprox",
-    "matrixToRpy",
-    "mprint",
-    "np",
-    "npToTTuple",
-    "npToTuple",
-    "npl",
-    "rand",
-    "rotate",
-    "rpyToMatrix",
-    "zero",
-]
+    "eye", "fromListToVectorOfString", "isapprox", "matrixToRpy", "mprint", "np", "npToTTuple", "npToTuple", "npl",
+    "rand", "rotate", "rpyToMatrix", "zero",
+]  # fmt: skip
 
 
 def eye(n: int) -> Any:
