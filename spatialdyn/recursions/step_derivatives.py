@@ -5,9 +5,9 @@ and δ = (δq, δv, δτ), each quantity of the step has a matrix of 3 nv column
 q ∘ exp(u) has P δq + R δu, by ``aba_derivatives`` the acceleration has D_q δq + D_v δv + M⁻¹ δτ, and in the method of
 Runge and Kutta, on u̇ = T(u) w, the rate has ∂(T(u) w)/∂u δu + T(u) δw. The rest is the chain rule, stage by stage.
 
-The result has 2 nv rows, those of δq⁺ and of δv⁺, and below them one whose first entry is the square of the largest
-angle by which a joint of several freedoms turns in the step or a part of it; at 2π exp is singular, and a step of more
-than π has no use.
+The result has 2 nv rows, those of δq⁺ and of δv⁺. Of robots with joints of several freedoms it has one more, whose first
+entry is the square of the largest angle by which one of them turns in the step or a part of it: at 2π exp is singular,
+and a step of more than π has no use.
 
 Derived here from the steps as ``simulation.explicit`` has them, after Munthe-Kaas, High order Runge-Kutta methods on
 manifolds (1999), for the derivative of exp in closed form.
@@ -102,7 +102,7 @@ def _runge_kutta(
     _moved(bodies, by_step, moved_by, out[:n])
     out[n : 2 * n] = changed_by
     _add_unit(1, out[n : 2 * n])
-    _put_turn(turn, out)
+    _put_turn(turn, n, out)
 
 
 @inline
@@ -123,7 +123,7 @@ def semi_implicit_euler_derivatives(
     _scaled(h, out[n : 2 * n], U)
     dintegrate(bodies, q, u, by_step)
     _moved(bodies, by_step, U, out[:n])
-    _put_turn(largest_turn(bodies, u, 0.0), out)
+    _put_turn(largest_turn(bodies, u, 0.0), n, out)
 
 
 @inline
@@ -155,7 +155,7 @@ def velocity_verlet_derivatives(
     _acceleration(D, by_q, W, Ka)
     _add_scaled(0.5 * h, Ka, out[n : 2 * n])
     _add_unit(1, out[n : 2 * n])
-    _put_turn(largest_turn(bodies, u, 0.0), out)
+    _put_turn(largest_turn(bodies, u, 0.0), n, out)
 
 
 @inline
@@ -199,11 +199,11 @@ def largest_turn(bodies: Bodies, u: Vector, most: Scalar) -> Scalar:
 
 
 @inline
-def _put_turn(turn: Scalar, out: Matrix) -> None:
-    """The last row; a robot without joints has none."""
-    last = out[len(out) - 1]
-    for j in range(len(last)):
-        last[j] = turn if j == 0 else 0.0
+def _put_turn(turn: Scalar, n: int, out: Matrix) -> None:
+    """The last row, if there is one."""
+    for i in range(2 * n, len(out)):
+        for j in range(3 * n):
+            out[i, j] = turn if j == 0 else 0.0
 
 
 @inline
@@ -284,9 +284,7 @@ def _add_unit(which: int, out: Matrix) -> None:
 
 
 DT = Argument("dt", (1,), "s", "step")
-STEP_DERIVATIVES = Argument(
-    "D", ("nv+nv+1", "nv+nv+nv"), "", "derivatives of (q, v) after the step by q, v and tau; last, the largest turn²"
-)
+DERIVATIVES = Argument("D", ("nv+nv", "nv+nv+nv"), "", "derivatives of (q, v) after the step by q, v and tau")
 _SOURCE = "see ``recursions.step_derivatives``"
 _EXPLICIT = {
     "explicit_euler": explicit_euler_derivatives,
@@ -297,15 +295,19 @@ _EXPLICIT = {
 _SEVERAL = {"velocity_verlet": ("nv", "nv", "nv", 4), "rk4": ("nv", "nv", "nv", 12)}  # of one, aba_derivatives' terms
 STEPS = {
     name: Spec(
-        f"{name}_derivatives", recursion, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, DT), STEP_DERIVATIVES,
+        f"{name}_derivatives", recursion, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, DT), DERIVATIVES,
         f"Derivatives of a step by {name}.", _SOURCE, pivots=True, regroup=True,
         term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH,
     )
     for name, recursion in _EXPLICIT.items()
 }  # fmt: skip
+WITH_TURN = replace(DERIVATIVES, shape=("nv+nv+1", "nv+nv+nv"), meaning="the same, and the largest turn² below them")
+TURNING_STEPS = {  # of robots with joints of several freedoms
+    name: replace(spec, name=f"turning_{spec.name}", output=WITH_TURN) for name, spec in STEPS.items()
+}
 MOTION = Spec(
     "motion_derivatives", motion_derivatives, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL),
-    replace(STEP_DERIVATIVES, shape=("nv+nv", "nv+nv+nv"), meaning="derivatives of the rates of q and v by q, v, tau"),
+    replace(DERIVATIVES, meaning="derivatives of the rates of q and v by q, v and tau"),
     "Derivatives of the equation of motion.", _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3,
     scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv")),
 )  # fmt: skip

@@ -25,7 +25,7 @@ from ..engines.compiled import numba_kernels
 from ..errors import ModelError, NonFiniteError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
-from ..recursions.step_derivatives import MOTION, STEPS
+from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from . import implicit_derivatives
 from .explicit import HALF_TURN
 from .methods import integrators
@@ -80,17 +80,16 @@ def step_derivatives(
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
     """
-    spec = STEPS.get(method) if isinstance(method, str) else None
     fault, turns = _facts(check_model(model))
     if fault is not None:
         raise fault[0](fault[1])
+    spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
         return _implicit(model, q, v, tau, dt, method, fext)
-    h = as_array("dt", dt)
-    if not np.isfinite(h).all():
-        raise SpatialDynError(f"dt is {dt!r}, expected finite numbers")
-    batch_of_rows = h.ndim == 0 and type(q) is np.ndarray and q.ndim == 2
-    found = checked_call(spec, model, (q, v, tau, fext, h.reshape(1, 1) if batch_of_rows else h[..., None]), (), None)
+    h = _steps(dt)[..., None]
+    if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
+        h = h[None]  # rows, as the program's shortest way takes them
+    found = checked_call(spec, model, (q, v, tau, fext, h), (), None)
     n = model.nv
     if turns:
         _check_turns(found[..., 2 * n, 0], method)
@@ -150,6 +149,16 @@ def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tupl
     return fault, tuple(turns)
 
 
+def _steps(dt: ArrayLike) -> Array:
+    """dt as an array. Raises SpatialDynError if it is not finite."""
+    if type(dt) is float and math.isfinite(dt):
+        return np.array(dt)
+    h = as_array("dt", dt)
+    if not np.isfinite(h).all():
+        raise SpatialDynError(f"dt is {dt!r}, expected finite numbers")
+    return h
+
+
 def _check_turns(square: Array, method: str) -> None:
     """Raise SimulationError naming the first sample in which a joint turns by π or more; squares [rad²]."""
     beyond = np.argwhere(square >= HALF_TURN)
@@ -179,9 +188,7 @@ def _implicit(
     if fext is not None:
         specs, values = [*specs, FEXT], [*values, fext]
     given = [as_array(x.name, value) for x, value in zip(specs, values, strict=True)]
-    h = as_array("dt", dt)
-    if not np.isfinite(h).all():
-        raise SpatialDynError(f"dt is {dt!r}, expected finite numbers")
+    h = _steps(dt)
     shapes = [batch_shape(model, x, a) for x, a in zip(specs, given, strict=True)]
     batch = broadcast([*(x.name for x in specs), "dt"], [*shapes, h.shape])
     n, count = model.nv, math.prod(batch)
