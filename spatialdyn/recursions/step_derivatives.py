@@ -19,7 +19,7 @@ from dataclasses import replace
 
 from ..algebra.euclidean import dot, neg
 from ..algebra.lie import Tangent, turned_diagonal
-from ..algebra.scalars import Scalar, inline, select
+from ..algebra.scalars import Scalar, inline, no_inline, select
 from ..bodies.kinds import NV
 from .configuration import dintegrate, displacement_rate_derivatives, integrate, put_tangent, twist
 from .derivatives import WORK_FORWARD, aba_derivatives
@@ -86,7 +86,7 @@ def _runge_kutta(
         Ku[:] = 0.0
         _add_blocks(bodies, by_rate[0], U, Ku)
         _add_blocks(bodies, by_rate[1], W, Ku)
-        aba_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
+        acceleration_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
         if s == 0:
             pivots[:] = spare
         by_q = wide[6]
@@ -113,7 +113,7 @@ def semi_implicit_euler_derivatives(
     """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺)."""
     n, h = len(bodies) - 1, dt[0]
     u, a, D, by_step, U = rows[0], rows[2], squares[0:3], squares[4:6], wide[0]
-    aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, squares[3])
+    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, squares[3])
     for i in range(n):
         u[i] = h * (v[i] + h * a[i])
         for j in range(n):
@@ -136,7 +136,7 @@ def velocity_verlet_derivatives(
     u, w, a, spare = rows[0], rows[1], rows[2], rows[5]
     D, inverse, by_step = squares[0:3], squares[3], squares[4:6]
     U, W, Ka, by_q = wide[0], wide[1], wide[2], wide[3]
-    aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
     wide[:] = 0.0
     _add_unit(0, by_q)
     _add_unit(1, W)
@@ -151,7 +151,7 @@ def velocity_verlet_derivatives(
     _moved(bodies, by_step, U, by_q)
     out[:n] = by_q
     _scaled(0.5 * h, Ka, out[n : 2 * n])
-    aba_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
+    acceleration_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
     _acceleration(D, by_q, W, Ka)
     _add_scaled(0.5 * h, Ka, out[n : 2 * n])
     _add_unit(1, out[n : 2 * n])
@@ -165,7 +165,7 @@ def motion_derivatives(
 ) -> None:  # fmt: skip
     """Rates of δq and δv along the motion by (δq, δv, δτ): d/dt δq = δv - v × δq in each body's frame."""
     n = len(bodies) - 1
-    aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
     out[:n] = 0.0
     for i in range(n):
         for j in range(n):
@@ -181,6 +181,15 @@ def motion_derivatives(
     for i in range(n):
         for j in range(n):
             out[i, j] = D[0, i, j]
+
+
+@no_inline
+def acceleration_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, D: Array, pivots: Vector, a: Vector,
+    inverse: Matrix,
+) -> None:  # fmt: skip
+    """``aba_derivatives``, compiled once for all steps: most of what compiling a table kernel takes."""
+    aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
 
 
 # --- parts ----------------------------------------------------------------------------------------------

@@ -217,7 +217,9 @@ def _canonical(
 
     def slopes(z: Array) -> tuple[Array, Array]:
         """F and G at z."""
-        found = _along(model, spec, [z, tau, *forces, centres], [unit[:, : 2 * nv], unit[:, 2 * nv :], *still, 6 * nv + 6])
+        found = _along(
+            model, spec, [z, tau, *forces, centres], [unit[:, : 2 * nv], unit[:, 2 * nv :], *still, 6 * nv + 6]
+        )
         return found[..., : 2 * nv], found[..., 2 * nv :]
 
     def to_chart(z: Array, moved: Array, changed: Array) -> Array:
@@ -261,9 +263,7 @@ def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: A
 
     def implicit(F: Array, G: Array, c: Array, x: Array, half: slice, other: slice, base: Array) -> Array:
         """δy = base + c δẏ for the half of y that it holds, given the other half."""
-        return np.linalg.solve(
-            one - c * F[:, half, half], base + c * (F[:, half, other] @ x + G[:, half] @ of_tau)
-        )
+        return np.linalg.solve(one - c * F[:, half, half], base + c * (F[:, half, other] @ x + G[:, half] @ of_tau))
 
     first, last = slice(0, k), slice(k, 2 * k)
     if name == "symplectic_euler":
@@ -274,9 +274,7 @@ def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: A
     middle, half = solved.work[:, 2, k:], 0.5 * h
     F, G = slopes(np.concatenate([z0[:, :k], middle], axis=1))
     between = implicit(F, G, half, start[:, first], last, first, start[:, last])
-    base = start[:, first] + half * (
-        F[:, first] @ np.concatenate([start[:, first], between], 1) + G[:, first] @ of_tau
-    )
+    base = start[:, first] + half * (F[:, first] @ np.concatenate([start[:, first], between], 1) + G[:, first] @ of_tau)
     F, G = slopes(np.concatenate([z1[:, :k], middle], axis=1))
     moved = implicit(F, G, half, between, first, last, base)
     changed = between + half * (F[:, last] @ np.concatenate([moved, between], 1) + G[:, last] @ of_tau)
@@ -308,7 +306,18 @@ def _solve(model: Model, method: Method, q: Array, p: Array, tau: Array, h: Arra
         state = State(q[k].copy(), p[k].copy(), *scratch, np.zeros((family.rows, nv * (1 + family.wide))))
         status[:] = 0.0
         step = float(h[k])
-        times = (0, 1, 1, 1, step, step, np.zeros(2, np.int64), np.empty((1, model.nq)), np.empty((1, nv)), np.empty((1, nv)))
+        times = (
+            0,
+            1,
+            1,
+            1,
+            step,
+            step,
+            np.zeros(2, np.int64),
+            np.empty((1, model.nq)),
+            np.empty((1, nv)),
+            np.empty((1, nv)),
+        )
         system = bare._replace(held=data[1], fext=forces, tau=data[5])
         family.start(system, state)
         z = state.work[0].copy()

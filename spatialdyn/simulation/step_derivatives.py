@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import LENGTHS, NV
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model, core_shape
 from ..calls.dynamics import checked_call
-from ..engines.compiled import numba_kernels
 from ..errors import ModelError, NonFiniteError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
@@ -122,7 +121,9 @@ def linearize(
         return step_derivatives(model, q, v, tau, dt, method, fext)
     if dt is not None or method is not None:
         given, lacking = ("dt", "method") if method is None else ("method", "dt")
-        raise SpatialDynError(f"{given} is given and no {lacking}, expected both for a step or none for continuous time")
+        raise SpatialDynError(
+            f"{given} is given and no {lacking}, expected both for a step or none for continuous time"
+        )
     fault, _ = _facts(check_model(model))
     if fault is not None:
         raise fault[0](fault[1])
@@ -198,7 +199,9 @@ def _implicit(
     made = np.zeros((count, 2 * n, 3 * n))
     if made.size:
         whole = [
-            np.ascontiguousarray(np.broadcast_to(a, batch + core_shape(model, x))).reshape((count, *core_shape(model, x)))
+            np.ascontiguousarray(np.broadcast_to(a, batch + core_shape(model, x))).reshape(
+                (count, *core_shape(model, x))
+            )
             for x, a in zip(specs, given, strict=True)
         ]
         steps = np.broadcast_to(h, batch).reshape(count)
