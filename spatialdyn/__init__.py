@@ -121,10 +121,10 @@ __all__ = [
     "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger",
     "exact", "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
     "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "linearize",
-    "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity", "random_configuration",
-    "read_transmissions", "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy",
-    "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
-    "verify_skew_symmetry", "view", "wrench_at",
+    "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity",
+    "random_configuration", "read_transmissions", "recommend", "rollout", "simplify", "simulate", "specialize",
+    "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco",
+    "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import

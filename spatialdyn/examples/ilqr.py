@@ -1,7 +1,7 @@
 """iLQR with limits of the torques: a cart-pole that swings up, and a Panda that reaches for a point.
 
-Learn    sd.step_derivatives gives all A and B of a horizon in one call, and sd.kernels.aba the motion under a new law in
-         compiled code. The rest is Riccati's recursion, written out in loops, which compile in seconds.
+Learn    sd.step_derivatives gives all A and B of a horizon in one call, and sd.kernels.aba the motion under a new law
+         in compiled code. The rest is Riccati's recursion, written out in loops, which compile in seconds.
 Look at  the cost of the swing-up, 3.5517082866 as other solvers have it, and the price of limits. With them the gains
          of a joint at its limit are 0: projected Newton steps find which joints that are.
 Needs    the second half needs a robot: pip install "spatialdyn[validate]"
@@ -84,7 +84,7 @@ def add_transposed(X, Y, Z):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def solve_free(H, free, X, L):  # type: ignore[no-untyped-def]
-    """X = H⁻¹ X of the unknowns that are free, in place, the other rows 0, by Cholesky; False where H is not positive."""
+    """X = H⁻¹ X of the free unknowns, in place, the other rows 0, by Cholesky; False where H is not positive."""
     n = len(H)
     for i in range(n):
         for j in range(i + 1):
@@ -148,7 +148,7 @@ def box_minimum(H, g, low, high, x, free, move, L):  # type: ignore[no-untyped-d
 
 @numba.njit(cache=True)
 def backward(A, B, gx, Hx, gu, Hu, low, high, mu, k, K):  # type: ignore[no-untyped-def]
-    """Riccati's recursion from the end: changes k (T, n) and gains K (T, n, 2n); the decrease, or NaN if H is indefinite."""
+    """Riccati's recursion from the end: changes k (T, n), gains K (T, n, 2n); the decrease, NaN if H is indefinite."""
     T, nx, nu = len(A), A.shape[1], B.shape[2]
     g, H, W, HA, HB = gx[T].copy(), Hx[T].copy(), np.empty((nx, nx)), np.empty((nx, nx)), np.empty((nx, nu))
     Hxx, Hux, Huu, firm = np.empty((nx, nx)), np.empty((nu, nx)), np.empty((nu, nu)), np.empty((nu, nu))
@@ -216,7 +216,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
         if size:  # the last step was taken
             x, u, new, forces = new, forces, x, u
             new[0] = x[0]
-            made = sd.step_derivatives(p.model, x[:-1, :n].copy(), x[:-1, n:].copy(), u, p.h)
+            made = sd.step_derivatives(p.model, x[:-1, :n].copy(), x[:-1, n:].copy(), u, p.h, friction=False)
             A, B = map(np.ascontiguousarray, made)
             gx, Hx[T] = np.vstack([p.h * (x[:-1] - p.goal) @ p.Q, gx_end]), Hx_end
             gu = p.h * (u - p.force) @ p.R
@@ -254,7 +254,7 @@ def swing_up(limit: float = np.inf, T: int = 100) -> Problem:
 
 
 def reach(robot: str = "panda") -> Problem:
-    """An arm that is to bring its last link 0.3 m forward and 0.2 m down within 1 s, under two fifths of its torques."""
+    """An arm that is to bring its last link 0.3 m forward and 0.2 m down within 1 s, by two fifths of its torques."""
     model = sd.load_urdf(robot)
     model = model.reduced([j.name for j in model.joints if "finger" in j.name])
     n, q0, link = model.nv, np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.7]), "panda_link8"

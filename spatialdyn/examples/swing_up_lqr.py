@@ -2,8 +2,8 @@
 
 Learn    sd.step_derivatives takes the whole motion at once and gives A and B of every step, of the very method that
          simulates it; Riccati's recursion turns them into gains K(t). sd.step takes a hundred starts at once.
-Look at  the last lines: pushed off its path the open loop ends anywhere, the gains bring nearly all starts up. At the top
-         they have become those of the standing pole.
+Look at  the last lines: pushed off its path the open loop ends anywhere, the gains bring nearly all starts up. At the
+         top they have become those of the standing pole.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     print(f"cost of the swing {costs[-1]:.9f}; gains at the top {top[0].round(6)}, spectral radius {radius:.7f}")
     rng, n = np.random.default_rng(0), 20 if quick else 100
     off = rng.normal(size=(n, 4)) * [0.05, 0.1, 0.1, 0.2]
-    runs = {}
+    runs: dict[str, Array] = {}
     for name, gain in (("open loop", 0.0 * K), ("with gains", K)):
         y, path = x[0] + off, [x[0] + off]
         for t in range(len(force)):
@@ -60,8 +60,8 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
         print(f"{name:10}: {up.sum():3} of {n} starts stand after {STEP * len(force):g} s")
     if save:
         figure, axes = picture(2, width=9.0)
-        for one, (name, path) in zip(axes, runs.items(), strict=True):
-            one.plot(STEP * np.arange(len(path)), path[:, :20, 1], linewidth=0.8)
+        for one, (name, run) in zip(axes, runs.items(), strict=True):
+            one.plot(STEP * np.arange(len(run)), run[:, :20, 1], linewidth=0.8)
             one.set(xlabel="t [s]", ylabel="angle of the pole [rad]", title=name, ylim=(-4, 8))
         write(figure, save)
     return {"K": K, "top": top[0], "radius": radius, "runs": runs, "cost": costs[-1]}

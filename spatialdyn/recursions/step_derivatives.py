@@ -5,9 +5,9 @@ and δ = (δq, δv, δτ), each quantity of the step has a matrix of 3 nv column
 q ∘ exp(u) has P δq + R δu, by ``aba_derivatives`` the acceleration has D_q δq + D_v δv + M⁻¹ δτ, and in the method of
 Runge and Kutta, on u̇ = T(u) w, the rate has ∂(T(u) w)/∂u δu + T(u) δw. The rest is the chain rule, stage by stage.
 
-The result has 2 nv rows, those of δq⁺ and of δv⁺. Of robots with joints of several freedoms it has one more, whose first
-entry is the square of the largest angle by which one of them turns in the step or a part of it: at 2π exp is singular,
-and a step of more than π has no use.
+The result has 2 nv rows, those of δq⁺ and of δv⁺. Of robots with joints of several freedoms it has one more, whose
+first entry is the square of the largest angle by which one of them turns in the step or a part of it: at 2π exp is
+singular, and a step of more than π has no use.
 
 Derived here from the steps as ``simulation.explicit`` has them, after Munthe-Kaas, High order Runge-Kutta methods on
 manifolds (1999), for the derivative of exp in closed form.

@@ -43,7 +43,7 @@ from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from .system import State, System, held_torque, units
 from .variational import momenta_after, sum_before
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}
 
 Z = Argument("z", ("nv+nv",), "", "canonical coordinates")
@@ -235,7 +235,7 @@ def _canonical(
     else:
         made = _partitioned(method.name, solved, slopes, start, of_tau, step)
     pairs = unit[:, : 2 * nv, : 2 * nv]
-    after = np.linalg.solve(to_chart(z1, pairs[:, :nv], pairs[:, nv:]), made)
+    after: Array = np.linalg.solve(to_chart(z1, pairs[:, :nv], pairs[:, nv:]), made)
     return after[:, :nv], after[:, nv:]
 
 
@@ -263,7 +263,9 @@ def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: A
 
     def implicit(F: Array, G: Array, c: Array, x: Array, half: slice, other: slice, base: Array) -> Array:
         """δy = base + c δẏ for the half of y that it holds, given the other half."""
-        return np.linalg.solve(one - c * F[:, half, half], base + c * (F[:, half, other] @ x + G[:, half] @ of_tau))
+        right = base + c * (F[:, half, other] @ x + G[:, half] @ of_tau)
+        made: Array = np.linalg.solve(one - c * F[:, half, half], right)
+        return made
 
     first, last = slice(0, k), slice(k, 2 * k)
     if name == "symplectic_euler":
@@ -282,7 +284,7 @@ def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: A
 
 
 def _with_forces(spec: Spec, fext: Array | None) -> tuple[Spec, list[Array], list[int]]:
-    """The spec with or without external forces, their rows as an input, and the columns of their tangent, which is 0."""
+    """The spec with or without external forces, their rows as an input, the columns of their tangent, which is 0."""
     if fext is None:
         return numba_kernels.variant(spec, frozenset()), [], []
     rows = fext.reshape((len(fext), -1))

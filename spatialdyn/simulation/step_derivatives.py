@@ -12,6 +12,7 @@ exactly. ``recursions.step_derivatives`` has the explicit methods, each one recu
 from __future__ import annotations
 
 import math
+import warnings
 from functools import lru_cache
 from typing import Any
 
@@ -41,6 +42,7 @@ def step_derivatives(
     dt: ArrayLike,
     method: str = "semi_implicit_euler",
     fext: ArrayLike | None = None,
+    friction: bool | None = None,
 ) -> tuple[Array, Array]:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
@@ -51,10 +53,12 @@ def step_derivatives(
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
     dt      (...)              step [s]; negative goes back in time
-    method  a name in ``integrators``, but "dop853" and "radau": the steps of those adapt to a tolerance. The step is that
-            of ``simulate`` from this state, without friction, which has ``friction_method="smooth"`` for torques of its
-            own, and without what a run before it may have left (compensated sums, centres of charts)
+    method  a name in ``integrators``, but "dop853" and "radau", whose steps adapt to a tolerance. The step is that of
+            ``simulate`` from this state, without what a run before it may have left (compensated sums, chart centres)
     fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m]; zero if left out
+    friction  False: none acts. With None none acts either, and a warning says so, once, where the URDF has some.
+            Anything else is refused: Coulomb's law has no derivative where a joint begins to stick. Motors, constraints
+            and contacts are no part of these steps either
 
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
@@ -64,8 +68,8 @@ def step_derivatives(
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array for explicit methods.
     Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
-            for springs, an implicit step that does not converge, and a joint of several freedoms that turns by π or more
-            in a step, each with the sample; the errors of ``aba``.
+            for friction and springs, an implicit step that does not converge, and a joint of several freedoms that
+            turns by π or more in a step, each with the sample; the errors of ``aba``.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -79,9 +83,7 @@ def step_derivatives(
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
     """
-    fault, turns = _facts(check_model(model))
-    if fault is not None:
-        raise fault[0](fault[1])
+    turns = _checked(model, friction)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
         return _implicit(model, q, v, tau, dt, method, fext)
@@ -103,6 +105,7 @@ def linearize(
     dt: ArrayLike | None = None,
     method: str | None = None,
     fext: ArrayLike | None = None,
+    friction: bool | None = None,
 ) -> tuple[Array, Array]:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
@@ -118,24 +121,44 @@ def linearize(
     ([[0.0, 1.0], [-9.81, 0.0]], [[0.0], [1.0]])
     """
     if dt is not None and method is not None:
-        return step_derivatives(model, q, v, tau, dt, method, fext)
+        return step_derivatives(model, q, v, tau, dt, method, fext, friction)
     if dt is not None or method is not None:
         given, lacking = ("dt", "method") if method is None else ("method", "dt")
         raise SpatialDynError(
             f"{given} is given and no {lacking}, expected both for a step or none for continuous time"
         )
-    fault, _ = _facts(check_model(model))
-    if fault is not None:
-        raise fault[0](fault[1])
+    _checked(model, friction)
     n = model.nv
     found = checked_call(MOTION, model, (q, v, tau, fext), (), None)
     return found[..., : 2 * n], found[..., 2 * n :]
 
 
+def _checked(model: Model, friction: Any) -> tuple[slice, ...]:
+    """The angular velocities of joints of several freedoms. Raises for a model or friction without derivatives."""
+    fault, turns, rubs = _facts(check_model(model))
+    if fault is not None:
+        raise fault[0](fault[1])
+    if friction is not None and not (isinstance(friction, (bool, np.bool_)) and not friction):
+        raise SimulationError(
+            f"friction is {friction!r}, expected None or False: Coulomb's law has no derivative where a joint begins "
+            "to stick; a torque of your own has, by the chain rule with B"
+        )
+    if rubs and friction is None:
+        _warn(model)
+    return turns
+
+
 @lru_cache(maxsize=64)
-def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tuple[slice, ...]]:
-    """The error of a model that has no derivatives of steps, None if it has some, and the angular velocities of joints
-    of several freedoms.
+def _warn(model: Model) -> None:
+    """Warn once of friction that is left out."""
+    text = f'robot "{model.name}" has joint damping or friction, which derivatives of steps leave out; friction=False'
+    warnings.warn(f"{text} says that this is meant", stacklevel=4)
+
+
+@lru_cache(maxsize=64)
+def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tuple[slice, ...], bool]:
+    """The error of a model that has no derivatives of steps, None if it has some; the angular velocities of joints of
+    several freedoms; whether the URDF has friction.
     """
     fault: tuple[type[SpatialDynError], str] | None = None
     if model.mimic_matrix is not None:
@@ -147,7 +170,7 @@ def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tupl
     for i, row in enumerate(model.bodies[1:]):
         if NV[row["kind"]] > 1:
             turns.append(slice(i + LENGTHS[row["kind"]], i + NV[row["kind"]]))
-    return fault, tuple(turns)
+    return fault, tuple(turns), bool(model.damping.any() or model.friction.any())
 
 
 def _steps(dt: ArrayLike) -> Array:
@@ -209,6 +232,6 @@ def _implicit(
         for part in _facts(model)[1]:
             turned = steps[:, None] * whole[1][:, part]
             _check_turns((turned * turned).sum(axis=1).reshape(batch), method)
-        made = implicit_derivatives.derivatives(model, integrators[method], *whole[:3], steps, forces)
+        made = implicit_derivatives.derivatives(model, integrators[method], whole[0], whole[1], whole[2], steps, forces)
     found = made.reshape((*batch, 2 * n, 3 * n))
     return found[..., : 2 * n], found[..., 2 * n :]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -33,9 +34,9 @@ def state(model: Any, seed: int = 0) -> tuple[Array, Array, Array]:
     return sd.random_configuration(model, rng), rng.normal(size=model.nv), rng.normal(size=model.nv)
 
 
-def joints_of(kind: str, count: int = 2) -> Any:
+def joints_of(kind: str, count: int = 2, gravity: float = -9.81) -> Any:
     """A chain of joints of one kind without armature, which on joints of several freedoms is of no Lagrangian."""
-    return random_tree(3, count, (kind,), branching=0.0, armature=False).model
+    return random_tree(3, count, (kind,), branching=0.0, armature=False, gravity=(0, 0, gravity)).model
 
 
 def mixed() -> Any:
@@ -43,7 +44,7 @@ def mixed() -> Any:
     builder = sd.ModelBuilder("mixed")
     inertia = random_inertia(np.random.default_rng(2))
     builder.add_body("a", None, "planar", (0.6, 0, 0.8), None, inertia)
-    builder.add_body("b", "a", "spherical", None, random_placement(np.random.default_rng(3)), inertia)
+    builder.add_body("b", "a", "spherical", (1, 0, 0), random_placement(np.random.default_rng(3)), inertia)
     builder.add_body(
         "c", "a", "continuous", (0, 1, 0), random_placement(np.random.default_rng(4)), inertia, armature=0.1
     )
@@ -143,7 +144,7 @@ def differences(model: Any, q: Array, v: Array, tau: Array, h: float, method: st
 def test_explicit_steps_have_the_derivatives_of_240_bits(method: str, name: str) -> None:
     """The joints of several freedoms turn by 1.3 rad: beyond the series."""
     pytest.importorskip("mpmath")
-    model = sd.load_urdf(name) if name == "two_link" else joints_of(name, 1)
+    model = sd.load_urdf(name) if name == "two_link" else joints_of(name, 1, gravity=0.0)
     q, v, tau = state(model, 7)
     h, tau = 1.3 / float(np.linalg.norm(v[-3:])) if model.nv > 2 else 0.05, 0.01 * tau
     A, B = sd.step_derivatives(model, q, v, tau, h, method)
@@ -325,9 +326,9 @@ def test_the_linear_system_is_the_limit_of_steps() -> None:
 def test_with_a_step_and_a_method_it_is_that_of_a_step() -> None:
     model = sd.load_urdf("two_link")
     q, v, tau = state(model)
-    for one, other in zip(sd.linearize(model, q, v, tau, 0.01, "rk4"), sd.step_derivatives(model, q, v, tau, 0.01, "rk4"),
-                          strict=True):  # fmt: skip
-        assert (one == other).all()
+    A, B = sd.linearize(model, q, v, tau, 0.01, "rk4")
+    assert (A == sd.step_derivatives(model, q, v, tau, 0.01, "rk4")[0]).all()
+    assert (B == sd.step_derivatives(model, q, v, tau, 0.01, "rk4")[1]).all()
 
 
 # --- batches ----------------------------------------------------------------------------------------------
@@ -436,11 +437,34 @@ def test_mimic_joints_springs_and_joints_without_inertia_are_named() -> None:
         step = (0.01,) if call is sd.step_derivatives else ()
         with pytest.raises(sd.ModelError, match='robot "pair" has dependent mimic joints'):
             call(builder.build(mimic=True), [0.0], [0.0], [0.0], *step)
+    with pytest.raises(
+        sd.SimulationError, match="friction is True, expected None or False: Coulomb's law has no deriv"
+    ):
+        sd.step_derivatives(builder.build(), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01, friction=True)
+    elastic = sd.ModelBuilder("elastic")
+    elastic.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name="a")
+    elastic.add_series_elastic("a", 100.0, rotor=1e-4)
+    with pytest.raises(sd.SimulationError, match='robot "elastic" has springs of series-elastic joints'):
+        sd.linearize(elastic.build(), [0.0] * 2, [0.0] * 2, [0.0] * 2)
     empty = sd.ModelBuilder("empty")
     empty.add_body("hollow", joint_name="lazy")
     for method in ("rk4", "gauss4"):
         with pytest.raises(sd.InertiaError, match='joint "lazy" has zero articulated inertia'):
             sd.step_derivatives(empty.build(), [0.0], [0.0], [0.0], 0.01, method)
+
+
+def test_friction_of_the_urdf_is_left_out_with_a_warning_unless_that_is_meant() -> None:
+    builder = sd.ModelBuilder("stiff")
+    builder.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), damping=0.3)
+    model = builder.build()
+    with pytest.warns(
+        UserWarning, match='robot "stiff" has joint damping or friction, which derivatives of steps leave'
+    ):
+        sd.step_derivatives(model, [0.1], [0.2], [0.0], 0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sd.step_derivatives(model, [0.1], [0.2], [0.0], 0.01, friction=False)
+        sd.linearize(model, [0.1], [0.2], [0.0], friction=False)
 
 
 def test_a_robot_without_joints_has_none() -> None:

@@ -184,7 +184,7 @@ def _arrays(specs: Sequence[Spec], options: ProgramOptions, bodies: NDArray[Any]
             moved = bool(x.moved_by) and on_group
             if moved and x.name in known:
                 raise SpatialDynError(
-                    f"{x.name} has fixed entries, expected all or none where joints have quaternions, pairs or are planar"
+                    f"{x.name} has fixed entries, expected all or none where joints have quaternions or pairs"
                 )
             found[x.name] = x.moved_by if moved else ""
     return [*found.values(), *[""] * len(options.parameters)]
