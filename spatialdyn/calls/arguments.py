@@ -90,7 +90,7 @@ def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
 def core_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
     """Shape of one sample of an argument; of the static inputs' values, tables give sizes."""
     tables = [x for x in static if isinstance(x, StaticTable)]
-    if not tables:
+    if not tables and not any(isinstance(s, str) and "+" in s for s in argument.shape):
         return tuple([getattr(model, s) if isinstance(s, str) else s for s in argument.shape])
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
     for x in tables:
@@ -114,6 +114,27 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
     except ValueError:
         listed = ", ".join(f"{n} {s}" for n, s in zip(names, shapes, strict=True))
         raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
+
+
+def aligned(
+    names: list[str], cores: Sequence[tuple[int, ...]], shapes: Sequence[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
+    """Shapes of inputs with as many leading axes each: of size 1 before those that there are.
+
+    cores  shape of one sample of each input
+
+    Raises TypeError for a wrong number of inputs, ShapeError for shapes that are not the inputs' or do not broadcast.
+    """
+    if len(shapes) != len(cores):
+        raise TypeError(f"{len(shapes)} inputs were given, expected {len(cores)}: ({', '.join(names)})")
+    leads = []
+    for name, shape, core in zip(names, shapes, cores, strict=True):
+        rank = len(shape) - len(core)
+        if rank < 0 or tuple(shape[rank:]) != core:
+            raise ShapeError(f"{name} has shape {tuple(shape)}, expected ({', '.join(['...', *map(str, core)])})")
+        leads.append(tuple(shape[:rank]))
+    rank = len(broadcast(names, leads))
+    return [(1,) * (rank - len(lead)) + lead + core for lead, core in zip(leads, cores, strict=True)]
 
 
 def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> Array:
