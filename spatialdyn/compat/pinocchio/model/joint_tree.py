@@ -34,15 +34,14 @@ class Indices(list[int]):
 class Listener:
     """The owner of a model's values: ``changed()`` sets cached attributes of the model to None."""
 
-    __slots__ = ("_attributes", "_model")
+    __slots__ = ("_attributes", "_nothing")
 
     def __init__(self, model: Any, *attributes: str) -> None:
-        self._model, self._attributes = model, attributes
+        self._attributes, self._nothing = vars(model), dict.fromkeys(attributes)
 
     def changed(self) -> None:
         """Set the attributes to None."""
-        for attribute in self._attributes:
-            setattr(self._model, attribute, None)
+        self._attributes.update(self._nothing)
 
 
 class Gravity:

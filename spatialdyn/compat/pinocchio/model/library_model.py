@@ -166,7 +166,7 @@ def library_model(model: Model) -> LibraryModel:
         if found is None:
             found = _assembled(model)
             model._frame_placements = None
-        model._library = model._library_before = found
+        vars(model).update(_library=found, _library_before=found)
     return found
 
 
@@ -198,7 +198,8 @@ def joints_as_frames(model: Model) -> FramePlacements:
 def _numbers_of(model: Model) -> ModelNumbers:
     """The numbers; inertias and placements are gathered again only if one of them was edited."""
     if model._inertia_numbers is None:
-        model._inertia_numbers = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+        gathered = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+        vars(model)["_inertia_numbers"] = gathered  # past the checks of Model, half a microsecond
     if model._placement_numbers is None:
         placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
         model._placement_numbers = placements, model._arrays["armature"].copy()
