@@ -33,8 +33,7 @@ MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robo
 MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: 1e5 operations of a sweep's tableaus
 START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond a limit
 UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
-# and beside dry joints: in one of a hundred steps of a trot with strong ones, points and joints stick in turn
-UNSOLVED_DRY = 1e-1
+UNSOLVED_DRY = 1e-1  # the same beside dry joints: one of a thousand steps of a trot on strong ones is left at 1e-2
 WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
 
 SOLVED = Argument(

@@ -160,7 +160,8 @@ def simulate(
             for;
             ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
             names, where they contradict each other or their rank changes; SimulationError for a start in the ground or
-            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s;
+            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s,
+            beside dry joints 0.1 m/s;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
