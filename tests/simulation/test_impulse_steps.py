@@ -223,6 +223,17 @@ def test_a_walker_sags_until_its_dry_joints_hold_it() -> None:
     assert free.q[-1, 1] < run.q[-1, 1] - 0.01
 
 
+@compiled
+def test_float32_stands_as_float64_does() -> None:
+    model, contacts, q0 = walker()
+    law = sd.PD(np.r_[np.zeros(3), np.full(4, 25.0)], np.r_[np.zeros(3), np.full(4, 0.3)], q0)
+    kept: dict[str, Any] = dict(dt=DT, steps=600, pd=law, contacts=contacts, friction=legs(model, 2.0))
+    wanted, found = (sd.rollout(model, q0, np.zeros(7), **kept, dtype=x) for x in (np.float64, np.float32))
+    assert found.v.dtype == np.float32
+    assert (found.v[-1, 3:] == 0.0).all()
+    assert abs(found.q[-1] - wanted.q[-1]).max() <= 1e-5
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_step_meets_every_law_by_dense_matrices(seed: int) -> None:
     """M (v⁺ - v) is h (τ - bias - b v⁺), what the ground gives and friction does; that by Coulomb's law."""
