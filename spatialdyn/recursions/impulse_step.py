@@ -375,6 +375,7 @@ RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each 
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
 OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED = "heights", "friction", "bristles", "constraints", "rate", "fext"
+ALL = (OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED)
 
 
 @cache
@@ -409,11 +410,3 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         ),
         parts=parts,
     )  # fmt: skip
-
-
-ALL = (OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED)
-
-
-def has_of(**present: object) -> frozenset[str]:
-    """Names of what is there."""
-    return frozenset(name for name, x in present.items() if x)

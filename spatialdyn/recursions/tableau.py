@@ -5,8 +5,8 @@ Of u = b + A x, with rows H held (their u is kept, their x follows) and the othe
     A_ff - A_fh A_hh⁻¹ A_hf   of two free rows,    A_hh⁻¹ A_hf   between held and free,    -A_hh⁻¹   of two held.
 
 A row passes from one set to the other by one rank-one change, so that each row's own response, all other held rows
-taken out, costs one column instead of a factorization. Source: the sweep operator (Beaton 1964), as in Goodnight,
-A tutorial on the SWEEP operator (1979), with the signs that keep the tableau symmetric.
+taken out, costs one column instead of a factorization. A derivation of our own, with the signs that keep the
+tableau symmetric; statisticians know the change of a row as the sweep operator.
 """
 
 from __future__ import annotations
