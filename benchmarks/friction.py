@@ -45,7 +45,7 @@ def main() -> None:
         solved, worst = coulomb(name, model, q[:LOOKED_AT], v[:LOOKED_AT], tau[:LOOKED_AT], friction)
 
         def run(way: str | None, model: Any = model, args: Any = (q, v, tau), given: Any = (friction, slack)) -> Any:
-            asked = {} if way is None else {"friction": given[way == "smooth"], "friction_method": way}
+            asked = {"friction": False} if way is None else {"friction": given[way == "smooth"], "friction_method": way}
             return lambda: sd.rollout(model, *args, dt=DT, check=False, record=STEPS, **asked)
 
         times = interleaved({str(way): run(way) for way in (None, *WAYS)}, rounds, seconds)

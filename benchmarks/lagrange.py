@@ -156,7 +156,7 @@ def rollout(robot: Case, method: str, rounds: int) -> dict[str, Any]:
         return mujoco.rollout.rollout(theirs, data, state, tau, control_spec=held, skip_checks=False)[0]
 
     def ours() -> sd.Rollout:
-        return sd.rollout(model, q, v, tau, dt=DT, method=method)
+        return sd.rollout(model, q, v, tau, dt=DT, method=method, friction=False)
 
     same(ours().q[:, :50], peer()[:, :50, 1 : 1 + model.nq], f"rollout by {method}")
     times = interleaved({"ours": ours, "mujoco": peer}, rounds, 0.2)

@@ -100,7 +100,8 @@ if TYPE_CHECKING:
     from .simulation.control_laws import Control
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
-    from .simulation.rollouts import PD, Rollout, rollout
+    from .simulation.rollout_result import PD, Rollout
+    from .simulation.rollouts import rollout
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
@@ -157,7 +158,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
     "simulation.contact_record": "ContactRecord", "simulation.control_laws": "Control",
     "simulation.ledger": "EnergyLedger energy_ledger",
-    "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
+    "simulation.methods": "integrators", "simulation.rollout_result": "PD Rollout", "simulation.rollouts": "rollout",
     "simulation.runs": "hamilton_simulation simulate",
     "simulation.step_derivatives": "linearize step_derivatives", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",

@@ -64,7 +64,7 @@ DRAW: dict[str, set[str]] = {
     "model.model": {"_repr_html_"},
     "lagrangian.symbolic_manipulator": {"_repr_html_"},
     "simulation.trajectory": {"plot", "report", "_repr_html_"},
-    "simulation.rollouts": {"plot", "_repr_html_"},
+    "simulation.rollout_result": {"plot", "_repr_html_"},
     "simulation.ledger": {"plot"},
     "calls.progress": {"bar"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
@@ -82,7 +82,8 @@ CHANGED = {
 SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
     "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
-    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration",
+    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact",
+    "tableau",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable

@@ -1,12 +1,14 @@
 """The table of contacts that recursions walk beside the table of bodies: points that may touch, joints that may stop.
 
 Row 0 is the header. The first ``np`` rows after it are points, the centres of spheres fixed to bodies (a radius of 0
-is the point itself); the ``nl`` rows after those are joints of one coordinate with limits. In the order of impulses a
-point has three numbers (along the normal, then across it) and a joint one.
+is the point itself); the ``nl`` rows after those are joints of one coordinate with limits, and the last ``nd`` rows
+freedoms that rub dry and have none. In the order of impulses a point has three numbers (along the normal, then across
+it) and a joint one.
 
 column     meaning
 last_row   row 0 only: the number of rows that follow
-np, nl     row 0 only: numbers of points and of joints
+np, nl     row 0 only: numbers of points and of joints with limits
+nd         row 0 only: the number of freedoms that rub and have no limits
 sweeps     row 0 only: passes over all of them in a step
 axes       row 0 only, of a plane: its normal, then two directions across it, one a row
 height     row 0 only, of a plane: how far along the normal it lies from the world's origin
@@ -27,6 +29,7 @@ CONTACTS = table_dtype(
     last_row=int,
     np=int,
     nl=int,
+    nd=int,
     sweeps=int,
     axes=Mat3,
     height=float,

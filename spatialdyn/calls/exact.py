@@ -40,7 +40,9 @@ def exact(
     bits   precision of the result, at least 53; None for exact rationals: models without mimic joints, calls of
            + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
     frame, reference, classical   of calls that take them
-    constraints   of calls with a table of them; ``constrained_dynamics`` here takes 1/T of its stabilization, ``rate``
+    constraints   of calls with a table of them; ``constrained_dynamics`` here takes 1/T of its stabilization, ``rate``.
+           Of ``contact_step`` and ``contact_gaps``, Contacts on a Plane; a step is then v, impulses, gaps, impulses of
+           limits, residuals and work, and takes friction and restitution of the points last
 
     Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
 

@@ -102,7 +102,8 @@ def specialize(
     constraints  Constraints of this model, of calls with a table of them, in float64. The result of
               ``sd.constrained_dynamics`` is then a, force, residual and rank side by side (nv+nc+2,), and equations
               that contradict others are no error: their residual says so. ``inputs="rate"`` adds 1/T of its
-              stabilization
+              stabilization. Of ``sd.contact_step`` and ``sd.contact_gaps``, Contacts on a Plane, as of ``exact``;
+              a step's parts lie side by side too
     derivative   "jvp": along a direction. The program also takes a tangent of each input, dq dv ... in their order, and
               also returns the derivatives of the results along them, dtau. "vjp": of Σ weight · result. It also takes
               the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some three

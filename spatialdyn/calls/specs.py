@@ -47,7 +47,7 @@ def static_of(
     classical: bool,
     constraints: Any = None,
 ) -> dict[str, Any]:
-    """Values of the static inputs (row, placement, reference, classical, constraints).
+    """Values of the static inputs (row, placement, reference, classical, constraints or contacts).
 
     Raises if one is given that no call takes.
     """
@@ -70,12 +70,15 @@ def static_of(
     elif classical:
         raise SpatialDynError("classical is True, expected the default: no call takes it")
     table = getattr(constraints, "table", None)
-    if "constraints" in names:
-        if not isinstance(table, StaticTable) or constraints.model != model:
-            raise SpatialDynError(
-                f"constraints are {constraints!r}, expected Constraints of this model: a call takes them"
-            )
-        values["constraints"] = table
-    elif constraints is not None:
+    touches = hasattr(constraints, "terrain")
+    for name, kind in (("constraints", "Constraints"), ("contacts", "Contacts on a Plane")):
+        if name in names:
+            fits = isinstance(table, StaticTable) and constraints.model == model and touches == (name == "contacts")
+            if not fits or (touches and len(constraints.tables) > 1):
+                raise SpatialDynError(
+                    f"constraints are {constraints!r}, expected {kind} of this model: a call takes them"
+                )
+            values[name] = table
+    if constraints is not None and not names & {"constraints", "contacts"}:
         raise SpatialDynError(f"constraints are {constraints!r}, expected None: no call takes them")
     return values

@@ -105,3 +105,7 @@ def contact_gaps(model: Model, contacts: Contacts, q: ArrayLike) -> Array:
     spec = CONTACT_GAPS if len(contacts.tables) == 1 else CONTACT_GAPS_OVER
     made: Array = answer(spec, contacts, contacts.tables, (as_array("q", q),))
     return made
+
+
+contact_step.spec = CONTACT_STEP  # type: ignore[attr-defined]  # for ``exact`` and ``specialize``
+contact_gaps.spec = CONTACT_GAPS  # type: ignore[attr-defined]

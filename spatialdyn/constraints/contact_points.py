@@ -20,6 +20,7 @@ from .kinds import across
 
 Array = NDArray[np.float64]
 MOST_SWEEPS = 100
+SIZES = ("np", "nl", "nd")
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Plane:
     normal  (3,) in the world, of any length but 0
     height  [m] along the normal, from the world's origin
 
+    A body at rest on a plane along the axes, as that of z = 0, has a velocity of 0 to the bit where gravity leans; on a
+    leaning plane its entries are rounding, some 1e-18 m/s, for its directions are no axes of the world.
     Raises  ConstraintError for a normal of no direction, or a height that is not finite
 
     >>> import spatialdyn as sd
@@ -195,12 +198,24 @@ class Contacts:
         for record, row in zip(table[1:], [*rows, *stops], strict=True):
             for column, value in row.items():
                 record[column] = value
-        for name, value in {**held, "table": StaticTable(table, ("np", "nl")), "_plans": {}}.items():
+        for name, value in {**held, "table": StaticTable(table, SIZES), "_plans": {}}.items():
             object.__setattr__(self, name, value)
 
     def with_limits(self) -> Contacts:
         """These contacts, and the joints' position limits."""
         return Contacts(*self._given(), limits=True)
+
+    def with_dry(self, dry: NDArray[np.bool_]) -> StaticTable:
+        """The table, and a row for each freedom of ``dry`` (nv,) that has none."""
+        rows = self.table.rows
+        more = np.setdiff1d(np.flatnonzero(dry) + 1, rows["row"][1 + len(self) :])
+        if not len(more):
+            return self.table
+        table = np.zeros(len(rows) + len(more), CONTACTS)
+        table[: len(rows)] = rows
+        table[0]["last_row"], table[0]["nd"] = len(table) - 1, len(more)
+        table["row"][len(rows) :], table["q_index"][len(rows) :] = more, -1
+        return StaticTable(table, SIZES)
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:

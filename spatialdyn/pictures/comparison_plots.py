@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..accuracy.results import Tradeoff
 from ..calls.dynamics import calls
 from ..errors import SpatialDynError
-from ..simulation.rollouts import Rollout
+from ..simulation.rollout_result import Rollout
 from ..simulation.trajectory import Trajectory
 from .coordinates import UNITS, Coordinate, by_unit, chosen, coordinates, title
 from .figures import check_path, colours, plain, written

@@ -14,7 +14,7 @@ from ..accuracy.results import Recommendation, Tradeoff
 from ..bodies.kinds import kind_of
 from ..errors import SpatialDynError
 from ..model.model import Model
-from ..simulation.rollouts import Rollout
+from ..simulation.rollout_result import Rollout
 from ..simulation.trajectory import Trajectory
 from ..validate.rows import Comparison, Row
 from .coordinates import SYMBOLS, UNITS, Coordinate, coordinates

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SpatialDynError
-from ..simulation.rollouts import Rollout
+from ..simulation.rollout_result import Rollout
 from .coordinates import Coordinate, chosen, coordinates, title
 from .figures import COLOURS, DASHES, FAINT, LIMIT, check_path, plain, written
 from .panels import Panel, grid, heading, in_view, names_of

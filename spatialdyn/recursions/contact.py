@@ -144,7 +144,7 @@ def contact_step(
             lock(bodies, contacts, row, -1, 3, x, Y, b, after, A, a, e, s, g, stopped, bound)
             r = sub(Vec(x[3, 0], x[3, 1], x[3, 2]), times(x, now))
             factor_block(x, B[p, 0, 0] + B[p, 1, 1] + B[p, 2, 2], n, C)
-            solved = point_impulse(x, C, r, mu[p], p, sigma, sweep == 0)
+            solved, _ = point_impulse(x, C, r, mu[p], p, sigma, sweep == 0, False)
             force[k], force[k + 1], force[k + 2] = solved.x, solved.y, solved.z
             x[4, 0], x[4, 1], x[4, 2] = solved.x - now.x, solved.y - now.y, solved.z - now.z
             for i in range(3):
@@ -251,7 +251,7 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T:
             J[3 * p, i - 1], J[3 * p + 1, i - 1], J[3 * p + 2, i - 1] = u.x, u.y, u.z
             to = add(to, vec_of(work[i].o))
             i = bodies[i].parent
-    for l in range(contacts[0].nl):
+    for l in range(contacts[0].nl + contacts[0].nd):
         J[3 * points + l, contacts[1 + points + l].row - 1] = 1.0
 
 
@@ -319,10 +319,15 @@ def times(B: Matrix, f: Vec) -> Vec:
 @inline
 def stopping(c: Record, q: Config, dt: Number, free: Scalar) -> Scalar:
     """By how much the velocity of a joint has to change so that it does not pass its limits within the step."""
-    above, below = q[c.q_index] - c.lower, c.upper - q[c.q_index]
-    least = -select(above, above / dt, rising(above, dt))
-    most = select(below, below / dt, rising(below, dt))
+    least, most = allowed(c, q, dt)
     return select(least - free, least - free, 0.0) - select(free - most, free - most, 0.0)
+
+
+@inline
+def allowed(c: Record, q: Config, dt: Number) -> tuple[Scalar, Scalar]:
+    """The least and the largest velocity with which a joint does not pass its limits within the step."""
+    above, below = q[c.q_index] - c.lower, c.upper - q[c.q_index]
+    return -select(above, above / dt, rising(above, dt)), select(below, below / dt, rising(below, dt))
 
 
 @inline
@@ -417,7 +422,9 @@ def release(
             push(Z, 3 * points + l, s[l], w)
 
 
-CONTACTS_ARGUMENT = Argument("contacts", (), "", "what may touch", static=True, table=CONTACTS, sizes=("np", "nl"))
+CONTACTS_ARGUMENT = Argument(
+    "contacts", (), "", "what may touch", static=True, table=CONTACTS, sizes=("np", "nl", "nd")
+)
 HEIGHTS_ARGUMENT = Argument("heights", (), "", "of the ground", static=True, table=HEIGHTS)
 MU = Argument("mu", ("np",), "1", "coefficient of friction of each point")
 RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1")

@@ -8,6 +8,7 @@ from .constrained import DEPENDENT
 from .dense import factor_dropping, quotient, solve_backward, solve_forward
 from .signatures import Matrix, Number, Vector
 
+STOPPED = 1e-18  # of a point's velocity, squared: what rounding leaves of it
 LEAST = 0.1  # of G_nn: the least of what resists along a sliding point's impulse; beyond, friction jams the point
 
 
@@ -38,11 +39,16 @@ def largest_eigenvalue(B: Matrix) -> Scalar:
 
 
 @inline
-def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, p: int, sigma: Vector, first: bool) -> Vec:
-    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides.
+def point_impulse(
+    B: Matrix, C: Matrix, r: Vec, mu: Number, p: int, sigma: Vector, first: bool, held: bool
+) -> tuple[Vec, Scalar]:
+    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides; and 1
+    if it sticks, else 0.
 
     B, C   its block of G, and the factors, of which rows 3 and 4 are scratch
     sigma  (np), written: of ``sliding_impulse``, which starts from that of the sweep before if this is not the first
+    held   whether constraints may leave a point fewer directions than its velocity has: it then sticks only if the
+           impulse of the others stops it in those too
     """
     C[3, 0], C[3, 1], C[3, 2] = -r.x, -r.y, -r.z
     solve_forward(C[:3], C[3])
@@ -50,12 +56,18 @@ def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, p: int, sigma: Vecto
     stick = Vec(C[4, 0], C[4, 1], C[4, 2])
     pressed = mu * select(stick.x, stick.x, 0.0)
     inside = pressed * pressed - (stick.y * stick.y + stick.z * stick.z)
+    if held:
+        left1 = r.y + (B[1, 0] * stick.x + B[1, 1] * stick.y + B[1, 2] * stick.z)
+        left2 = r.z + (B[2, 0] * stick.x + B[2, 1] * stick.y + B[2, 2] * stick.z)
+        left = left1 * left1 + left2 * left2
+        inside = select(left - STOPPED * (r.x * r.x + r.y * r.y + r.z * r.z), -1.0, inside)
     slide = sliding_impulse(B, C[0, 0], r, mu, p, sigma, first)
-    return Vec(
+    solved = Vec(
         select(-r.x, select(inside, stick.x, slide.x), 0.0),
         select(-r.x, select(inside, stick.y, slide.y), 0.0),
         select(-r.x, select(inside, stick.z, slide.z), 0.0),
     )
+    return solved, select(-r.x, select(inside, 1.0, 0.0), 0.0)
 
 
 @inline

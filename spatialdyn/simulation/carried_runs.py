@@ -17,13 +17,14 @@ from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.friction import DT
 from ..recursions.spec import Argument
-from . import contact_steps, explicit, ledger
+from . import explicit, ledger, solved_steps
 from .carried import Acting, carry, carry_solved
 from .constrained import Held, motion_under, project
 from .contact_steps import Touching
 from .control_laws import OWN_INPUT, Control, law_on, moved_states
 from .friction_steps import OWN, SMOOTH, Rubbing, smooth_kernel, solver
 from .recorder import Recorder
+from .solved_steps import external
 from .springs import has_springs, spring_kernel
 from .system import OK, State, System
 from .traced_steps import EXPLICIT_METHODS
@@ -86,8 +87,11 @@ def carrying(
     moved = () if control is None else moved_states(control.spec)
     moving = (*moved, *(x.name for x in work if x != ledger.PROJECTION))
     pull = spring_kernel() if springs else None
-    solve = solver(found, fext, model, held, springs) if found is not None and found.way in OWN else None
-    press = None if touch is None else contact_steps.solver(touch, fext, found)
+    solve: Any = None
+    if touch is not None:
+        solve = solved_steps.solver(touch, fext, found, held, springs)
+    elif found is not None and found.way in OWN:
+        solve = solver(found, fext, model, held, springs)
     resist = smooth_kernel(found) if found is not None and found.way == SMOOTH else None
     motion = None if held is None else motion_under(held, model, fext)
     own_kernels = kernels if held is None else explicit.kernels_of(None)
@@ -116,20 +120,16 @@ def carrying(
         law = None if laws is None or control is None else laws(int(recorder.at[0]), h)
         acting = Acting(free, law, control is not None and control.held, moving)
         own = dict(zip(names, [x.copy() for x in carried.views(recorder.own)], strict=True))
-        if solve is not None or press is not None:
-            name = names[0]  # of friction's own state
+        if solve is not None:
             system.torque(system, t, state.q, state.w)
 
             def solved(tau: Any) -> Any:
-                now = system._replace(tau=tau)
-                if solve is None or press is not None:
-                    return press(now, t, h, state, own)  # type: ignore[misc]
-                after, changed, forces = solve(now, t, h, state, own[name])
+                after, changed, forces = solve(system._replace(tau=tau), t, h, state, own)
                 if fext is not None and work:
                     forces[ledger.EXTERNAL.name] = external(model, state.q, fext)
                 if pull is not None:
                     forces[ledger.SPRINGS.name] = pull(system.table, state.q, state.w)
-                return after, {name: changed}, forces
+                return after, changed, forces
 
             state.w[:], after = carry_solved(solved, h, state.q, state.w, system.tau.copy(), own, acting)
             displacement = state.work[1]
@@ -140,20 +140,13 @@ def carrying(
         finite = np.isfinite(state.q).all() and np.isfinite(state.w).all()
         if held is not None and system.status[0] == OK and finite:
             before = energy_of(model, state)
-            project(held, model, state.q, state.w)
+            project(held, model, state.q, state.w, touch is None)
             if ledger.PROJECTION in work:
                 after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
         for name, x in zip(names, carried.views(recorder.own), strict=True):
             x[...] = after[name]
 
     return own_kernels, step
-
-
-def external(model: Model, q: Any, fext: Array) -> Array:
-    """Jᵀ f (nv) of external forces [N m | N]."""
-    q = np.array(q)
-    made: Array = calls["generalized_gravity"](model, q) - calls["static_torque"](model, q, fext)
-    return made
 
 
 def energy_of(model: Model, state: State) -> float:

@@ -36,12 +36,14 @@ from ..recursions.configuration import integrate
 from ..recursions.constrained_friction import HELD_BRISTLES
 from ..recursions.constraint_rows import CONSTRAINTS_ARGUMENT
 from ..recursions.spec import Argument, Spec, shape_in, sizes_of
-from .system import OK, State, System
+from .symplectic import SETTLED, SWEEPS
+from .system import OK, STALLED, State, System, set_status
 
 Array = NDArray[np.float64]
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization")
 RANK = Argument("rank", (), "1", "independent equations at the beginning")
 START = 1e-6  # largest |φ| [m | rad], and |J v| of its terms, of a state to start from
+START_SOLVED = 1e-3  # the same of |J v| where steps find velocities with impulses: of (h v)², h v the way of a step
 LEAST_STEPS = 3.0  # of a time of stabilization; at 1 explicit methods diverge
 
 
@@ -65,9 +67,13 @@ class Held(NamedTuple):
 
 
 def held_by(
-    model: Model, constraints: Any, stabilization: Any, method: str, known: Sequence[str], q: Array, v: Array, dt: float
-) -> Held | None:
-    """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there."""
+    model: Model, constraints: Any, stabilization: Any, method: str, known: Sequence[str], q: Array, v: Array,
+    dt: float, solved: bool = False,
+) -> Held | None:  # fmt: skip
+    """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there.
+
+    solved  whether its steps find velocities with impulses, which then miss J v = 0 by the order of dt²
+    """
     if constraints is None:
         if stabilization is not None:
             raise SimulationError(f"stabilization is {stabilization!r}, expected None: no constraints are given")
@@ -85,7 +91,7 @@ def held_by(
     raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
     J = constraint_jacobian(model, constraints, q)
     Jv, terms = (J @ v[..., None])[..., 0], (abs(J) @ abs(v)[..., None])[..., 0]
-    bad = np.argwhere(abs(Jv) > START * terms)
+    bad = np.argwhere(abs(Jv) > (START_SOLVED if solved else START) * terms)
     if len(bad):
         index, k = tuple(int(x) for x in bad[0, :-1]), int(bad[0, -1])
         where = "" if not index else f" of sample {index[0]}"
@@ -133,12 +139,17 @@ def check_rank(held: Held, rank: int, known: int) -> None:
         )
 
 
-def project(held: Held, model: Model, q: Array, v: Array) -> None:
-    """Write the projected state to q and v, by calls."""
+def project(held: Held, model: Model, q: Array, v: Array, velocities: bool = True) -> None:
+    """Write the projected state to q and v, by calls; to q alone where the step has found velocities with impulses.
+
+    Those keep J v⁺ + h J̇ v = 0, which the next J meets to the order of h²; a projection would move joints that stick.
+    """
     if held.rate is None:
         constraints = held.constraints
         phi = constraint_error(model, constraints, q)
         q[:] = calls["integrate"](model, q, response(model, constraints, q, -phi, check=False)[0])
+        if not velocities:
+            return
         Jv = constraint_jacobian(model, constraints, q) @ v
         v += response(model, constraints, q, -Jv, check=False)[0]
 
@@ -173,6 +184,41 @@ def bristles_held(
         return out[:n], out[n : 2 * n], out[2 * n : -2]
 
     return solve
+
+
+def closed(
+    held: Held, model: Model, system: System, t: float, q: Array, settle: Callable[[], Array],
+    add: Callable[[Array], None],
+) -> Array:  # fmt: skip
+    """The positions at the end of a step of a symplectic method, where φ = 0: Newton's steps on its multipliers.
+
+    settle  positions at the end with the multipliers so far
+    add     adds to them what changes those positions by -φ, an impulse over a time of 1
+
+    Writes the status STALLED if φ stays. It raises ConstraintError.
+    """
+    constraints, known, before = held.constraints, int(held.rank[0]), np.inf
+    for sweep in range(SWEEPS):
+        ahead = settle()
+        phi = constraint_error(model, constraints, ahead)
+        size = float(abs(phi).max(initial=0.0))
+        if system.status[0] != OK or size <= EPS or (size <= SETTLED and size >= 0.5 * before):
+            break
+        if sweep == SWEEPS - 1:
+            set_status(system, STALLED, t, size)
+        before = size
+        _, impulse, _, rank = response(model, constraints, q, -phi, check=False)
+        check_rank(held, rank, known)
+        add(impulse)
+    return ahead
+
+
+def momentum_along(held: Held, model: Model, q: Array, p: Array) -> Array:
+    """The momenta nearest to p whose velocities keep J v = 0."""
+    v = calls["velocity_from_momentum"](model, q, p)
+    Jv = constraint_jacobian(model, held.constraints, q) @ v
+    made: Array = calls["momentum"](model, q, v + response(model, held.constraints, q, -Jv, check=False)[0])
+    return made
 
 
 # --- steps on rows, which record -------------------------------------------------------------------------
@@ -235,8 +281,8 @@ class Rows:
         energy.potential_energy(self.rows, scratch(energy.WORK_MOMENT, self.n + 1), q, V)
         return T + V
 
-    def project(self, q: Any, w: Any) -> None:
-        """Write the projected state, infinite if something is wrong."""
+    def project(self, q: Any, w: Any, velocities: bool = True) -> None:
+        """Write the projected state, as ``project`` by calls, infinite if something is wrong."""
         rows, n = self.rows, self.n
         if self.rate is None:
             work, phi = scratch(constraint_rows.WORK, n + 1), np.zeros(self.m, object)
@@ -245,6 +291,7 @@ class Rows:
             moved = q.copy()
             integrate(rows, q, change, moved)
             q[:] = moved
+        if self.rate is None and velocities:
             w[:] = w + self._run(constrained.RESPONSE, q, -self.rates(q, w), self.constraints)[0]
         lost = self.wrong / exceeds(1.0, self.wrong)
         for i in range(n):

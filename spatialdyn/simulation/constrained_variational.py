@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from ..algebra.scalars import EPS
 from ..calls.dynamics import calls
-from ..constraints.dynamics import constraint_error, constraint_jacobian, response
+from ..constraints.dynamics import constraint_jacobian
 from ..model.model import Model
-from .constrained import Held, check_rank
+from .constrained import Held, closed, momentum_along
 from .symplectic import SETTLED, SWEEPS, relative
 from .system import STALLED, State, System, set_status
 
@@ -36,7 +36,7 @@ ROUNDING = 4.0 * EPS  # of an iterate
 
 def held_variational(held: Held, model: Model) -> Callable[..., None]:
     """The step, which advances (q, p). It raises ConstraintError."""
-    n, constraints, known = model.nv, held.constraints, int(held.rank[0])
+    n, constraints = model.nv, held.constraints
     impulse, xi = np.zeros(constraints.nc), np.zeros(n)  # Λ and ξ of the last step, from which the next starts
 
     def step(system: System, t: float, h: float, state: State) -> None:
@@ -45,8 +45,8 @@ def held_variational(held: Held, model: Model) -> Callable[..., None]:
         J = constraint_jacobian(model, constraints, q)
         set_status(system, k.load(system, q, g), t)
 
-        def settle() -> None:
-            """Solve for ξ at the Λ so far."""
+        def settle() -> Array:
+            """Solve for ξ, and so for q⁺, at the Λ so far."""
             before: Any = math.inf
             for _ in range(SWEEPS):
                 system.torque(system, t, q, xi / h)
@@ -56,33 +56,24 @@ def held_variational(held: Held, model: Model) -> Callable[..., None]:
                 xi[:] -= h * change
                 moved = float(relative(abs(h * change).max(initial=0.0), abs(xi).max(initial=0.0)))
                 if system.status[0] != 0 or moved <= ROUNDING or (moved <= SETTLED and moved >= before):
-                    return
+                    break
                 before = moved
-            set_status(system, STALLED, t, before)
+            else:
+                set_status(system, STALLED, t, before)
+            moved_to: Array = calls["integrate"](model, q, xi)
+            return moved_to
 
-        before = math.inf
-        for sweep in range(SWEEPS):
-            settle()
-            ahead = calls["integrate"](model, q, xi)
-            phi = constraint_error(model, constraints, ahead)
-            size = float(abs(phi).max(initial=0.0))
-            if system.status[0] != 0 or size <= EPS or (size <= SETTLED and size >= 0.5 * before):
-                break
-            if sweep == SWEEPS - 1:
-                set_status(system, STALLED, t, size)
-            before = size
-            _, more, _, rank = response(model, constraints, q, -phi, check=False)
-            check_rank(held, rank, known)
+        def add(more: Array) -> None:
             impulse[:] += more / h
+
+        ahead = closed(held, model, system, t, q, settle, add)
         if system.status[0] != 0:
             return
         set_status(system, k.before(system.table, q, xi, state.by_row, rotor, left), t)
         set_status(system, k.after(system.table, ahead, xi, state.by_row, rotor, left), t + h)
         set_status(system, k.load(system, ahead, g), t + h)
         system.torque(system, t + h, ahead, xi / h)
-        v = calls["velocity_from_momentum"](model, ahead, left / h + 0.5 * h * (system.tau - g))
-        Jv = constraint_jacobian(model, constraints, ahead) @ v
         state.q[:] = ahead
-        state.w[:] = calls["momentum"](model, ahead, v + response(model, constraints, ahead, -Jv, check=False)[0])
+        state.w[:] = momentum_along(held, model, ahead, left / h + 0.5 * h * (system.tau - g))
 
     return step

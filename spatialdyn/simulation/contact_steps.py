@@ -1,42 +1,39 @@
-"""Contacts in simulations: what a run takes with it, the step on recorded numbers and by kernels, what is reported.
+"""What acts by impulses in simulations: contacts, joint limits, dry joints beside them or beside constraints.
 
-Contacts and joint limits act by ``recursions.contact``: v⁺ and all impulses are found together, so the step is that of
-``semi_implicit_euler``. A run carries the largest residual so far, with its point and step, and on request the
-impulses of the last step.
+v⁺ and all impulses are found together, by ``recursions.contact`` or ``recursions.impulse_step``, so the step is that of
+``semi_implicit_euler`` (``solved_steps``). A run carries the largest residual so far, with its point and step, and on
+request the impulses of the last step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.scalars import select
+from ..bodies.static_table import StaticTable
 from ..calls.arguments import as_flag
 from ..calls.dynamics import calls
-from ..constraints.contact_dynamics import contact_gaps, step_spec
+from ..calls.failures import joint_of_velocity
+from ..constraints.contact_dynamics import contact_gaps
 from ..constraints.contact_points import Contacts, check_contacts
-from ..engines import run
-from ..engines.compiled import numba_kernels
 from ..engines.programs.recording import MOST_TABLE
-from ..engines.programs.tracer import scratch
 from ..errors import ModelError, SimulationError
 from ..model.model import Model
-from ..recursions.contact import CONTACT_STEP, CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION, WORK, contact_step
+from ..recursions.contact import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ..recursions.spec import Argument, shape_in
-from . import explicit, ledger
+from .constrained import Held
 from .contact_record import ContactRecord
-from .friction_steps import SMOOTH, STEPPED, Rubbing, smooth_kernel
-from .springs import has_springs
-from .system import State, System, set_status
+from .friction_steps import IMPLICIT, LUGRE, STEPPED, Rubbing
 
 Array = NDArray[Any]
 MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robot, and its program is long
+MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: 1e5 operations of a sweep's tableaus
 START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond a limit
 UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
+UNSOLVED_DRY = 1e-1  # the same beside dry joints: one of a thousand steps of a trot on strong ones is left at 1e-2
 WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
 
 SOLVED = Argument(
@@ -47,14 +44,20 @@ RECORDED = Argument("contact_record", (f"{WORST}+np+np+np+nl",), "", "the same, 
 
 @dataclass(frozen=True)
 class Touching:
-    """The contacts of a run.
+    """What acts by impulses in a run.
 
-    contacts  Contacts, perhaps of joint limits alone
+    contacts  Contacts, perhaps of joint limits alone, or of nothing beside constraints
     records   whether impulses are recorded
+    table     of the contacts and of freedoms that rub dry
+    way       of friction that is solved for together with them, None for none
+    held      whether constraints are
     """
 
     contacts: Contacts
     records: bool
+    table: StaticTable
+    way: str | None = None
+    held: bool = False
 
     @property
     def own(self) -> Argument:
@@ -64,12 +67,17 @@ class Touching:
     @property
     def width(self) -> int:
         """The numbers of that state."""
-        return int(shape_in(self.own.shape, self.contacts.table.sizes)[0])
+        return int(shape_in(self.own.shape, self.table.sizes)[0])
+
+    @property
+    def tables(self) -> tuple[StaticTable, ...]:
+        """Of contacts, and of heights if there are some."""
+        return (self.table, *self.contacts.tables[1:])
 
     @property
     def arguments(self) -> tuple[Argument, ...]:
         """That state, and the inputs that a step takes last, the tables first."""
-        return (self.own, *(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.contacts.tables)], *self.inputs)
+        return (self.own, *(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.tables)], *self.inputs)
 
     @property
     def inputs(self) -> tuple[Argument, ...]:
@@ -81,12 +89,35 @@ class Touching:
         """(np,) of each."""
         return (self.contacts.friction, self.contacts.restitution)[: len(self.inputs)]
 
+    @property
+    def touches(self) -> bool:
+        """Whether there are points or limits."""
+        return self.table.sizes["np"] + self.table.sizes["nl"] > 0
+
+    @property
+    def is_long(self) -> bool:
+        """Whether programs of its steps are too long: those that hold rows in turn."""
+        points, rows = len(self.contacts), len(self.table.rows) - 1
+        return (self.way is not None or self.held) and rows + 2 * points > MOST_ROWS
+
+    @property
+    def least(self) -> float:
+        """The residual that is an error [m/s | rad/s]."""
+        return UNSOLVED_DRY if self.way == IMPLICIT else UNSOLVED
+
+    def label(self, k: int) -> str:
+        """What messages call a point or joint, in the order of residuals."""
+        known = self.contacts.labels
+        if k < len(known):
+            return known[k]
+        return f'friction of joint "{joint_of_velocity(self.contacts.model, self.table.rows[1 + k]["row"] - 1).name}"'
+
     def record(self, q: Array, own: Array) -> ContactRecord:
         """What was recorded: positions (..., nq), and the state of its own (..., width)."""
         contacts, model = self.contacts, self.contacts.model
-        k, lead = len(contacts), own.shape[:-1]
+        k, limits, lead = len(contacts), self.table.sizes["nl"], own.shape[:-1]
         stop = np.zeros((*lead, model.nv), own.dtype)
-        stop[..., contacts.table.rows["row"][1 + k :] - 1] = own[..., WORST + 3 * k :]
+        stop[..., self.table.rows["row"][1 + k : 1 + k + limits] - 1] = own[..., WORST + 3 * k :]
         impulse = own[..., WORST : WORST + 3 * k].reshape((*lead, k, 3))
         known = np.isfinite(q).all(axis=-1, keepdims=True)
         gap = np.where(known, contact_gaps(model, contacts, np.where(known, q, calls["neutral"](model))), np.nan)
@@ -94,36 +125,32 @@ class Touching:
 
 
 def touching(
-    model: Model, contacts: Any, limits: Any, records: Any, method: str, q: Array, found: Rubbing | None, held: Any
-) -> Touching | None:
-    """The contacts of a run by the arguments of ``simulate`` and ``rollout``, from positions (..., nq); None for none.
+    model: Model, contacts: Any, limits: Any, records: Any, method: str, q: Array, found: Rubbing | None,
+    held: Held | None,
+) -> Touching | None:  # fmt: skip
+    """What acts by impulses, by the arguments of ``simulate`` and ``rollout``, from positions (..., nq); None for none.
 
-    Raises  SimulationError for a method that takes none, a start in the ground or beyond a limit, with its depth, and
-            for constraints and friction beside them; ConstraintError, ModelError
+    Raises  SimulationError for a method that takes none, and a start in the ground or beyond a limit, with its depth;
+            ConstraintError, ModelError
     """
     stops, kept = as_flag("limits", limits), as_flag("record_contacts", records)
-    if contacts is None and not stops:
-        if kept:
-            raise SimulationError("record_contacts is True, expected contacts or limits=True with it")
+    if contacts is None and not stops and kept:
+        raise SimulationError("record_contacts is True, expected contacts or limits=True with it")
+    solved = found.way if found is not None and found.way in (IMPLICIT, LUGRE) else None
+    if contacts is None and not stops and (held is None or solved != IMPLICIT):
         return None
     given = Contacts(model, {}) if contacts is None else check_contacts(model, contacts)
     if stops and not given.limits:
         given = given.with_limits()
-    what = "limits are to act" if contacts is None else "contacts are given"
-    if method != STEPPED:
+    if method != STEPPED:  # of friction beside constraints, ``rubbing`` has checked it
+        what = "limits are to act" if contacts is None else "contacts are given"
         raise SimulationError(
             f'{what} and method is "{method}", expected method="{STEPPED}": impulses and velocities are found together'
         )
-    if held is not None:
-        raise SimulationError(f"{what} beside constraints, expected one of them")
-    if has_springs(model):
-        raise SimulationError(f'{what} and model "{model.name}" has springs at its rotors, expected one of them')
-    if found is not None and found.has_motor:
-        raise SimulationError(f"{what} beside a motor, expected one of them: gears rub, and no dry joint acts here")
-    if found is not None and found.way != SMOOTH:
-        raise SimulationError(f'{what} and friction_method is "{found.way}", expected friction_method="smooth"')
     _check_start(model, given, q)
-    return Touching(given, kept) if given.table.sizes["np"] + given.table.sizes["nl"] else None
+    dry = found.dry if found is not None and solved == IMPLICIT else np.zeros(model.nv, bool)
+    made = Touching(given, kept, given.with_dry(dry), solved, held is not None)
+    return made if len(made.table.rows) > 1 or held is not None else None
 
 
 def _check_start(model: Model, contacts: Contacts, q: Array) -> None:
@@ -147,119 +174,34 @@ def _check_start(model: Model, contacts: Contacts, q: Array) -> None:
 
 
 def check_few(found: Touching | None) -> None:
-    """Raise ModelError if there are more points, or heights, than a rollout takes."""
-    heights = 0 if found is None else sum(len(x.rows) - 1 for x in found.contacts.tables[1:])
+    """Raise ModelError if there are more points, rows or heights than a rollout takes."""
+    if found is None:
+        return
+    heights, points = sum(len(x.rows) - 1 for x in found.tables[1:]), len(found.contacts)
+    more = "simulate and contact_step take more"
     if heights > MOST_TABLE:
+        raise ModelError(f"terrain has {heights} heights, expected at most {MOST_TABLE} in a rollout; {more}")
+    if points > MOST_POINTS:
+        raise ModelError(f"contacts have {points} points, expected at most {MOST_POINTS} in a rollout; {more}")
+    joints = len(found.table.rows) - 1 - points
+    if found.is_long:
         raise ModelError(
-            f"terrain has {heights} heights, expected at most {MOST_TABLE} in a rollout; simulate and contact_step "
-            "take more"
-        )
-    if found is not None and len(found.contacts) > MOST_POINTS:
-        raise ModelError(
-            f"contacts have {len(found.contacts)} points, expected at most {MOST_POINTS} in a rollout; simulate and "
-            "contact_step take more"
+            f"{points} points and {joints} joints that rub or stop have {3 * points + joints} impulses, expected at "
+            f"most {MOST_ROWS} in a rollout; simulate takes more"
         )
 
 
-def samples_unsolved(own: Array) -> NDArray[np.intp]:
+def samples_unsolved(found: Touching, own: Array) -> NDArray[np.intp]:
     """The samples with a step that is not solved, of the state of its own (samples, width)."""
-    return np.flatnonzero(own[:, 1] > UNSOLVED)
+    return np.flatnonzero(own[:, 1] > found.least)
 
 
 def unsolved(found: Touching, own: Array, dt: float) -> str:
     """What is wrong with the step of the largest residual of one sample; "" if it is solved."""
     worst, which, step = own[1], int(own[2]), int(own[3])
-    if not worst > UNSOLVED:
+    if not worst > found.least:
         return ""
     return (
-        f"{found.contacts.labels[which]} misses its law by {worst:.2g} m/s in the step from t = {step * dt:.9g} s, "
-        f"expected at most {UNSOLVED:g} of a solved step; more sweeps may help"
+        f"{found.label(which)} misses its law by {worst:.2g} m/s in the step from t = {step * dt:.9g} s, "
+        f"expected at most {found.least:g} of a solved step; more sweeps may help"
     )
-
-
-# --- a step, traced -------------------------------------------------------------------------------------
-
-
-def traced_step(own: Argument, rows: Any, given: dict[str, Any], tau: Any, rubbed: Any) -> tuple[Any, Any, Any]:
-    """The velocities after a step, states after it by name, forces that do work; of ``given`` inputs by name.
-
-    rubbed  torques of smooth friction, None for none
-    """
-    q, v, contacts, before = given["q"], given["v"], given[CONTACTS_ARGUMENT.name], given[own.name]
-    n, sizes = len(v), {"nv": len(v), "np": contacts[0].np, "nl": contacts[0].nl}
-    shapes = [shape_in(x.shape, sizes) for x in CONTACT_STEP.parts] + CONTACT_STEP.extra_outputs(sizes)
-    made = [np.full(shape, 0.0, object) for shape in shapes]
-    mu, restitution = (given.get(x.name, np.zeros(0, object)) for x in (MU, RESTITUTION))
-    whole = tau if rubbed is None else tau + rubbed
-    heights = given.get(HEIGHTS_ARGUMENT.name)
-    contact_step(rows, scratch(WORK, n + 1), q, v, whole, given["dt"], contacts, heights, mu, restitution, *made)
-    after, impulse, _, stop, residual, work = made[:6]
-    now, which = residual[0], 0.0
-    for k, x in enumerate(residual[1:], 1):
-        more = x - now
-        now, which = select(more, x, now), select(more, float(k), which)
-    _, worst, at, step, count = before[:WORST]
-    more = now - worst
-    solved = [now, select(more, now, worst), select(more, which, at), select(more, count, step), count + 1.0]
-    states = {own.name: np.array(solved + ([*impulse, *stop] if own.name == RECORDED.name else []), object)}
-    if ledger.CONTACTS.name in given:
-        states[ledger.CONTACTS.name] = given[ledger.CONTACTS.name] + work
-    return after, states, {} if rubbed is None else {ledger.FRICTION.name: rubbed}
-
-
-# --- a step by kernels ----------------------------------------------------------------------------------
-
-
-def by_kernels(found: Touching, own: Array, fext: Array | None, rubs: Rubbing | None) -> Callable[..., None]:
-    """The step of ``semi_implicit_euler`` under contacts; ``own`` is written in place.
-
-    rubs  smooth friction, None for none
-    """
-    solve = solver(found, fext, rubs)
-
-    def step(system: System, t: float, h: float, state: State) -> None:
-        system.torque(system, t, state.q, state.w)
-        after, states, _ = solve(system, t, h, state, {found.own.name: own})
-        state.w[:], own[:] = after, states[found.own.name]
-        displacement = state.work[1]
-        displacement[:] = h * state.w
-        explicit.move(system, t, displacement, state)
-
-    return step
-
-
-def solver(found: Touching, fext: Array | None, rubs: Rubbing | None) -> Callable[..., tuple[Array, Any, Any]]:
-    """``(system, t, h, state, own) -> v⁺, states after by name, forces that do work``, as ``traced_step``."""
-    contacts, model = found.contacts, found.contacts.model
-    kernel = numba_kernels.sample_kernel(step_spec(contacts))
-    tables, k, stops = [getattr(x, run.STATIC) for x in contacts.tables], len(contacts), contacts.table.sizes["nl"]
-    resist = None if rubs is None else smooth_kernel(rubs)
-    ends = np.cumsum([model.nv, 3 * k, k, stops, k + stops])
-
-    def solve(system: System, t: float, h: float, state: State, own: Any) -> tuple[Array, Any, Any]:
-        out, tau, forces = np.empty(ends[-1] + k + stops), system.tau, {}
-        if resist is not None:
-            forces[ledger.FRICTION.name] = resist(system.table, state.w)
-            tau = tau + forces[ledger.FRICTION.name]
-        if fext is not None:
-            q = np.array(state.q)
-            forces[ledger.EXTERNAL.name] = calls["generalized_gravity"](model, q) - calls["static_torque"](
-                model, q, fext
-            )
-            tau = tau + forces[ledger.EXTERNAL.name]
-        given = (state.q, state.w, tau, h, *tables, contacts.friction, contacts.restitution)
-        set_status(system, kernel(system.table, *given, out), t)
-        after, impulse, _, stop, residual, work = np.split(out, ends)
-        now = own[found.own.name].copy()
-        now[0] = residual.max(initial=0.0)
-        if now[0] > now[1]:
-            now[1:4] = now[0], np.argmax(residual), now[4]
-        now[4] += 1.0
-        if found.records:
-            now[WORST:] = np.concatenate([impulse, stop])
-        states = {found.own.name: now}
-        if ledger.CONTACTS.name in own:
-            states[ledger.CONTACTS.name] = own[ledger.CONTACTS.name] + work
-        return after, states, forces
-
-    return solve

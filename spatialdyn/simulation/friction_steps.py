@@ -49,8 +49,8 @@ from ..recursions.friction import (
 )
 from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
-from . import explicit, ledger
-from .constrained import Held, Rows, bristles_held, projected
+from . import ledger
+from .constrained import Held, Rows, bristles_held
 from .springs import spring_kernel
 from .system import State, System, set_status
 
@@ -88,6 +88,13 @@ class Rubbing:
     def has_motor(self) -> bool:
         """Whether a motor's gear is part of it."""
         return "efficiency" in self.inputs
+
+    @property
+    def dry(self) -> NDArray[np.bool_]:
+        """The freedoms (nv,) that may stick."""
+        given = dict(zip(self.inputs, self.values, strict=True))
+        sticks: NDArray[np.bool_] = (given["coulomb"] > 0.0) | (given["static"] > 0.0)
+        return sticks | (given["efficiency"] < 1.0) if self.has_motor else sticks
 
     @property
     def own(self) -> Argument | None:
@@ -148,21 +155,6 @@ def rubbing(
     return Rubbing(way, tuple(inputs), tuple(inputs.values()))
 
 
-def check_together(found: Rubbing | None, constraints: Any) -> None:
-    """Raises SimulationError for friction that does not act beside constraints.
-
-    Of joints of a closed loop that stick, Coulomb's law does not determine the torques, only their sum against the
-    load: whether the loop sticks is a problem of all of them at once, and a projection would move joints that stick.
-    """
-    if found is not None and constraints is not None and found.has_motor:
-        raise SimulationError("motor is given beside constraints, expected one of them: its gears rub as dry joints do")
-    if found is not None and constraints is not None and found.way == IMPLICIT:
-        raise SimulationError(
-            'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which '
-            "joints of a loop hold it is not determined"
-        )
-
-
 def _needed(value: Array | None, name: str, way: str) -> Array:
     if value is None:
         raise SimulationError(
@@ -193,7 +185,7 @@ def _check_stable(model: Model, inputs: dict[str, Array], method: str, dt: float
 def smooth_torque(rows: Any, v: Any, given: dict[str, Any]) -> Any:
     """Friction torques (nv,) as recorded numbers; ``given`` are the coefficients by name."""
     made = np.zeros(len(v), object)
-    friction_torque(rows, v, *_law(given), given["smoothing"], made)
+    friction_torque(rows, v, *law_of(given), given["smoothing"], made)
     return made
 
 
@@ -209,7 +201,7 @@ def geared(given: dict[str, Any], v: Any, tau: Any, law: tuple[Any, ...]) -> tup
     return push, (coulomb + level, viscous + slope, static + level, stribeck)
 
 
-def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
+def law_of(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     """The coefficients that all ways have."""
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
@@ -217,80 +209,55 @@ def _law(given: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
 def traced_step(
     way: str, rows: Any, given: dict[str, Any], tau: Any, under: Rows | None, pull: Any = None
 ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
-    """The velocities after a step, the state of its own by name, forces as of ``solver``; of ``given`` inputs by name.
+    """The velocities after a step, the state of its own by name, forces as ``carry_solved`` takes them.
 
+    given  inputs of the step by name
     under  the constraints, None for none
     pull   torques beside tau, which pass no gear: of springs; None for none
     """
     q, v, dt = given["q"], given["v"], given["dt"]
     n = len(v)
-    law, work, after = _law(given), scratch(WORK, n + 1), np.zeros((3, n), object)
+    law, work, after = law_of(given), scratch(WORK, n + 1), np.zeros((3, n), object)
     pivots, M, R = (np.zeros(shape, object) for shape in ((n,), (n, n), (n, n)))
-    wanted = tau
-    tau, law = geared(given, v, tau, law)
-    lost = tau - wanted if tau is not wanted else 0.0
-    tau = tau if pull is None else tau + pull
+    push, law = geared(given, v, tau, law)
+    lost = push - tau if push is not tau else 0.0
+    push = push if pull is None else push + pull
     if way == LUGRE:
         z, stiffness, damping = given[BRISTLES.name], given["stiffness"], given["damping"]
         forces: dict[str, Any] = {}
         if under is None:
-            bristle_step(rows, work, q, v, z, tau, None, dt, *law, stiffness, damping, after, pivots, M)
+            bristle_step(rows, work, q, v, z, push, None, dt, *law, stiffness, damping, after, pivots, M)
             ahead, bristles = after[0], after[1]
         else:
-            ahead, bristles = under.after_bristles(given, tau)
+            ahead, bristles = under.after_bristles(given, push)
             forces[ledger.CONSTRAINTS.name] = lambda way: under.force * under.rates(q, way)
-        rubbed = _bristle_torque(z, bristles, 1.0 / dt, stiffness, damping) - given["viscous"] * ahead
-        return ahead, {BRISTLES.name: bristles}, {**forces, ledger.FRICTION.name: rubbed}
-    friction_step(rows, work, q, v, tau, None, dt, *law, after, pivots, M, R)
+        forces[ledger.FRICTION.name] = rubbed_by(LUGRE, given, law, ahead, bristles)
+        return ahead, {BRISTLES.name: bristles}, forces
+    friction_step(rows, work, q, v, push, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
-    rubbed = after[2] - law[1] * after[0] + lost
+    rubbed = rubbed_by(IMPLICIT, given, law, after[0], after[2]) + lost
     return after[0], {VIOLATION.name: np.array([largest], object)}, {ledger.FRICTION.name: rubbed}
 
 
-def _bristle_torque(z: Any, after: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
-    """What bristles exert in a step of 1/rate that takes their deflection from z to ``after``."""
-    moved = np.array([rate * x for x in after - z], after.dtype)
-    return -(stiffness * after + damping * moved)
+def rubbed_by(way: str, given: dict[str, Any], law: tuple[Any, ...], after: Any, made: Any) -> Any:
+    """The torques of friction and damping in a step; made are those of dry joints, or the bristles after it."""
+    dry = made
+    if way == LUGRE:
+        z, each = given[BRISTLES.name], 1.0 / given["dt"]
+        moved = np.array([each * x for x in made - z], made.dtype)
+        dry = -(given["stiffness"] * made + given["damping"] * moved)
+    return dry - law[1] * after
 
 
 # --- a step by kernels ----------------------------------------------------------------------------------
 
 
-def by_kernels(
-    found: Rubbing, kernels: Any, advance: Callable[..., None], own: Array, fext: Array | None, model: Model,
-    held: Held | None, springs: bool = False,
-) -> tuple[Any, Callable[..., None]]:  # fmt: skip
-    """The kernels and the step of a method with friction.
-
-    own      the state that the friction carries, written in place
-    held     the constraints, None for none
-    springs  whether the model has some; of other methods ``kernels`` has them
-    """
-    if found.way == SMOOTH:
-        resist = smooth_kernel(found)
-        return _smooth(kernels, resist), advance
-    solve = solver(found, fext, model, held, springs)
-
-    def step(system: System, t: float, h: float, state: State) -> None:
-        system.torque(system, t, state.q, state.w)
-        after, changed, _ = solve(system, t, h, state, own)
-        state.w[:], own[:] = after, changed
-        displacement = state.work[1]
-        displacement[:] = h * state.w
-        explicit.move(system, t, displacement, state)
-
-    return kernels, step if held is None else projected(step, held, model)
-
-
 def solver(
     found: Rubbing, fext: Array | None, model: Model, held: Held | None, springs: bool = False
-) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
-    """``(system, t, h, state, own) -> v⁺, own⁺, forces`` of a step whose velocities are solved for.
-
-    forces are those of friction and of constraints, as ``carry_solved`` takes them
-    """
+) -> Callable[..., tuple[Array, dict[str, Any], dict[str, Any]]]:
+    """``(system, t, h, state, own) -> v⁺, states after by name, forces``, as ``traced_step``."""
     pull = spring_kernel() if springs else None
     if held is not None:
         return _held_solver(found, fext, model, held, pull)
@@ -298,40 +265,46 @@ def solver(
     implicit = found.way == IMPLICIT
     present = {*found.inputs, *(["fext"] if loaded else [])}
     kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
-    given = dict(zip(found.inputs, found.values, strict=True))
+    law = dict(zip(found.inputs, found.values, strict=True))
 
-    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
+    def solve(system: System, t: float, h: float, state: State, own: Any) -> tuple[Array, dict[str, Any], Any]:
+        given = {**law, **own, "dt": h}
         after = np.empty((3 if implicit else 2, len(state.w)))
-        bristles = [] if implicit else [own]
-        tau, law = geared(given, state.w, system.tau, _law(given))
-        lost = tau - system.tau
-        tau = tau if pull is None else tau + pull(system.table, state.q, state.w)
+        bristles = [] if implicit else [own[BRISTLES.name]]
+        push, rubs = geared(given, state.w, system.tau, law_of(given))
+        lost = push - system.tau
+        push = push if pull is None else push + pull(system.table, state.q, state.w)
         rest = [] if implicit else [given["stiffness"], given["damping"]]
-        inputs = (state.q, state.w, *bristles, tau, *loaded, h, *law, *rest)
+        inputs = (state.q, state.w, *bristles, push, *loaded, h, *rubs, *rest)
         set_status(system, kernel(system.table, *inputs, after), t)
-        if implicit:
-            changed, rubbed = np.array([max(own[0], after[1].max(initial=0.0))]), after[2]
-        else:
-            changed, rubbed = after[1], _bristle_torque(own, after[1], 1.0 / h, given["stiffness"], given["damping"])
-        return after[0], changed, {ledger.FRICTION.name: rubbed - law[1] * after[0] + lost}
+        made = after[2 if implicit else 1]
+        rubbed = rubbed_by(found.way, given, rubs, after[0], made) + lost
+        if not implicit:
+            return after[0], {BRISTLES.name: made}, {ledger.FRICTION.name: rubbed}
+        worst = np.array([max(own[VIOLATION.name][0], after[1].max(initial=0.0))])
+        return after[0], {VIOLATION.name: worst}, {ledger.FRICTION.name: rubbed}
 
     return solve
 
 
 def _held_solver(
     found: Rubbing, fext: Array | None, model: Model, held: Held, pull: Callable[..., Array] | None
-) -> Callable[..., tuple[Array, Array, dict[str, Any]]]:
+) -> Callable[..., tuple[Array, dict[str, Any], dict[str, Any]]]:
     """``solver`` of LuGre friction under constraints. It raises ConstraintError."""
     law = dict(zip(found.inputs, found.values, strict=True))
     step = bristles_held(held, model, law, fext)
 
-    def solve(system: System, t: float, h: float, state: State, own: Array) -> tuple[Array, Array, dict[str, Any]]:
+    def solve(system: System, t: float, h: float, state: State, own: Any) -> tuple[Array, dict[str, Any], Any]:
         if pull is not None:
             system = system._replace(tau=system.tau + pull(system.table, state.q, state.w))
-        after, changed, force = step(system, h, state, own)
-        rubbed = _bristle_torque(own, changed, 1.0 / h, law["stiffness"], law["damping"]) - law["viscous"] * after
+        given = {**law, **own, "dt": h}
+        after, changed, force = step(system, h, state, own[BRISTLES.name])
         J = constraint_jacobian(model, held.constraints, state.q)
-        return after, changed, {ledger.FRICTION.name: rubbed, ledger.CONSTRAINTS.name: lambda way: force * (J @ way)}
+        forces = {
+            ledger.FRICTION.name: rubbed_by(LUGRE, given, law_of(given), after, changed),
+            ledger.CONSTRAINTS.name: lambda way: force * (J @ way),
+        }
+        return after, {BRISTLES.name: changed}, forces
 
     return solve
 
@@ -348,8 +321,8 @@ def smooth_kernel(found: Rubbing) -> Callable[..., Array]:
     return resist
 
 
-def _smooth(kernels: Any, resist: Callable[..., Array]) -> Any:
-    """The kernels of a family whose acceleration, or ṗ, has the friction torques in it."""
+def rubbing_kernels(kernels: Any, resist: Callable[..., Array]) -> Any:
+    """The kernels of a family whose acceleration, or ṗ, has the torques of smooth friction in it."""
     if hasattr(kernels, "accelerate"):
 
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:

@@ -54,7 +54,7 @@ class EnergyLedger:
     """Energy and work of a motion, counted from its first sample; N samples.
 
     t           (N,)      time [s]
-    change      (N,)      E - E(0) of kinetic and potential energy [J]
+    change      (N,)      E - E(0) of kinetic and potential energy, without that of springs, which do work [J]
     work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction", "external"
                 and "springs" by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by
                 point and limited joint; kinds that the run had
@@ -134,7 +134,8 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any
         count = len(contacts.labels)
         raise SimulationError(f"contacts have {count} points and limits, expected the {held} of the trajectory")
     work = {kind: x - x[:1] for kind, x in found.items()}
-    change = trajectory.energy - trajectory.energy[:1]
+    energy = trajectory.energy if trajectory.spring_energy is None else trajectory.energy - trajectory.spring_energy
+    change = energy - energy[:1]
     error = change - sum(x.sum(axis=1) for x in work.values())
     labels = {kind: _labels(kind, x.shape[1], trajectory.model, constraints) for kind, x in work.items()}
     if contacts is not None:

@@ -54,13 +54,14 @@ def program(
     found, control, work, touch  the friction of the run, its control law, the states of its work, its contacts
     """
     model, steps = recorder.model, recorder.steps
-    if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None:
+    long = touch is not None and touch.is_long
+    if method.name not in EXPLICIT_METHODS or torque.user is not None or fext is not None or long:
         return None
     static: tuple[Any, ...]
     equations, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
     way, coefficients = (found.way, found.inputs) if found else (None, ())
     if touch is not None:
-        static = touch.contacts.tables
+        static = (*static, *touch.tables)
     spec, values = None, {}
     if control is not None:
         spec, static = control.spec, (*static, *control.static)

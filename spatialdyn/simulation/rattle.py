@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from ..algebra.scalars import EPS
 from ..bodies.kinds import R1
-from ..calls.dynamics import calls
-from ..constraints.dynamics import constraint_error, constraint_jacobian, response
+from ..constraints.dynamics import constraint_jacobian
 from ..constraints.kinds import RollingConstraint, VelocityConstraint
 from ..errors import SimulationError
 from ..model.model import Model
-from .constrained import Held, check_rank
+from .constrained import Held, closed, momentum_along
 from .symplectic import SETTLED, SWEEPS, joint_rates
 from .system import STALLED, State, System, set_status
 
@@ -51,7 +50,7 @@ def check_symplectic(model: Model, held: Held, method: str) -> None:
 
 def rattle(held: Held, model: Model) -> Callable[..., None]:
     """The step, which advances z = (q, p) in row 0 of ``state.work``. It raises ConstraintError."""
-    n, constraints, known = model.nv, held.constraints, int(held.rank[0])
+    n, constraints = model.nv, held.constraints
     force = np.zeros(constraints.nc)  # λ of the last step, from which the next starts
 
     def step(system: System, t: float, h: float, state: State) -> None:
@@ -59,7 +58,7 @@ def rattle(held: Held, model: Model) -> Callable[..., None]:
         q, p = z[:n].copy(), z[n:].copy()
         J, half, ahead = constraint_jacobian(model, constraints, q), p.copy(), q.copy()
 
-        def settle() -> None:
+        def settle() -> Any:
             """Solve for p½, then for q⁺, at the λ so far."""
 
             def of_momentum(x: Array) -> Array:
@@ -75,26 +74,14 @@ def rattle(held: Held, model: Model) -> Callable[..., None]:
                 return np.asarray(start + 0.5 * h * rates[0])
 
             ahead[:] = _fixed_point(of_position, ahead, system, t)
+            return ahead
 
-        before = np.inf
-        for sweep in range(SWEEPS):
-            settle()
-            phi = constraint_error(model, constraints, ahead)
-            size = float(abs(phi).max(initial=0.0))
-            if system.status[0] != 0 or size <= EPS or (size <= SETTLED and size >= 0.5 * before):
-                break
-            if sweep == SWEEPS - 1:
-                set_status(system, STALLED, t, size)
-            before = size
-            _, impulse, _, rank = response(model, constraints, q, -phi, check=False)
-            check_rank(held, rank, known)
+        def add(impulse: Array) -> None:
             force[:] += 2.0 / h**2 * impulse
+
+        closed(held, model, system, t, q, settle, add)
         joint_rates(system, t + h, ahead, half, rates)
-        p = half + 0.5 * h * rates[1]
-        v = calls["velocity_from_momentum"](model, ahead, p)
-        Jv = constraint_jacobian(model, constraints, ahead) @ v
-        z[:n] = ahead
-        z[n:] = calls["momentum"](model, ahead, v + response(model, constraints, ahead, -Jv, check=False)[0])
+        z[:n], z[n:] = ahead, momentum_along(held, model, ahead, half + 0.5 * h * rates[1])
 
     return step
 

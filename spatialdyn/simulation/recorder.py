@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ..actuation.springs import spring_energy
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
 from ..calls.specialize import Specialized, specialize
@@ -19,6 +20,7 @@ from .carried import Carried
 from .contact_steps import Touching
 from .control_laws import Control, law_torques
 from .methods import Method
+from .springs import has_springs
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -122,7 +124,9 @@ class Recorder:
         touched = None
         if self.touch is not None and self.touch.records:
             touched = self.touch.record(q, self.own_rows[:n, : self.touch.width])  # theirs come first
-        return Trajectory(t, q, v, p, tau, T + V, *words, states, touched)
+        held = spring_energy(model, q) if has_springs(model) else None
+        energy = T + V if held is None else T + V + held
+        return Trajectory(t, q, v, p, tau, energy, *words, states, touched, held)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

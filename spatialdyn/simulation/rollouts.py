@@ -7,18 +7,17 @@ another through all steps, their states in the first-level cache.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+import warnings
+from collections.abc import Mapping
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..actuation.friction import Friction
 from ..actuation.motors import Motor
-from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
 from ..constraints.table import check_constraints
@@ -26,117 +25,25 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs import float32_range, recording, time_loop
 from ..engines.programs.program import Program
 from ..engines.programs.time_loop import StepInput
+from ..engines.programs.tracer import table
 from ..errors import ConstraintError, ModelError, ShapeError, SimulationError
 from ..model.model import Model
 from ..model.robot import masked
+from ..recursions.friction import BRISTLES
 from ..recursions.spec import Argument, Spec
 from . import explicit
 from .carried import carried
 from .constrained import Held, accelerate, held_by, projected
-from .contact_record import ContactRecord
 from .contact_steps import Touching, check_few, samples_unsolved, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_together, rubbing
-from .springs import check_springs
+from .friction_steps import IMPLICIT, UNSOLVED, VIOLATION, Rubbing, rubbing
+from .rollout_result import PD, Rollout, with_pd
+from .solved_steps import solver
+from .springs import check_springs, has_springs
 from .system import State, System, held_torque
 from .traced_steps import EXPLICIT_METHODS, carried_by, step_specs
 
 Array = NDArray[Any]
-
-
-class PD(NamedTuple):
-    """A joint-space control law: tau = kp (q_ref - q) + kd (v_ref - v) + the argument tau of ``rollout``.
-
-    kp, kd  (nv,), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m]
-    q_ref   (nq,), (T, nq) or (B, T, nq)  reference positions [rad | m]
-    v_ref   (nv,), (T, nv) or (B, T, nv)  reference velocities [rad/s | m/s]; zero if left out
-
-    It is evaluated at the beginning of a step and held over it, as by a digital controller. For joints whose position
-    is not one number (quaternion, planar, (cos, sin)) q_ref - q is undefined: their kp must be 0.
-    """
-
-    kp: ArrayLike
-    kd: ArrayLike
-    q_ref: ArrayLike
-    v_ref: ArrayLike | None = None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Rollout:
-    """States of a rollout after each recorded step; ``q, v = rollout`` unpacks them.
-
-    q         (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
-    v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
-    t         (T,)        times of the records [s]; () for "last"
-    model     the Model
-    states    {name: (B, T, ...)}  states that it carried beside them, likewise: "bristles" (nv) of LuGre friction
-              [rad | m], those of a control law
-    contacts  ContactRecord of these states, likewise; None unless asked for
-    """
-
-    q: Array
-    v: Array
-    t: Array
-    model: Model
-    states: Mapping[str, Array] = field(default_factory=dict)
-    contacts: ContactRecord | None = None
-
-    @property
-    def bristles(self) -> Array | None:
-        """Deflections (B, T, nv) of the bristles of LuGre friction [rad | m]; None without any."""
-        return self.states.get("bristles")
-
-    @property
-    def end(self) -> dict[str, Any]:
-        """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there.
-
-        Raises SimulationError of a rollout of no steps, whose start is its end.
-        """
-        if not self.t.size:
-            raise SimulationError("the rollout has no steps, expected some for a last state")
-        single = self.q.ndim - self.t.ndim == 1
-
-        def last(x: Array) -> Array:
-            return x if self.t.ndim == 0 else x[-1] if single else x[:, -1]
-
-        return {"q0": last(self.q), "v0": last(self.v), "states": {name: last(x) for name, x in self.states.items()}}
-
-    def __iter__(self) -> Iterator[Array]:
-        return iter((self.q, self.v))
-
-    def __len__(self) -> int:
-        return 2
-
-    def __getitem__(self, k: Any) -> Any:
-        return (self.q, self.v)[k]
-
-    def __repr__(self) -> str:
-        return f"<Rollout: q {self.q.shape}, v {self.v.shape}, {self.q.dtype}>"
-
-    def plot(
-        self, what: str = "q", *, joints: str | Sequence[str] | None = None, sample: int | None = None,
-        ax: Any = None, path: Any = None,
-    ) -> Any:  # fmt: skip
-        """A Matplotlib Figure with the median and the 5 to 95 % band of each coordinate over time.
-
-        what    "q" or "v"
-        joints  names of joints, by default all
-        sample  number of a sample to draw beside them
-        ax      Matplotlib axes to draw into, one for each coordinate
-        path    a file to write
-
-        Samples that are not finite are left out, and counted in the title.
-        Raises  SpatialDynError for another name or sample, a rollout that recorded "last" alone, more than 24
-                coordinates, and where matplotlib is not installed; ModelError for an unknown joint.
-        """
-        from ..pictures.rollout_plots import plot_rollout
-
-        return plot_rollout(self, what, joints, sample, ax, path)
-
-    def _repr_html_(self) -> str:
-        from ..pictures.notebook import rollout_html
-
-        return rollout_html(self)
 
 
 def rollout(
@@ -181,14 +88,15 @@ def rollout(
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
                    with a projection: one Newton step of q, then v; a step then costs some three times as much
-    friction, friction_method  as in ``simulate``; none by default; with constraints lugre or smooth
+    friction, friction_method  as in ``simulate``; with None none acts, and a warning says so where the URDF has some
     motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors. Springs of series-elastic
              joints act as there
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says
     contacts, limits, record_contacts  as in ``simulate``, of at most 12 points; joint limits are ignored unless
-             limits=True. Coefficients are inputs: other friction or restitution compiles nothing
+             limits=True. Coefficients are inputs: other friction or restitution compiles nothing. Beside dry joints or
+             constraints, of at most 36 impulses: three of a point, one of a joint
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
 
@@ -216,11 +124,13 @@ def rollout(
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     _choice("method", method, EXPLICIT_METHODS)
+    if friction is None and (model.damping.any() or model.friction.any()):
+        text = f'robot "{model.name}" has joint damping or friction, which rollout ignores unless friction=True'
+        warnings.warn(text, stacklevel=2)
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
-    check_together(found, constraints)
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
@@ -238,11 +148,16 @@ def rollout(
     held = None
     if constraints is not None or stabilization is not None:
         if number != np.float64:
-            raise SimulationError(f"dtype is {number}, expected float64 with constraints: ranks need its digits")
+            raise SimulationError(
+                f"dtype is {number}, expected float64 with constraints: rounding leaves 1e-7 of a dependent equation's "
+                "pivot, as 3e-4 rad from a branch point do of an independent one's"
+            )
         if constraints is not None and check_constraints(model, constraints).nc > recording.MOST_EQUATIONS:
             most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
             raise SimulationError(f"constraints have {constraints.nc} equations, {most}")
-        held = held_by(model, constraints, stabilization, method, [*EXPLICIT_METHODS], start[0], start[1], float(dt))
+        solved = contacts is not None or bool(limits) or (found is not None and found.way == IMPLICIT)
+        known = [*EXPLICIT_METHODS]
+        held = held_by(model, constraints, stabilization, method, known, start[0], start[1], float(dt), solved)
     if found is not None:
         inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
     if held is not None:
@@ -252,7 +167,7 @@ def rollout(
     extra: tuple[Argument, ...] = ()
     tables: tuple[Any, ...] = ()
     if touch is not None:
-        extra, tables = touch.arguments, touch.contacts.tables
+        extra, tables = touch.arguments, touch.tables
         inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.inputs, touch.values, strict=True)}
     if control is not None:
         inputs |= {name: StepInput(x) for name, x in control.rows(model, B, T).items()}
@@ -417,7 +332,7 @@ def _run(
     kind += (None, False) if control is None else (control.spec, control.held)
     extra: tuple[Argument, ...] = ()
     if touch is not None:
-        extra, static = touch.arguments, touch.contacts.tables
+        extra, static = touch.arguments, static + touch.tables
     static += () if control is None else control.static
     specs, given = step_specs(*kind, (), extra), list(inputs.values())
     kind += (extra,)
@@ -435,13 +350,13 @@ def _run(
                 forcing = [StepInput(x.rows.astype(dtype, copy=False)) for x in given]
             again = time_loop.run(kernel, start, forcing, records, steps, every)
     if len(again):
-        _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt)
+        _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt, touch, found)
     if check and touch is not None and records[2].shape[1]:
-        lost = samples_unsolved(records[2][:, -1])
+        lost = samples_unsolved(touch, records[2][:, -1])
         if len(lost):
             reason = unsolved(touch, records[2][lost[0], -1], dt)
             raise SimulationError(f"sample {lost[0]}: {reason} ({len(lost)} samples in all); check=False lets it")
-    if check and found is not None and found.own is VIOLATION and records[2].shape[1]:
+    if check and touch is None and found is not None and found.own is VIOLATION and records[2].shape[1]:
         beyond = records[2][:, :, 0] > UNSOLVED
         if beyond.any():
             samples = np.flatnonzero(beyond.any(axis=1))
@@ -466,6 +381,8 @@ def _again(
     every: int,
     check: bool,
     dt: float,
+    touch: Touching | None = None,
+    found: Rubbing | None = None,
 ) -> None:
     """Run some samples through all steps by the program in NumPy."""
     # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
@@ -487,7 +404,8 @@ def _again(
         if held is not None and check and len(just) and not reason:
             at = again[just[0]]
             acting = {name: x[at, min(k, x.shape[1] - 1)] for name, x in zip(inputs, rows, strict=True)}
-            reason = _reason(model, kind[0], held, [x[just[0]] for x in before[:2]], acting, int(at))
+            now_at = [x[just[0]] for x in before]
+            reason = _reason(model, kind[0], held, now_at, acting, int(at), touch, found)
         lost[just] = k
         if (k + 1) % every == 0:
             for r, x in zip(records, now, strict=True):
@@ -505,24 +423,27 @@ def _again(
         )
 
 
-def _reason(model: Model, method: str, held: Held, state: list[Array], forcing: dict[str, Array], sample: int) -> str:
+def _reason(
+    model: Model, method: str, held: Held, state: list[Array], forcing: dict[str, Array], sample: int,
+    touch: Touching | None = None, found: Rubbing | None = None,
+) -> str:  # fmt: skip
     """What is wrong with a step under constraints, "" if its state is merely not finite: the step is taken by calls."""
-    (q, v), n = (x.copy() for x in state), model.nv
+    (q, v), n = (x.copy() for x in state[:2]), model.nv
     tau = forcing.get("tau", np.zeros(n)).copy()
     if "kp" in forcing:
-        error = np.zeros(n)
-        for i, row in enumerate(model.bodies[1:]):
-            if row["kind"] in R1:
-                error[i] = forcing["q_ref"][row["q_index"]] - q[row["q_index"]]
-        tau += forcing["kp"] * error + forcing["kd"] * (forcing["v_ref"] - v)
+        tau = with_pd(table(model.bodies), q, v, forcing, tau)
     own = held._replace(rank=held.rank[sample : sample + 1] if len(held.rank) > 1 else held.rank)
     kernels = explicit.kernels_of(accelerate(own, model))
-    table = getattr(model, numba_kernels.TABLE)
-    system = System(kernels, held_torque, None, table, None, None, None, None, tau, np.zeros(3))
+    rows, h = getattr(model, numba_kernels.TABLE), float(forcing["dt"][0])
+    system = System(kernels, held_torque, None, rows, None, None, None, None, tau, np.zeros(3))
     space = State(q, v, v, q.copy(), None, np.zeros((10, n)))
     try:
         with np.errstate(all="ignore"):
-            projected(EXPLICIT_METHODS[method], own, model)(system, 0.0, float(forcing["dt"][0]), space)
+            if touch is None:
+                projected(EXPLICIT_METHODS[method], own, model)(system, 0.0, h, space)
+            else:
+                before = dict(zip([touch.own.name, BRISTLES.name], state[2:], strict=False))
+                solver(touch, None, found, own, has_springs(model))(system, 0.0, h, space, before)
     except ConstraintError as error:
         return str(error)
     return ""

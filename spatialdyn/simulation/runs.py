@@ -41,10 +41,9 @@ from .carried_runs import carrying, check_carrying
 from .compiled_loop import compile_loop, drive
 from .constrained import Held, accelerate, held_by, projected
 from .contact_steps import Touching, touching, unsolved
-from .contact_steps import by_kernels as contact_step_by_kernels
 from .control_laws import Control, check_control
 from .energy import FAST, exploded, scale_of
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, by_kernels, check_together, rubbing, smooth_kernel
+from .friction_steps import IMPLICIT, OWN, SMOOTH, UNSOLVED, VIOLATION, Rubbing, rubbing, rubbing_kernels, smooth_kernel
 from .ledger import work_states
 from .methods import Method, integrators
 from .program_steps import program, slice_of
@@ -113,9 +112,12 @@ def simulate(
               positions two symplectic ones: variational, and stormer_verlet, which is then RATTLE, for joints whose
               position is one number
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
-              with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M
+              with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M.
+              Beside implicit friction, contacts or limits v is not projected, which would move joints that stick: J v
+              is 0 to the order of (dt v)². A branch point is seen in a step that begins or ends near one; a motion that
+              passes it within a step goes on by one of the branches
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
-               a warning says so where the URDF has some; with False none acts. With constraints implicit is refused
+               a warning says so where the URDF has some; with False none acts
     friction_method  how it acts:
                implicit  with method="semi_implicit_euler": Coulomb's law and damping hold at the end of a step, at any
                          dt; a joint that sticks has a velocity of 0 to the bit
@@ -130,7 +132,7 @@ def simulate(
                load; ``tau`` of the result is what was wanted
 
     contacts  Contacts of this model, with method="semi_implicit_euler": points that touch the ground, with Coulomb's
-              exact cone; see ``contact_step``. No constraints beside them, and smooth friction alone
+              exact cone; see ``contact_step``. Constraints, dry joints, bristles, motors and springs act beside them
     limits    whether joints of one coordinate stop at their position limits, in the same steps
     record_contacts  whether ``trajectory.contacts`` holds impulses, gaps and residuals
     control   a ``Control``: a law whose torque is added to ``torque``, with states of its own
@@ -158,7 +160,8 @@ def simulate(
             for;
             ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
             names, where they contradict each other or their rank changes; SimulationError for a start in the ground or
-            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s;
+            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s,
+            beside dry joints 0.1 m/s;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
@@ -179,9 +182,9 @@ def simulate(
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    check_together(found, constraints)
     known = [*EXPLICIT_METHODS, *HELD_SYMPLECTIC]
-    held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt))
+    solved = contacts is not None or bool(limits) or (found is not None and found.way == IMPLICIT)
+    held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt), solved)
     if held is not None and chosen.name in HELD_SYMPLECTIC:
         rattle.check_symplectic(model, held, chosen.name)
     touch = touching(model, contacts, limits, record_contacts, chosen.name, q, found, held)
@@ -259,7 +262,7 @@ class Effects(NamedTuple):
         if not self.works:
             return ()
         projects = held is not None and held.rate is None
-        touches = self.touch is not None
+        touches = self.touch is not None and self.touch.touches
         return work_states(self.found is not None, self.pushed, held is not None, projects, self.springs, touches)
 
     @property
@@ -267,7 +270,7 @@ class Effects(NamedTuple):
         """Static tables that give sizes of states."""
         return (
             *(() if self.held is None else (self.held.constraints.table,)),
-            *(() if self.touch is None else self.touch.contacts.tables),
+            *(() if self.touch is None else self.touch.tables),
             *(() if self.control is None else self.control.static),
         )
 
@@ -422,18 +425,17 @@ def _run_fixed(
     @functools.cache
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
-        if held is not None and not recorder.moves_p and not (control or work):
+        if held is not None and not recorder.moves_p:
             own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
         else:
             own_kernels = family.kernels(fext is not None)
-        if control is not None or work:
+        solved = touch is not None or (found is not None and found.way in OWN)
+        if control is not None or work or solved:
             return carrying(recorder, own_kernels, found, held, control, work, fext, springs, touch)
-        if touch is not None:
-            return own_kernels, contact_step_by_kernels(touch, own, fext, found)
         own_kernels = sprung(own_kernels) if springs else own_kernels
-        if found is None:
-            return own_kernels, advance
-        return by_kernels(found, own_kernels, advance, own, fext, model, held, springs)
+        if found is not None and found.way == SMOOTH:
+            own_kernels = rubbing_kernels(own_kernels, smooth_kernel(found))
+        return own_kernels, advance
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])
@@ -484,7 +486,7 @@ def _run_fixed(
             else:
                 run(first, count, h)
             mark()
-            if found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
+            if touch is None and found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
                 raise SimulationError(
                     f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
                     f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"

@@ -9,17 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..bodies.kinds import R1
 from ..engines.programs.tracer import scratch
 from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from . import contact_steps, explicit, ledger
+from . import explicit, ledger, solved_steps
 from .carried import Acting, carry, carry_solved
 from .constrained import Rows
 from .control_laws import inputs_of, law_on, moved_states, states_of
-from .friction_steps import COLUMNS, OWN, SMOOTH, smooth_torque, traced_step
+from .friction_steps import COLUMNS, IMPLICIT, OWN, SMOOTH, smooth_torque, traced_step
+from .rollout_result import with_pd
 from .springs import traced_springs
 from .system import OK, State, System, held_torque
 
@@ -65,7 +65,8 @@ def carried_by(
     way: str | None, control: Spec | None, work: tuple[Argument, ...], touch: tuple[Argument, ...] = ()
 ) -> tuple[Argument, ...]:
     """The states that a step carries, in their order: of friction or contacts, of a control law, of work."""
-    first = [OWN[way]] if way in OWN else touch[:1]
+    bends = way in OWN and not (touch and way == IMPLICIT)  # of dry joints the residual has the violation
+    first = [*touch[:1], *([OWN[way]] if bends else [])]  # type: ignore[index]
     return (*first, *(() if control is None else states_of(control)), *work)
 
 
@@ -100,11 +101,7 @@ def step_specs(
         q, v = inputs["q"].copy(), inputs["v"].copy()
         tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
         if law:
-            error = np.zeros(len(v), object)
-            for i, row in enumerate(rows[1:]):
-                if row.kind in R1:
-                    error[i] = inputs["q_ref"][row.q_index] - q[row.q_index]
-            tau = tau + inputs["kp"] * error + inputs["kd"] * (inputs["v_ref"] - v)
+            tau = with_pd(rows, q, v, inputs, tau)
         under = Rows(rows, inputs) if held else None
 
         def free(system: System, q: Any, v: Any, a: Any) -> tuple[int, dict[str, Any]]:
@@ -130,7 +127,7 @@ def step_specs(
             if under is None:
                 return
             before = under.energy(q, v) if ledger.PROJECTION in work else None
-            under.project(q, v)
+            under.project(q, v, not touch)
             if before is not None:
                 name = ledger.PROJECTION.name
                 carried[name] = carried[name] + (under.energy(q, v) - before)
@@ -141,12 +138,13 @@ def step_specs(
         if way in OWN or touch:
 
             def solve(tau: Any) -> Any:
-                if touch:
-                    rubbed = smooth_torque(rows, v, inputs) if way == SMOOTH else None
-                    return contact_steps.traced_step(touch[0], rows, inputs, tau, rubbed)
                 pull = traced_springs(rows, inputs["q"], inputs["v"])
-                after, changed, forces = traced_step(str(way), rows, inputs, tau, under, pull)
                 springs = {} if pull is None else {ledger.SPRINGS.name: pull}
+                if touch:
+                    rubbed = {ledger.FRICTION.name: smooth_torque(rows, v, inputs)} if way == SMOOTH else {}
+                    solved_for = way if way in OWN else None
+                    return solved_steps.traced(touch, rows, inputs, tau, solved_for, under, {**rubbed, **springs})
+                after, changed, forces = traced_step(str(way), rows, inputs, tau, under, pull)
                 return after, changed, {**forces, **springs}
 
             v, carried = carry_solved(solve, inputs["dt"], q, v, tau, carried, acting)

@@ -18,7 +18,8 @@ from .contact_record import ContactRecord
 Array = NDArray[np.float64]
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
 WORDS = ("method", "dt", "robot", "interrupted")
-STATE = "state "  # before the names of states in a file
+STATE, CONTACT = "state ", "contact "  # before the names of states in a file, and of what was recorded of contacts
+SPRINGS = "spring_energy"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,14 +32,15 @@ class Trajectory:
     p            (N, nv)   joint momenta M(q) v [kg m²/s | kg m/s]
     tau          (N, nv)   joint torques at these times [N m | N], held ones of the step that begins there; NaN at the
                            last state if Ctrl-C came before the torque function was called
-    energy       (N,)      T + V [J]; what springs of series-elastic joints hold is apart: ``spring_energy``
+    energy       (N,)      T + V [J], what springs of series-elastic joints hold among it
     method, dt   name of the method, its step [s]
     robot        name of the model
     interrupted  whether Ctrl-C ended the simulation
     model        the Model; None after ``load``, as a file holds numbers only
     states       {name: (N, ...)}  states that the run carried beside q and v: "bristles" (N, nv) of LuGre friction
                  [rad | m], those of a control law, and work [J] if it was recorded
-    contacts     ContactRecord of these times, None unless asked for; a file has none
+    contacts     ContactRecord of these times, None unless asked for
+    spring_energy  (N,)    the part of energy that springs hold [J]; None without springs
     """
 
     t: Array
@@ -54,6 +56,7 @@ class Trajectory:
     model: Model | None = None
     states: Mapping[str, Array] = field(default_factory=dict)
     contacts: ContactRecord | None = None
+    spring_energy: Array | None = None
 
     @property
     def bristles(self) -> Array | None:
@@ -82,6 +85,10 @@ class Trajectory:
         """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
         parts = {name: np.asarray(getattr(self, name)) for name in (*ARRAYS, *WORDS)}
         parts |= {STATE + name: x for name, x in self.states.items()}
+        if self.contacts is not None:
+            parts |= {CONTACT + name: x for name, x in self.contacts._asdict().items()}
+        if self.spring_energy is not None:
+            parts[SPRINGS] = self.spring_energy
         with open(path, "wb") as file:
             np.savez_compressed(file, allow_pickle=False, **parts)
 
@@ -93,9 +100,12 @@ class Trajectory:
                 arrays = [parts[name] for name in ARRAYS]
                 words = [parts[name].item() for name in WORDS]
                 states = {name.removeprefix(STATE): parts[name] for name in parts if name.startswith(STATE)}
+                touched = {name.removeprefix(CONTACT): parts[name] for name in parts if name.startswith(CONTACT)}
+                contacts = ContactRecord(**touched) if touched else None
+                springs = parts.get(SPRINGS, None)
         except (KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
             raise SpatialDynError(f"{path} holds no trajectory: {error}") from error
-        return replace(cls(*arrays, *words), states=states)
+        return replace(cls(*arrays, *words), states=states, contacts=contacts, spring_energy=springs)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame: time as index, columns q0 ..., v0 ..., p0 ..., tau0 ..., energy, NAME0 ... of states."""

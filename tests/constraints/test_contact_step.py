@@ -442,6 +442,30 @@ def test_batches_broadcast_and_nan_stays_in_its_sample() -> None:
         np.testing.assert_array_equal(np.delete(x, 2, 0), np.delete(y, 2, 0))
 
 
+def test_a_step_in_exact_numbers_and_as_a_program_of_its_own() -> None:
+    model, feet = quadruped()
+    contacts = sd.Contacts(model, feet)
+    q, v, tau = (x[0] for x in states(model, contacts, 1, 3))
+    wanted = sd.contact_step(model, contacts, q, v, tau, DT)
+    given = (q, v, tau, DT, contacts.friction, contacts.restitution)
+    truth = sd.exact(model, sd.contact_step, constraints=contacts)(*given)
+    program = sd.specialize(model, sd.contact_step, constraints=contacts)
+    found = program(*given)
+    for after, impulse in ((truth[0], truth[1]), (found[:18], found[18:30])):
+        np.testing.assert_allclose(np.asarray(after, float), wanted.v, rtol=0.0, atol=1e-9)
+        impulses = np.asarray(impulse, float).reshape(4, 3)
+        np.testing.assert_allclose(impulses, wanted.impulse, rtol=0.0, atol=1e-9)
+    gaps = sd.specialize(model, sd.contact_gaps, constraints=contacts)(q)
+    np.testing.assert_allclose(gaps, wanted.gap, rtol=0.0, atol=1e-15)
+    hills = sd.Contacts(model, feet, terrain=sd.Heightfield(np.zeros((2, 2)), 1.0))
+    held = sd.Constraints(model, [sd.VelocityConstraint(np.eye(18)[:1])])
+    for other in (hills, held, None):
+        with pytest.raises(sd.SpatialDynError, match="expected Contacts on a Plane of this model: a call takes them"):
+            sd.specialize(model, sd.contact_step, constraints=other)
+    with pytest.raises(sd.SpatialDynError, match="expected Constraints of this model: a call takes them"):
+        sd.specialize(model, sd.constraint_jacobian, constraints=contacts)
+
+
 def test_every_part_of_the_contacts_is_in_the_key_of_its_program() -> None:
     """A kernel kept for one foot, plane or number of sweeps must not answer for another."""
     model, feet = quadruped()

@@ -488,18 +488,6 @@ def test_the_ledger_of_bristles_under_constraints_closes(torque: Any) -> None:
     assert 1.8 <= errors[0] / errors[1] <= 2.2
 
 
-def test_coulombs_law_is_refused_under_constraints() -> None:
-    model, (q, v) = four_bar(), four_bar_state()
-    text = (
-        'friction_method is "implicit" and constraints are given, expected "lugre" or "smooth" with them: which joints'
-    )
-    given = {"constraints": pin_of(model), "friction": bristly(0.1)}
-    with pytest.raises(sd.SimulationError, match=text):
-        sd.simulate(model, q, v, 0.1, 1e-3, method="semi_implicit_euler", **given)
-    with pytest.raises(sd.SimulationError, match=text):
-        sd.rollout(model, q, v, dt=1e-3, steps=5, **given)
-
-
 def test_a_branch_point_is_named_with_its_time() -> None:
     """All rods of a parallelogram on one line: it may open either way, and one equation is no longer independent."""
     model = four_bar(1.0, 1.0, 1.0, 1.0)

@@ -392,6 +392,21 @@ def test_a_control_law_stands_beside_contacts(robot: Any) -> None:
     assert sd.energy_ledger(found).work["torque"][-1].sum() < 0.0
 
 
+def test_a_file_keeps_what_was_recorded_of_contacts(tmp_path: Any) -> None:
+    model = mass()
+    contacts = sd.Contacts(model, {"z": 0.0}, friction=0.3)
+    run = sd.simulate(
+        model, np.zeros(3), [1.0, 0.0, 0.0], 0.01, DT, STEPPED, contacts=contacts, record_contacts=True
+    )  # fmt: skip
+    run.save(tmp_path / "run.npz")
+    found = sd.Trajectory.load(tmp_path / "run.npz")
+    assert found.contacts is not None
+    for name, x in run.contacts._asdict().items():
+        np.testing.assert_array_equal(getattr(found.contacts, name), x)
+    assert found.states == {}
+    assert found.spring_energy is None
+
+
 # --- cost of none ---------------------------------------------------------------------------------------
 
 COUNTS = {(STEPPED, False): (87, 56, 2), (STEPPED, True): (93, 68, 2), ("rk4", False): (353, 239, 8)}
@@ -447,7 +462,6 @@ def test_a_start_in_the_ground_or_beyond_a_limit_is_named_with_its_depth(robot: 
         ({"contacts": 3}, sd.ConstraintError, "contacts are a int, expected Contacts"),
         ({"limits": "yes"}, sd.SpatialDynError, "limits is 'yes', expected True or False"),
         ({"contacts": None, "record_contacts": True}, sd.SimulationError, "record_contacts is True, expected contacts"),
-        ({"friction": sd.Friction(np.ones(18), 0.0)}, sd.SimulationError, 'friction_method is "implicit", expected'),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(robot: Any, changes: dict[str, Any], error: Any, words: str) -> None:
@@ -457,23 +471,6 @@ def test_what_cannot_be_is_refused_by_name(robot: Any, changes: dict[str, Any], 
         sd.simulate(model, q0, np.zeros(18), 0.01, DT, **given)
     with pytest.raises(error, match=words):
         sd.rollout(model, q0, np.zeros(18), dt=DT, steps=2, **given)
-
-
-def test_constraints_beside_contacts_are_refused(robot: Any) -> None:
-    model, contacts, q0 = robot
-    foot = sd.frame_placement(model, q0, "lf_foot")[:3, 3]
-    held = sd.Constraints(model, [sd.PointConstraint("lf_foot", at_b=foot)])
-    with pytest.raises(sd.SimulationError, match="contacts are given beside constraints, expected one of them"):
-        sd.simulate(model, q0, np.zeros(18), 0.01, DT, STEPPED, contacts=contacts, constraints=held)
-
-
-def test_springs_at_rotors_beside_contacts_are_refused() -> None:
-    made = sd.ModelBuilder("leg")
-    made.add_body("shank", None, "prismatic", (0, 0, 1), inertia=(3.0, (0, 0, 0), np.eye(3)))
-    model = made.add_series_elastic("shank_joint", 100.0, 1.0, 0.01, 2.0).build()
-    contacts = sd.Contacts(model, {"shank": 0.1})
-    with pytest.raises(sd.SimulationError, match='contacts are given and model "leg" has springs at its rotors'):
-        sd.simulate(model, [1.0, 0.0], [0.0, 0.0], 0.01, DT, STEPPED, contacts=contacts)
 
 
 def test_more_than_twelve_points_run_but_not_on_lanes() -> None:

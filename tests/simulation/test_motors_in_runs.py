@@ -146,11 +146,6 @@ def test_motors_are_refused_where_they_cannot_act(lift: sd.Model) -> None:
         sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=motor(), drive="torque")
     with pytest.raises(sd.SimulationError, match='drive is "voltage" and no motor is given, expected motor='):
         sd.simulate(lift, [0.0], [0.0], 1.0, 0.1, "semi_implicit_euler", drive="voltage")
-    tied = sd.Constraints(lift, [sd.VelocityConstraint([1.0])])
-    with pytest.raises(sd.SimulationError, match="motor is given beside constraints, expected one of them"):
-        sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=motor(), constraints=tied)
-    with pytest.raises(sd.SimulationError, match="limits are to act beside a motor, expected one of them"):
-        sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=motor(), limits=True)
     with pytest.raises(sd.ModelError, match="motor is 3, expected a Motor"):
         sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=3)  # type: ignore[arg-type]
     with pytest.raises(sd.ModelError, match='motor of joint "cage_joint": efficiency is 2'):

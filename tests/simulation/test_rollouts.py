@@ -240,3 +240,13 @@ def test_quaternions_of_every_sample_have_to_be_of_unit_norm() -> None:
 def test_repr_is_one_useful_line(arm: sd.Model) -> None:
     found = sd.rollout(arm, np.zeros((3, arm.nq)), np.zeros(arm.nv), dt=1e-3, steps=0)
     assert repr(found) == f"<Rollout: q (3, 0, {arm.nq}), v (3, 0, {arm.nv}), float64>"
+
+
+def test_damping_and_friction_that_do_not_act_are_warned_of() -> None:
+    model = sd.load_urdf("tree")
+    start = (model, sd.neutral(model), np.zeros(model.nv))
+    words = 'robot "tree" has joint damping or friction, which rollout ignores unless friction=True'
+    with pytest.warns(UserWarning, match=words):
+        sd.rollout(*start, dt=1e-3, steps=1)
+    for friction in (True, False):
+        sd.rollout(*start, dt=1e-3, steps=1, friction=friction)

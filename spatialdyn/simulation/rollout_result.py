@@ -1,0 +1,124 @@
+"""What ``rollout`` takes and gives: a control law of the joints, and the states of many motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.kinds import R1
+from ..errors import SimulationError
+from ..model.model import Model
+from .contact_record import ContactRecord
+
+Array = NDArray[Any]
+
+
+class PD(NamedTuple):
+    """A joint-space control law: tau = kp (q_ref - q) + kd (v_ref - v) + the argument tau of ``rollout``.
+
+    kp, kd  (nv,), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m]
+    q_ref   (nq,), (T, nq) or (B, T, nq)  reference positions [rad | m]
+    v_ref   (nv,), (T, nv) or (B, T, nv)  reference velocities [rad/s | m/s]; zero if left out
+
+    It is evaluated at the beginning of a step and held over it, as by a digital controller. For joints whose position
+    is not one number (quaternion, planar, (cos, sin)) q_ref - q is undefined: their kp must be 0.
+    """
+
+    kp: ArrayLike
+    kd: ArrayLike
+    q_ref: ArrayLike
+    v_ref: ArrayLike | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rollout:
+    """States of a rollout after each recorded step; ``q, v = rollout`` unpacks them.
+
+    q         (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
+    v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
+    t         (T,)        times of the records [s]; () for "last"
+    model     the Model
+    states    {name: (B, T, ...)}  states that it carried beside them, likewise: "bristles" (nv) of LuGre friction
+              [rad | m], those of a control law
+    contacts  ContactRecord of these states, likewise; None unless asked for
+    """
+
+    q: Array
+    v: Array
+    t: Array
+    model: Model
+    states: Mapping[str, Array] = field(default_factory=dict)
+    contacts: ContactRecord | None = None
+
+    @property
+    def bristles(self) -> Array | None:
+        """Deflections (B, T, nv) of the bristles of LuGre friction [rad | m]; None without any."""
+        return self.states.get("bristles")
+
+    @property
+    def end(self) -> dict[str, Any]:
+        """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there.
+
+        Raises SimulationError of a rollout of no steps, whose start is its end.
+        """
+        if not self.t.size:
+            raise SimulationError("the rollout has no steps, expected some for a last state")
+        single = self.q.ndim - self.t.ndim == 1
+
+        def last(x: Array) -> Array:
+            return x if self.t.ndim == 0 else x[-1] if single else x[:, -1]
+
+        return {"q0": last(self.q), "v0": last(self.v), "states": {name: last(x) for name, x in self.states.items()}}
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.q, self.v))
+
+    def __len__(self) -> int:
+        return 2
+
+    def __getitem__(self, k: Any) -> Any:
+        return (self.q, self.v)[k]
+
+    def __repr__(self) -> str:
+        return f"<Rollout: q {self.q.shape}, v {self.v.shape}, {self.q.dtype}>"
+
+    def plot(
+        self, what: str = "q", *, joints: str | Sequence[str] | None = None, sample: int | None = None,
+        ax: Any = None, path: Any = None,
+    ) -> Any:  # fmt: skip
+        """A Matplotlib Figure with the median and the 5 to 95 % band of each coordinate over time.
+
+        what    "q" or "v"
+        joints  names of joints, by default all
+        sample  number of a sample to draw beside them
+        ax      Matplotlib axes to draw into, one for each coordinate
+        path    a file to write
+
+        Samples that are not finite are left out, and counted in the title.
+        Raises  SpatialDynError for another name or sample, a rollout that recorded "last" alone, more than 24
+                coordinates, and where matplotlib is not installed; ModelError for an unknown joint.
+        """
+        from ..pictures.rollout_plots import plot_rollout
+
+        return plot_rollout(self, what, joints, sample, ax, path)
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import rollout_html
+
+        return rollout_html(self)
+
+
+def with_pd(rows: Any, q: Any, v: Any, given: Mapping[str, Any], tau: Any) -> Any:
+    """tau and the torques (nv,) of the law at a state, of recorded numbers or floats, on rows of the table of bodies.
+
+    given  kp, kd, q_ref and v_ref by name
+    """
+    error = np.zeros(len(v), q.dtype)
+    for i, row in enumerate(rows[1:]):
+        if row.kind in R1:
+            error[i] = given["q_ref"][row.q_index] - q[row.q_index]
+    return tau + given["kp"] * error + given["kd"] * (given["v_ref"] - v)
