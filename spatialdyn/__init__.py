@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .calls.exact import Exact, exact
     from .calls.forward_dynamics import forward_dynamics
     from .calls.prepare import compile
+    from .calls.promise import Promise
     from .calls.specialize import Specialized, specialize
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
     from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
@@ -113,18 +114,19 @@ __all__ = [
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
     "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
     "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
-    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Recommendation", "Robot",
-    "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
-    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile",
-    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
-    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger",
-    "exact", "forward_dynamics", "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio",
-    "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "linearize",
-    "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration", "project_velocity",
-    "random_configuration", "read_transmissions", "recommend", "rollout", "simplify", "simulate", "specialize",
-    "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco",
-    "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise", "Recommendation",
+    "Robot", "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt",
+    "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
+    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
+    "contact_step", "delassus", "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor",
+    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "impact", "independent_joints", "integrators", "kernels", "linearize", "load_urdf", "mobility", "plot",
+    "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
+    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
+    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -134,7 +136,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
     "actuation.transmissions": "to_actuators to_joints",
     "calls.bounded": "bounded", "calls.exact": "Exact exact",
-    "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile",
+    "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile", "calls.promise": "Promise",
     "calls.specialize": "Specialized specialize",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
     "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",

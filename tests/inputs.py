@@ -20,6 +20,10 @@ from spatialdyn.recursions.spec import Argument, Spec
 Array = NDArray[np.float64]
 PACKAGE = Path(sd.__file__).parent
 EPS = np.finfo(float).eps
+MAIN_CALLS = (  # whose table kernels are compiled at once where the others wait for -m slow
+    "rnea", "crba", "aba", "minverse", "coriolis_matrix", "frame_jacobian", "center_of_mass", "kinetic_energy",
+    "integrate", "difference", "neutral",
+)  # fmt: skip
 WORDS = {"reference": "world", "classical": True}
 
 

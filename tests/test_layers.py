@@ -58,7 +58,7 @@ LOOSE = {"__init__", "__main__", "errors"}  # the only modules at the package's 
 UPWARD: dict[tuple[str, str], str] = {
     (room, "pictures"): "methods that draw"
     for room in ("calls", "model", "lagrangian", "simulation", "accuracy", "validate")
-}
+} | {("calls", "interop"): "methods that hand a program to another framework"}
 # Functions below ``pictures`` that draw: each is a docstring, one import from there, and one call.
 DRAW: dict[str, set[str]] = {
     "model.model": {"_repr_html_"},
@@ -100,7 +100,7 @@ FILE_CALLS = {
 }  # fmt: skip
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
-    "IPython",
+    "IPython", "casadi", "jax", "torch",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

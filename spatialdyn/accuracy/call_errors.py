@@ -21,10 +21,11 @@ from ..engines import run as engine
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.numba_kernels import variant
 from ..engines.extended import LEAST_BATCH
+from ..engines.programs import derived, recording
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS
-from .references import MANY, MANY_LEAST, error_bound, of_calls, truths
+from .references import MANY, MANY_LEAST, error_bound, of_calls, relative, truths
 from .results import INPUTS, Further, Option
 
 Array = NDArray[np.float64]
@@ -41,6 +42,7 @@ SPENT = 0.3  # total per candidate, beyond 3 rounds
 MOST = 1 << 24  # random or timed samples at once
 CHUNK = 1024  # further states at a time; an option that fails in one chunk skips the rest
 HALF_ULP = 2.0**-53  # of the result: the least error of "extended", which rounds the reference itself
+MOST_BOUNDED = 12  # freedoms: an analysis of aba has M⁻¹ in it
 PATIENCE = 4.0  # seconds of this thread spent on further states
 
 
@@ -151,6 +153,7 @@ def measure_calls(model: Model, task: str, states: Any, batch: int, report: Repo
     if batch == 1:
         repeated = [np.array(x[0]) for x in repeated]
     found: list[tuple[Candidate, Array, str]] = []
+    promises: dict[str, Array] = {}
     for some in candidates(model, task, batch):
         for candidate in some:
             try:
@@ -158,6 +161,7 @@ def measure_calls(model: Model, task: str, states: Any, batch: int, report: Repo
                 note = ""
             except (InertiaError, NonFiniteError) as error:
                 errors, note = np.full(1, math.inf), str(error)
+            promises[candidate.name] = _promised(model, candidate, first, arrays, truth)
             found.append((candidate, errors, note))
         steps.next()
     timed = {
@@ -169,12 +173,31 @@ def measure_calls(model: Model, task: str, states: Any, batch: int, report: Repo
     steps.next()
     options = [
         Option(
-            candidate.name, candidate.code, float(errors.max()), float(np.median(errors)), error_bound(errors),
+            candidate.name, candidate.code, float(errors.max()), float(np.median(errors)),
+            min(error_bound(errors), error_bound(promises[candidate.name])),
             ns.get(candidate.name, math.inf), note=note, run=candidate.run,
+            promised=float(promises[candidate.name].max()),
         )
         for candidate, errors, note in found
     ]  # fmt: skip
     return options, len(arrays[0]), certainty
+
+
+def _promised(model: Model, candidate: Candidate, first: str, arrays: list[Array], truth: Array) -> Array:
+    """Bounds on the errors of a candidate that is a program, as it rounds in NumPy: that has no fused operations, which
+    changes no digit that is shown. Infinite of others, and of robots of more than MOST_BOUNDED freedoms, whose analysis
+    takes longer than the rest.
+    """
+    way, _, name = candidate.name.rpartition(" ")
+    if not way.startswith("lanes") or name == EXTENDED or model.nv > MOST_BOUNDED:
+        return np.full(1, math.inf)
+    options = recording.ProgramOptions(bounds=True)
+    program, layout = derived.record((variant(SPECS[name], ()),), model.bodies, (), options, candidate.dtype)
+    columns: NDArray[Any] = np.concatenate(arrays, axis=1).astype(candidate.dtype).T
+    with np.errstate(all="ignore"):
+        bounds = program.only(layout.outputs[1]).run(columns)
+    off = np.array([np.broadcast_to(x, len(truth)) for x in bounds], np.float64).T.reshape(truth.shape)
+    return relative(first, np.where(np.isnan(off), math.inf, off), truth)
 
 
 def confirm_calls(model: Model, task: str) -> Further:

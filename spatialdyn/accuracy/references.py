@@ -71,16 +71,20 @@ def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
     The scale of a sample is at least SMALL of the median of all: else samples that happen to be near 0 would set the
     bound.
     """
-    off = abs(found.astype(np.float64) - truth)
+    return relative(name, np.where(found == truth, 0.0, abs(found.astype(np.float64) - truth)), truth)
+
+
+def relative(name: str, off: Array, truth: Array) -> Array:
+    """(n,) errors of samples from those of their entries, by the scale of ``of_calls``."""
     with np.errstate(invalid="ignore", divide="ignore"):
         if name == "crba":
             scale = np.sqrt(np.einsum("nii->ni", truth))
-            off = off / (scale[:, :, None] * scale[:, None, :])
+            of = off / (scale[:, :, None] * scale[:, None, :])
         else:
             largest = abs(truth).max(axis=1, initial=0.0)
-            off = off / np.maximum(largest, SMALL * np.median(largest))[:, None]
-    off = np.where(found == truth, 0.0, off).reshape(len(truth), -1)
-    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=1, initial=0.0))
+            of = off / np.maximum(largest, SMALL * np.median(largest))[:, None]
+    of = np.where(off == 0.0, 0.0, of).reshape(len(truth), -1)
+    return np.asarray(np.nan_to_num(of, nan=np.inf).max(axis=1, initial=0.0))
 
 
 def error_bound(errors: Array) -> float:

@@ -35,6 +35,8 @@ class Option:
     note    remarks, such as why there is no error
     states  number of states of these errors, 0 if it is the table's
     run     the function of the call's inputs, or of (q0, v0, duration), that returns the call's result
+    promised  the largest bound on its rounding in the sampled states, by the analysis of ``bounded``: no error there is
+            above it; infinite where it has none
     """
 
     name: str
@@ -47,6 +49,7 @@ class Option:
     note: str = ""
     states: int = 0
     run: Callable[..., Any] | None = field(default=None, repr=False, compare=False)
+    promised: float = math.inf
 
 
 Further = Callable[[Sequence[Option], float], Mapping[str, Any] | None]

@@ -63,7 +63,8 @@ def trade(
     forward dynamics is aba's, for the model's numbers as they are; "extended" rounds that, so its error counts as half
     an ulp of the largest entry at least. The reference of a motion is Gauss collocation of order 32 in double-double;
     its difference to the same with twice the step is the certainty. Where that is not small, the motion is too chaotic
-    for any method to follow.
+    for any method to follow. Of programs ``promised`` is the largest bound on their rounding in the same states, by the
+    analysis of ``bounded``; where it is the smaller, it stands for the errors in an option's ``bound``.
 
     Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
     a few seconds, at first use also the time to compile: seconds for calls, minutes for all integrators. The reference
@@ -206,6 +207,11 @@ def _why(found: Tradeoff, chosen: Option, tolerance: float) -> str:
         f"{chosen.name}: {chosen.ns:.4g} {found.unit}, error at most {figure(chosen.error)} in {of}, expected below "
         f"{figure(chosen.bound)} in others, within {tolerance:g}"
     ]
+    if chosen.promised < math.inf:
+        lines.append(
+            f"its rounding is bounded by {figure(chosen.promised)} there; sd.specialize(model, sd."
+            f"{chosen.name.rpartition(' ')[2]}, tolerance=...) holds each answer to its own bound"
+        )
     cheaper = [x for x in found.options if x.ns < chosen.ns]
     if cheaper:
         best = min(cheaper, key=lambda x: x.bound)

@@ -116,6 +116,27 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
         raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
 
 
+def aligned(
+    names: list[str], cores: Sequence[tuple[int, ...]], shapes: Sequence[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
+    """Shapes of inputs with as many leading axes each: of size 1 before those that there are.
+
+    cores  shape of one sample of each input
+
+    Raises TypeError for a wrong number of inputs, ShapeError for shapes that are not the inputs' or do not broadcast.
+    """
+    if len(shapes) != len(cores):
+        raise TypeError(f"{len(shapes)} inputs were given, expected {len(cores)}: ({', '.join(names)})")
+    leads = []
+    for name, shape, core in zip(names, shapes, cores, strict=True):
+        rank = len(shape) - len(core)
+        if rank < 0 or tuple(shape[rank:]) != core:
+            raise ShapeError(f"{name} has shape {tuple(shape)}, expected ({', '.join(['...', *map(str, core)])})")
+        leads.append(tuple(shape[:rank]))
+    rank = len(broadcast(names, leads))
+    return [(1,) * (rank - len(lead)) + lead + core for lead, core in zip(leads, cores, strict=True)]
+
+
 def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> Array:
     """``out``, checked.
 

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import time
+import typing
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,55 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..engines import object_layout
 from ..engines.compiled import numba_kernels
 from ..engines.programs import batch_kernels, derived, float32_range, recording, single_call
+from ..engines.programs.casadi_code import casadi_code
 from ..engines.programs.program import Program
 from ..engines.programs.single_call import Parameter
 from ..engines.programs.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
-from ..engines.programs.source_code import PRINTERS, has_meaning
+from ..engines.programs.source_code import PRINTERS
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot import masked
 from . import specialize_fallback
 from .arguments import as_array, broadcast, empty, flatten_batch
+from .differentiable import Differentiable
+from .exported import exported, jacobian_of
+from .promise import Promise
 from .specialize_request import Array, Names, SpecializeRequest, read_request
+
+
+@typing.overload
+def specialize(
+    model: Model,
+    calls: Callable[..., Any] | Sequence[Callable[..., Any]],
+    dtype: DTypeLike = ...,
+    fixed: Mapping[str, Any] | None = ...,
+    inputs: Names = ...,
+    outputs: str | int | Sequence[str | int] | None = ...,
+    frame: str | Frame | None = ...,
+    reference: str = ...,
+    classical: bool = ...,
+    constraints: Any = ...,
+    derivative: str | None = ...,
+    tolerance: None = ...,
+) -> Specialized: ...
+
+
+@typing.overload
+def specialize(
+    model: Model,
+    calls: Callable[..., Any],
+    dtype: DTypeLike = ...,
+    fixed: Mapping[str, Any] | None = ...,
+    inputs: Names = ...,
+    outputs: str | int | Sequence[str | int] | None = ...,
+    frame: str | Frame | None = ...,
+    reference: str = ...,
+    classical: bool = ...,
+    constraints: Any = ...,
+    derivative: None = ...,
+    *,
+    tolerance: float | tuple[float, float],
+) -> Promise: ...
 
 
 def specialize(
@@ -41,7 +81,8 @@ def specialize(
     classical: bool = False,
     constraints: Any = None,
     derivative: str | None = None,
-) -> Specialized:
+    tolerance: float | tuple[float, float] | None = None,
+) -> Specialized | Promise:
     """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
 
     model     Model without mimic joints
@@ -67,8 +108,12 @@ def specialize(
               the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some three
               times the operations, in float64. A sample beyond the program's range is an error. A configuration's
               tangents and derivatives are those of a displacement (nv,), as those of ``rnea_derivatives`` are
+    tolerance  relative to the largest entry of a sample's result, or (relative, absolute): the answer is a Promise,
+              each sample computed by the cheapest of float32, float64 and double-double whose bound is within it. Of
+              one call, in float64
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
+    With a tolerance a Promise, called alike.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -87,6 +132,18 @@ def specialize(
     constants = {} if fixed is None else fixed
     given = (inputs, outputs, frame, reference, classical, constraints)
     request = read_request(model, calls, dtype, constants, *given, derivative=derivative)
+    if tolerance is not None:
+        if derivative is not None or request.dtype != np.float64 or request.several:
+            what = "a derivative" if derivative is not None else "several calls" if request.several else "float32"
+            raise SpatialDynError(f"tolerance is {tolerance!r} with {what}, expected one call in float64 alone")
+        words = {"tolerance": tolerance, "fixed": fixed, "inputs": inputs, "outputs": outputs, "frame": frame}
+        words |= {"reference": reference, "classical": classical, "constraints": constraints}
+
+        def bounded(dtype: Any) -> Specialized:
+            made = read_request(model, calls, dtype, constants, *given, bounds=True)
+            return check_program(of_request(made, specialize, ()), "bounds")
+
+        return Promise(request, tolerance, bounded, partial(specialize, **words), (model, calls))
     made = of_request(request, specialize, (model, calls, dtype, fixed, *given, derivative))
     return made if derivative is None else check_program(made, f"derivative={derivative!r}")
 
@@ -110,6 +167,19 @@ def of_request(
     return made
 
 
+def gradient_of(k: Specialized) -> Specialized:
+    """The program of another with the derivatives of Σ weight · result by its inputs: as derivative="vjp", of a
+    configuration by its entries instead of displacements, in float64.
+
+    Raises SpatialDynError for one without a program, or with bounds or derivatives of its own.
+    """
+    request = k._request
+    if request.bounds or request.derivative:
+        raise SpatialDynError(f"{k!r} has further results, expected results alone to differentiate")
+    request = request._replace(dtype=np.dtype(np.float64), derivative="gradient", several=True)
+    return check_program(of_request(request, gradient_of, (k,)), "derivatives")
+
+
 class Specialized:
     """A compiled program, called like a function: ``k(q, v, a)`` for one sample or batches, ``out=`` optional.
 
@@ -128,7 +198,8 @@ class Specialized:
     program          the Program; ``listing()`` prints it
     operations       counts of mul, add, div, sqrt, sincos and atan2 of a sample, and depth
 
-    ``c_code`` and ``python_code`` give the program as text, for any robot and any calls.
+    ``c_code`` and ``python_code`` give the program as text, ``to_casadi``, ``to_jax`` and ``to_torch`` as a function
+    with derivatives in another framework, for any robot and any calls.
 
     Raises
         TypeError if the number of inputs is not that of ``signature``
@@ -197,18 +268,81 @@ class Specialized:
         """The straight-line program. Raises InertiaError if there is none."""
         return self._recorded.program
 
-    def c_code(self, name: str | None = None) -> str:
+    def c_code(self, name: str | None = None, derivatives: bool = False) -> str:
         """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
 
         It computes one sample, in arrays in C order, without argument checks: if a joint has zero articulated inertia
         it divides by zero. Parameters are named by kind and position: the third input is ``mass_3``.
 
-        name  of the function, by default that of the call, several joined by "_"
+        name         of the function, by default that of the call, several joined by "_"
+        derivatives  with the external interface of CasADi instead: ``name`` and ``jac_name``, the derivatives of each
+                     result by each input, for ``casadi.external`` and acados. Matrices are in columns there. A
+                     configuration's derivatives are by its entries: with quaternions or (cos, sin) pairs they mean
+                     something along unit norms only. There is no ``jac_jac_name``: second derivatives are the
+                     caller's business
 
         Raises SpatialDynError if the name is no identifier, an input's, or reserved in C: keywords, names that begin
             with "_", declarations of <math.h>, functions of the standard library; InertiaError if there is no program
         """
-        return self._code("c", name)
+        if not derivatives:
+            return self._code("c", name)
+        given = exported(self._request, self._recorded, "c", name)
+        return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
+
+    def to_casadi(self, name: str | None = None) -> Any:
+        """The program as a ``casadi.Function`` of one sample, with named inputs and results.
+
+        It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
+        aba by their own recursions, in about half the operations of CasADi's. It has no argument checks and no
+        range: a joint with zero articulated inertia divides by zero. Derivatives by a configuration are by its
+        entries, as CasADi's always are: with quaternions or (cos, sin) pairs export the next configuration too, by
+        ``sd.integrate``, so that all of it stays in coordinates.
+
+        name  as of ``c_code``
+
+        Raises SpatialDynError as ``c_code``, and where CasADi is not installed (extra "casadi")
+        """
+        from ..interop.casadi import to_casadi
+
+        given = exported(self._request, self._recorded, "c", name)
+        return to_casadi(given, jacobian_of(self._request, given))
+
+    def to_jax(self) -> Callable[..., Any]:
+        """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.
+
+        It runs on the host, on lanes, wherever JAX runs; samples may have leading axes that broadcast. Inputs that
+        are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
+        a configuration. There is no forward mode and no second derivative: asking for one raises. Errors of values,
+        of a joint without inertia say, are raised by JAX, with the message of this library inside.
+
+        >>> import spatialdyn as sd
+        >>> import jax  # doctest: +SKIP
+        >>> rnea = sd.specialize(sd.load_urdf("two_link"), sd.rnea).to_jax()  # doctest: +SKIP
+        >>> jax.grad(lambda q: rnea(q, [0.0, 0.0], [0.0, 0.0]) @ rnea(q, [0.0, 0.0], [0.0, 0.0]))  # doctest: +SKIP
+
+        Raises SpatialDynError without a program, for one with bounds or derivatives of its own, and where JAX is not
+            installed (extra "jax")
+        """
+        from ..interop.jax import to_jax
+
+        return to_jax(self._differentiable())
+
+    def to_torch(self) -> Callable[..., Any]:
+        """The program as a function of PyTorch tensors on the CPU, for autograd, torch.func.grad and torch.vmap.
+
+        Samples may have leading axes that broadcast. Inputs that are all float32 give float32, others float64;
+        derivatives are computed in float64, by entries of a configuration. There is no second derivative: asking for
+        one raises.
+
+        Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
+            not on the CPU, and where PyTorch is not installed (extra "torch")
+        """
+        from ..interop.torch import to_torch
+
+        return to_torch(self._differentiable())
+
+    def _differentiable(self) -> Differentiable:
+        return Differentiable(self._request, self.signature, self, gradient_of(self))
 
     def python_code(self, name: str | None = None) -> str:
         """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.
@@ -223,25 +357,8 @@ class Specialized:
         return self._code("python", name)
 
     def _code(self, language: str, name: str | None) -> str:
-        specs, places = self._request.specs, self._recorded.layout.outputs
-        name = "_".join(spec.name for spec in specs) if name is None else name
-        if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
-            raise SpatialDynError(f"name is {name!r}, expected letters, digits and _")
-        if has_meaning(name, language):
-            raise SpatialDynError(f"name is {name!r}, expected a name that {language.title()} does not reserve")
-        label = [x.name.partition(":") for x in self._inputs]
-        known = {x.name for x in self._request.arguments}
-        inputs = {
-            kind if kind in known else f"{kind}_{k}": x.shape
-            for k, ((kind, _, _), x) in enumerate(zip(label, self._inputs, strict=True), start=1)
-        }
-        if name in inputs:
-            raise SpatialDynError(f"name is {name!r}, expected none of its arguments: {', '.join(inputs)}")
-        outputs = {x.name: x.shape for x in self._results}
-        if len(outputs) < len(self._results) or {name, *inputs} & set(outputs):
-            outputs = {f"out_{k}": shape for k, shape in enumerate(self._shapes, start=1)}
-        program = self.program.only(at for part in places for at in part)
-        return PRINTERS[language](name, program, inputs, outputs)
+        given = exported(self._request, self._recorded, language, name)
+        return PRINTERS[language](given.name, given.program, given.inputs, given.outputs)
 
     @property
     def operations(self) -> dict[str, int]:

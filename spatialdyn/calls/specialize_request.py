@@ -41,7 +41,7 @@ class SpecializeRequest(NamedTuple):
     constants      name -> flat values, NaN where the entry stays an input
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
     bounds         whether a result is followed by a bound on its error; of one call
-    derivative     "jvp", "vjp" or "" for none
+    derivative     "jvp", "vjp", "gradient" (as "vjp", by entries of a configuration) or "" for none
     """
 
     model: Model
@@ -89,7 +89,8 @@ class SpecializeRequest(NamedTuple):
 
     def _tangents(self) -> list[Array]:
         """The inputs that are left, a configuration as a displacement."""
-        moved = {x.name for x in self.arguments if x.moved_by and self.model.nq != self.model.nv}
+        by_entries = self.derivative == "gradient" or self.model.nq == self.model.nv
+        moved = {x.name for x in self.arguments if x.moved_by and not by_entries}
         width = self.model.nv
         return [x._replace(shape=(width,), shape_text="(nv,)") if x.name in moved else x for x in self._left()]
 

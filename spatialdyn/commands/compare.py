@@ -21,6 +21,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("robots", metavar="ROBOT", nargs="*", help=ROBOT)
     parser.add_argument("--all", action="store_true", help="every robot of example-robot-data")
     parser.add_argument("--samples", type=int, default=20, metavar="N", help="random states each (default: 20)")
+    parser.add_argument("--calls", metavar="NAMES", help="names of calls, separated by commas (default: all)")
     parser.add_argument("--no-timing", dest="timing", action="store_false", help="errors only")
     parser.add_argument("--json", action="store_true", help="print JSON")
     add_quiet(parser)
@@ -61,10 +62,12 @@ def _run(arguments: argparse.Namespace) -> int:
     ok = all(robot.ok for robot in found)
     if arguments.json:
         print(json.dumps([_record(robot) for robot in found], indent=2, ensure_ascii=False))
-    elif len(found) == 1:
-        _show_one(found[0])
     else:
-        _show_many(found, arguments.timing)
+        if len(found) == 1:
+            _show_one(found[0])
+        else:
+            _show_many(found, arguments.timing)
+        print(_verdict(found, "every call" if arguments.calls is None else "every call asked for"))
     return 0 if ok else 1
 
 
@@ -73,6 +76,7 @@ def _compared(
 ) -> _Compared:
     """Both roots of a robot. Under ``--all`` a robot that Pinocchio does not load either is no failure."""
     by_root = {}
+    calls = None if arguments.calls is None else [name.strip() for name in arguments.calls.split(",")]
     try:
         for k, root in enumerate(ROOTS):
 
@@ -81,7 +85,7 @@ def _compared(
                     report(done + k * total, len(ROOTS) * total)
 
             by_root[root] = compare_with_pinocchio(
-                source, root, samples=arguments.samples, timing=arguments.timing, progress=both
+                source, root, samples=arguments.samples, timing=arguments.timing, progress=both, calls=calls
             )
         return _Compared(label, by_root)
     except SpatialDynError as error:
@@ -141,33 +145,36 @@ def _show_one(robot: _Compared) -> None:
     if timing:
         print(f"times: single calls from Python, {timed_root} root")
     _show_notes([robot])
-    print(_verdict([robot]))
 
 
 def _show_many(robots: Sequence[_Compared], timing: bool) -> None:
     """A row per robot: the largest error for each root, the worst call of all, and ratios of times."""
     columns = [Column("robot"), Column("nv", True), *(Column(f"{root} ", True) for root in ROOTS)]
-    columns += [Column("worst call")] + [Column(call, True) for call in TIMED] * timing
+    timed_calls = [
+        call for call in TIMED if timing and all(call in _rows(x) for r in robots for x in r.by_root.values())
+    ]
+    columns += [Column("worst call")] + [Column(call, True) for call in timed_calls]
     lines, bad = [], []
     for k, robot in enumerate(robots):
         if robot.refused:
-            lines.append([robot.label, "", "", "", "refused by both", *[""] * len(TIMED) * timing])
+            lines.append([robot.label, "", "", "", "refused by both", *[""] * len(timed_calls)])
             continue
         line = [robot.label, str(robot.by_root["fixed"].nv)]
         worst = [robot.by_root[root].worst for root in ROOTS]
         line += [*map(_error, worst), max(worst, key=lambda row: row.badness).call]
-        if timing:
-            timed = robot.by_root["fixed" if robot.by_root["fixed"].nv else "floating"]
-            line += [_time(_rows(timed)[call].ratio) for call in TIMED]
+        timed = robot.by_root["fixed" if robot.by_root["fixed"].nv else "floating"]
+        line += [_time(_rows(timed)[call].ratio) for call in timed_calls]
         lines.append(line)
         if not robot.ok:
             bad.append(k)
     print_table(columns, lines, bad)
     print()
-    if timing:
-        fold("rnea, crba, aba: our time over Pinocchio's, single calls from Python, fixed root unless nv is 0", "")
+    if timed_calls:
+        fold(
+            f"{', '.join(timed_calls)}: our time over Pinocchio's, single calls from Python, fixed root unless nv is 0",
+            "",
+        )
     _show_notes(robots)
-    print(_verdict(robots))
 
 
 def _show_notes(robots: Sequence[_Compared]) -> None:
@@ -186,7 +193,7 @@ def _show_notes(robots: Sequence[_Compared]) -> None:
         fold(f"{', '.join(about)}{': ' * bool(calls)}{calls}: {note}", "* ")
 
 
-def _verdict(robots: Sequence[_Compared]) -> str:
+def _verdict(robots: Sequence[_Compared], calls: str) -> str:
     """One line: AGREES, or DISAGREES and the calls that do."""
     failed = [
         f"{robot.label} ({root}): {row.call}"
@@ -202,7 +209,7 @@ def _verdict(robots: Sequence[_Compared]) -> str:
     subject = compared[0].label if len(compared) == 1 else f"{len(compared)} robots"
     refused = len(robots) - len(compared)
     rest = f"; {refused} refused by both" if refused else ""
-    return f"AGREES with Pinocchio: {subject}, every call within its bound{rest}"
+    return f"AGREES with Pinocchio: {subject}, {calls} within its bound{rest}"
 
 
 def _record(robot: _Compared) -> dict[str, Any]:

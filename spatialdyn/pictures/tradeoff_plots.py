@@ -42,7 +42,7 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
         if math.isfinite(x.error):
             families.setdefault(x.name.split(",")[0] if moves else x.name, []).append(x)
     tidy(axes)
-    lines, steps = [], []
+    lines, steps, spans = [], [], None
     scale, unit = cost(found)
     shades = colours(len(families))
     for k, (points, colour) in enumerate(zip(families.values(), shades, strict=True)):
@@ -56,6 +56,10 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
             markersize=5.5,
             linestyle="-" if len(points) > 1 else "",
         )
+        known = [(scale * x.ns, max(x.error, LEAST), x.promised) for x in points if math.isfinite(x.promised)]
+        if known:
+            spans = axes.vlines(*zip(*known, strict=True), color=colour, linewidth=0.9, alpha=0.6)
+            axes.plot([x for x, _, _ in known], [top for _, _, top in known], "_", color=colour, markersize=9)
         if moves:
             steps += [(*spot, short(step_of(x)), colour) for x, spot in zip(points, at, strict=True) if step_of(x)]
     front = [(scale * x.ns, x.error) for x in found.front if math.isfinite(x.error)]
@@ -71,7 +75,11 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
         real_time(axes)
         heading.set_text(plain(f"{found.model}: simulations of {found.duration:g} s"))
     names = [*families, *["front: nothing is both cheaper\nand more accurate"] * len(edge)]
-    legend(axes, [*lines, *edge], names, "labels: step dt [s],\nrtol of an adaptive method" if moves else None)
+    promised = [] if spans is None else [spans]
+    names += ["from the largest error up to what\nits analysis promises"] * len(promised)
+    legend(
+        axes, [*lines, *edge, *promised], names, "labels: step dt [s],\nrtol of an adaptive method" if moves else None
+    )
     if steps:
         place_labels(axes, outermost_first(steps, len(families)))
     return written(figure, path)

@@ -9,8 +9,9 @@ says so (icub's M has a condition number of 4e10: the exact acceleration, rounde
 
 from __future__ import annotations
 
+import difflib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,7 @@ def compare_with_pinocchio(
     timing: bool = False,
     continuous: str | None = None,
     progress: Progress = False,
+    calls: Collection[str] | None = None,
 ) -> Comparison:
     """Compare every public call with Pinocchio's on random states.
 
@@ -68,15 +70,17 @@ def compare_with_pinocchio(
     continuous  as in ``load_urdf``, by default "cos_sin"; "angle" agrees with Pinocchio only on robots without
                 continuous joints. Of a Model its own
     progress    True for a bar (needs rich), or a function of the number of calls compared and their total
+    calls       names of the calls to compare, e.g. ("rnea", "crba"); all if left out
 
     >>> import spatialdyn as sd
     >>> sd.compare_with_pinocchio("two_link", samples=2).ok
     True
 
     Raises SpatialDynError if Pinocchio is not installed, does not load the robot, has other sizes or lacks a joint of
-    the Model; UrdfError as ``load_urdf``.
+    the Model, and for a name that is no call; UrdfError as ``load_urdf``.
     """
     pin = pinocchio()
+    asked = _asked(calls)
     if samples < 1:
         raise SpatialDynError(f"samples is {samples}, expected at least 1")
     check_progress(progress)
@@ -90,15 +94,29 @@ def compare_with_pinocchio(
     states = random_states(model, samples, np.random.default_rng(seed))
     rows = [_joint_order(model, pin_model)]
     with reporting(progress, "compare") as report:
-        rows += _rows(peer, states, timing, Steps(report, len(CALLS)))
+        rows += _rows(asked, peer, states, timing, Steps(report, len(asked)))
     return Comparison(model.name, model.options.root, model.nq, model.nv, samples, tuple(rows))
 
 
-def _rows(peer: Peer, states: States, timing: bool, steps: Steps) -> Iterator[Row]:
-    """The rows of all calls."""
+def _asked(names: Collection[str] | None) -> Sequence[Call]:
+    """The rows of the table of calls that these names ask for."""
+    if names is None:
+        return CALLS
+    if isinstance(names, str):
+        raise SpatialDynError(f'calls is "{names}", expected names of calls, ("{names}",) for one')
+    known = {call.name for call in CALLS}
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known, 3, 0.5) or sorted(known)
+            raise SpatialDynError(f"calls has {name!r}, expected some of {', '.join(near)}")
+    return [call for call in CALLS if call.name in names]
+
+
+def _rows(calls: Sequence[Call], peer: Peer, states: States, timing: bool, steps: Steps) -> Iterator[Row]:
+    """The rows of those calls."""
     model = peer.ours
     other = _other_question(model)
-    for call in CALLS:
+    for call in calls:
         why = (other or _left_out(call, model)) if call.peer else "Pinocchio has no such call"
         if why:
             yield by_identity(call, model, states, why)

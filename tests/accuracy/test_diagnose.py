@@ -72,6 +72,7 @@ CASES = (
 # --- digits ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="test_predicted_digits_of_float32_are_within_one_of_those_measured")
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: measured by compiled calls")
 def test_predicted_digits_are_within_one_of_those_measured() -> None:
     """Heavy and light tips and middles, and long chains; other states than those that predict."""

@@ -140,6 +140,7 @@ def test_programs_table_kernels_and_runs_have_it(wrists: tuple[sd.Model, sd.Mode
     close(rubbed.v, after.v, 1e-11)
 
 
+@pytest.mark.slow(quick="test_programs_table_kernels_and_runs_have_it")
 def test_energy_is_kept_with_it() -> None:
     geared = arm().with_(transmissions=[WRIST])
     x = states(geared, 2)

@@ -155,7 +155,7 @@ def twins(made: str, pitch: float, instead: str) -> tuple[sd.Model, sd.Model, di
     return models[0], models[1], {"q": sd.random_configuration(models[1], rng), "v": v, "a": a, "tau": tau}
 
 
-@pytest.mark.parametrize("name", STATES)
+@pytest.mark.parametrize("name", slow_but(["rnea", "crba", "aba", "forward_kinematics"], STATES))
 def test_a_screw_of_pitch_0_is_a_hinge_to_the_bit(name: str) -> None:
     screw, hinge, s = twins("helical", 0.0, "revolute")
     given = [s[x] for x in STATES[name].split()]

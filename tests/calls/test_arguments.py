@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inputs import options, public, random_inputs, sorted_inputs
+from inputs import MAIN_CALLS, options, public, random_inputs, sorted_inputs
 from numpy.typing import NDArray
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -70,7 +71,7 @@ def at(values: list[Array], index: Any) -> list[Array]:
 # --- batches --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 @pytest.mark.parametrize("which", WHICH)
 def test_leading_shapes_broadcast(request: pytest.FixtureRequest, which: str, name: str) -> None:
     """(3, 1) with (4,) with none is (3, 4)."""
@@ -86,7 +87,7 @@ def test_leading_shapes_broadcast(request: pytest.FixtureRequest, which: str, na
     assert found.shape[: len(batch)] == batch
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 @pytest.mark.parametrize("which", ["model", "gripper"])
 def test_an_empty_batch_has_an_empty_answer(request: pytest.FixtureRequest, which: str, name: str) -> None:
     model: sd.Model = request.getfixturevalue(which)
@@ -100,7 +101,7 @@ def test_an_empty_batch_has_an_empty_answer(request: pytest.FixtureRequest, whic
         assert public(model, spec, values).shape == (0, *one)
 
 
-@pytest.mark.parametrize("name", SPECS)
+@pytest.mark.parametrize("name", slow_but([*MAIN_CALLS, "frame_placement"], SPECS))
 def test_a_model_without_freedom_has_answers_without_entries(name: str) -> None:
     builder = sd.ModelBuilder("bench").add_body(
         "leg", None, "fixed", placement=(0, 0, 1), inertia=(2, (0, 0, 0), SOLID)
@@ -277,7 +278,7 @@ def test_what_is_no_array_of_real_numbers_is_refused_by_name(model: sd.Model, na
             assert f"{argument.name} " in refusal(lambda values=values: public(model, spec, values))
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 def test_none_is_refused_where_it_is_no_default(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for k, argument in enumerate(sorted_inputs(spec)):
@@ -360,7 +361,7 @@ def unit_joints(model: sd.Model) -> list[tuple[sd.Joint, slice]]:
     return list(found.values())
 
 
-@pytest.mark.parametrize("name", JUDGING)
+@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, JUDGING))
 def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for joint, part in unit_joints(model):
@@ -381,7 +382,7 @@ def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, na
                     assert np.isfinite(public(model, spec, values)).all()
 
 
-@pytest.mark.parametrize("name", JUDGING)
+@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, JUDGING))
 def test_a_norm_within_a_millionth_of_one_passes(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for _, part in unit_joints(model):

@@ -174,6 +174,22 @@ def test_compare_of_one_robot_has_a_row_per_call(capsys: pytest.CaptureFixture[s
     assert "ratio" in out
 
 
+def test_compare_of_some_calls_has_their_rows_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "compare", "two_link", "--samples", "1", "--calls", "crba, rnea", "--json")
+    assert status == 0
+    rows = json.loads(out)[0]["comparisons"][0]["rows"]
+    assert [row["call"] for row in rows] == ["joint order", "rnea", "rnea (fext)", "crba"]
+    status, out, _ = run(capsys, "compare", "pendulum", "two_link", "--samples", "1", "--calls", "crba")
+    assert (status, "crba: our time over Pinocchio's" in out) == (0, True)
+
+
+def test_compare_refuses_what_is_no_call() -> None:
+    with pytest.raises(sd.SpatialDynError, match="calls has 'rnae', expected some of rnea"):
+        sd.compare_with_pinocchio("two_link", calls=["rnae"])
+    with pytest.raises(sd.SpatialDynError, match=r'calls is "rnea", expected names of calls, \("rnea",\) for one'):
+        sd.compare_with_pinocchio("two_link", calls="rnea")
+
+
 def test_compare_covers_every_public_call_about_dynamics() -> None:
     assert {call.name for call in validate.CALLS} >= set(dynamics.SPECS)
 
@@ -185,7 +201,9 @@ def test_compare_is_a_library_call_too() -> None:
 
 
 def test_compare_of_many_robots_has_a_row_per_robot(capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = run(capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing")
+    status, out, _ = run(
+        capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing", "--calls", "rnea,crba,aba"
+    )
     assert status == 0
     assert [line.split()[0] for line in out.splitlines() if line.startswith(("pendulum", "two_link"))] == [
         "pendulum",
@@ -210,14 +228,16 @@ def test_compare_json_parses_and_holds_no_nan(capsys: pytest.CaptureFixture[str]
 
 
 def test_timing_is_in_json_too(capsys: pytest.CaptureFixture[str]) -> None:
-    (record,) = json.loads(run(capsys, "compare", "pendulum", "--samples", "1", "--json")[1])
+    (record,) = json.loads(
+        run(capsys, "compare", "pendulum", "--samples", "1", "--json", "--calls", "rnea,crba,aba")[1]
+    )
     row = record["comparisons"][0]["rows"][1]
     assert row["ratio"] == pytest.approx(row["ours_us"] / row["pin_us"])
 
 
 @pytest.mark.usefixtures("wrong_crba")
 def test_disagreement_is_exit_1_and_named(capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = run(capsys, "compare", "tree", "--samples", "2", "--no-timing")
+    status, out, _ = run(capsys, "compare", "tree", "--samples", "2", "--no-timing", "--calls", "rnea,crba,aba")
     assert status == 1
     said, _, named = out.splitlines()[-1].partition(": ")
     assert said == "DISAGREES with Pinocchio"
@@ -260,7 +280,10 @@ def test_a_batch_that_differs_from_single_calls_disagrees(
         return right(model, q, *rest) * (1.0 + 1e-15 * (np.ndim(q) == 2))
 
     monkeypatch.setattr(dynamics, "rnea", wrong)
-    assert "a single call and a batch of it differ" in run(capsys, "compare", "two_link", "--no-timing")[1]
+    assert (
+        "a single call and a batch of it differ"
+        in run(capsys, "compare", "two_link", "--no-timing", "--calls", "rnea,crba,aba")[1]
+    )
 
 
 # --- bad input -------------------------------------------------------------------------------------------
@@ -298,7 +321,9 @@ def test_without_rich_tables_are_aligned_text(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hide(monkeypatch, *RICH)
-    status, out, _ = run(capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing")
+    status, out, _ = run(
+        capsys, "compare", "pendulum", "two_link", "--samples", "2", "--no-timing", "--calls", "rnea,crba,aba"
+    )
     assert status == 0
     header, rule, *rows = out.splitlines()[:4]
     assert set(rule) == {"-", " "}
@@ -311,10 +336,10 @@ def test_all_counts_what_both_refuse(capsys: pytest.CaptureFixture[str], monkeyp
     if len(wanted) < 2:
         pytest.skip("example-robot-data is not installed")
     monkeypatch.setattr(compare, "example_robots", lambda: list(wanted.values()))
-    status, out, _ = run(capsys, "compare", "--all", "--samples", "1", "--no-timing")
+    status, out, _ = run(capsys, "compare", "--all", "--samples", "1", "--no-timing", "--calls", "rnea,crba,aba")
     assert status == 0
     assert "refused by both" in out
-    assert out.splitlines()[-1].endswith("TwoDofs, every call within its bound; 1 refused by both")
+    assert out.splitlines()[-1].endswith("TwoDofs, every call asked for within its bound; 1 refused by both")
 
 
 def test_python_m_spatialdyn_is_the_same_command() -> None:

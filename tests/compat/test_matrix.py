@@ -145,7 +145,7 @@ def faults(row: Row, left: Side, right: Side, name: str, condition: float) -> li
 
 
 # each robot at once under one root, the other one in turn
-AT_ONCE = {(name, ROOTS[k % 2]) for k, name in enumerate(ROBOTS) if name not in LONG}
+AT_ONCE = {(name, ROOTS[k % 2]) for k, name in enumerate(ROBOTS) if name not in LONG and k % 3 == 0}
 
 
 @pytest.mark.parametrize(("name", "root"), slow_but(AT_ONCE, [(name, root) for name in ROBOTS for root in ROOTS]))
@@ -238,7 +238,7 @@ def test_every_call_equals_the_wheel_for_every_kind_of_joint(name: str) -> None:
     assert wrong == {}
 
 
-@pytest.mark.parametrize("name", slow_but(["panda", "baxter"], ["panda", "pr2", "baxter", "tiago_pro"]))
+@pytest.mark.parametrize("name", slow_but(["panda"], ["panda", "pr2", "baxter", "tiago_pro"]))
 def test_calls_that_take_mimic_joints_equal_the_wheel(name: str) -> None:
     """Pinocchio refuses most calls, gives J a column for each mimic joint too, and wrong rates."""
     models = []

@@ -403,6 +403,7 @@ def test_limits_and_feet_are_solved_together() -> None:
 # --- however it runs ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="test_heights_between_four_are_bilinear_in_every_engine")
 def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> None:
     model, feet = quadruped()
     contacts = sd.Contacts(model, feet, friction=0.5, restitution=0.3, limits=True)

@@ -135,6 +135,7 @@ def test_pd_rests_where_springs_and_gravity_balance() -> None:
     assert 15.0 < found["slope"] < 60.0
 
 
+@pytest.mark.slow(quick="simulation/test_integrators.py::test_energy_of_symplectic_methods_stays_bounded")
 @compiled
 def test_double_pendulum_bounded_where_symplectic_and_growing_where_not() -> None:
     pytest.importorskip("scipy")

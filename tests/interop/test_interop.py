@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -86,7 +87,11 @@ def test_sample_models_compute_the_same(make: Callable[[], pin.Model]) -> None:
 
 @UNPHYSICAL
 @pytest.mark.parametrize(
-    "robot", ["ur5_robot", "kinova", "panda", "solo12", "anymal_b_simple_description/anymal", "quadrotor_base", "pr2"]
+    "robot",
+    slow_but(
+        ["panda", "solo12", "quadrotor_base"],
+        ["ur5_robot", "kinova", "panda", "solo12", "anymal_b_simple_description/anymal", "quadrotor_base", "pr2"],
+    ),
 )
 @pytest.mark.parametrize("floating", [False, True])
 def test_robots_compute_the_same(robot: str, floating: bool) -> None:

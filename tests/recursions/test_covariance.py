@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from inputs import random_input
+from inputs import MAIN_CALLS, random_input
 from slow import slow_but
 from trees import random_state, random_tree
 
@@ -146,8 +146,9 @@ ROBOTS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", SPECS)
-@pytest.mark.parametrize("kind", ROBOTS)
+@pytest.mark.parametrize(
+    ("name", "kind"), slow_but([(name, "free") for name in MAIN_CALLS], [(x, kind) for kind in ROBOTS for x in SPECS])
+)
 def test_every_call_is_covariant_to_the_bit(name: str, kind: str) -> None:
     made = random_tree(11, 6, **ROBOTS[kind])
     model, spec = made.model, SPECS[name]

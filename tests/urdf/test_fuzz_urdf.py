@@ -253,7 +253,7 @@ SPOTS = [(at, key) for _, at, key in TAGGED]
 FIRST = {(tag, key): (at, key) for tag, at, key in reversed(TAGGED)}  # of each attribute of each element
 
 
-@pytest.mark.parametrize(("at", "key"), slow_but(FIRST.values(), SPOTS))
+@pytest.mark.parametrize(("at", "key"), slow_but([*FIRST.values()][::3], SPOTS))
 def test_any_odd_value_at_any_place_loads_and_answers_or_is_refused(at: int, key: str) -> None:
     """Each value in each attribute in turn: the same cases whatever the version of Hypothesis."""
     numbers = (*NUMBERS, *ODD_NUMBERS, "4e307", "1.7e308", "-1.7e308")

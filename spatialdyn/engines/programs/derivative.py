@@ -69,7 +69,7 @@ PARTIALS: dict[int, Partial] = {
 def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """The outputs of a program recorded on a tape, and their derivatives along the tangents of its inputs.
 
-    tangents  one per input: Numbers, or the float 0.0, which costs nothing
+    tangents  one per input: Numbers, or floats, of which 0 costs nothing
     """
     lines: list[Any] = []
     moved: list[Any] = []
@@ -82,7 +82,7 @@ def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[
             moved.append(_selected(given[0], *rates[1:]))
             continue
         total: Any = 0.0
-        if not any(isinstance(r, Number) for r in rates):
+        if not any(map(_counts, rates)):
             pass
         elif code == DIV:
             total = (rates[0] - x * rates[1]) * (1.0 / given[1])
@@ -96,7 +96,7 @@ def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[
 def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """The outputs of a program recorded on a tape, and the derivatives of Σ weight · output by each input.
 
-    weights  one per output: Numbers, or the float 0.0
+    weights  one per output: Numbers, or floats, of which 0 costs nothing
     """
     lines: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
@@ -107,7 +107,7 @@ def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[A
     for at in range(len(lines) - 1, -1, -1):
         code, places, given, x = walked[at]
         weight = adjoints[at]
-        if not isinstance(weight, Number):  # 0: nothing depends on it
+        if not _counts(weight):  # nothing depends on it
             continue
         if code == INPUT:
             found[places[0]] = found[places[0]] + weight
@@ -125,6 +125,21 @@ def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[A
             else:
                 adjoints[-k - 1] = adjoints[-k - 1] - share
     return _outputs(program, lines), found
+
+
+def jacobian(program: Program) -> Program:
+    """The program of the derivatives of each output by each input, row by row: along each input or of each output,
+    whichever are fewer.
+    """
+    tape, n, m = Tape(), program.inputs, len(program.outputs)
+    inputs = [tape.input(k) for k in range(n)]
+    units = [[float(k == at) for k in range(max(n, m))] for at in range(max(n, m))]
+    if n <= m:
+        columns = [jvp(tape, program, inputs, units[k][:n])[1] for k in range(n)]
+        entries = [column[k] for k in range(m) for column in columns]
+    else:
+        entries = [x for k in range(m) for x in vjp(tape, program, inputs, units[k][:m])[1]]
+    return Program(tape, entries, n)
 
 
 def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[Any]) -> Any:
@@ -145,7 +160,11 @@ def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[A
 def _selected(condition: Any, a: Any, b: Any) -> Any:
     if not isinstance(condition, Number):
         return a if condition > 0.0 else b
-    return scalars.select(condition, a, b) if isinstance(a, Number) or isinstance(b, Number) else a
+    return scalars.select(condition, a, b) if isinstance(a, Number) or isinstance(b, Number) or a != b else a
+
+
+def _counts(x: Any) -> bool:
+    return isinstance(x, Number) or x != 0.0
 
 
 def _outputs(program: Program, lines: Sequence[Any]) -> list[Any]:

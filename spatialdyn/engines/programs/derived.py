@@ -130,7 +130,7 @@ def _with_derivative(
     program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
     tape, order = Tape(), itertools.count(program.inputs)
     inputs = [tape.input(k) for k in range(program.inputs)]
-    arrays = _arrays(specs, options, bodies)
+    arrays = [""] * len(layout.inputs) if options.derivative == "gradient" else _arrays(specs, options, bodies)
     ends = list(itertools.accumulate(layout.inputs, initial=0))
     parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
     forward = options.derivative == "jvp"

@@ -54,7 +54,8 @@ class ProgramOptions(NamedTuple):
     bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
     derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
                    outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
-                   each input as further outputs. Of a configuration they are by displacements
+                   each input as further outputs. Of a configuration they are by displacements; "gradient" is "vjp" by
+                   its entries
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()

@@ -19,7 +19,7 @@ Shapes = Mapping[str, tuple[int, ...]]
 
 def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
     """``void name(const double *q, ..., double *out)``: arrays of one sample in C order, outputs last."""
-    text = _Text(program, _entries(inputs, "{}[{}]"), {code: form.c for code, form in FORMS.items()})
+    text = SourceText(program, _entries(inputs, "{}[{}]"), {code: form.c for code, form in FORMS.items()})
     sizes = ", ".join(f"{x}{_shown(shape)}" for x, shape in inputs.items())
     made = ", ".join(f"{x}{_shown(shape)}" for x, shape in outputs.items())
     parameters = [*(f"const double *{x}" for x in inputs), *(f"double *{x}" for x in outputs)]
@@ -40,7 +40,7 @@ def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
 
 def python_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
     """``def name(q, ...)`` with NumPy: arrays of any leading batch shape, broadcast; returns the output or outputs."""
-    text = _Text(program, _entries(inputs, "{}[..., {}]"), {code: form.python for code, form in FORMS.items()})
+    text = SourceText(program, _entries(inputs, "{}[..., {}]"), {code: form.python for code, form in FORMS.items()})
     used = {FORMS[op.code].imports for op in program.lines if op.code in FORMS}
     functions = ", ".join(sorted(used - {""}))
     lines = ["import numpy as np"] + [f"from numpy import {functions}"] * bool(functions) + ["", ""]
@@ -68,7 +68,7 @@ def _shown(shape: Sequence[int]) -> str:
     return "".join(f"[{n}]" for n in shape or (1,))
 
 
-class _Text:
+class SourceText:
     """The statements of a program in one language."""
 
     def __init__(self, program: Program, inputs: Sequence[str], forms: Mapping[int, str]) -> None:
@@ -92,10 +92,12 @@ class _Text:
         computed = ((k, op) for k, op in enumerate(self._program.lines) if op.code not in (INPUT, CONST))
         return [f"x{k} = {self._line(op)}" for k, op in computed]
 
-    def results(self, entries: Sequence[str]) -> list[str]:
-        """``out[0] = -x12`` of each output."""
-        ends = zip(entries, self._program.outputs, strict=True)
-        return [f"{entry} = {self._at(-k - 1 if minus else k)}" for entry, (k, minus) in ends]
+    def results(self, entries: Sequence[str], places: Sequence[int] | None = None) -> list[str]:
+        """``out[0] = -x12`` of each output, or of those at these places."""
+        ends = self._program.outputs if places is None else [self._program.outputs[k] for k in places]
+        return [
+            f"{entry} = {self._at(-k - 1 if minus else k)}" for entry, (k, minus) in zip(entries, ends, strict=True)
+        ]
 
 
 C_WORDS = """

@@ -514,6 +514,7 @@ def test_a_process_runs_where_files_can_only_be_begun(tmp_path: Path, energy: fl
     assert {file.suffix for file in files} <= {disk_cache.NUMBERS}  # the others are longer
 
 
+@pytest.mark.slow(quick="test_a_damaged_file_is_made_anew")
 def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-W", "error", "-c", SCRIPT]

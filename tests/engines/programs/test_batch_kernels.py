@@ -15,7 +15,17 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from inputs import EPS, empty_memory, kernel_inputs, options, public, random_inputs, run_python, sorted_inputs
+from inputs import (
+    EPS,
+    MAIN_CALLS,
+    empty_memory,
+    kernel_inputs,
+    options,
+    public,
+    random_inputs,
+    run_python,
+    sorted_inputs,
+)
 from numpy.typing import NDArray
 from slow import slow_but
 from trees import random_tree
@@ -154,7 +164,7 @@ OF_PAIRS = {  # calls that have a case of their own for (cos, sin), and the thre
     *(name for name in CALLS if SPECS[name].recursion.__module__.startswith("spatialdyn.recursions.configuration")),
     "rnea", "crba", "aba",
 }  # fmt: skip
-AT_ONCE = [(tree, name) for tree in TREES for name in CALLS if tree == "fixed" or name in OF_PAIRS]
+AT_ONCE = [(tree, name) for tree in TREES for name in CALLS if name in (MAIN_CALLS if tree == "fixed" else OF_PAIRS)]
 
 
 @pytest.mark.parametrize(

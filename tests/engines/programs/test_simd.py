@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from inputs import EPS, random_inputs
 from numpy.typing import NDArray
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -431,7 +432,7 @@ def test_blocks_cover_the_columns_and_no_more(width: int) -> None:
 
 
 @pytest.mark.parametrize("shape", NARROW, ids=name_of)
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", slow_but([np.float64], [np.float64, np.float32]))
 def test_any_number_of_columns_is_transposed_there_and_back(shape: Shape, dtype: Any) -> None:
     """Two inputs of c and 21 - c columns, which is each number to 20, dealt out to two outputs, signs turned."""
     for c in range(1, 21, 2):
@@ -449,7 +450,7 @@ def test_any_number_of_columns_is_transposed_there_and_back(shape: Shape, dtype:
 
 
 @pytest.mark.parametrize("shape", [s for s in NARROW if s.lanes > 1], ids=name_of)
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", slow_but([np.float64], [np.float64, np.float32]))
 def test_streamed_results_are_the_stored_ones(monkeypatch: pytest.MonkeyPatch, shape: Shape, dtype: Any) -> None:
     """Columns that are whole vectors and those that are not, cut into functions or not."""
     for c in (1, 3, 5, 8, 16, 17, 49):
@@ -497,7 +498,7 @@ def test_mass_matrices_of_odd_sizes_are_written_whole(n: int, shape: Shape) -> N
 
 
 @pytest.mark.parametrize("shape", [Shape(8, True), Shape(4, False), Shape(2, False)], ids=name_of)
-@pytest.mark.parametrize("chunk", [1, 7, 100, 2000])
+@pytest.mark.parametrize("chunk", slow_but([7, 2000], [1, 7, 100, 2000]))
 def test_a_program_cut_into_functions_gives_the_same_bits(
     monkeypatch: pytest.MonkeyPatch, shape: Shape, chunk: int
 ) -> None:

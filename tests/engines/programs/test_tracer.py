@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inputs import EPS, kernel_inputs, options, public, random_inputs, sorted_inputs
+from inputs import EPS, MAIN_CALLS, kernel_inputs, options, public, random_inputs, sorted_inputs
 from numpy.typing import NDArray
 from slow import slow_but
 from trees import random_tree
@@ -221,7 +221,7 @@ def model(request: pytest.FixtureRequest) -> sd.Model:
     return made
 
 
-@pytest.mark.parametrize("name", [name for name, spec in SPECS.items() if spec.traceable])
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, [name for name, spec in SPECS.items() if spec.traceable]))
 def test_program_in_numpy_equals_the_untraced_call(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     values = random_inputs(model, spec, batch=(7,))
@@ -353,7 +353,7 @@ SINGULAR = {"romeo", "romeo_laas_small"}  # their aba raises
 ROOTED = [*((name, "fixed") for name in CORPUS), *((x, "floating") for x in FLOATING_TOO if x in CORPUS)]
 
 
-@pytest.mark.parametrize(("name", "root"), slow_but([*ROOTED[::3], *ROOTED[len(CORPUS) :]], ROOTED))
+@pytest.mark.parametrize(("name", "root"), slow_but([*ROOTED[::6], *ROOTED[len(CORPUS) :]], ROOTED))
 def test_programs_of_every_robot_equal_the_untraced_calls(name: str, root: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of inertias that no body can have

@@ -1,0 +1,75 @@
+"""A Specialized for other languages and libraries: a name, named arrays, its program, and that of its Jacobian."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..engines.compiled.numba_kernels import variant
+from ..engines.programs.derivative import jacobian
+from ..engines.programs.derived import record
+from ..engines.programs.program import Program
+from ..engines.programs.recording import Recording
+from ..engines.programs.source_code import Shapes, has_meaning
+from ..errors import SpatialDynError
+from ..recursions import SPECS
+from .specialize_request import SpecializeRequest
+
+
+class Exported(NamedTuple):
+    """A function of arrays.
+
+    inputs   name -> shape of one sample, of those that are left
+    outputs  the same of the results
+    program  of the entries of the inputs, array after array in C order, and of those of the outputs
+    """
+
+    name: str
+    inputs: Shapes
+    outputs: Shapes
+    program: Program
+
+
+def exported(request: SpecializeRequest, recorded: Recording, language: str, name: str | None = None) -> Exported:
+    """The program of a request as a function, by default of the name of its calls.
+
+    Parameters are named by kind and position: the third input is ``mass_3``. Results are named ``out_1`` ... where
+    several have one name, or that of an input.
+
+    Raises SpatialDynError if the name is no identifier, an input's, or reserved in the language.
+    """
+    name = "_".join(spec.name for spec in request.specs) if name is None else name
+    if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
+        raise SpatialDynError(f"name is {name!r}, expected letters, digits and _")
+    if has_meaning(name, language):
+        raise SpatialDynError(f"name is {name!r}, expected a name that {language.title()} does not reserve")
+    known, inputs = {x.name for x in request.arguments}, {}
+    for k, x in enumerate(request.inputs(), start=1):
+        kind = x.name.partition(":")[0]
+        inputs[kind if kind in known else f"{kind}_{k}"] = x.shape
+    if name in inputs:
+        raise SpatialDynError(f"name is {name!r}, expected none of its arguments: {', '.join(inputs)}")
+    results = request.results()
+    outputs = {x.name: x.shape for x in results}
+    if len(outputs) < len(results) or {name, *inputs} & set(outputs) or not all(map(str.isidentifier, outputs)):
+        outputs = {f"out_{k}": x.shape for k, x in enumerate(results, start=1)}
+    program = recorded.program.only(at for part in recorded.layout.outputs for at in part)
+    return Exported(name, inputs, outputs, program)
+
+
+def jacobian_of(request: SpecializeRequest, given: Exported) -> Program:
+    """The derivatives of each entry of the outputs by each entry of the inputs, row by row, by entries of q.
+
+    By the recursion that has them where there is one, as of aba in 0.4 times the operations, else line by line.
+    """
+    (first, *others), model = request.specs, request.model
+    derivatives = SPECS.get(first.name + "_derivatives")
+    plain = not (others or request.constants or request.parameters or request.derivative or request.bounds)
+    if derivatives is not None and plain and request.output_places is None and model.nq == model.nv:
+        derivatives = variant(derivatives, frozenset())
+        n, m, by = model.nv, len(given.program.outputs), len(given.inputs)
+        found, layout = record((derivatives,), model.bodies, tuple(request.static.values()))
+        if [x.name for x in derivatives.present if not x.static] == [*given.inputs] and len(
+            layout.outputs[0]
+        ) == n * m * by:
+            return found.only(m * n * k + n * row + j for row in range(m) for k in range(by) for j in range(n))
+    return jacobian(given.program)

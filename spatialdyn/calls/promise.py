@@ -1,0 +1,235 @@
+"""A call that answers each sample within a tolerance, by the cheapest way whose bound holds there."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.kinds import unit_parts
+from ..engines.numbers.enclosures import Enclosure, rounded
+from ..errors import ShapeError, SpatialDynError
+from .arguments import aligned, as_array, as_number
+from .specialize_request import SpecializeRequest
+from .states import random_configuration
+
+Array = NDArray[np.float64]
+Call = Callable[..., tuple[Any, Any]]
+
+SINGLE, DOUBLE, PAIRS = "float32", "float64", "double-double"
+HALF_ULP = 2.0**-24  # no tolerance below it is met in float32
+STATES, SEED, SHARE = 64, 7, 0.75  # float32 is tried first if it holds in that share of these states: it costs 0.6 of
+# what float64 does with a bound, and where it does not hold both are paid
+WIDEST = 1e9  # inputs above are beyond float32's safe range
+UNKNOWN = 3  # which way answers a sample
+LISTED = 8  # samples named in an error
+
+
+def checked_tolerance(tolerance: Any) -> tuple[float, float]:
+    """(relative, absolute). Raises SpatialDynError."""
+    pair = tolerance if isinstance(tolerance, (tuple, list)) else (tolerance, 0.0)
+    try:
+        relative, absolute = map(as_number, pair)
+    except (ValueError, TypeError):
+        relative = absolute = math.nan
+    if not (0.0 <= relative < 1.0 and 0.0 <= absolute < math.inf and relative + absolute > 0.0):
+        raise SpatialDynError(
+            f"tolerance is {tolerance!r}, expected a number above 0 and below 1, or (relative, absolute)"
+        )
+    return relative, absolute
+
+
+class Promise:
+    """A call whose every answer is within a tolerance of the exact one, made by ``specialize(tolerance=)``.
+
+    Called like a function, ``k(q, v, a)``, for one sample or batches, ``out=`` optional; results are float64. Each
+    sample is answered by the first way whose bound holds there (see ``bounded``), which depends on the sample and the
+    model alone:
+
+        "float32"        where at least three quarters of 64 random states hold in it: about tolerances of 1e-4
+        "float64"
+        "double-double"  of calls without ``fixed``, ``outputs``, parameters and frames, of models without quaternions
+                         and (cos, sin) pairs; a few hundred times slower, and compiled at its first sample
+
+    ways       the ways, in that order; the last is tried if it is needed
+    report     {way: number of samples it has answered so far}
+    tolerance  (relative, absolute): the largest error of a sample's entries is at most relative times its largest
+               entry, plus absolute
+    signature  inputs and result, with their shapes
+
+    A bound costs 1.5 to 6 times the call without one, so this is no way to save time: it is a way to know.
+
+    Raises
+        SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
+            result of 0 without an absolute tolerance
+        and as a Specialized. NaN in a sample gives NaN in that sample
+    """
+
+    def __init__(
+        self,
+        request: SpecializeRequest,
+        tolerance: Any,
+        bounded: Callable[[Any], Call],
+        maker: Callable[..., Any],
+        arguments: tuple[Any, ...],
+    ) -> None:
+        """``bounded(dtype)`` makes the call with bounds; ``maker(*arguments)`` makes all of it again."""
+        self.tolerance = checked_tolerance(tolerance)
+        self._request, self._made_by = request, (maker, arguments)
+        (self._spec,) = request.specs
+        self._cores = [x.shape for x in request.inputs()]
+        self._core = request.results()[0].shape
+        ladder = {DOUBLE: bounded(np.float64)}
+        if sum(self.tolerance) >= HALF_ULP:
+            narrow = bounded(np.float32)
+            if self._share(narrow) >= SHARE:
+                ladder = {SINGLE: narrow, **ladder}
+        self._ladder = ladder
+        self._counts = dict.fromkeys(self.ways, 0)
+        self._lock = threading.Lock()
+
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """The ways of answering, in the order in which they are tried."""
+        return (*self._ladder, *([PAIRS] * self._has_pairs))
+
+    @property
+    def report(self) -> dict[str, int]:
+        """How many samples each way has answered so far."""
+        with self._lock:
+            return dict(self._counts)
+
+    @property
+    def signature(self) -> str:
+        """Inputs and result with the shapes of one sample."""
+        given = ", ".join(f"{x.name} {x.shape_text}" for x in self._request.inputs())
+        result = self._request.results()[0]
+        return f"({given}) -> {result.name} {result.shape_text}"
+
+    def __repr__(self) -> str:
+        relative, absolute = self.tolerance
+        within = f"{relative:g}" + (f" and {absolute:g}" if absolute else "")
+        ways = ", ".join(f"{way} {count}" for way, count in self.report.items())
+        return f'<Promise {self._spec.name} of "{self._request.model.name}" within {within}: {ways}>'
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._made_by
+
+    def __call__(self, *arrays: ArrayLike, out: Any = None) -> Any:
+        """The call, of one sample or a batch."""
+        names = [x.name for x in self._request.inputs()]
+        given = [as_array(name, x) for name, x in zip(names, arrays, strict=False)]
+        shapes = aligned(names, self._cores, [np.shape(x) for x in arrays])
+        batch = np.broadcast_shapes(*(x[: len(x) - len(core)] for x, core in zip(shapes, self._cores, strict=True)))
+        rows = [
+            np.broadcast_to(x.reshape(shape), (*batch, *core)).reshape(-1, *core)
+            for x, shape, core in zip(given, shapes, self._cores, strict=True)
+        ]
+        values, way = self._answers(rows, given, batch)
+        with self._lock:
+            for code, name in enumerate((SINGLE, DOUBLE, PAIRS)):
+                if name in self._counts:
+                    self._counts[name] += int((way == code).sum())
+        made = values.reshape((*batch, *self._core))
+        if out is None:
+            return made if made.ndim else float(made)
+        if not isinstance(out, np.ndarray) or out.dtype != np.float64 or out.shape != made.shape:
+            what = f"shape {out.shape}, {out.dtype}" if isinstance(out, np.ndarray) else type(out).__name__
+            raise ShapeError(f"out is {what}, expected an array of shape {made.shape}, float64")
+        out[...] = made
+        return out
+
+    def _answers(self, rows: list[Array], given: list[Array], batch: tuple[int, ...]) -> tuple[Array, NDArray[np.intp]]:
+        """(values, the index of the way that answered each sample, -1 for NaN). Raises SpatialDynError."""
+        n = math.prod(batch)
+        values, bounds = np.empty((n, *self._core)), np.full((n, *self._core), math.inf)
+        largest = np.zeros(n)
+        for x, core in zip(rows, self._cores, strict=True):
+            largest = np.maximum(largest, abs(x.reshape(n, math.prod(core))).max(axis=1, initial=0.0))  # NaN stays NaN
+        sound = np.isfinite(largest)
+        way = np.full(n, UNKNOWN)
+        for code, name in enumerate((SINGLE, DOUBLE)):
+            left = way == UNKNOWN
+            at = np.flatnonzero(left & (largest <= WIDEST) if name == SINGLE else left)
+            if name not in self._ladder or not len(at):
+                continue
+            try:
+                found = self._ladder[name](*(x if len(at) == n else x[at] for x in rows))
+            except SpatialDynError:
+                self._ladder[DOUBLE](*given)  # names the sample by its place among all
+                raise
+            values[at], bounds[at] = found
+            way[at[self._holds(values[at], bounds[at])]] = code
+        way[~sound] = -1
+        at = np.flatnonzero(way == UNKNOWN)
+        if len(at) and self._has_pairs:
+            values[at], bounds[at] = self._by_pairs([x[at] for x in rows])
+            held = self._holds(values[at], bounds[at])
+            way[at[held]], at = 2, at[~held]
+        if len(at):
+            raise SpatialDynError(self._failure(at, values, bounds, batch))
+        return values, way
+
+    # -- ways
+
+    @cached_property
+    def _has_pairs(self) -> bool:
+        request = self._request
+        plain = not (request.constants or request.parameters or request.static or request.output_places is not None)
+        return plain and not unit_parts(request.model.bodies)
+
+    @cached_property
+    def _enclosure(self) -> Enclosure:
+        return Enclosure(self._spec, self._request.model.bodies)
+
+    def _by_pairs(self, rows: Sequence[Array]) -> tuple[Array, Array]:
+        """Values and bounds by double-double."""
+        high, low, error = self._enclosure([x.reshape(len(x), -1) for x in rows])
+        shape = (len(high), *self._core)
+        return high.reshape(shape), rounded(low, error).reshape(shape)
+
+    # -- judgements
+
+    def _holds(self, values: Array, bounds: Array) -> NDArray[np.bool_]:
+        """Whether each sample's bound is within the tolerance of its exact largest entry, at least |value| - bound."""
+        relative, absolute = self.tolerance
+        n, size = len(values), math.prod(self._core)
+        largest = abs(np.asarray(values, np.float64).reshape(n, size)).max(axis=1, initial=0.0)
+        bound = np.asarray(bounds, np.float64).reshape(n, size).max(axis=1, initial=0.0)
+        with np.errstate(invalid="ignore", over="ignore"):
+            held: NDArray[np.bool_] = bound * (1.0 + relative) <= (relative * largest + absolute) * (1.0 - 2.0**-50)
+        held &= np.isfinite(bound)
+        return held
+
+    def _share(self, narrow: Call) -> float:
+        """The share of random states in which float32 holds."""
+        rng, request = np.random.default_rng(SEED), self._request
+        inputs = []
+        for x, core in zip(request.inputs(), self._cores, strict=True):
+            moved = x.name == "q" and core == (request.model.nq,)
+            inputs.append(
+                random_configuration(request.model, rng, (STATES,)) if moved else rng.standard_normal((STATES, *core))
+            )
+        try:
+            values, bounds = narrow(*inputs)
+        except SpatialDynError:
+            return 0.0
+        return float(self._holds(np.asarray(values), np.asarray(bounds)).mean())
+
+    def _failure(self, at: NDArray[np.intp], values: Array, bounds: Array, batch: tuple[int, ...]) -> str:
+        n = len(values)
+        largest = abs(values.reshape(n, -1)).max(axis=1, initial=0.0)[at]
+        worst = bounds.reshape(n, -1).max(axis=1, initial=0.0)[at]
+        relative, absolute = self.tolerance
+        within = f"{relative:g} of the largest entry" + (f" and {absolute:g}" if absolute else "")
+        places = [tuple(map(int, np.unravel_index(k, batch))) for k in at[:LISTED]] if batch else []
+        shown = ", ".join(str(x[0] if len(x) == 1 else x) for x in places)
+        more = f" and {len(at) - LISTED} others" if len(at) > LISTED else ""
+        where = f" in sample{'s' if len(at) > 1 else ''} {shown}{more}" if batch else ""
+        of = f"bound {worst[0]:.1e} of {largest[0]:.1e}" + (f" in sample {shown.split(', ')[0]}" if len(at) > 1 else "")
+        return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}"

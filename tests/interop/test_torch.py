@@ -1,0 +1,138 @@
+"""Programs as functions of PyTorch tensors: values and gradients, vmap and gradcheck, against analytic derivatives."""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from gradients import Case, arm, by_mass_and_place, close
+from trees import random_tree
+
+import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
+
+torch = pytest.importorskip("torch")
+pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return arm()
+
+
+def tensors(arrays: Any, grad: bool = False) -> list[Any]:
+    return [torch.tensor(np.asarray(x), requires_grad=grad) for x in arrays]
+
+
+def test_values_are_the_programs_bits_in_every_way(case: Case) -> None:
+    k, given = sd.specialize(case.model, sd.aba), tensors(case.given)
+    f, wanted = k.to_torch(), k(*case.given)
+    np.testing.assert_array_equal(f(*given), wanted)
+    np.testing.assert_array_equal(torch.vmap(f)(*given), wanted)
+    np.testing.assert_array_equal(f(*(x[0] for x in given)), k(*(x[0] for x in case.given)))
+    assert not f(*given).requires_grad
+
+
+def test_gradcheck(case: Case) -> None:
+    f, (q, v, tau) = sd.specialize(case.model, sd.aba).to_torch(), case.given
+    assert torch.autograd.gradcheck(f, tensors([q, v[0], tau], grad=True))
+
+
+def test_jacobians_of_one_and_of_a_batch_are_analytic(case: Case) -> None:
+    f, given = torch.func.jacrev(sd.specialize(case.model, sd.aba).to_torch(), argnums=(0, 1, 2)), tensors(case.given)
+    for found, wanted in zip(f(*(x[0] for x in given)), case.by, strict=True):
+        close(found, wanted[0])
+    for found, wanted in zip(torch.vmap(f)(*given), case.by, strict=True):
+        close(found, wanted)
+
+
+def test_a_gradient_sums_over_the_samples_that_share_an_input(case: Case) -> None:
+    f, (q, v, tau) = sd.specialize(case.model, sd.aba).to_torch(), case.given
+    by_q, by_v, by_tau = np.moveaxis(sd.aba_derivatives(case.model, q, v[0] + 0 * v, tau), -3, 0)
+    weights = np.random.default_rng(1).standard_normal(q.shape)
+    given = tensors([q, v[0], tau], grad=True)
+    (torch.tensor(weights) * f(*given)).sum().backward()
+    close(given[0].grad, np.einsum("si,sij->sj", weights, by_q))
+    close(given[1].grad, np.einsum("si,sij->j", weights, by_v))
+    close(given[2].grad, np.einsum("si,sij->sj", weights, by_tau))
+    q, v, tau = tensors(case.given)
+    np.testing.assert_array_equal(torch.vmap(f, in_dims=(0, None, 1))(q, v[0], tau.T), f(q, v[0], tau))
+    deep = torch.vmap(lambda q, v: f(q, v, tau[0]))(torch.stack([q, 2 * q]), v[:2])
+    np.testing.assert_array_equal(deep, f(torch.stack([q, 2 * q]), v[:2, None], tau[0]))
+
+
+def test_gradients_of_design_parameters(case: Case) -> None:
+    joint, state = case.model.names[2], tuple(x[0] for x in case.given)
+    at = (1.5, np.array([0.1, -0.2, 0.3]))
+    f = sd.specialize(case.model, sd.rnea, inputs=[f"mass:{joint}", f"com:{joint}"]).to_torch()
+    found = torch.func.jacrev(lambda mass, com: f(*tensors(state), mass, com), argnums=(0, 1))(*tensors(at))
+    for one, wanted in zip(found, by_mass_and_place(case.model, joint, state, at), strict=True):
+        close(one, wanted)
+
+
+def test_several_results_have_one_gradient(case: Case) -> None:
+    f = sd.specialize(case.model, [sd.rnea, sd.crba]).to_torch()
+    q, v, a = (x[0] for x in case.given)
+    given = tensors([q, v, a], grad=True)
+    tau, M = f(*given)
+    (tau.sum() + M.sum()).backward()
+    wanted = sd.rnea_derivatives(case.model, q, v, a)[0].sum(0) + sd.mass_matrix_derivatives(case.model, q).sum((0, 1))
+    close(given[0].grad, wanted)
+    given = tensors([q, v, a], grad=True)
+    f(*given)[1].sum().backward()  # the other result has no weight
+    close(given[0].grad, sd.mass_matrix_derivatives(case.model, q).sum((0, 1)))
+
+
+def test_derivatives_by_a_quaternion_are_by_its_entries() -> None:
+    model = random_tree(5, 2, floating=True).model
+    rng = np.random.default_rng(2)
+    q, (v, a, e) = sd.random_configuration(model, rng), rng.standard_normal((3, model.nv))
+    by_q = torch.func.jacrev(sd.specialize(model, sd.rnea).to_torch())(*tensors([q, v, a]))
+    assert by_q.shape == (model.nv, model.nq)
+    tangent = torch.func.jacrev(sd.specialize(model, sd.integrate).to_torch(), argnums=1)(*tensors([q, 0 * e]))
+    close(by_q @ tangent, sd.rnea_derivatives(model, q, v, a)[0])
+
+
+def test_float32_in_gives_float32_out(case: Case) -> None:
+    f, narrow = sd.specialize(case.model, sd.rnea).to_torch(), [np.float32(x) for x in case.given]
+    given = tensors(narrow, grad=True)
+    tau = f(*given)
+    tau.sum().backward()
+    assert tau.dtype == given[0].grad.dtype == torch.float32
+    wanted = sd.rnea_derivatives(case.model, *narrow)[:, 0].sum(-2)
+    np.testing.assert_allclose(given[0].grad, wanted, rtol=0.0, atol=1e-6 * abs(wanted).max())
+    assert f([0, 1, 2], [0, 0, 0], [0, 0, 0]).dtype == torch.float64
+    assert f(given[0], *tensors(case.given[1:])).dtype == torch.float64
+
+
+@pytest.mark.filterwarnings("ignore:.*torch.jit.script:DeprecationWarning")  # within PyTorch
+def test_what_it_has_not_is_refused(case: Case) -> None:
+    f, given = sd.specialize(case.model, sd.aba).to_torch(), tensors((x[0] for x in case.given), grad=True)
+    (first,) = torch.autograd.grad(f(*given).sum(), given[:1], create_graph=True)
+    with pytest.raises(sd.SpatialDynError, match="a second derivative was asked for"):
+        torch.autograd.grad(first.sum(), given)
+    q, v, tau = tensors(x[0] for x in case.given)
+    with pytest.raises(NotImplementedError, match="jvp"):
+        torch.func.jvp(lambda q: f(q, v, tau), (q,), (q,))
+    with pytest.raises(sd.SpatialDynError, match='q is on "meta", expected a tensor on the CPU'):
+        f(q.to("meta"), v, tau)
+    with pytest.raises(sd.SpatialDynError, match=r"q is torch\.complex128, expected real numbers"):
+        f(q * 1j, v, tau)
+    with pytest.raises(sd.ShapeError, match=re.escape("v has shape (2,), expected (..., 3)")):
+        f(q, v[:2], tau)
+    with pytest.raises(sd.ShapeError, match=re.escape("batch shapes do not broadcast: q (2,), v (), tau (3,)")):
+        f(torch.stack([q] * 2), v, torch.stack([tau] * 3))
+    with pytest.raises(TypeError, match=re.escape("1 inputs were given, expected 3: (q, v, tau)")):
+        f(q)
+    with pytest.raises(sd.SpatialDynError, match="expected results alone to differentiate"):
+        sd.specialize(case.model, sd.aba, derivative="jvp").to_torch()
+
+
+def test_without_torch_the_error_says_how_to_install_it(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    k = sd.specialize(case.model, sd.rnea)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(sd.SpatialDynError, match=re.escape('torch is not installed; pip install "spatialdyn[torch]"')):
+        k.to_torch()
