@@ -118,7 +118,7 @@ def linearize(
     >>> import spatialdyn as sd
     >>> A, B = sd.linearize(sd.load_urdf("pendulum"), [0.0], [0.0], [0.0])
     >>> A.round(9).tolist(), B.round(9).tolist()
-    ([[0.0, 1.0], [-9.81, 0.0]], [[0.0], [1.0]])
+    ([[0.0, 1.0], [-14.715, 0.0]], [[0.0], [3.0]])
     """
     if dt is not None and method is not None:
         return step_derivatives(model, q, v, tau, dt, method, fext, friction)

@@ -188,3 +188,15 @@ def test_an_operations_derivative_is_its_difference_quotient(code: int) -> None:
         quotient = (float(form.numpy(*(given + h))) - float(form.numpy(*(given - h)))) / 2e-6
         assert float(forward) == pytest.approx(quotient, abs=1e-8)
         assert float(backward) == pytest.approx(quotient, abs=1e-8)
+
+
+def test_a_planar_joint_moves_along_its_twist() -> None:
+    """Its coordinates are numbers and still no vector space: x and y of a twist turn with the body."""
+    builder = sd.ModelBuilder("puck")
+    builder.add_body("puck", None, "planar", (0, 0, 1), inertia=(2.0, (0.3, 0.1, 0.0), 0.5 * np.eye(3)))
+    builder.add_body("lid", "puck", "planar", (0, 0.6, 0.8), inertia=(1.0, (0.1, 0.2, 0.1), 0.2 * np.eye(3)))
+    model = builder.build()
+    q, v, a, d = np.random.default_rng(3).normal(size=(4, 6))
+    _, dtau = sd.specialize(model, sd.rnea, derivative="jvp")(q, v, a, d, 0.0 * d, 0.0 * d)
+    wanted = sd.rnea_derivatives(model, q, v, a)[0] @ d
+    np.testing.assert_allclose(dtau, wanted, rtol=0, atol=1e-12 * abs(wanted).max())

@@ -380,3 +380,55 @@ def test_principles_of_mechanics_hold_to_rounding() -> None:
     found = run("principles")
     assert len(found) == 5
     assert max(found.values()) < 1e-11
+
+
+@compiled
+def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -> None:
+    """3.5517082866 by DDP and by FDDP of Crocoddyl 3.1, from the same start."""
+    found = run("ilqr")
+    _, u, costs = found["swing-up"]
+    assert costs[-1] == pytest.approx(3.5517082866, abs=5e-10)
+    assert (np.diff(costs) <= 0.0).all()
+    assert abs(u).max() == pytest.approx(31.79, abs=5e-3)
+    x, u, costs = found["swing-up, 12 N"]
+    assert abs(u).max() == 12.0
+    assert abs(x[-1]).max() < 1e-3
+    # Karush, Kuhn and Tucker: at a limit the cost would fall beyond it, elsewhere its slope is 0
+    example = gallery.module("ilqr")
+    p, slope = example.swing_up(12.0, 150), np.empty(150)
+    A, B = sd.step_derivatives(p.model, x[:-1, :2].copy(), x[:-1, 2:].copy(), u, p.h)
+    value = p.final(x[-1])[1]
+    for t in range(149, -1, -1):
+        slope[t] = p.h * p.R[0, 0] * u[t, 0] + B[t, :, 0] @ value
+        value = p.h * p.Q @ x[t] + A[t].T @ value
+    free = abs(u[:, 0]) < 12.0
+    assert abs(slope[free]).max() < 1e-5
+    assert (slope[u[:, 0] == 12.0] < 0.0).all()
+    assert (slope[u[:, 0] == -12.0] > 0.0).all()
+    assert 20 < free.sum() < 150
+
+
+@compiled
+@robots
+@pytest.mark.slow(quick="test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits")
+def test_ilqr_brings_a_panda_to_its_point() -> None:
+    example = gallery.module("ilqr")
+    p = example.reach()
+    x, u, costs, _ = example.ilqr(p, np.tile(p.force, (100, 1)), 1e-9)
+    assert costs[-1] < 0.01 * costs[0]
+    assert (u >= p.low).all()
+    assert (u <= p.high).all()
+    hand = sd.frame_placement(p.model, x[-1, :7], "panda_link8")[:3, 3]
+    start = sd.frame_placement(p.model, p.q0, "panda_link8")[:3, 3]
+    np.testing.assert_allclose(hand - start, [0.3, 0.0, -0.2], rtol=0, atol=0.02)
+
+
+@compiled
+def test_gains_along_a_swing_up_hold_it_and_end_as_those_of_the_standing_pole() -> None:
+    found = run("swing_up_lqr")
+    np.testing.assert_allclose(found["top"], [-8.489158, -53.227745, -8.896183, -11.431641], rtol=0, atol=5e-7)
+    assert found["radius"] == pytest.approx(0.9592447, abs=5e-8)
+    assert found["cost"] == pytest.approx(3.5517082866, abs=5e-10)
+    up = {name: abs(path[-1, :, 1]) < 0.05 for name, path in found["runs"].items()}
+    assert up["with gains"].all()
+    assert not up["open loop"].any()
