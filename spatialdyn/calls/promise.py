@@ -147,26 +147,26 @@ class Promise:
     def _answers(self, rows: list[Array], given: list[Array], batch: tuple[int, ...]) -> tuple[Array, NDArray[np.intp]]:
         """(values, the index of the way that answered each sample, -1 for NaN). Raises SpatialDynError."""
         n = math.prod(batch)
-        values, bounds = np.empty((n, *self._core)), np.full((n, *self._core), math.inf)
-        largest = np.zeros(n)
-        for x, core in zip(rows, self._cores, strict=True):
-            largest = np.maximum(largest, abs(x.reshape(n, math.prod(core))).max(axis=1, initial=0.0))  # NaN stays NaN
-        sound = np.isfinite(largest)
-        way = np.full(n, UNKNOWN)
+        values, bounds = np.empty((n, *self._core)), np.empty((n, *self._core))
+        way, at = np.full(n, UNKNOWN), np.arange(n)
         for code, name in enumerate((SINGLE, DOUBLE)):
-            left = way == UNKNOWN
-            at = np.flatnonzero(left & (largest <= WIDEST) if name == SINGLE else left)
-            if name not in self._ladder or not len(at):
+            if name not in self._ladder:
+                continue
+            tried = at if name == DOUBLE else at[self._narrow(rows)]
+            if not len(tried):
                 continue
             try:
-                found = self._ladder[name](*(x if len(at) == n else x[at] for x in rows))
+                found = self._ladder[name](*(x if len(tried) == n else x[tried] for x in rows))
             except SpatialDynError:
                 self._ladder[DOUBLE](*given)  # names the sample by its place among all
                 raise
-            values[at], bounds[at] = found
-            way[at[self._holds(values[at], bounds[at])]] = code
-        way[~sound] = -1
-        at = np.flatnonzero(way == UNKNOWN)
+            values[tried], bounds[tried] = found
+            way[tried[self._holds(*found)]] = code
+            at = np.flatnonzero(way == UNKNOWN)
+        if len(at):
+            sound = [np.isfinite(x[at].reshape(len(at), -1)).all(axis=1) for x in rows]
+            way[at[~np.logical_and.reduce(sound)]] = -1
+            at = np.flatnonzero(way == UNKNOWN)
         if len(at) and self._has_pairs:
             values[at], bounds[at] = self._by_pairs([x[at] for x in rows])
             held = self._holds(values[at], bounds[at])
@@ -193,14 +193,19 @@ class Promise:
         shape = (len(high), *self._core)
         return high.reshape(shape), rounded(low, error).reshape(shape)
 
+    def _narrow(self, rows: Sequence[Array]) -> Any:
+        """Which samples are in float32's safe range, as an index."""
+        if all(not x.size or abs(x).max() <= WIDEST for x in rows):
+            return slice(None)
+        found = [_largest(x, core) <= WIDEST for x, core in zip(rows, self._cores, strict=True)]
+        return np.logical_and.reduce(found)
+
     # -- judgements
 
     def _holds(self, values: Array, bounds: Array) -> NDArray[np.bool_]:
         """Whether each sample's bound is within the tolerance of its exact largest entry, at least |value| - bound."""
         relative, absolute = self.tolerance
-        n, size = len(values), math.prod(self._core)
-        largest = abs(np.asarray(values, np.float64).reshape(n, size)).max(axis=1, initial=0.0)
-        bound = np.asarray(bounds, np.float64).reshape(n, size).max(axis=1, initial=0.0)
+        largest, bound = _largest(values, self._core), _largest(bounds, self._core)
         with np.errstate(invalid="ignore", over="ignore"):
             held: NDArray[np.bool_] = bound * (1.0 + relative) <= (relative * largest + absolute) * (1.0 - 2.0**-50)
         held &= np.isfinite(bound)
@@ -233,3 +238,12 @@ class Promise:
         where = f" in sample{'s' if len(at) > 1 else ''} {shown}{more}" if batch else ""
         of = f"bound {worst[0]:.1e} of {largest[0]:.1e}" + (f" in sample {shown.split(', ')[0]}" if len(at) > 1 else "")
         return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}"
+
+
+def _largest(x: Any, core: tuple[int, ...]) -> Array:
+    """The largest magnitude in each sample; column by column, which takes a third of a reduction's time."""
+    columns = np.asarray(x, np.float64).reshape(len(x), math.prod(core))
+    found = np.zeros(len(columns))
+    for k in range(columns.shape[1]):
+        np.maximum(found, abs(columns[:, k]), out=found)
+    return found
