@@ -46,6 +46,8 @@ pin.Motion(s)  pin.Motion(t, t)  pin.Motion.Zero()  v+v  v-v  -v  2.0*v  v^v  v^
 pin.Force(t, t)  f+f  pin.Inertia(1.0, t, J)  I+K  I*v  I.vtiv(v)  I.lever  I.inertia  I.matrix()
 pin.exp3(t)  pin.log3(R)  pin.exp6(v)  pin.log6(M)  pin.Jexp6(v)  pin.Jlog6(M)  pin.Jlog3(R)  pin.skew(t)
 pin.SE3ToXYZQUAT(M)  pin.XYZQUATToSE3(np.arange(7.0))  pin.Quaternion(R)  q*q  q.matrix()  pin.rpy.matrixToRpy(R)
+pin.utils.rotate("x", 0.1)  pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)  pin.rpy.rpyToMatrix(t)  pin.exp6(s)  pin.SE3(q, t)
+pin.SE3.Interpolate(M, M, 0.3)  pin.SE3.Random()  2*v  v.__iadd__(v)  M.isApprox(M)  M == M  pin.Quaternion(q)
 """
 
 DYNAMICS = """
@@ -70,6 +72,7 @@ pin.forwardDynamics(model, data, q, v, a, J, drift)
 pin.integrate(model, q, v)
 pin.difference(model, q, q)
 pin.neutral(model)
+pin.randomConfiguration(model)
 (model.gravity.__setattr__("linear", next(weights)), pin.rnea(model, data, q, v, a))
 """
 

@@ -102,6 +102,7 @@ if TYPE_CHECKING:
     from .simulation.methods import integrators
     from .simulation.rollouts import PD, Rollout, rollout
     from .simulation.runs import hamilton_simulation, simulate
+    from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
     from .urdf.transmissions import read_transmissions
     from .validate.comparison import compare_with_pinocchio
@@ -121,10 +122,11 @@ __all__ = [
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
     "contact_step", "delassus", "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor",
     "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "load_urdf", "mobility", "plot", "poisson_bracket",
-    "project_configuration", "project_velocity", "random_configuration", "read_transmissions", "recommend", "rollout",
-    "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step", "to_actuators", "to_drake",
-    "to_joints", "to_mujoco", "torque_limits", "trade", "verify_skew_symmetry", "view", "wrench_at",
+    "impact", "independent_joints", "integrators", "kernels", "linearize", "load_urdf", "mobility", "plot",
+    "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
+    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
+    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -156,7 +158,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.contact_record": "ContactRecord", "simulation.control_laws": "Control",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollouts": "PD Rollout rollout",
-    "simulation.runs": "hamilton_simulation simulate", "simulation.trajectory": "Trajectory",
+    "simulation.runs": "hamilton_simulation simulate",
+    "simulation.step_derivatives": "linearize step_derivatives", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}

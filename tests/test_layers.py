@@ -82,7 +82,7 @@ CHANGED = {
 SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
     "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
-    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction",
+    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable
@@ -92,7 +92,7 @@ SAVE = {
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
 PRINT = {"commands", "examples"}
-COMPILES_ITS_OWN = {"examples.own_loop"}  # a loop as a user writes one, not cached: the stamp does not name it
+COMPILES_ITS_OWN = {"examples.own_loop", "examples.ilqr"}  # loops as users write them: the stamp names neither
 FILE_MODULES = {"io", "os", "pathlib", "shutil", "tempfile", "glob", "fileinput", "mmap"}
 FILE_CALLS = {
     "open", "read_text", "read_bytes", "write_text", "write_bytes", "glob", "rglob", "iterdir", "unlink", "mkdir",

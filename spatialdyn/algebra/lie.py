@@ -22,7 +22,7 @@ from fractions import Fraction
 from math import factorial
 from typing import NamedTuple
 
-from .euclidean import Mat3, Vec, add, cross, dot, matmul, scale, transpose
+from .euclidean import Mat3, Vec, add, add_mat3, cross, dot, matmul, scale, transpose
 from .rotations import rotation
 from .scalars import Scalar, atan2, cos, inline, select, series_or_closed, sin, sqrt
 from .spatial import Motion
@@ -36,6 +36,7 @@ B1 = tuple(float(Fraction(2 * k * (-1) ** k, factorial(2 * k + 2))) for k in ran
 C1 = tuple(float(Fraction(2 * k * (-1) ** k, factorial(2 * k + 3))) for k in range(1, 11))
 BETA = tuple(x / factorial(2 * n + 2) for n, x in enumerate(_BERNOULLI))
 BETA1 = tuple(2 * n * x for n, x in enumerate(BETA))[1:]
+BETA2 = tuple(2 * n * x for n, x in enumerate(BETA1))[1:]
 
 
 class Quat(NamedTuple):
@@ -222,6 +223,46 @@ def log_jacobian(m: Motion, side: float) -> Tangent:
     h = sin(0.5 * sqrt(t + TINY))
     beta1 = near(t, BETA1, (0.25 / (h * h) - 1.0 / away(t) - beta) / away(t))
     return dual(m, side * u, 0.5, side * beta, -side * (2.0 * beta + beta1 * t), 0.0, side * beta1)
+
+
+@inline
+def log_jacobian_times_derivative(m: Motion, x: Motion) -> Tangent:
+    """Derivative by m of T(m) x, T the inverse right Jacobian of the exponential, ``log_jacobian(m, 1.0)``.
+
+    Of a rotation w, and x an angular vector, it is L(w, x) = u₁ x wᵀ - ½ X + β₁ (w·x) w wᵀ + β ((w·x) 1 + w xᵀ), with
+    u₁, β₁ = (1/θ) d/dθ of u, β. A twist is a rotation vector over dual numbers, so the block that couples rotation and
+    translation is L(w, x_v) plus the derivative of L along v.
+    """
+    w, v, xw, xv = m.w, m.v, x.w, x.v
+    t, wv, wx = dot(w, w), dot(w, v), dot(w, xw)
+    beta = log_factors(t)[1]
+    h, b = 0.5 * sqrt(t + TINY), away(t)
+    s = sin(h)
+    beta1 = near(t, BETA1, (0.25 / (s * s) - 1.0 / b - beta) / b)
+    beta2 = near(t, BETA2, (2.0 / (b * b) - 0.125 * cos(h) / (h * s * s * s) - 3.0 * beta1) / b)
+    u1, u2 = -(2.0 * beta + beta1 * t), -(4.0 * beta1 + beta2 * t)
+    f, g = add(scale(u1, xw), scale(beta1 * wx, w)), scale(beta, w)
+    J = add_mat3(add_mat3(outer(f, w), outer(g, xw)), turned_diagonal(beta * wx, scale(-0.5, xw)))
+    # of f, g and w·x along (v, x_v)
+    dwx = dot(v, xw) + dot(w, xv)
+    df = add(scale(u2 * wv, xw), add(scale(u1, xv), scale(beta1 * wx, v)))
+    df = add(df, scale(beta2 * wv * wx + beta1 * dwx, w))
+    dg = add(scale(beta1 * wv, w), scale(beta, v))
+    K = add_mat3(add_mat3(outer(df, w), outer(f, v)), add_mat3(outer(dg, xw), outer(g, xv)))
+    K = add_mat3(K, turned_diagonal(beta1 * wv * wx + beta * dwx, scale(-0.5, xv)))
+    return Tangent(J, K)
+
+
+@inline
+def outer(a: Vec, b: Vec) -> Mat3:
+    """a bᵀ."""
+    return Mat3(a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.x, a.y * b.y, a.y * b.z, a.z * b.x, a.z * b.y, a.z * b.z)
+
+
+@inline
+def turned_diagonal(a: Scalar, u: Vec) -> Mat3:
+    """a 1 + u×."""
+    return Mat3(a, -u.z, u.y, u.z, a, -u.x, -u.y, u.x, a)
 
 
 @inline

@@ -90,7 +90,7 @@ def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
 def core_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
     """Shape of one sample of an argument; of the static inputs' values, tables give sizes."""
     tables = [x for x in static if isinstance(x, StaticTable)]
-    if not tables:
+    if not tables and not any(isinstance(s, str) and "+" in s for s in argument.shape):
         return tuple([getattr(model, s) if isinstance(s, str) else s for s in argument.shape])
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
     for x in tables:

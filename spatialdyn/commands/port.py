@@ -1,64 +1,157 @@
-"""``spatialdyn port SCRIPT.py``: which of Pinocchio's names a script uses, and which of them are supported."""
+"""``spatialdyn port PATH ...``: which of Pinocchio's names scripts use, which of them are supported, what to change."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
-from ..compat.pinocchio.coverage.coverage import DIFFERENT, SUPPORTED
-from ..compat.pinocchio.coverage.porting import Use, uses
+from ..compat.pinocchio.coverage.porting import Change, Use, changes, uses
 from ..errors import SpatialDynError
 from .printing import Column, print_table
 
-CHANGE = "import spatialdyn.compat.pinocchio as pin"
-SHOWN = 6  # lines of the script listed per name
+SHOWN = 6  # lines or files listed per name
+LEFT_OUT = {"__pycache__", "build", "dist", "node_modules", "site-packages"}  # folders that are not read
+
+
+class Script(NamedTuple):
+    """A script: the names of Pinocchio that it uses, and the imports to change."""
+
+    path: str
+    uses: list[Use]
+    changes: list[Change]
+
+    @property
+    def working(self) -> int:
+        """The number of names that work."""
+        return sum(use.works for use in self.uses)
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("script", nargs="+", help="a Python file")
+    parser.add_argument("path", nargs="+", help="a Python file, or a folder of them")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     """Returns 1 if a script uses a name that is not supported, else 0."""
-    found = {script: _uses_of(script) for script in arguments.script}
+    scripts: list[Script] = []
+    for given in arguments.path:
+        folder = Path(given).is_dir()
+        read, faults = _folder(Path(given)) if folder else ([_script(Path(given))], [])
+        scripts += read
+        if arguments.json:
+            continue
+        for fault in faults:
+            print(f"not read: {fault}")
+        if folder:
+            _print_folder(given, read)
+        else:
+            _print(read[0])
     if arguments.json:
-        print(json.dumps({script: [use._asdict() for use in used] for script, used in found.items()}, indent=2))
-    else:
-        for script, used in found.items():
-            _print(script, used)
-    return int(any(_missing(use) for used in found.values() for use in used))
+        print(json.dumps({script.path: [use._asdict() for use in script.uses] for script in scripts}, indent=2))
+    return int(any(script.working < len(script.uses) for script in scripts))
 
 
-def _uses_of(script: str) -> list[Use]:
+def _script(path: Path) -> Script:
     try:
-        return uses(Path(script).read_text(encoding="utf-8"))
+        source = path.read_text(encoding="utf-8")
+        return Script(str(path), uses(source), changes(source))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
-        raise SpatialDynError(f'script "{script}": {reason}, expected a Python file') from None
+        raise SpatialDynError(f'script "{path}": {reason}, expected a Python file') from None
     except SpatialDynError as error:
-        raise SpatialDynError(f'script "{script}": {error}') from None
+        raise SpatialDynError(f'script "{path}": {error}') from None
 
 
-def _missing(use: Use) -> bool:
-    return use.status not in (SUPPORTED, DIFFERENT)
+def _folder(folder: Path) -> tuple[list[Script], list[str]]:
+    """The scripts below a folder, and the faults of those that are no Python; hidden folders are left out."""
+    scripts, faults = [], []
+    for path in sorted(folder.rglob("*.py")):
+        parts = path.relative_to(folder).parts[:-1]
+        if LEFT_OUT & {*parts} or any(part.startswith(".") for part in parts):
+            continue
+        try:
+            scripts.append(_script(path))
+        except SpatialDynError as error:
+            faults.append(str(error))
+    return scripts, faults
 
 
-def _print(script: str, used: list[Use]) -> None:
+# --- printing ----------------------------------------------------------------------------------------------
+
+
+def _print(script: Script) -> None:
+    if not script.uses:
+        print(f"{script.path}: uses nothing of Pinocchio")
+        return
+    rows = [(use.name, use.status, _listed(map(str, use.lines)), use.note) for use in script.uses]
+    columns = (Column("name"), Column("status"), Column("lines"), Column("note"))
+    print_table(columns, rows, [k for k, use in enumerate(script.uses) if not use.works])
+    for use in script.uses:
+        if use.works and use.raises:
+            print(f"warning: {use.name}, line {_listed(map(str, use.lines))}, raises {use.raises}")
+    print(f"{script.path}: {_share([script])}")
+    for text in _advice(script):
+        print(text)
+
+
+def _print_folder(folder: str, scripts: list[Script]) -> None:
+    used = [script for script in scripts if script.uses]
     if not used:
-        print(f"{script}: uses nothing of Pinocchio")
+        print(f"{folder}: none of {len(scripts)} files uses Pinocchio")
         return
     rows = []
-    for use in used:
-        lines = ", ".join(map(str, use.lines[:SHOWN])) + (", ..." if len(use.lines) > SHOWN else "")
-        rows.append((use.name, use.status, lines, use.note))
-    columns = (Column("name"), Column("status"), Column("lines"), Column("note"))
-    print_table(columns, rows, [k for k, use in enumerate(used) if _missing(use)])
-    counts = Counter("missing" if _missing(use) else use.status for use in used)
-    print(f"{script}: {', '.join(f'{n} {what}' for what, n in counts.items())}")
-    if not counts["missing"]:
-        print(f"change one line: {CHANGE}")
+    for script in used:
+        missing, risky = len(script.uses) - script.working, sum(use.works and bool(use.raises) for use in script.uses)
+        share = f"{100 * script.working // len(script.uses)} %"
+        rows.append((_below(folder, script), str(len(script.uses)), str(missing), str(risky), share))
+    columns = (Column("file"), Column("names", True), Column("missing", True), Column("may raise", True))
+    bad = [k for k, script in enumerate(used) if script.working < len(script.uses)]
+    print_table((*columns, Column("work", True)), rows, bad)
+    noted: dict[tuple[str, str, str], list[str]] = {}
+    for script in used:
+        for use in script.uses:
+            if not use.works or use.raises:
+                key = (use.name, use.status, use.note if not use.works else f"raises {use.raises}")
+                noted.setdefault(key, []).append(f"{_below(folder, script)}:{use.lines[0]}")
+    if noted:
+        print()
+        listed = sorted(noted)
+        print_table(
+            (Column("name"), Column("status"), Column("first lines"), Column("note")),
+            [(name, status, _listed(noted[name, status, note]), note) for name, status, note in listed],
+            [k for k, (_, status, _) in enumerate(listed) if "supported" not in status],
+        )
+    rest = f"; files without Pinocchio: {len(scripts) - len(used)}" if len(scripts) > len(used) else ""
+    print(f"{folder}: {_share(used)} in {len(used)} files{rest}")
+    lines = {text for script in used for text in _advice(script, numbered=False)}
+    for text in sorted(lines):
+        print(text)
+
+
+def _share(scripts: Iterable[Script]) -> str:
+    """How many of the names work."""
+    names = {use.name: use.works for script in scripts for use in script.uses}
+    working, count = sum(names.values()), len(names)
+    text = f"{working} of {count} names work ({100 * working // count} %)"
+    return text if working == count else f"{text}, {count - working} missing"
+
+
+def _advice(script: Script, numbered: bool = True) -> Iterator[str]:
+    """The lines to change."""
+    for change in script.changes:
+        where = f"line {change.line}" if numbered else "everywhere"
+        yield f"change {where}: {change.before}  ->  {change.after}"
+
+
+def _below(folder: str, script: Script) -> str:
+    return str(Path(script.path).relative_to(folder))
+
+
+def _listed(items: Iterable[str]) -> str:
+    found = list(items)
+    return ", ".join(found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")

@@ -25,6 +25,7 @@ from ..algebra.lie import (
     exp_travel,
     inverse_adjoint,
     log_jacobian,
+    log_jacobian_times_derivative,
     log_rotation,
     log_travel,
     matrix,
@@ -133,8 +134,8 @@ def dintegrate(bodies: Bodies, q: Config, v: Vector, out: Array) -> None:
             out[1, r, r] = 1.0
         elif b.kind != CONTINUED:
             m = twist(b, r, v)
-            _put_tangent(b, r, inverse_adjoint(m), 1.0, out, 0)
-            _put_tangent(b, r, exp_jacobian(m), 1.0, out, 1)
+            put_tangent(b, r, inverse_adjoint(m), 1.0, out, 0)
+            put_tangent(b, r, exp_jacobian(m), 1.0, out, 1)
 
 
 @inline
@@ -152,8 +153,29 @@ def ddifference(bodies: Bodies, q0: Config, q1: Config, out: Array) -> None:
             out[1, r, r] = 1.0
         elif b.kind != CONTINUED:
             m = _between(b, q0, q1, bodies[0].kind == ANY_NORM)
-            _put_tangent(b, r, log_jacobian(m, -1.0), -1.0, out, 0)
-            _put_tangent(b, r, log_jacobian(m, 1.0), 1.0, out, 1)
+            put_tangent(b, r, log_jacobian(m, -1.0), -1.0, out, 0)
+            put_tangent(b, r, log_jacobian(m, 1.0), 1.0, out, 1)
+
+
+@inline
+def displacement_rate_derivatives(bodies: Bodies, u: Vector, v: Vector, out: Array) -> None:
+    """Derivatives of the rate u̇ = T(u) v of q(t) = q0 ∘ exp(u(t)) by u, out[0], and by v, out[1], which is T(u).
+
+    T is the inverse of ``dintegrate``'s derivative by v, regular where no joint turns by 2π.
+
+    u    (nv)          displacement [rad | m]
+    v    (nv)          joint velocities [rad/s | m/s]
+    out  (2, nv, nv)   written
+    """
+    _clear(out, len(bodies) - 1)
+    for i in range(1, len(bodies)):
+        b, r = bodies[i], i - 1
+        if NV[b.kind] == 1:
+            out[1, r, r] = 1.0
+        elif b.kind != CONTINUED:
+            m = twist(b, r, u)
+            put_tangent(b, r, log_jacobian_times_derivative(m, twist(b, r, v)), 0.0, out, 0)
+            put_tangent(b, r, log_jacobian(m, 1.0), 1.0, out, 1)
 
 
 # --- one joint ------------------------------------------------------------------------------------------
@@ -246,7 +268,7 @@ def put_twist(b: Record, r: int, m: Motion, out: Vector) -> None:
 
 
 @inline
-def _put_tangent(b: Record, r: int, T: Tangent, turn: float, out: Array, side: int) -> None:
+def put_tangent(b: Record, r: int, T: Tangent, turn: float, out: Array, side: int) -> None:
     """Write the joint's part of [J K; 0 J]; ``turn`` is the exact J of an angle in the plane."""
     J, K = T.J, T.K
     if b.kind in SO3:

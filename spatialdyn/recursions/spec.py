@@ -101,7 +101,7 @@ class Spec:
     source: str
     pivots: bool = False
     regroup: bool = False
-    term_shape: tuple[str, ...] = ()
+    term_shape: tuple[str | int, ...] = ()
     scratch: tuple[tuple[str | int, ...], ...] = ()
     traceable: bool = True
     through_M: Callable[..., Any] | None = None

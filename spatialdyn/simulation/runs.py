@@ -468,7 +468,7 @@ def _run_fixed(
             except ConstraintError as error:
                 raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
         if status[0] != OK:
-            raise SimulationError(_reason(status, recorder, h, state))
+            raise SimulationError(failure_message(status, recorder.method, recorder.model, h, state))
 
     try:
         count, odd = 1 if at_once is None else STEPS, 0
@@ -504,9 +504,8 @@ def _run_fixed(
         raise
 
 
-def _reason(status: Array, recorder: Recorder, h: float, state: State) -> str:
+def failure_message(status: Array, method: Method, model: Model, h: float, state: State) -> str:
     """The message of a failure status."""
-    method, model = recorder.method, recorder.model
     code, t, size = int(status[0]), status[1], status[2]
     if code == TORQUE:
         return f"torque is not finite at t = {t:.9g} s, expected finite numbers"
@@ -520,7 +519,7 @@ def _reason(status: Array, recorder: Recorder, h: float, state: State) -> str:
             f"a body turns too far in the step at t = {t:.9g} s for {method.name}; try dt = {h / 4:g} instead of {h:g}"
         )
     if code == PIVOT and np.isfinite(state.q).all() and np.isfinite(state.w).all():
-        v = state.v if recorder.moves_p else state.w
+        v = state.v if method.family is not None and method.family.moves == "p" else state.w
         fastest = float((units(model.bodies)[: model.nv] * abs(v)).max() * h)
         if fastest <= FAST:
             return f'a joint of robot "{model.name}" has zero articulated inertia at t = {t:.9g} s, expected some'

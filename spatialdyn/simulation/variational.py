@@ -100,7 +100,17 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: A
     out    (nv)         written
     Returns TURNED where a body turns by more than 120°, else OK.
     """
+    sum_before(bodies, work, q, xi, moved, rotor, out)
     status = OK
+    for i in range(1, len(bodies)):
+        if bodies[i].joint > 0 and not work[i].w > TURN:
+            status = TURNED
+    return status
+
+
+@inline
+def sum_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> None:
+    """``momenta_before`` without looking at the turns: cosines of half of them are in the scratch."""
     _put_displacement(work[0], Quat(0.0, 0.0, 0.0, 1.0), zero())
     put_force(work[0].p, zero_force())
     for i in range(1, len(bodies)):
@@ -119,14 +129,11 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: A
             V = Motion(w, log_travel(w, d))
             _put_twist(moved[i], V)
             put_force(here.p, _dual(log_jacobian(V, -1.0), -1.0, momentum(inertia_of(b.inertia), V)))
-            if not a.w > TURN:
-                status = TURNED
         if b.geared:
             _add_spin(bodies, work, i, moved, xi, -1.0)
     _sum_inward(bodies, work, out)
     _add_rotors(bodies, xi, rotor, -1.0, out)
     _add_along(bodies, moved, out)
-    return status
 
 
 @inline

@@ -278,6 +278,7 @@ def test_more_states_are_other_states_and_end_where_an_option_fails() -> None:
     assert sd.trade(model, "mass_matrix", states=arrays).further is None
 
 
+@pytest.mark.slow(quick="test_an_option_to_simulate_is_taken_after_more_motions_unless_there_are_none")
 @compiled
 def test_more_motions_are_held_against_a_finer_one() -> None:
     found = motions_of_two_links()

@@ -87,7 +87,7 @@ def test_leading_shapes_broadcast(request: pytest.FixtureRequest, which: str, na
     assert found.shape[: len(batch)] == batch
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 @pytest.mark.parametrize("which", ["model", "gripper"])
 def test_an_empty_batch_has_an_empty_answer(request: pytest.FixtureRequest, which: str, name: str) -> None:
     model: sd.Model = request.getfixturevalue(which)
@@ -361,7 +361,7 @@ def unit_joints(model: sd.Model) -> list[tuple[sd.Joint, slice]]:
     return list(found.values())
 
 
-@pytest.mark.parametrize("name", JUDGING)
+@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, JUDGING))
 def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for joint, part in unit_joints(model):
@@ -382,7 +382,7 @@ def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, na
                     assert np.isfinite(public(model, spec, values)).all()
 
 
-@pytest.mark.parametrize("name", JUDGING)
+@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, JUDGING))
 def test_a_norm_within_a_millionth_of_one_passes(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for _, part in unit_joints(model):

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+import spatialdyn.compat.pinocchio as face
 from spatialdyn.commands import cli
-from spatialdyn.compat.pinocchio.coverage.coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, UNKNOWN
-from spatialdyn.compat.pinocchio.coverage.porting import Use, uses
+from spatialdyn.compat.pinocchio import visualize
+from spatialdyn.compat.pinocchio.coverage.coverage import DIFFERENT, OUT_OF_SCOPE, RAISES, SUPPORTED, UNKNOWN
+from spatialdyn.compat.pinocchio.coverage.porting import Change, Use, changes, uses
 
 GOOD = """
 import numpy as np
@@ -126,6 +128,72 @@ def test_differences_of_members_are_reported() -> None:
     assert "files of this package" in use.note
 
 
+def test_names_that_raise_on_usual_arguments_say_when() -> None:
+    used = found("""import pinocchio as pin
+from pinocchio.visualize import MeshcatVisualizer
+viz = MeshcatVisualizer()
+viz.viewer["box"]
+viz.create_video_ctx("film")
+pin.utils.mprint(1)
+pin.forwardDynamics()
+pin.Model().loadFromText("a.txt")
+pin.rnea
+""")
+    assert used["visualize.MeshcatVisualizer.viewer"].works
+    assert "viewer.server.scene" in used["visualize.MeshcatVisualizer.viewer"].raises
+    assert used["forwardDynamics"].raises.startswith("where constraints depend on each other")
+    assert "files that Pinocchio wrote" in used["Model.loadFromText"].raises
+    assert used["rnea"].raises == ""
+    for name in ("utils.mprint", "visualize.MeshcatVisualizer.create_video_ctx"):
+        assert used[name].status == OUT_OF_SCOPE
+        assert used[name].note.startswith("always raises: ")
+
+
+ALWAYS = {  # a call of each name that always raises
+    "utils.mprint": lambda: face.utils.mprint(1),
+    "Symmetric3.decomposeltI": lambda: face.Symmetric3.Identity().decomposeltI(),
+    "RobotWrapper.BuildFromMJCF": lambda: face.RobotWrapper.BuildFromMJCF("a.xml"),
+    "RobotWrapper.BuildFromSDF": lambda: face.RobotWrapper.BuildFromSDF("a.sdf", []),
+    "RobotWrapper.updateGeometryPlacements": lambda: face.RobotWrapper().updateGeometryPlacements(),
+    "GeometryObject.CreateCapsule": lambda: face.GeometryObject.CreateCapsule(1.0, 2.0),
+    "*Visualizer.create_video_ctx": lambda: visualize.MeshcatVisualizer().create_video_ctx("film").__enter__(),
+}
+
+
+def test_names_that_always_raise_do() -> None:
+    assert {name for names, when in RAISES if when.startswith("always") for name in names.split()} == set(ALWAYS)
+    for call in ALWAYS.values():
+        with pytest.raises(NotImplementedError):
+            call()
+
+
+def test_a_difference_is_noted_at_its_subject_and_once() -> None:
+    used = found("import pinocchio as pin\npin.LOCAL\npin.forwardKinematics\npin.log6")
+    assert used["LOCAL"].note == used["forwardKinematics"].note == ""
+    assert used["log6"].note.count("near the identity") == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "after"),
+    [
+        ("import pinocchio as pin", "import spatialdyn.compat.pinocchio as pin"),
+        ("import pinocchio", "import spatialdyn.compat.pinocchio as pinocchio"),
+        ("import sys, pinocchio as se3", "import sys, spatialdyn.compat.pinocchio as se3"),
+        ("import pinocchio.visualize", "import spatialdyn.compat.pinocchio as pinocchio"),
+        ("import pinocchio.rpy as rpy", "import spatialdyn.compat.pinocchio.rpy as rpy"),
+        ("from pinocchio import SE3, rnea as id", "from spatialdyn.compat.pinocchio import SE3, rnea as id"),
+        ("from pinocchio.utils import *", "from spatialdyn.compat.pinocchio.utils import *"),
+    ],
+)
+def test_the_line_to_change_imports_the_same_names(line: str, after: str) -> None:
+    assert changes(f"x = 1\n{line}\n") == [Change(2, line, after)]
+    exec(after.replace("as id", "as inverse"), {})
+
+
+def test_other_imports_stay() -> None:
+    assert changes("import numpy, pinocchio_extra\nfrom . import pinocchio\nfrom .pinocchio import aba\n") == []
+
+
 # --- the command ----------------------------------------------------------------------------------------
 
 
@@ -136,7 +204,8 @@ def test_a_script_that_ports_has_status_0_and_the_line_to_change(
     script.write_text(GOOD)
     assert cli.main(["port", str(script)]) == 0
     out = capsys.readouterr().out
-    assert "import spatialdyn.compat.pinocchio as pin" in out
+    assert "change line 3: import pinocchio as pin  ->  import spatialdyn.compat.pinocchio as pin" in out
+    assert "7 of 7 names work (100 %)" in out
     assert "rnea" in out
 
 
@@ -146,7 +215,32 @@ def test_a_script_that_does_not_has_status_1(tmp_path: Path, capsys: pytest.Capt
     assert cli.main(["port", str(script)]) == 1
     out = capsys.readouterr().out
     assert "1 missing" in out
-    assert "change one line" not in out
+    assert "7 of 8 names work (87 %), 1 missing" in out
+
+
+def test_a_folder_has_a_table_by_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "sub" / ".hidden").mkdir(parents=True)
+    (tmp_path / "good.py").write_text(GOOD)
+    (tmp_path / "sub" / "bad.py").write_text(GOOD + "pin.computeCollisions(model)\npin.forwardDynamics()\n")
+    (tmp_path / "sub" / ".hidden" / "left.py").write_text("import pinocchio\npinocchio.frobnicate")
+    (tmp_path / "plain.py").write_text("print(1)")
+    (tmp_path / "broken.py").write_text("if:")
+    assert cli.main(["port", str(tmp_path)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    table = {line.split()[0]: line.split()[1:] for line in lines if line.strip()}
+    assert table["good.py"] == ["7", "0", "0", "100", "%"]
+    assert table["sub/bad.py"] == ["9", "1", "1", "88", "%"]
+    assert table["computeCollisions"][:4] == ["out", "of", "scope", "sub/bad.py:10"]
+    assert any("forwardDynamics" in line and "raises where constraints depend" in line for line in lines)
+    assert any("8 of 9 names work (88 %), 1 missing in 2 files; files without Pinocchio: 1" in line for line in lines)
+    assert any(line.startswith("not read: ") and "broken.py" in line for line in lines)
+    assert lines[-1] == "change everywhere: import pinocchio as pin  ->  import spatialdyn.compat.pinocchio as pin"
+    assert "left.py" not in "".join(lines)
+    (tmp_path / "sub" / "bad.py").unlink()
+    assert cli.main(["port", str(tmp_path)]) == 0
+    capsys.readouterr()
+    assert cli.main(["port", str(tmp_path / "sub")]) == 0
+    assert "none of 0 files uses Pinocchio" in capsys.readouterr().out
 
 
 def test_json_holds_every_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -154,7 +248,7 @@ def test_json_holds_every_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     script.write_text(GOOD)
     assert cli.main(["port", "--json", str(script)]) == 0
     (listed,) = json.loads(capsys.readouterr().out).values()
-    assert {"name": "rnea", "lines": [8], "status": SUPPORTED, "note": ""} in listed
+    assert {"name": "rnea", "lines": [8], "status": SUPPORTED, "note": "", "raises": ""} in listed
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -351,11 +351,23 @@ def test_the_environment_turns_strict_mode_on(word: str, says: str) -> None:
     assert (done.returncode == 0) == (word != "yes")
 
 
+def test_strict_mode_refuses_inertias_that_no_body_has(strict_mode: None) -> None:
+    I = ours.Inertia.Identity()
+    with pytest.raises(RuntimeError, match="inertia has the eigenvalues"):
+        I.inertia = -np.eye(3)
+    assert (I.inertia == np.eye(3)).all()
+    I.inertia = np.diag([1.0, 2.0, 9.0])
+    ours.strict(False)
+    I.inertia = -np.eye(3)
+    assert (I.inertia == -np.eye(3)).all()
+
+
 def test_what_strict_mode_switches_is_in_the_table_of_differences() -> None:
     switched = " ".join(x.what for x in ours.differences() if x.switched)
     assert "getFrameId" in switched
     assert "unit norm" in switched
-    assert sum(x.switched for x in ours.differences()) == 2
+    assert "Inertia.inertia" in switched
+    assert sum(x.switched for x in ours.differences()) == 3
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert ours.Model().getFrameId("hand") == 1

@@ -1,152 +1,164 @@
-"""Operators on small arrays, compiled: the arithmetic of SE3, Motion, Force and Inertia.
+"""Operators on small arrays, and on objects that hold one, compiled: the arithmetic of SE3, Motion, Force, Inertia.
 
 ``compose(A, B, out)`` and its like take arrays as ``algebra.public_arrays`` lays them out and write ``out`` in place;
 it may be an input. Arrays have to be float64, C-ordered, writable and of the right size: nothing is checked.
-``write_pose()(out, R, p)`` and its like take arrays of any layout, check sizes and return a status.
+``value_builtin`` makes functions of Python's own calling convention that check their arguments and make the result.
 
-A call takes 0.2 µs; the operator takes 1 to 6 in plain Python. Each is compiled at its first call and cached on disk.
+A call takes 0.1 to 0.2 µs; the operator takes 1 to 6 in plain Python. Each is compiled at its first call and cached on
+disk.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ctypes
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-import numpy as np
-from numba import types
-
 from ...algebra import lie, public_arrays, spatial
-from ...algebra.euclidean import Vec
-from ...engines.compiled import jit, numba_kernels
+from ...engines.compiled import numba_kernels
+from ...engines.object_layout import DATA, RANK, SHAPE, TYPE
 from . import operators
 
 Operation = Callable[..., Any]
-OK, SIZE, SYMMETRY, SIGN = range(4)
-ROUNDING = 1e-12  # relative: an asymmetry or a negative eigenvalue below it is a rounding error
+SHAPES: dict[str, tuple[int, ...]] = {
+    "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
+    "body": (10,), "inertia": (6, 6), "tangent": (6, 6), "number": (),
+}  # fmt: skip
 
 
-def on_arrays(name: str, operator: Callable[..., Any], kinds: str) -> Operation:
+# --- on arrays ---------------------------------------------------------------------------------------------
+
+
+def deferred(make: Callable[[], Operation]) -> Operation:
+    """A function that another one makes at its first call: Numba takes milliseconds to list a function."""
+    kernel = None
+
+    def call(*arguments: Any) -> Any:
+        nonlocal kernel
+        kernel = kernel or make()
+        return kernel(*arguments)
+
+    return call
+
+
+def on_arrays(name: str, operator: Operation, kinds: str) -> Operation:
     """A kernel ``(*inputs, out)`` for an operator of these kinds, as "pose vec -> vec"; a "number" is returned."""
-    inputs, output = (part.split() for part in kinds.split("->"))
+    inputs, (output,) = (part.split() for part in kinds.split("->"))
     names = [f"x{k}" for k in range(len(inputs))]
-    taken = ", ".join(f"read_{kind}({x})" for x, kind in zip(names, inputs, strict=True))
-    result = f"operator({taken})"
-    body = ["stamp", f"return {result}" if output == ["number"] else f"write_{output[0]}(out, {result})"]
-    parameters = names if output == ["number"] else [*names, "out"]
-    function = numba_kernels.kernel_from_text(
-        f"algebra_{name}", parameters, body, {**vars(public_arrays), "operator": operator}
+    result = f"operator({', '.join(_read(kind, x) for x, kind in zip(names, inputs, strict=True))})"
+    statement = f"return {result}" if output == "number" else f"write_{output}(out, {result})"
+    return deferred(
+        lambda: compiled_text(f"algebra_{name}", names + ["out"] * (output != "number"), [statement], operator)
     )
-    compiled: Operation = jit.numba_jit(function, nogil=False, keep=False)  # releasing the GIL costs 0.03 µs
-    return compiled
 
 
-def checked_kernel(name: str, body: list[str], ranks: dict[str, int], rank: int, **scope: Any) -> Operation:
-    """A kernel ``(out, *inputs) -> status`` for an output of this rank and inputs of any layout; rank 0 is a number."""
-    array: Any = types.Array
-    inputs = [array(types.float64, n, "A", readonly=True) if n else types.float64 for n in ranks.values()]
-    function = numba_kernels.kernel_from_text(
-        f"algebra_{name}", ["out", *ranks], ["stamp", *body], {**vars(public_arrays), **scope}
-    )
-    kernel = jit.compile_signature(function, (array(types.float64, rank, "C"), *inputs), nogil=False)
-    # transposed matrices too, without which each call of one would take the slow path
-    samples = [np.zeros((4,) * n, order="F") if n else 0.0 for n in ranks.values()]
-    jit.accept(kernel, np.zeros((4,) * rank), *samples)
-    return kernel
+def compiled_text(name: str, parameters: list[str], body: list[str], operator: Operation) -> Operation:
+    """A kernel of statements that call ``operator`` and the readers and writers of ``public_arrays``."""
+    from ...engines.compiled import jit
+
+    scope = {**vars(public_arrays), "operator": operator}
+    function = numba_kernels.kernel_from_text(name, parameters, ["stamp", *body], scope)
+    return jit.numba_jit(function, nogil=False)  # releasing the GIL costs 0.03 µs
 
 
-@cache
-def write_pose() -> Operation:
-    """``(out (4, 4), R (3, 3), p (3,)) -> status``."""
-    body = [f"if R.shape != (3, 3) or p.shape != (3,): return {SIZE}"]
-    body += ["write_pose(out, Pose(read_rot(R), read_vec(p)))", f"return {OK}"]
-    return checked_kernel("write_pose", body, {"R": 2, "p": 1}, 2, Pose=spatial.Pose)
-
-
-@cache
-def write_vector() -> Operation:
-    """``(out (6,), linear (3,), angular (3,)) -> status``, for motions and forces alike."""
-    body = [f"if linear.shape != (3,) or angular.shape != (3,): return {SIZE}"]
-    body += ["write_motion(out, Motion(read_vec(angular), read_vec(linear)))", f"return {OK}"]
-    return checked_kernel("write_vector", body, {"linear": 1, "angular": 1}, 1)
-
-
-@cache
-def write_body() -> Operation:
-    """``(out (10,), m, c (3,), J (3, 3)) -> status``: SYMMETRY or SIGN if no J can be so.
-
-    J is positive semidefinite if and only if no coefficient of its characteristic polynomial is negative.
-    """
-    body = [
-        f"if c.shape != (3,) or J.shape != (3, 3): return {SIZE}",
-        "xx, xy, yy, xz, yz, zz = J[0, 0], J[1, 0], J[1, 1], J[2, 0], J[2, 1], J[2, 2]",
-        "size = abs(xx) + abs(yy) + abs(zz) + abs(xy) + abs(xz) + abs(yz)",
-        f"if max(abs(J[0, 1] - xy), abs(J[0, 2] - xz), abs(J[1, 2] - yz)) > {ROUNDING} * size: return {SYMMETRY}",
-        "two = yy * zz - yz * yz + xx * zz - xz * xz + xx * yy - xy * xy",
-        "three = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)",
-        f"if min(xx + yy + zz, two / size, three / size / size) < -{ROUNDING} * size: return {SIGN}",
-        "write_body(out, Body(m, read_vec(c), Sym(xx, xy, xz, yy, yz, zz)))",
-        f"return {OK}",
-    ]
-    return checked_kernel("write_body", body, {"m": 0, "c": 1, "J": 2}, 1)
-
-
-@cache
-def point_to_parent() -> Operation:
-    """``(out (3,), X (4, 4), a (3,)) -> status``: a point in child coordinates, in parent coordinates."""
-    return _point_kernel("point_to_parent", operators.point_to_parent)
-
-
-@cache
-def point_to_child() -> Operation:
-    """``(out (3,), X (4, 4), a (3,)) -> status``: a point in parent coordinates, in child coordinates."""
-    return _point_kernel("point_to_child", operators.point_to_child)
-
-
-def _point_kernel(name: str, operator: Callable[..., Vec]) -> Operation:
-    body = [f"if a.shape != (3,): return {SIZE}", "write_vec(out, operator(read_pose(X), read_vec(a)))", f"return {OK}"]
-    return checked_kernel(name, body, {"X": 2, "a": 1}, 1, operator=operator)
+def _read(kind: str, x: str) -> str:
+    return x if kind == "number" else f"read_{kind}({x})"
 
 
 compose = on_arrays("compose", spatial.compose, "pose pose -> pose")
-inverse = on_arrays("inverse", spatial.inverse, "pose -> pose")
-relative = on_arrays("relative", operators.relative_pose, "pose pose -> pose")
 motion_to_parent = on_arrays("motion_to_parent", spatial.motion_to_parent, "pose motion -> motion")
-motion_to_child = on_arrays("motion_to_child", spatial.motion_to_child, "pose motion -> motion")
 force_to_parent = on_arrays("force_to_parent", spatial.force_to_parent, "pose force -> force")
 force_to_child = on_arrays("force_to_child", spatial.force_to_child, "pose force -> force")
 body_to_parent = on_arrays("body_to_parent", operators.body_to_parent, "pose body -> body")
-body_to_child = on_arrays("body_to_child", operators.body_to_child, "pose body -> body")
-action = on_arrays("action", operators.action_matrix, "pose -> tangent")
-action_inverse = on_arrays("action_inverse", operators.inverse_action_matrix, "pose -> tangent")
-motion_action = on_arrays("motion_action", operators.cross_motion_matrix, "motion -> tangent")
-cross_motion = on_arrays("cross_motion", spatial.cross_motion, "motion motion -> motion")
-cross_force = on_arrays("cross_force", spatial.cross_force, "motion force -> force")
-momentum = on_arrays("momentum", operators.body_momentum, "body motion -> force")
-twice_kinetic_energy = on_arrays("twice_kinetic_energy", operators.twice_kinetic_energy, "body motion -> number")
-power = on_arrays("power", spatial.power, "motion force -> number")
-body_matrix = on_arrays("body_matrix", operators.inertia_about_origin, "body -> inertia")
-bias_force = on_arrays("bias_force", operators.bias_force, "body motion -> force")
 add_body = on_arrays("add_body", operators.add_bodies, "body body -> body")
-sub_body = on_arrays("sub_body", operators.subtract_bodies, "body body -> body")
-quat_product = on_arrays("quat_product", lie.product, "quat quat -> quat")
 quat_matrix = on_arrays("quat_matrix", lie.matrix, "quat -> rot")
-matrix_quat = on_arrays("matrix_quat", operators.quaternion_of_matrix, "rot -> quat")
-from_xyzquat = on_arrays("from_xyzquat", operators.pose_from_xyzquat, "seven -> pose")
-to_xyzquat = on_arrays("to_xyzquat", operators.pose_to_xyzquat, "pose -> seven")
-cross_matrix = on_arrays("cross_matrix", operators.skew, "vec -> rot")
-exp3 = on_arrays("exp3", operators.exp_rotation, "vec -> rot")
-exp3_quat = on_arrays("exp3_quat", lie.exp_rotation, "vec -> quat")
-exp6 = on_arrays("exp6", operators.exp_pose, "motion -> pose")
-exp6_xyzquat = on_arrays("exp6_xyzquat", operators.exp_xyzquat, "motion -> seven")
-log3 = on_arrays("log3", operators.log_rotation, "rot -> vec")
-log3_quat = on_arrays("log3_quat", lie.log_rotation, "quat -> vec")
-log6 = on_arrays("log6", operators.log_pose, "pose -> motion")
-log6_xyzquat = on_arrays("log6_xyzquat", operators.log_xyzquat, "seven -> motion")
-exp3_jacobian = on_arrays("exp3_jacobian", operators.exp_rotation_jacobian, "vec -> rot")
-log3_jacobian = on_arrays("log3_jacobian", operators.log_rotation_jacobian, "rot -> rot")
-exp6_jacobian = on_arrays("exp6_jacobian", lie.exp_jacobian, "motion -> tangent")
-log6_jacobian = on_arrays("log6_jacobian", operators.log_pose_jacobian, "pose -> tangent")
-log3_jacobian_derivative = on_arrays(
-    "log3_jacobian_derivative", operators.log_rotation_jacobian_derivative, "rot vec -> rot"
-)
+
+
+# --- on objects --------------------------------------------------------------------------------------------
+
+
+@cache
+def value_builtin(label: str, operator: Operation, inputs: tuple[str, ...], output: str) -> Any:
+    """A builtin ``(*inputs) -> output`` that returns None if not applicable.
+
+    A kind in lower case is a new array, as an input a float64 array of any strides, or a float for "number". A
+    capitalized kind is an object of one class whose slot holds the array, and "Motion|motion" is either.
+
+    Words: ``slot``, the offset of the slot; ``class0``, ... the classes of the inputs, 0 for arrays; ``made``, that of
+    the output; ``extent0``, ... the axes of its array.
+    """
+    from ...engines.compiled.cpython import Builtin, dims
+
+    names = [f"x{k}" for k in range(len(inputs))]
+    extents = SHAPES[output.lower()]
+    words = ["slot", *(f"class{k}" for k in range(len(inputs))), "made", *(f"extent{k}" for k in range(len(extents)))]
+    body = [line for k, kind in enumerate(inputs) for line in _input_statements(k, kind)]
+    passed = (_read(kind.lower().partition("|")[0], f"{x}_in") for x, kind in zip(names, inputs, strict=True))
+    result = f"operator({', '.join(passed)})"
+    if output == "number":
+        body.append(f"return new_real(plan, {result})")
+    else:
+        body += [
+            f"result = {result}",
+            f"answer = new_array(plan, {len(extents)}, {dims(words, 'extent0')})",
+            "if answer == 0: return 0",
+            f"write_{output.lower()}(at(word(answer, {DATA}), {extents}), result)",
+            "return new_object(plan, made, slot, answer)" if output[0].isupper() else "return answer",
+        ]
+    return Builtin(f"value_{label}", names, words, body, {**vars(public_arrays), "operator": operator})
+
+
+def _input_statements(k: int, kind: str) -> list[str]:
+    """Statements that check the argument object ``xk`` and read it as an array or number ``xk_in``."""
+    x, shape = f"x{k}", SHAPES[kind.lower().partition("|")[0]]
+    if kind == "number":
+        return [f"if not is_real(plan, {x}): return return_none(plan)", f"{x}_in = real({x})"]
+    lines = []
+    if kind[0].isupper():
+        if "|" not in kind:
+            lines = [f"if word({x}, {TYPE}) != class{k}: return return_none(plan)"]
+        lines.append(f"if word({x}, {TYPE}) == class{k}: {x} = word({x} + slot, 0)")
+        lines.append(f"if {x} == 0: return return_none(plan)")  # a slot without a value
+    if len(shape) == 1:
+        fits, view = f"is_vector(plan, {x}, {shape[0]})", f"vector({x}, {shape[0]})"
+    else:
+        fits, view = f"is_matrix(plan, {x}, {shape[1]}) and word(word({x}, {SHAPE}), 0) == {shape[0]}", f"matrix({x})"
+    return [*lines, f"if not ({fits}): return return_none(plan)", f"{x}_in = {view}"]
+
+
+def bind_values(builtin: Any, slot: int, classes: Mapping[str, type], inputs: tuple[str, ...], output: str) -> Any:
+    """A ``value_builtin`` bound to the classes of its kinds and the offset of their slot."""
+
+    def address(kind: str) -> int:
+        return id(classes[kind.partition("|")[0]]) if kind[0].isupper() else 0
+
+    words = {f"class{k}": address(kind) for k, kind in enumerate(inputs)}
+    words |= {f"extent{k}": n for k, n in enumerate(SHAPES[output.lower()])}
+    return builtin.bind(*classes.values(), slot=slot, made=address(output), **words)
+
+
+@cache
+def draw_between(generator: Any) -> Any:
+    """A builtin ``(lower, upper) -> (n,)`` of ``operators.between`` with draws of a generator of NumPy.
+
+    Returns None if not applicable. A call of the generator takes Python 0.5 µs and more, a draw 2 ns.
+    """
+    from ...engines.compiled.cpython import NDARRAY, Builtin, real_function
+
+    body = [
+        f"if word(lower, {TYPE}) != word(plan, {NDARRAY}) or word(lower, {RANK}) & 0xFFFFFFFF != 1:",
+        "    return return_none(plan)",
+        f"n = word(word(lower, {SHAPE}), 0)",
+        "if not (is_vector(plan, lower, n) and is_vector(plan, upper, n)): return return_none(plan)",
+        f"answer = new_array(plan, 1, word(lower, {SHAPE}))",
+        "if answer == 0: return 0",
+        f"low, high, out = vector(lower, n), vector(upper, n), at(word(answer, {DATA}), (n,))",
+        "for k in range(n): out[k] = between(low[k], high[k], draw(next_double, state))",
+        "return answer",
+    ]
+    scope = {"between": operators.between, "draw": real_function}
+    interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
+    address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
+    builtin = Builtin("draw_between", ["lower", "upper"], ["next_double", "state"], body, scope)
+    return builtin.bind(generator, next_double=address, state=interface.state_address)

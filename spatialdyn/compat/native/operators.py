@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ...algebra import lie
 from ...algebra.euclidean import (
     Mat3,
@@ -12,6 +14,7 @@ from ...algebra.euclidean import (
     apply_sym,
     congruence,
     matmul,
+    neg,
     parallel_axis,
     rotate,
     scale,
@@ -21,24 +24,156 @@ from ...algebra.euclidean import (
     zero,
 )
 from ...algebra.public_arrays import Body, Placed
-from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
+from ...algebra.scalars import EPS, Scalar, atan2, cos, inline, select, sin, sqrt
 from ...algebra.spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
+    compose,
     cross_force,
     force_at_parent,
     inertia_at_parent,
     motion_at_child,
     power,
+    scale_force,
+    scale_motion,
 )
+
+NO_LIMIT = 1.7976931348623157e308  # the largest number: a limit of that size is none
+SOUND, NEGATIVE, ASYMMETRIC = 0.0, 1.0, 2.0  # faults of a rotational inertia
+ROUNDING = 1e-12  # relative: an asymmetry or a negative eigenvalue below it is a rounding error
+
+
+# --- rotations ---------------------------------------------------------------------------------------------
 
 
 @inline
 def skew(a: Vec) -> Mat3:
     """The matrix ã with ã b = a × b."""
     return Mat3(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
+
+
+@inline
+def unskew(A: Mat3) -> Vec:
+    """The vector whose ``skew`` is the antisymmetric part of a matrix."""
+    return Vec(0.5 * (A.zy - A.yz), 0.5 * (A.xz - A.zx), 0.5 * (A.yx - A.xy))
+
+
+@inline
+def skew_square(a: Vec, b: Vec) -> Mat3:
+    """The matrix of a × (b × ·)."""
+    return matmul(skew(a), skew(b))
+
+
+@inline
+def rotation_about_x(angle: Scalar) -> Mat3:
+    """The rotation by an angle about x."""
+    s, c = sin(angle), cos(angle)
+    return Mat3(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c)
+
+
+@inline
+def rotation_about_y(angle: Scalar) -> Mat3:
+    """The rotation by an angle about y."""
+    s, c = sin(angle), cos(angle)
+    return Mat3(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
+
+
+@inline
+def rotation_about_z(angle: Scalar) -> Mat3:
+    """The rotation by an angle about z."""
+    s, c = sin(angle), cos(angle)
+    return Mat3(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+
+
+@inline
+def rotation_of_angles(roll: Scalar, pitch: Scalar, yaw: Scalar) -> Mat3:
+    """R_z(yaw) R_y(pitch) R_x(roll)."""
+    return matmul(matmul(rotation_about_z(yaw), rotation_about_y(pitch)), rotation_about_x(roll))
+
+
+@inline
+def rotation_of_rpy(rpy: Vec) -> Mat3:
+    """``rotation_of_angles`` of a vector of them."""
+    return rotation_of_angles(rpy.x, rpy.y, rpy.z)
+
+
+@inline
+def rpy_of_rotation(R: Mat3) -> Vec:
+    """Roll, pitch and yaw of a rotation matrix.
+
+    The yaw turned back leaves R_y(pitch) R_x(roll), whose second row is (0, cos roll, -sin roll): no angle loses
+    digits, and at a pitch of ±π/2, where roll and yaw are not unique, rounding errors choose the yaw.
+    """
+    yaw = atan2(R.yx, R.xx)
+    s, c = sin(yaw), cos(yaw)
+    roll = atan2(s * R.xz - c * R.yz, c * R.yy - s * R.xy)
+    return Vec(roll, atan2(-R.zx, sqrt(R.zy * R.zy + R.zz * R.zz)), yaw)
+
+
+# --- motions and poses -------------------------------------------------------------------------------------
+
+
+@inline
+def motion_of_parts(linear: Vec, angular: Vec) -> Motion:
+    """A motion by its two parts."""
+    return Motion(angular, linear)
+
+
+@inline
+def negated_motion(m: Motion) -> Motion:
+    """-m."""
+    return Motion(neg(m.w), neg(m.v))
+
+
+@inline
+def negated_force(f: Force) -> Force:
+    """-f."""
+    return Force(neg(f.n), neg(f.f))
+
+
+@inline
+def scaled_motion(m: Motion, s: Scalar) -> Motion:
+    """``scale_motion`` with its arguments exchanged."""
+    return scale_motion(s, m)
+
+
+@inline
+def scaled_force(f: Force, s: Scalar) -> Force:
+    """``scale_force`` with its arguments exchanged."""
+    return scale_force(s, f)
+
+
+@inline
+def divided_motion(m: Motion, s: Scalar) -> Motion:
+    """m / s."""
+    return Motion(Vec(m.w.x / s, m.w.y / s, m.w.z / s), Vec(m.v.x / s, m.v.y / s, m.v.z / s))
+
+
+@inline
+def divided_force(f: Force, s: Scalar) -> Force:
+    """f / s."""
+    return Force(Vec(f.n.x / s, f.n.y / s, f.n.z / s), Vec(f.f.x / s, f.f.y / s, f.f.z / s))
+
+
+@inline
+def power_of_force(f: Force, v: Motion) -> Scalar:
+    """``power`` with its arguments exchanged."""
+    return power(v, f)
+
+
+@inline
+def pose_of_quaternion(q: lie.Quat, p: Vec) -> Pose:
+    """A pose by its quaternion and origin."""
+    return Pose(lie.matrix(q), p)
+
+
+@inline
+def interpolated(A: Pose, B: Pose, alpha: Scalar) -> Pose:
+    """A exp(alpha log(A⁻¹ B))."""
+    m = log_pose(relative_pose(A, B))
+    return compose(A, exp_pose(Motion(scale(alpha, m.w), scale(alpha, m.v))))
 
 
 @inline
@@ -57,6 +192,31 @@ def point_to_parent(X: Pose, a: Vec) -> Vec:
 def point_to_child(X: Pose, a: Vec) -> Vec:
     """A point in parent coordinates, in child coordinates."""
     return unrotate(X.R, sub(a, X.p))
+
+
+# --- bodies ------------------------------------------------------------------------------------------------
+
+
+@inline
+def body_of_parts(m: Scalar, c: Vec, J: Mat3) -> Body:
+    """A body by its mass, its centre of mass, and its inertia there, of which the lower triangle is read."""
+    return Body(m, c, Sym(J.xx, J.yx, J.zx, J.yy, J.zy, J.zz))
+
+
+@inline
+def fault_of_inertia(J: Mat3) -> Scalar:
+    """ASYMMETRIC or NEGATIVE if no body has the rotational inertia J, else SOUND.
+
+    J is positive semidefinite if and only if no coefficient of its characteristic polynomial is negative.
+    """
+    size = abs(J.xx) + abs(J.yy) + abs(J.zz) + abs(J.yx) + abs(J.zx) + abs(J.zy)
+    if max(abs(J.xy - J.yx), abs(J.xz - J.zx), abs(J.yz - J.zy)) > ROUNDING * size:
+        return ASYMMETRIC
+    two = J.yy * J.zz - J.zy * J.zy + J.xx * J.zz - J.zx * J.zx + J.xx * J.yy - J.yx * J.yx
+    three = J.xx * (J.yy * J.zz - J.zy * J.zy) - J.yx * (J.yx * J.zz - J.zy * J.zx)
+    three += J.zx * (J.yx * J.zy - J.yy * J.zx)
+    least = min((J.xx + J.yy + J.zz) * size * size, two * size, three)
+    return NEGATIVE if least < -ROUNDING * size * size * size else SOUND
 
 
 @inline
@@ -242,3 +402,23 @@ def log_rotation_jacobian_derivative(R: Mat3, v: Vec) -> Mat3:
     w = log_rotation(R)
     rate = rotate(lie.log_jacobian(Motion(w, zero()), 1.0).J, v)
     return lie.log_jacobian(Motion(w, rate), 1.0).K
+
+
+# --- numbers -----------------------------------------------------------------------------------------------
+
+
+@inline
+def same(x: Any) -> Any:
+    """The argument, of any kind."""
+    return x
+
+
+@inline
+def between(lower: Scalar, upper: Scalar, draw: Scalar) -> Scalar:
+    """A number between bounds, by a draw in [0, 1); a bound that is none is 2 away from the other, or one of ±1."""
+    low, high = lower, upper
+    if abs(lower) >= NO_LIMIT:
+        low = -1.0 if abs(upper) >= NO_LIMIT else upper - 2.0
+    if abs(upper) >= NO_LIMIT:
+        high = 1.0 if abs(lower) >= NO_LIMIT else lower + 2.0
+    return low + (high - low) * draw

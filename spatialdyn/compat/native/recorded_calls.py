@@ -14,13 +14,13 @@ from typing import Any
 from ...algebra import public_arrays, spatial
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose
-from ...engines.compiled import jit, numba_kernels
+from ...engines.compiled import numba_kernels
 from ...engines.compiled.cpython import Builtin, dims
 from ...engines.object_layout import DATA
 from ...recursions import SPECS
 from ...recursions.kinematics import classical_acceleration, express_in
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
-from . import operators
+from . import operator_kernels, operators
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
@@ -192,7 +192,12 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, 
     public_arrays.write_motion(out, m)
 
 
-write_frame_motion = jit.numba_jit(_write_frame_motion, nogil=False, keep=False)
+_PARAMETERS = ["X", "placement", "v", "a", "classical", "reference", "out"]
+write_frame_motion = operator_kernels.deferred(
+    lambda: operator_kernels.compiled_text(
+        "frame_motion", _PARAMETERS, [f"operator({', '.join(_PARAMETERS)})"], _write_frame_motion
+    )
+)
 
 
 @inline
@@ -290,16 +295,14 @@ def frame_jacobian_at() -> Builtin:
 
 def on_rows(name: str, operator: Callable[..., Any], kinds: str) -> Callable[..., None]:
     """``(a, places, b, out)``: out[k] = operator(a[places[k]], b[k]), a kernel on rows."""
-    inputs, output = (part.split() for part in kinds.split("->"))
+    first, second, _, output = kinds.split()
     body = [
-        "stamp",
         "for k in range(len(places)):",
-        f"    write_{output[0]}(out[k], operator(read_{inputs[0]}(a[places[k]]), read_{inputs[1]}(b[k])))",
+        f"    write_{output}(out[k], operator(read_{first}(a[places[k]]), read_{second}(b[k])))",
     ]
-    scope = {**vars(public_arrays), "operator": operator}
-    function = numba_kernels.kernel_from_text(f"listed_{name}", ["a", "places", "b", "out"], body, scope)
-    compiled: Callable[..., None] = jit.numba_jit(function, nogil=False, keep=False)
-    return compiled
+    return operator_kernels.deferred(
+        lambda: operator_kernels.compiled_text(f"listed_{name}", ["a", "places", "b", "out"], body, operator)
+    )
 
 
 compose_all = on_rows("compose", spatial.compose, "pose pose -> pose")

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...algebra import lie
 from ...errors import ShapeError, SpatialDynError
-from ..native import operator_kernels
-from .types.arguments import ArgumentError, array, described, expected
+from ..native import operators
+from .types.arguments import ArgumentError, described, expected
 from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
+from .types.value import on_values
 
 __all__ = [
     "Hlog3", "Jexp3", "Jexp6", "Jlog3", "Jlog6", "SE3ToXYZQUAT", "SE3ToXYZQUATtuple", "XYZQUATToSE3",
@@ -51,19 +53,29 @@ def log(x: Any) -> Any:
 
 # --- rotations -------------------------------------------------------------------------------------------
 
-
-def exp3(w: Any) -> Array:
-    """The rotation (3, 3) by |w| about w (3,) [rad]."""
-    out = np.empty((3, 3))
-    operator_kernels.exp3(array(w, (3,), "w"), out)
-    return out
-
-
-def exp3_quat(w: Any) -> Array:
-    """The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad]."""
-    out = np.empty(4)
-    operator_kernels.exp3_quat(array(w, (3,), "w"), out)
-    return out
+exp3 = on_values("exp3(w: vec) -> rot", operators.exp_rotation, "The rotation (3, 3) by |w| about w (3,) [rad].")
+exp3_quat = on_values(
+    "exp3_quat(w: vec) -> quat",
+    lie.exp_rotation,
+    "The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].",
+)
+Jexp3 = on_values(
+    "Jexp3(w: vec) -> rot",
+    operators.exp_rotation_jacobian,
+    "The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.",
+)
+Jlog3 = on_values(
+    "Jlog3(R: rot) -> rot",
+    operators.log_rotation_jacobian,
+    "The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.",
+)
+Hlog3 = on_values(
+    "Hlog3(R: rot, v: vec) -> rot",
+    operators.log_rotation_jacobian_derivative,
+    "The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.",
+)
+_log_of_matrix = on_values("log3(R: rot) -> vec", operators.log_rotation)
+_log_of_quaternion = on_values("log3(quat: Quat|quat) -> vec", lie.log_rotation)
 
 
 def log3(R: Any, theta: Array | None = None) -> Array:
@@ -71,13 +83,8 @@ def log3(R: Any, theta: Array | None = None) -> Array:
 
     theta  (1,)  written in place if given: its length
     """
-    out = np.empty(3)
-    if isinstance(R, Quaternion) and theta is None:
-        operator_kernels.log3_quat(R._x, out)
-    elif isinstance(R, np.ndarray) and R.shape in ((4,), (4, 1)):
-        operator_kernels.log3_quat(array(R, (4,), "quat"), out)
-    else:
-        operator_kernels.log3(array(R, (3, 3), "R"), out)
+    four = (isinstance(R, Quaternion) and theta is None) or (isinstance(R, np.ndarray) and R.shape in ((4,), (4, 1)))
+    out: Array = (_log_of_quaternion if four else _log_of_matrix)(R)
     if theta is not None:
         if not isinstance(theta, np.ndarray) or theta.size != 1:
             raise ArgumentError(f"theta is {described(theta)}, expected an array of shape (1,)")
@@ -85,88 +92,46 @@ def log3(R: Any, theta: Array | None = None) -> Array:
     return out
 
 
-def Jexp3(w: Any) -> Array:
-    """The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order."""
-    out = np.empty((3, 3))
-    operator_kernels.exp3_jacobian(array(w, (3,), "w"), out)
-    return out
-
-
-def Jlog3(R: Any) -> Array:
-    """The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order."""
-    out = np.empty((3, 3))
-    operator_kernels.log3_jacobian(array(R, (3, 3), "R"), out)
-    return out
-
-
-def Hlog3(R: Any, v: Any) -> Array:
-    """The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0."""
-    out = np.empty((3, 3))
-    operator_kernels.log3_jacobian_derivative(array(R, (3, 3), "R"), array(v, (3,), "v"), out)
-    return out
-
-
 # --- displacements ---------------------------------------------------------------------------------------
 
-
-def _twist(v: Any) -> Array:
-    return v._x if isinstance(v, Motion) else array(v, (6,), "v")
-
-
-def _pose(M: Any) -> Array:
-    return M._x if isinstance(M, SE3) else array(M, (4, 4), "M")
-
-
-def exp6(v: Any) -> SE3:
-    """The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time."""
-    out = np.empty((4, 4))
-    operator_kernels.exp6(_twist(v), out)
-    return SE3.over(out)
-
-
-def exp6_quat(v: Any) -> Array:
-    """``exp6`` of an array (6,) as x y z and quaternion x y z w (7,)."""
-    out = np.empty(7)
-    operator_kernels.exp6_xyzquat(array(v, (6,), "v"), out)
-    return out
-
-
-def log6(M: Any) -> Motion:
-    """The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π."""
-    out = np.empty(6)
-    operator_kernels.log6(_pose(M), out)
-    return Motion.over(out)
-
-
-def log6_quat(q: Any) -> Motion:
-    """``log6`` of x y z and quaternion x y z w (7,)."""
-    out = np.empty(6)
-    operator_kernels.log6_xyzquat(array(q, (7,), "q"), out)
-    return Motion.over(out)
-
-
-def Jexp6(v: Any) -> Array:
-    """The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,)."""
-    out = np.empty((6, 6))
-    operator_kernels.exp6_jacobian(_twist(v), out)
-    return out
-
-
-def Jlog6(M: Any) -> Array:
-    """The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3."""
-    out = np.empty((6, 6))
-    operator_kernels.log6_jacobian(expected(M, SE3, "M")._x, out)
-    return out
+exp6 = on_values(
+    "exp6(v: Motion|motion) -> Pose",
+    operators.exp_pose,
+    "The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.",
+)
+exp6_quat = on_values(
+    "exp6_quat(v: motion) -> seven",
+    operators.exp_xyzquat,
+    "``exp6`` of an array (6,) as x y z and quaternion x y z w (7,).",
+)
+log6 = on_values(
+    "log6(M: Pose|pose) -> Motion",
+    operators.log_pose,
+    "The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.",
+)
+log6_quat = on_values(
+    "log6_quat(q: seven) -> Motion", operators.log_xyzquat, "``log6`` of x y z and quaternion x y z w (7,)."
+)
+Jexp6 = on_values(
+    "Jexp6(v: Motion|motion) -> tangent",
+    lie.exp_jacobian,
+    "The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).",
+)
+Jlog6 = on_values(
+    "Jlog6(M: Pose) -> tangent",
+    operators.log_pose_jacobian,
+    "The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.",
+)
 
 
 # --- seven numbers ---------------------------------------------------------------------------------------
 
-
-def SE3ToXYZQUAT(M: SE3) -> Array:
-    """Translation x y z and quaternion x y z w (7,) of an SE3."""
-    out = np.empty(7)
-    operator_kernels.to_xyzquat(expected(M, SE3, "M")._x, out)
-    return out
+SE3ToXYZQUAT = on_values(
+    "SE3ToXYZQUAT(M: Pose) -> seven",
+    operators.pose_to_xyzquat,
+    "Translation x y z and quaternion x y z w (7,) of an SE3.",
+)
+_pose_of_seven = on_values("XYZQUATToSE3(x: seven) -> Pose", operators.pose_from_xyzquat)
 
 
 def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:
@@ -178,12 +143,10 @@ def XYZQUATToSE3(x: Any) -> SE3:
     """The SE3 of translation x y z and quaternion x y z w: an array (7,), a list or a tuple."""
     if not isinstance(x, (np.ndarray, list, tuple)):
         raise ArgumentError(f"x is {described(x)}, expected seven numbers")
-    given = np.array(x, dtype=float).ravel()
-    if given.shape != (7,):
-        raise ShapeError(f"x has {given.size} numbers, expected 7")
-    out = np.empty((4, 4))
-    operator_kernels.from_xyzquat(given, out)
-    return SE3.over(out)
+    seven = np.asarray(x, float).ravel()
+    if seven.shape != (7,):
+        raise ShapeError(f"x has {seven.size} numbers, expected 7")
+    return _pose_of_seven(seven)  # type: ignore[no-any-return]
 
 
 def classicAcceleration(spatial_velocity: Motion, spatial_acceleration: Motion, placement: SE3 | None = None) -> Array:

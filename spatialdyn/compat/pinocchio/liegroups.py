@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -44,6 +44,16 @@ def _chain(parts: tuple[str, ...]) -> Model:
     return model
 
 
+def _forward(function: Callable[..., Any], doc: str) -> Callable[..., Any]:
+    """A method that calls a function of a Model with the group's own."""
+
+    def method(self: LieGroup, *arguments: Any, **named: Any) -> Any:
+        return function(self._model, *arguments, **named)
+
+    method.__name__, method.__doc__ = function.__name__, doc
+    return method
+
+
 class LieGroup:
     """A Lie group; ``G * H`` is their product. ``LieGroup()`` is the group of one element.
 
@@ -67,20 +77,9 @@ class LieGroup:
         """The names of the factors."""
         return " x ".join(self._parts)
 
-    @property
-    def nq(self) -> int:
-        """Number of coordinates."""
-        return int(self._model.nq)
-
-    @property
-    def nv(self) -> int:
-        """Number of tangent directions."""
-        return int(self._model.nv)
-
-    @property
-    def neutral(self) -> Array:
-        """The neutral element (nq,)."""
-        return configuration.neutral(self._model)
+    nq = property(lambda self: int(self._model.nq), doc="Number of coordinates.")
+    nv = property(lambda self: int(self._model.nv), doc="Number of tangent directions.")
+    neutral = property(_forward(configuration.neutral, "The neutral element (nq,)."))
 
     def __mul__(self, other: Any) -> LieGroup:
         return LieGroup(self._parts + other._parts) if isinstance(other, LieGroup) else NotImplemented
@@ -97,17 +96,15 @@ class LieGroup:
 
     # --- elements ------------------------------------------------------------------------------------------
 
-    def integrate(self, q: Any, v: Any) -> Array:
-        """The element (nq,) reached from q (nq,) by v (nv,)."""
-        return configuration.integrate(self._model, q, v)
-
-    def difference(self, q0: Any, q1: Any) -> Array:
-        """The v (nv,) with integrate(q0, v) = q1."""
-        return configuration.difference(self._model, q0, q1)
-
-    def interpolate(self, q0: Any, q1: Any, u: float) -> Array:
-        """The element (nq,) at the fraction u of the way from q0 to q1."""
-        return configuration.interpolate(self._model, q0, q1, u)
+    integrate = _forward(configuration.integrate, "The element (nq,) reached from q (nq,) by v (nv,).")
+    difference = _forward(configuration.difference, "The v (nv,) with integrate(q0, v) = q1.")
+    interpolate = _forward(
+        configuration.interpolate, "``(q0, q1, u)``: the element (nq,) at the fraction u of the way from q0 to q1."
+    )
+    randomConfiguration = _forward(
+        configuration.randomConfiguration,
+        "``(lower, upper)``: a random element (nq,), positions between the bounds (nq,), rotations uniform.",
+    )
 
     def squaredDistance(self, q0: Any, q1: Any) -> float:
         """The square of the norm of the difference."""
@@ -127,16 +124,18 @@ class LieGroup:
         bound = np.ones(self.nq)
         return configuration.randomConfiguration(self._model, -bound, bound)
 
-    def randomConfiguration(self, lower_bound: Any, upper_bound: Any) -> Array:
-        """A random element (nq,): positions between the bounds (nq,), rotations uniform."""
-        return configuration.randomConfiguration(self._model, lower_bound, upper_bound)
-
     # --- derivatives ---------------------------------------------------------------------------------------
 
-    def dIntegrate(self, q: Any, v: Any, argument_position: ArgumentPosition) -> Array:
-        """The derivative (nv, nv) of integrate by q (ARG0) or v (ARG1)."""
-        made: Array = configuration.dIntegrate(self._model, q, v, argument_position)
-        return made
+    dIntegrate = _forward(
+        configuration.dIntegrate, "``(q, v, position)``: derivative (nv, nv) of integrate by q (ARG0) or v (ARG1)."
+    )
+    dIntegrateTransport = _forward(
+        configuration.dIntegrateTransport,
+        "``(q, v, J, position)``: derivative of integrate by q (ARG0) or v (ARG1), times J (nv, n).",
+    )
+    tangentMap = _forward(tangentMap, "``(q)``: the matrix T (nq, nv) from velocities to coordinate rates: q̇ = T v.")
+    tangentMapProduct = _forward(tangentMapProduct, "``(q, mat)``: T times a matrix (nv, n).")
+    tangentMapTransposeProduct = _forward(tangentMapTransposeProduct, "``(q, mat)``: Tᵀ times a matrix (nq, n).")
 
     def dIntegrate_dq(self, q: Any, v: Any, *product: Any) -> Array:
         """The derivative D (nv, nv) of integrate by q; ``(q, v, J, self)`` gives J D, ``(q, v, self, J)`` D J."""
@@ -152,22 +151,6 @@ class LieGroup:
         ``(q0, q1, position, J, self)`` gives J D, ``(q0, q1, position, self, J)`` D J.
         """
         return _product(configuration.dDifference(self._model, q0, q1, argument_position), product)
-
-    def dIntegrateTransport(self, q: Any, v: Any, J: Any, argument_position: ArgumentPosition) -> Array:
-        """The derivative of integrate by q (ARG0) or v (ARG1), times J (nv, n)."""
-        return configuration.dIntegrateTransport(self._model, q, v, J, argument_position)
-
-    def tangentMap(self, q: Any) -> Array:
-        """The matrix T (nq, nv) from velocities to coordinate rates: q̇ = T v."""
-        return tangentMap(self._model, q)
-
-    def tangentMapProduct(self, q: Any, mat: Any) -> Array:
-        """T times a matrix (nv, n)."""
-        return tangentMapProduct(self._model, q, mat)
-
-    def tangentMapTransposeProduct(self, q: Any, mat: Any) -> Array:
-        """Tᵀ times a matrix (nq, n)."""
-        return tangentMapTransposeProduct(self._model, q, mat)
 
 
 def _product(D: Array, product: tuple[Any, ...]) -> Array:
@@ -190,44 +173,24 @@ def _fitting(J: Any, axis: int, size: int) -> Array:
     return np.asarray(J, dtype=float)
 
 
-def R1() -> LieGroup:
-    """The real numbers."""
-    return LieGroup(["R^1"])
+def _group(name: str, what: str) -> Callable[[], LieGroup]:
+    def make() -> LieGroup:
+        return LieGroup([name])
+
+    make.__doc__ = f"{what}."
+    return make
 
 
-def R2() -> LieGroup:
-    """The plane."""
-    return LieGroup(["R^2"])
-
-
-def R3() -> LieGroup:
-    """Space."""
-    return LieGroup(["R^3"])
+R1, R2, R3 = (_group(f"R^{k}", what) for k, what in ((1, "The real numbers"), (2, "The plane"), (3, "Space")))
+SO2 = _group("SO(2)", "Rotations of the plane, as cos and sin")
+SO3 = _group("SO(3)", "Rotations of space, as quaternions x y z w")
+SE2 = _group("SE(2)", "Displacements of the plane, as x y cos sin")
+SE3 = _group("SE(3)", "Displacements of space, as x y z and quaternion x y z w")
 
 
 def Rn(n: int) -> LieGroup:
     """Vectors of n numbers."""
     return LieGroup([f"R^{int(n)}"])
-
-
-def SO2() -> LieGroup:
-    """Rotations of the plane, as cos and sin."""
-    return LieGroup(["SO(2)"])
-
-
-def SO3() -> LieGroup:
-    """Rotations of space, as quaternions x y z w."""
-    return LieGroup(["SO(3)"])
-
-
-def SE2() -> LieGroup:
-    """Displacements of the plane, as x y cos sin."""
-    return LieGroup(["SE(2)"])
-
-
-def SE3() -> LieGroup:
-    """Displacements of space, as x y z and quaternion x y z w."""
-    return LieGroup(["SE(3)"])
 
 
 # --- of models -------------------------------------------------------------------------------------------

@@ -9,45 +9,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
-from ...model.robot import rpy_matrix, rpy_of
-from .types.arguments import array, number
+from ..native import operators
+from .types.arguments import array
 from .types.frame import LOCAL, ReferenceFrame
+from .types.value import on_values
 
 Array = NDArray[np.float64]
-AXES = {"x": 0, "y": 1, "z": 2}
 
 __all__ = [
-    "computeRpyJacobian",
-    "computeRpyJacobianInverse",
-    "computeRpyJacobianTimeDerivative",
-    "matrixToRpy",
-    "rotate",
+    "computeRpyJacobian", "computeRpyJacobianInverse", "computeRpyJacobianTimeDerivative", "matrixToRpy", "rotate",
     "rpyToMatrix",
-]
+]  # fmt: skip
+
+_of_array = on_values("rpyToMatrix(rpy: vec) -> rot", operators.rotation_of_rpy)
+_of_angles = on_values("rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot", operators.rotation_of_angles)
+_ABOUT = {
+    "x": on_values("rotate(angle: number) -> rot", operators.rotation_about_x),
+    "y": on_values("rotate(angle: number) -> rot", operators.rotation_about_y),
+    "z": on_values("rotate(angle: number) -> rot", operators.rotation_about_z),
+}
+
+matrixToRpy = on_values(
+    "matrixToRpy(R: rot) -> vec",
+    operators.rpy_of_rotation,
+    "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).",
+)
 
 
 def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
     """The rotation matrix (3, 3) of three angles, or of one array (3,) of them [rad]."""
     if pitch is None and yaw is None:
-        return rpy_matrix(*array(roll, (3,), "rpy").tolist())
-    return rpy_matrix(number(roll, "roll"), number(pitch, "pitch"), number(yaw, "yaw"))
-
-
-def matrixToRpy(R: Any) -> Array:
-    """Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).
-
-    At a pitch of ±π/2, where roll and yaw are not unique, the roll is 0.
-    """
-    return np.array(rpy_of(array(R, (3, 3), "R")))
+        return _of_array(roll)  # type: ignore[no-any-return]
+    return _of_angles(roll, pitch, yaw)  # type: ignore[no-any-return]
 
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    if axis not in AXES:
+    about = _ABOUT.get(axis)
+    if about is None:
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    angles = [0.0, 0.0, 0.0]
-    angles[AXES[axis]] = number(angle, "angle")
-    return rpy_matrix(*angles)
+    return about(angle)  # type: ignore[no-any-return]
 
 
 def _trigonometry(rpy: Any) -> tuple[float, float, float, float, float, float]:

@@ -10,23 +10,12 @@ import numpy.linalg as npl
 
 from .rpy import matrixToRpy, rotate, rpyToMatrix
 from .types.containers import StdVec_StdString
-from .types.tracked_array import Value
+from .types.value import Value
 
 __all__ = [
-    "eye",
-    "fromListToVectorOfString",
-    "isapprox",
-    "matrixToRpy",
-    "mprint",
-    "np",
-    "npToTTuple",
-    "npToTuple",
-    "npl",
-    "rand",
-    "rotate",
-    "rpyToMatrix",
-    "zero",
-]
+    "eye", "fromListToVectorOfString", "isapprox", "matrixToRpy", "mprint", "np", "npToTTuple", "npToTuple", "npl",
+    "rand", "rotate", "rpyToMatrix", "zero",
+]  # fmt: skip
 
 
 def eye(n: int) -> Any:

@@ -65,12 +65,10 @@ class BaseVisualizer:
     ) -> None:
         if not self._draws():
             _warn()
-        given: list[Any] = [Model() if model is None else model, collision_model, visual_model]
-        if copy_models:
-            given = [None if x is None else x.copy() for x in given]
-        self.model: Model = given[0]
-        self.collision_model: GeometryModel | None = given[1]
-        self.visual_model: GeometryModel | None = given[2]
+        models: list[Any] = [Model() if model is None else model, collision_model, visual_model]
+        self.model, self.collision_model, self.visual_model = (
+            x.copy() if copy_models and x is not None else x for x in models
+        )
         self.data: Any = data
         self.collision_data: Any = collision_data
         self.visual_data: Any = visual_data
@@ -389,12 +387,12 @@ class MeshcatVisualizer(_Drawing):
         return MeshcatWindow(server, self._scene())
 
 
-class GepettoVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing."""
-
-
 class ViserVisualizer(_Drawing):
     """A visualizer that draws in viser; ``viewer`` is the viser.ViserServer. Without viser it shows nothing."""
+
+
+class GepettoVisualizer(BaseVisualizer):
+    """A visualizer that shows nothing."""
 
 
 class RVizVisualizer(BaseVisualizer):
@@ -406,10 +404,6 @@ class Panda3dVisualizer(BaseVisualizer):
 
 
 __all__ = [
-    "BaseVisualizer",
-    "GepettoVisualizer",
-    "MeshcatVisualizer",
-    "Panda3dVisualizer",
-    "RVizVisualizer",
+    "BaseVisualizer", "GepettoVisualizer", "MeshcatVisualizer", "Panda3dVisualizer", "RVizVisualizer",
     "ViserVisualizer",
-]
+]  # fmt: skip

@@ -23,8 +23,9 @@ from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, KIND, RANK, SAM
 from . import jit, numba_kernels
 
 F8 = np.float64
-HEAD = ("none", "true", "ndarray", "float64", "integer", "real", "new", "up", "down", "as_size", "forget")
-NONE, TRUE, NDARRAY, FLOAT64, INTEGER, REAL, MAKE, UP, DOWN, AS_SIZE, FORGET = range(len(HEAD))
+HEAD = ("none", "true", "ndarray", "float64", "integer", "real", "new", "up", "down", "as_size", "forget",
+        "allocate", "from_double")  # fmt: skip
+NONE, TRUE, NDARRAY, FLOAT64, INTEGER, REAL, MAKE, UP, DOWN, AS_SIZE, FORGET, ALLOCATE, FROM_DOUBLE = range(len(HEAD))
 READY = layout.READY and not numba_kernels.PLAIN
 _HALF, _WORD = ir.IntType(32), ir.IntType(64)
 
@@ -49,6 +50,22 @@ def _call(result: Any, *given: Any) -> Any:
     return intrinsic(at)
 
 
+def _real_call(typing_context: Any, address: Any, x: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function = ir.FunctionType(_WORD, [ir.DoubleType()]).as_pointer()
+        return builder.call(builder.inttoptr(values[0], function), [values[1]])
+
+    return types.intp(types.intp, types.float64), generate
+
+
+def _real_function(typing_context: Any, address: Any, x: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function = ir.FunctionType(ir.DoubleType(), [_WORD]).as_pointer()
+        return builder.call(builder.inttoptr(values[0], function), [values[1]])
+
+    return types.float64(types.intp, types.intp), generate
+
+
 def _word_at(typing_context: Any, base: Any, k: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.load(builder.gep(builder.inttoptr(arguments[0], _WORD.as_pointer()), [arguments[1]]))
@@ -60,6 +77,9 @@ _make: Any = _call(_WORD, _WORD, _HALF, _WORD, _HALF, _WORD, _WORD, _HALF, _HALF
 _count: Any = _call(ir.VoidType(), _WORD)
 _size: Any = _call(_WORD, _WORD)
 _void: Any = _call(ir.VoidType())
+_allocate: Any = _call(_WORD, _WORD, _WORD)
+_from_double: Any = intrinsic(_real_call)
+real_function: Any = intrinsic(_real_function)  # (address, word) -> float64 of a C function
 word: Any = intrinsic(_word_at)
 _pointer = jit.pointer
 
@@ -157,6 +177,23 @@ def new_array(plan: int, rank: int, shape: int) -> Any:
 
 
 @inline
+def new_real(plan: int, x: float) -> Any:
+    """A new float; 0 if there is no memory."""
+    return _from_double(word(plan, FROM_DOUBLE), x)
+
+
+@inline
+def new_object(plan: int, kind: int, slot: int, x: int) -> Any:
+    """A new object of a class, whose slot at that offset takes over the new object x; 0 if there is no memory."""
+    made = _allocate(word(plan, ALLOCATE), (kind, 0))
+    if made == 0:
+        _count(word(plan, DOWN), (x,))
+        return made
+    places(made + slot, 1)[0] = x
+    return made
+
+
+@inline
 def return_none(plan: int) -> Any:
     """A new reference to None."""
     _count(word(plan, UP), (word(plan, NONE),))
@@ -180,7 +217,8 @@ def discard(plan: int, x: int) -> Any:
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
     "no_overlap": no_overlap, "matrix": matrix, "index": index, "is_real": is_real, "real": real,
-    "new_array": new_array, "return_none": return_none, "return_true": return_true, "discard": discard,
+    "new_array": new_array, "new_real": new_real, "new_object": new_object, "return_none": return_none,
+    "return_true": return_true, "discard": discard,
 }  # fmt: skip
 
 
@@ -189,7 +227,14 @@ def _head() -> list[int]:
     """The words that all plans begin with."""
     constants: list[object] = [None, True, np.ndarray]
     heads = [*map(id, constants), layout.kind(np.dtype(F8)), id(int), id(float)]
-    functions = ("Py_IncRef", "Py_DecRef", "PyLong_AsSsize_t", "PyErr_Clear")
+    functions = (
+        "Py_IncRef",
+        "Py_DecRef",
+        "PyLong_AsSsize_t",
+        "PyErr_Clear",
+        "PyType_GenericAlloc",
+        "PyFloat_FromDouble",
+    )
     return [*heads, layout.array_maker(), *map(layout.api, functions)]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...bodies.kinds import unit_parts
+from ...bodies.kinds import CONTINUED, R1
 from ...errors import SpatialDynError
 from ...recursions import SPECS
 from ...recursions.spec import Spec
@@ -173,14 +173,15 @@ def _mover(name: str, bodies: NDArray[Any]) -> Program:
 def _arrays(specs: Sequence[Spec], options: ProgramOptions, bodies: NDArray[Any]) -> list[str]:
     """For each input array the name of the call that moves it, "" for an array of numbers.
 
-    Raises SpatialDynError for a configuration of quaternions or pairs of which some entries are fixed.
+    Raises SpatialDynError for a configuration of quaternions, pairs or planar joints of which some entries are fixed.
     """
     known, found = dict(options.fixed), {}
+    on_group = not set(bodies["kind"][1:].tolist()) <= {CONTINUED, *R1}  # a planar joint's twist is in its body's axes
     for spec in specs:
         for x in spec.present:
             if x.static or (x.name in known and not any(map(math.isnan, known[x.name]))):
                 continue
-            moved = bool(x.moved_by and unit_parts(bodies))
+            moved = bool(x.moved_by) and on_group
             if moved and x.name in known:
                 raise SpatialDynError(
                     f"{x.name} has fixed entries, expected all or none where joints have quaternions or pairs"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import weakref
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,11 @@ import pytest
 
 from spatialdyn.algebra import lie, public_arrays, spatial
 from spatialdyn.compat.native import operator_kernels, operators
+from spatialdyn.engines import object_layout
+from spatialdyn.engines.compiled import numba_kernels
 
 EPS = float(np.finfo(float).eps)
+MOST = float(np.finfo(float).max)  # the wheel's limit where there is none
 FUSED = 32 * EPS  # compiled code may fuse a product and a sum, plain Python does not; entries are of order one
 
 OPERATIONS = {
@@ -33,12 +38,19 @@ OPERATIONS = {
     "exp6": (operators.exp_pose, "motion -> pose"),
     "log6": (operators.log_pose, "pose -> motion"),
     "log6_jacobian": (operators.log_pose_jacobian, "pose -> tangent"),
+    "quat_matrix": (lie.matrix, "quat -> rot"),
+    "matrix_quat": (operators.quaternion_of_matrix, "rot -> quat"),
     "quat_product": (lie.product, "quat quat -> quat"),
 }
 SHAPES = {
     "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
     "body": (10,), "inertia": (6, 6), "tangent": (6, 6),
 }  # fmt: skip
+
+
+def kernel(name: str) -> Any:
+    """The compiled operator of that row."""
+    return operator_kernels.on_arrays(name, *OPERATIONS[name])
 
 
 def given(kind: str, rng: np.random.Generator) -> Any:
@@ -50,7 +62,7 @@ def given(kind: str, rng: np.random.Generator) -> Any:
         if kind == "quat":
             return q
         seven, pose = np.concatenate([rng.standard_normal(3), q]), np.empty((4, 4))
-        operator_kernels.from_xyzquat(seven, pose)
+        kernel("from_xyzquat")(seven, pose)
         return seven if kind == "seven" else pose
     return abs(x) if kind == "body" else x
 
@@ -64,7 +76,7 @@ def test_compiled_operators_give_what_their_source_gives(name: str) -> None:
         inputs = [given(kind, rng) for kind in takes]
         before = [x.copy() for x in inputs]
         out, plain = np.full(SHAPES[made[0]], np.nan), np.full(SHAPES[made[0]], np.nan)
-        getattr(operator_kernels, name)(*inputs, out)
+        kernel(name)(*inputs, out)
         arguments = [
             getattr(public_arrays, f"read_{kind}")(x.tolist() if x.ndim == 1 else x)
             for kind, x in zip(takes, inputs, strict=True)
@@ -88,20 +100,131 @@ def test_an_input_may_be_the_output() -> None:
 def test_quaternion_of_a_matrix_is_exact_at_half_a_turn(turn: tuple[float, ...]) -> None:
     q = np.array(turn, float) / np.linalg.norm(turn)
     R, back = np.empty((3, 3)), np.empty(4)
-    operator_kernels.quat_matrix(q, R)
-    operator_kernels.matrix_quat(R, back)
+    kernel("quat_matrix")(q, R)
+    kernel("matrix_quat")(R, back)
     assert min(np.abs(back - q).max(), np.abs(back + q).max()) <= 4 * EPS
 
 
-def test_checked_makers_take_any_layout_and_tell_what_is_wrong() -> None:
-    R, p, out = np.arange(9.0).reshape(3, 3), np.arange(6.0)[::2], np.empty((4, 4))
-    assert operator_kernels.write_pose()(out, R.T, p) == operator_kernels.OK
-    assert np.array_equal(out, np.vstack([np.column_stack([R.T, p]), [0.0, 0.0, 0.0, 1.0]]))
-    assert operator_kernels.write_pose()(out, np.eye(4), p) == operator_kernels.SIZE
-    assert operator_kernels.write_vector()(np.empty(6), np.zeros(2), p) == operator_kernels.SIZE
-    body = np.empty(10)
-    assert operator_kernels.write_body()(body, 1.0, p, np.eye(3)) == operator_kernels.OK
-    assert operator_kernels.write_body()(body, 1.0, p, np.zeros((3, 3))) == operator_kernels.OK
-    assert operator_kernels.write_body()(body, 1.0, p, R) == operator_kernels.SYMMETRY
-    assert operator_kernels.write_body()(body, 1.0, p, np.diag([1.0, 1.0, -0.1])) == operator_kernels.SIGN
-    assert operator_kernels.point_to_parent()(np.empty(3), np.eye(4), np.zeros(4)) == operator_kernels.SIZE
+def test_a_kernel_is_made_at_its_first_call_and_once() -> None:
+    made: list[int] = []
+    function = operator_kernels.deferred(lambda: made.append(1) or (lambda x: x + 1))
+    assert made == []
+    assert (function(1), function(2), made) == (2, 3, [1])
+
+
+def test_a_rotational_inertia_is_judged() -> None:
+    for J, fault in (
+        (np.eye(3), operators.SOUND),
+        (np.zeros((3, 3)), operators.SOUND),
+        (np.diag([1.0, 1.0, 0.0]), operators.SOUND),
+        (np.diag([1.0, 1.0, -1e-13]), operators.SOUND),  # a rounding error
+        (np.diag([1.0, 1.0, -0.1]), operators.NEGATIVE),
+        (np.diag([-1.0, -1.0, 0.1]), operators.NEGATIVE),
+        (np.arange(9.0).reshape(3, 3), operators.ASYMMETRIC),
+    ):
+        assert operators.fault_of_inertia(public_arrays.read_rot(J)) == fault
+
+
+# --- on objects --------------------------------------------------------------------------------------------
+
+
+class Box:
+    """An object that holds an array in a slot."""
+
+    __slots__ = ("__dict__", "x")
+
+    def __init__(self, x: Any) -> None:
+        self.x = x
+
+
+class Other(Box):
+    """Another class."""
+
+    __slots__ = ()
+
+
+compiled = pytest.mark.skipif(not object_layout.READY or numba_kernels.PLAIN, reason="nothing is compiled")
+
+
+def bound(operator: Any, inputs: tuple[str, ...], output: str) -> Any:
+    builtin = operator_kernels.value_builtin(f"test_{operator.__name__}", operator, inputs, output)
+    classes = {"Pose": Box, "Motion": Box}
+    return operator_kernels.bind_values(builtin, object_layout.slot_offset(Box, "x"), classes, inputs, output)
+
+
+@compiled
+def test_objects_are_read_and_made() -> None:
+    rng = np.random.default_rng(0)
+    A, B, out = given("pose", rng), given("pose", rng), np.empty((4, 4))
+    compose = bound(spatial.compose, ("Pose", "Pose|pose"), "Pose")
+    kernel("compose")(A, B, out)
+    for other in (Box(B), B, np.asfortranarray(B), np.repeat(B, 2, axis=1)[:, ::2]):
+        made = compose(Box(A), other)
+        assert type(made) is Box
+        assert np.array_equal(made.x, out)
+        made.note = 1
+        assert made.x.flags.writeable
+        assert made.x.flags.owndata
+    power = bound(spatial.power, ("motion", "force"), "number")
+    assert power(np.ones(6), np.arange(6.0)) == 15.0
+    assert type(power(np.ones(6), np.arange(6.0))) is float
+
+
+@compiled
+def test_an_object_that_does_not_apply_gives_none() -> None:
+    A, compose = Box(np.eye(4)), bound(spatial.compose, ("Pose", "Pose|pose"), "Pose")
+    wrong = (
+        Other(np.eye(4)),
+        1,
+        None,
+        "x",
+        [1.0],
+        np.eye(3),
+        np.eye(4, dtype=np.float32),
+        np.zeros(4),
+        Box.__new__(Box),
+    )
+    for x in (*wrong, Box(np.eye(3)), Box(1), np.eye(4).astype(">f8")):
+        assert compose(A, x) is None
+        assert compose(x, A) is None
+    assert compose(np.eye(4), A) is compose(A) is compose() is compose(A, A, A) is None
+
+
+LIMITS = np.array([[-2.0, 3.0], [-MOST, 3.0], [-2.0, MOST], [-MOST, MOST], [-np.inf, 3.0], [-np.inf, np.inf]]).T
+RANGES = np.array([[-2.0, 3.0], [1.0, 3.0], [-2.0, 0.0], [-1.0, 1.0], [1.0, 3.0], [-1.0, 1.0]]).T
+
+
+def test_a_bound_that_is_none_is_two_away() -> None:
+    for low, high, first, last in zip(*LIMITS.tolist(), *RANGES.tolist(), strict=True):
+        assert operators.between(low, high, 0.0) == first
+        assert operators.between(low, high, 1.0) == last
+
+
+@compiled
+def test_draws_are_those_of_the_generator() -> None:
+    generator, twin = np.random.default_rng(5), np.random.default_rng(5)
+    draw = operator_kernels.draw_between(generator)
+    draws = twin.random(6)
+    expected = [operators.between(*x) for x in zip(*LIMITS.tolist(), draws.tolist(), strict=True)]
+    assert np.abs(draw(*LIMITS) - expected).max() <= 4 * EPS
+    generator.bit_generator.state = np.random.default_rng(5).bit_generator.state
+    assert np.abs(draw(*LIMITS) - expected).max() <= 4 * EPS
+    assert draw(LIMITS[0], LIMITS[1, :5]) is draw(LIMITS, LIMITS) is draw(1, 2) is None
+
+
+@compiled
+def test_objects_and_arrays_are_freed() -> None:
+    """A result holds the one reference to its array, and no call holds one to its arguments."""
+    compose = bound(spatial.compose, ("Pose", "Pose|pose"), "Pose")
+    A = Box(np.eye(4))
+    made = compose(A, A)
+    counts = sys.getrefcount(A), sys.getrefcount(A.x), sys.getrefcount(Box)
+    held = sys.getrefcount(made.x)
+    assert held == 2  # its slot, and the argument of the call
+    for _ in range(1000):
+        compose(A, A)
+        compose(A, 1)
+    assert counts == (sys.getrefcount(A), sys.getrefcount(A.x), sys.getrefcount(Box))
+    left = weakref.ref(made.x)
+    del made
+    assert left() is None

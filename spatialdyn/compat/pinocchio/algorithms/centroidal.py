@@ -214,9 +214,9 @@ def _supported(model: Model, frame: int) -> Inertia:
     for k in range(frame + 1, len(model.frames)):
         if model.frames[k].parentJoint == joint and model.frames[k].parentFrame in found:
             found.add(k)
-    total = Inertia.Zero()
+    total: Inertia = Inertia.Zero()
     for k in found:
-        total = total + model.frames[k].placement.act(model.frames[k].inertia)
+        total += model.frames[k].placement.act(model.frames[k].inertia)
     return total
 
 

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....calls import dynamics
+from ....engines.compiled.cpython import READY
 from ....errors import ShapeError
+from ...native import operator_kernels, operators
 from ..coverage.strictness import strict
 from ..data.dispatch import vector
 from ..model.library_model import library_model
@@ -201,20 +203,13 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
 
     A coordinate without a finite limit is drawn from an interval of width 2 (Pinocchio: not finite).
     """
-    _library_model(model)
-    lower = vector("lower_bound", model.lowerPositionLimit if lower_bound is None else lower_bound, model.nq)
-    upper = vector("upper_bound", model.upperPositionLimit if upper_bound is None else upper_bound, model.nq)
-    lower, upper = _finite(lower, upper)
-    with np.errstate(over="ignore", invalid="ignore"):
-        q: Array = lower + (upper - lower) * GENERATOR.random(model.nq)
-    for part in _unit_parts(model, q):
-        x = GENERATOR.standard_normal(len(part))
-        part[:] = x / np.sqrt(x @ x)
+    library = library_model(expected(model, Model, "model"))
+    lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
+    upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
+    q: Array | None = operator_kernels.draw_between(GENERATOR)(lower, upper) if READY else None
+    if q is None:
+        q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
+    for unit in library.unit_parts:
+        x = GENERATOR.standard_normal(unit.stop - unit.start)
+        q[unit] = x / math.sqrt(x @ x)
     return q
-
-
-def _finite(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds with a width of 2 where one of them is infinite."""
-    low, high = abs(lower) >= NO_LIMIT, abs(upper) >= NO_LIMIT
-    first = np.where(low, np.where(high, -1.0, upper - 2.0), lower)
-    return first, np.where(high, np.where(low, 1.0, lower + 2.0), upper)

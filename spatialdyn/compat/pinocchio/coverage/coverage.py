@@ -22,53 +22,68 @@ from .pinocchio_names import NAMES
 
 SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a difference", "out of scope", "unknown"
 
-_GEOMETRY = "geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements"
-_CONSTRAINTS = (
-    "other constraints and solvers: constraintDynamics of RigidConstraintModel, forwardDynamics and impulseDynamics "
-    "with a Jacobian, spatialdyn.Constraints"
-)
-_MJCF = "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF"
-_ELLIPSOID = "a joint that URDF does not have: JointModelComposite of those there are"
-_NOT_ITS = "a foreign module in the wheel's namespace: import it by its own name"
-_CONTAINER = "a container of C++: a list or dict of Python"
-
 INSTEAD: tuple[tuple[str, str], ...] = (
-    ("ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDampedDelassusMatrixInverse", _CONSTRAINTS),
-    ("Constraint* Contact *ConstraintModel *ConstraintData", _CONSTRAINTS),
-    ("PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit*", _CONSTRAINTS),
     (
-        "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone",
-        _CONSTRAINTS,
+        "ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDampedDelassusMatrixInverse Constraint* Contact "
+        "*ConstraintModel *ConstraintData PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* "
+        "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone "
+        "NonNegativeOrthantCone lcaba computeImpulseDynamicsDerivatives contactInverseDynamics AUTOMATIC MANUAL "
+        "computeInverseDynamicsConstraintForces convertToRigidConstraintModel computeJointMinimalOrdering "
+        "StdVec_Contact CONSTANT LINEAR OSQP SPECTRAL",
+        "other constraints and solvers: constraintDynamics of RigidConstraintModel, forwardDynamics and "
+        "impulseDynamics with a Jacobian, spatialdyn.Constraints",
     ),
-    ("NonNegativeOrthantCone lcaba computeImpulseDynamicsDerivatives contactInverseDynamics", _CONSTRAINTS),
-    ("computeInverseDynamicsConstraintForces convertToRigidConstraintModel", _CONSTRAINTS),
-    ("computeJointMinimalOrdering StdVec_Contact", _CONSTRAINTS),
-    ("buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*", _MJCF),
-    ("JointModelEllipsoid JointDataEllipsoid", _ELLIPSOID),
-    ("BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Distance*", _GEOMETRY),
-    ("CollisionC* CollisionG* CollisionO* CollisionR*", _GEOMETRY),
-    ("StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* Compute*", _GEOMETRY),
-    ("GeometryPool Mesh* CachedMeshLoader Physics*", _GEOMETRY),
-    ("buildGeom* buildSampleGeometry* computeCollision*", _GEOMETRY),
-    ("computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision*", _GEOMETRY),
-    ("updateGeometryPlacements coal hppfcl", _GEOMETRY),
+    (
+        "buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*",
+        "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF",
+    ),
+    (
+        "JointModelEllipsoid JointDataEllipsoid",
+        "a joint that URDF does not have: JointModelComposite of those there are",
+    ),
+    (
+        "BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Distance* CollisionC* CollisionG* "
+        "CollisionO* CollisionR* StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* "
+        "Compute* GeometryPool Mesh* CachedMeshLoader Physics* buildGeom* buildSampleGeometry* computeCollision* "
+        "computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision* "
+        "updateGeometryPlacements coal hppfcl CONCRETE ICE METAL PLASTIC WOOD",
+        "geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements",
+    ),
     (
         "*KinematicHessian *KinematicHessians",
         "second derivatives of kinematics: finite differences of getJointJacobian",
     ),
     ("*KinematicRegressor", "regressors of placement errors: columns of getJointJacobian, moved by SE3.actInv"),
-    ("CONCRETE ICE METAL PLASTIC WOOD", _GEOMETRY),
-    ("AUTOMATIC MANUAL CONSTANT LINEAR OSQP SPECTRAL", _CONSTRAINTS),
     ("JointData?*", "one class for all kinds: JointData"),
-    ("StdVec_Data StdVec_Model StdVec_JointDataVector StdVec_JointModelVector", _CONTAINER),
+    (
+        "StdVec_Data StdVec_Model StdVec_JointDataVector StdVec_JointModelVector boost_type_index std_type_index "
+        "map_indexing_suite_*",
+        "a container of C++: a list or dict of Python",
+    ),
     ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
     ("sharedMemory", "a switch of the binding's arrays: results are copies, fields of Data are written in place"),
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
     ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
     ("romeo_wrapper windows_dll_manager derivative", "internals of the wheel"),
-    ("inspect sys numpy pin pinocchio_pywrap_default submodules module_info", _NOT_ITS),
-    ("boost_type_index std_type_index map_indexing_suite_*", _CONTAINER),
+    (
+        "inspect sys numpy pin pinocchio_pywrap_default submodules module_info",
+        "a foreign module in the wheel's namespace: import it by its own name",
+    ),
     ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
+)
+_DEPENDENT = "where constraints depend on each other, undamped: give a damping, or mu in ProximalSettings"
+_FOREIGN = "for files that Pinocchio wrote, and its StreamBuffer: pickle, or build the model from its URDF"
+RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arguments that scripts usually pass
+    ("utils.mprint", "always: print(numpy.array2string(M))"),
+    ("Symmetric3.decomposeltI", "always: numpy.linalg.cholesky(S.matrix())"),
+    ("RobotWrapper.BuildFromMJCF RobotWrapper.BuildFromSDF", "always: only URDFs are read, BuildFromURDF"),
+    ("RobotWrapper.updateGeometryPlacements", "always: geometry is placed by data.oMi"),
+    ("GeometryObject.CreateCapsule", "always: it takes a collision library"),
+    ("*Visualizer.create_video_ctx", "always: visualizers make no videos, spatialdyn.view(...).save writes a page"),
+    ("*Visualizer.captureImage", "until a browser shows the page"),
+    ("*MeshcatVisualizer.viewer", "for a path, as viewer[path]: MeshCat's tree is viser's, viewer.server.scene"),
+    ("forwardDynamics impulseDynamics constraintDynamics", _DEPENDENT),
+    ("*.loadFromText *.loadFromXML *.loadFromBinary *.loadFromString", _FOREIGN),
 )
 
 
@@ -105,7 +120,16 @@ def compat_package() -> types.ModuleType:
 
 def instead(name: str) -> str:
     """Advice for a name that is out of scope; "" for other names."""
-    for patterns, what in INSTEAD:
+    return _matching(INSTEAD, name)
+
+
+def raises(name: str) -> str:
+    """When a name that is there raises on arguments that scripts usually pass, and what to do; "" for others."""
+    return _matching(RAISES, name)
+
+
+def _matching(table: tuple[tuple[str, str], ...], name: str) -> str:
+    for patterns, what in table:
         if any(fnmatchcase(name, pattern) for pattern in patterns.split()):
             return what
     return ""
@@ -195,7 +219,8 @@ def _differences() -> dict[str, str]:
     for x in DIFFERENCES:
         if x.switched:
             continue
-        for name in re.findall(r"[\w.]+", x.what):
+        subject = re.split(r" (?:after|before|with) ", x.what)[0]
+        for name in dict.fromkeys(re.findall(r"[\w.]+", subject)):
             if name.split(".")[0] in NAMES | MEMBERS:
                 found.setdefault(name, []).append(f"{x.what}: {x.here}, in Pinocchio {x.pinocchio}")
     return {name: "; ".join(notes) for name, notes in found.items()}

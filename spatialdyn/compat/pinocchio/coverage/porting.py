@@ -1,4 +1,4 @@
-"""The names of Pinocchio that a script uses, read from its syntax tree: no code of it runs.
+"""The names of Pinocchio that a script uses and the imports to change, read from its syntax tree: no code of it runs.
 
 Names are found after ``import pinocchio as pin`` in any of its forms. Of variables only the plain cases are known:
 results of buildModelFrom..., createData, RobotWrapper or a class of Pinocchio, whose members are looked up too.
@@ -10,10 +10,10 @@ import ast
 from typing import NamedTuple
 
 from ....errors import SpatialDynError
-from .coverage import OUT_OF_SCOPE, SUPPORTED, UNKNOWN, compat_package, entry
+from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, raises
 from .pinocchio_names import NAMES
 
-ROOT = "pinocchio"
+ROOT, FACE = "pinocchio", "spatialdyn.compat.pinocchio"
 MAKERS = {  # function -> class of its result
     "buildModelFromUrdf": "Model",
     "buildModelFromXML": "Model",
@@ -28,39 +28,90 @@ MAKERS = {  # function -> class of its result
 }
 FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # function -> class of its first result
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
-STATIC = {"", "Identity", "Random", "Zero"}  # members of a class that return an object of it; "" is its constructor
+STATIC = {"Identity", "Random", "Zero"}  # members of a class that return an object of it
 CLASSES = {"Model", "Data", "RobotWrapper", "SE3", "Motion", "Force", "Inertia", "Symmetric3", "Quaternion", "Frame"}
+CLASSES |= {"GeometryModel", "visualize.MeshcatVisualizer", "visualize.ViserVisualizer"}
 
 
 class Use(NamedTuple):
-    """A name of Pinocchio in a script: the lines that use it, its status here and why."""
+    """A name of Pinocchio in a script: the lines that use it, its status here and why.
+
+    raises  when a name that is there raises on arguments that scripts usually pass, and what to do; "" for others
+    """
 
     name: str
     lines: tuple[int, ...]
     status: str
     note: str
+    raises: str = ""
+
+    @property
+    def works(self) -> bool:
+        """Whether the name is there, and not to raise an error alone."""
+        return self.status in (SUPPORTED, DIFFERENT)
+
+
+class Change(NamedTuple):
+    """A line of a script that imports Pinocchio, and the line to put in its place."""
+
+    line: int
+    before: str
+    after: str
 
 
 def uses(source: str) -> list[Use]:
-    """The names of Pinocchio that a script uses, missing ones first.
+    """The names of Pinocchio that a script uses: missing ones first, then those that may raise or differ.
 
     source  text of the script
     Raises SpatialDynError naming the line of a syntax error
     """
+    reader = _Reader()
+    reader.visit(_parsed(source))
+    found = [_use(name.replace("#", "."), lines) for name, lines in reader.found.items()]
+    return sorted(found, key=lambda use: (use.works, not use.raises, use.status == SUPPORTED, use.lines, use.name))
+
+
+def _use(name: str, lines: list[int]) -> Use:
+    _, status, note = entry(name)
+    when = raises(name)
+    if when.startswith("always"):
+        status, note = OUT_OF_SCOPE, "always raises" + when.removeprefix("always")
+    return Use(name, tuple(sorted(set(lines))), status, note, when)
+
+
+def changes(source: str) -> list[Change]:
+    """The imports of Pinocchio in a script, each with the line that imports this package in its place.
+
+    Raises as ``uses``.
+    """
+    found = []
+    for node in ast.walk(_parsed(source)):
+        if isinstance(node, ast.Import) and any(alias.name.partition(".")[0] == ROOT for alias in node.names):
+            after = "import " + ", ".join(map(_face_import, node.names))
+        elif isinstance(node, ast.ImportFrom) and not node.level and (node.module or "").partition(".")[0] == ROOT:
+            module = FACE + (node.module or "").removeprefix(ROOT)
+            after = ast.unparse(ast.ImportFrom(module, node.names, 0))
+        else:
+            continue
+        found.append(Change(node.lineno, ast.unparse(node), after))
+    return sorted(found)
+
+
+def _face_import(alias: ast.alias) -> str:
+    first, _, rest = alias.name.partition(".")
+    if first != ROOT:
+        return ast.unparse(alias)
+    inside = f".{rest}" if rest and alias.asname else ""  # without a name of its own it binds the package
+    return f"{FACE}{inside} as {alias.asname or ROOT}"
+
+
+def _parsed(source: str) -> ast.Module:
     try:
-        tree = ast.parse(source)
+        return ast.parse(source)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         where = "" if line is None else f"line {line}: "
         raise SpatialDynError(f"{where}{getattr(error, 'msg', error)}, expected a Python script") from None
-    reader = _Reader()
-    reader.visit(tree)
-    found = [
-        Use(name.replace("#", "."), tuple(sorted(set(lines))), *entry(name.replace("#", "."))[1:])
-        for name, lines in reader.found.items()
-    ]
-    order = (UNKNOWN, OUT_OF_SCOPE)
-    return sorted(found, key=lambda use: (use.status not in order, use.status == SUPPORTED, use.lines, use.name))
 
 
 class _Reader(ast.NodeVisitor):
@@ -121,7 +172,9 @@ class _Reader(ast.NodeVisitor):
         if isinstance(node, ast.Call):
             called = self.dotted(node.func)
             last = node.func.attr if isinstance(node.func, ast.Attribute) else called
-            made, _, by = (called or "").partition(".")
+            made, _, by = (called or "").rpartition(".")
+            if called in CLASSES:
+                return called
             if made in CLASSES and by in STATIC:
                 return made
             return MAKERS.get(last or "") if called is not None or last == "createData" else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -65,9 +66,8 @@ def number(value: Any, what: str) -> float:
 
 def near(a: Array, b: Array, precision: float) -> bool:
     """|a - b| <= precision min(|a|, |b|) in the Euclidean norm."""
-    a, b = a.ravel(), b.ravel()
-    d = a - b
-    return bool(d @ d <= precision * precision * min(a @ a, b @ b))
+    x, y = a.ravel().tolist(), b.ravel().tolist()
+    return math.dist(x, y) <= precision * min(math.hypot(*x), math.hypot(*y))
 
 
 def row(values: Any, width: int = 0) -> str:

@@ -77,80 +77,28 @@ class StdVec(OwnedList[Any]):
     __hash__ = object.__hash__  # type: ignore[assignment]
 
 
-INTEGER = (int, np.integer)
-REAL = (float, int, np.floating, np.integer)
+KINDS: dict[str, tuple[Any, str]] = {
+    "SE3": (SE3, "SE3"), "Motion": (Motion, "Motion"), "Inertia": (Inertia, "Inertia"), "Frame": (Frame, "Frame"),
+    "Symmetric3": (Symmetric3, "Symmetric3"), "StdString": (str, "str"), "Bool": ((bool, np.bool_), "bool"),
+    "Force": (Force, "Force, such as the external forces of ``rnea`` and ``aba``"),
+    "Index": ((int, np.integer), "indices"), "Scalar": ((float, int, np.floating, np.integer), "numbers"),
+    "Array": (np.ndarray, "arrays"), "List": ((list, StdVec), "lists of indices"),
+}  # fmt: skip
 
 
-class StdVec_SE3(StdVec):
-    """A list of SE3."""
-
-    kind = SE3
-
-
-class StdVec_Motion(StdVec):
-    """A list of Motion."""
-
-    kind = Motion
+def _list_of(name: str, kind: Any, what: str) -> Any:
+    content = {"kind": kind, "__doc__": f"A list of {what}.", "__module__": __name__}
+    return type(f"StdVec_{name}", (StdVec,), content)
 
 
-class StdVec_Force(StdVec):
-    """A list of Force, such as the external forces of ``rnea`` and ``aba``."""
-
-    kind = Force
-
-
-class StdVec_Inertia(StdVec):
-    """A list of Inertia."""
-
-    kind = Inertia
-
-
-class StdVec_Symmetric3(StdVec):
-    """A list of Symmetric3."""
-
-    kind = Symmetric3
-
-
-class StdVec_Frame(StdVec):
-    """A list of Frame."""
-
-    kind = Frame
-
-
-class StdVec_StdString(StdVec):
-    """A list of str."""
-
-    kind = str
-
-
-class StdVec_Bool(StdVec):
-    """A list of bool."""
-
-    kind = (bool, np.bool_)
-
-
-class StdVec_Index(StdVec):
-    """A list of indices."""
-
-    kind = INTEGER
-
-
-class StdVec_Scalar(StdVec):
-    """A list of numbers."""
-
-    kind = REAL
-
-
-class StdVec_Array(StdVec):
-    """A list of arrays."""
-
-    kind = np.ndarray
-
-
-class StdVec_List(StdVec):
-    """A list of lists of indices."""
-
-    kind = (list, StdVec)
+StdVec_SE3, StdVec_Motion, StdVec_Inertia, StdVec_Frame, StdVec_Symmetric3, StdVec_StdString, StdVec_Bool, \
+    StdVec_Force, StdVec_Index, StdVec_Scalar, StdVec_Array, StdVec_List = (
+        _list_of(name, *row) for name, row in KINDS.items()
+    )  # fmt: skip
+StdVec_Double = StdVec_Scalar
+StdVec_int = StdVec_EigenIndex = StdVec_Index
+StdVec_Vector3 = StdVec_Vec3s = StdVec_Matrix6 = StdVec_Matrix6x = StdVec_MatrixXs = StdVec_Array
+StdVec_IndexVector = StdVec_EigenIndexVector = StdVec_StdVec_Int = StdVec_BooleanVector = StdVec_List
 
 
 class StdMap_String_VectorXd(dict[str, Any]):
@@ -160,9 +108,3 @@ class StdMap_String_VectorXd(dict[str, Any]):
         if not isinstance(name, str) or not isinstance(value, np.ndarray):
             raise ArgumentError(f"{name!r} is a {type(value).__name__}, expected an array by a name")
         super().__setitem__(name, np.array(value, dtype=float).ravel())
-
-
-StdVec_Double = StdVec_Scalar
-StdVec_int = StdVec_EigenIndex = StdVec_Index
-StdVec_Vector3 = StdVec_Vec3s = StdVec_Matrix6 = StdVec_Matrix6x = StdVec_MatrixXs = StdVec_Array
-StdVec_IndexVector = StdVec_EigenIndexVector = StdVec_StdVec_Int = StdVec_BooleanVector = StdVec_List

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import EnumMeta, IntEnum
+from operator import attrgetter
 from typing import Any
 
 from .arguments import ArgumentError, expected
@@ -23,14 +25,13 @@ class _Members(EnumMeta):
     @property
     def names(cls) -> dict[str, Any]:
         """The members by name."""
-        members: Any = cls
-        return {member.name: member for member in members}
+        return dict(cls.__members__)
 
     @property
     def values(cls) -> dict[int, Any]:
         """The members by number."""
-        members: Any = cls
-        return {int(member): member for member in members}
+        members: dict[str, Any] = dict(cls.__members__)
+        return {member.value: member for member in members.values()}
 
 
 class Enum(IntEnum, metaclass=_Members):
@@ -93,121 +94,81 @@ POSITION, VELOCITY, ACCELERATION = KinematicLevel
 ARG0, ARG1, ARG2, ARG3, ARG4 = ArgumentPosition
 
 
-class Frame:
-    """A named frame fixed to the body of a joint.
+def _field(name: str, own: Callable[[Any, Any], Any], doc: str) -> Any:
+    """An attribute kept as ``own(value, frame)``; the frame's owner is notified of assignments."""
 
-    name, type    str, FrameType
-    parentJoint   index of the joint that carries it
-    parentFrame   index of the parent frame
-    placement     SE3 in the parent joint's frame
-    inertia       of the frame's body, in the frame
+    def write(self: Frame, value: Any) -> None:
+        setattr(self, f"_{name}", own(value, self))
+        self.changed()
+
+    return property(attrgetter(f"_{name}"), write, doc=doc)
+
+
+class Frame:
+    """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
+    ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
 
-    __slots__ = ("_inertia", "_name", "_owner", "_parent", "_placement", "parentFrame", "type")
+    _FIELDS = ("name", "parentJoint", "parentFrame", "placement", "type", "inertia")
+    __slots__ = ("_owner", *(f"_{name}" for name in _FIELDS))
+
+    name = _field("name", lambda x, frame: expected(x, str, "name"), "Name of the frame.")
+    parentJoint = _field("parentJoint", lambda x, frame: int(x), "Index of the joint that carries the frame.")
+    parentFrame = _field("parentFrame", lambda x, frame: int(x), "Index of the parent frame.")
+    placement = _field(
+        "placement",
+        lambda x, frame: owned_copy(expected(x, SE3, "placement"), frame),
+        "SE3 in the parent joint's frame.",
+    )
+    type = _field("type", lambda x, frame: FrameType(x), "FrameType.")
+    inertia = _field(
+        "inertia",
+        lambda x, frame: owned_copy(expected(x, Inertia, "inertia"), frame),
+        "Inertia of the frame's body, in the frame.",
+    )
+    parent = parentJoint  # its name in Pinocchio 2 and 3
+    previousFrame = property(attrgetter("_parentFrame"), doc="Index of the parent frame, by its name in Pinocchio 2.")
 
     def __init__(self, *arguments: Any) -> None:
-        """``Frame()``, ``Frame(other)``, ``Frame(name, joint[, parent frame], placement, type[, inertia])``."""
         self._owner: Any = None
-        self.parentFrame: int
-        self.type: FrameType
         if not arguments:
             arguments = ("", 0, 0, SE3.Identity(), FrameType.OP_FRAME)
         if len(arguments) == 1 and isinstance(arguments[0], Frame):
-            other = arguments[0]
-            arguments = (other.name, other.parentJoint, other.parentFrame, other.placement, other.type, other.inertia)
+            arguments = arguments[0]._content()
         if len(arguments) > 2 and isinstance(arguments[2], SE3):
             arguments = (*arguments[:2], 0, *arguments[2:])
         if len(arguments) == 5:
             arguments = (*arguments, Inertia.Zero())
-        if not (
-            len(arguments) == 6
-            and isinstance(arguments[0], str)
-            and isinstance(arguments[3], SE3)
-            and isinstance(arguments[5], Inertia)
-        ):
-            given = ", ".join(type(x).__name__ for x in arguments)
+        kinds = (str, object, object, SE3, object, Inertia)
+        if len(arguments) != 6 or not all(map(isinstance, arguments, kinds)):
+            got = ", ".join(x.__class__.__name__ for x in arguments)
             raise ArgumentError(
-                f"Frame got ({given}), expected (name, parent joint, [parent frame,] placement, type, [inertia])"
+                f"Frame got ({got}), expected (name, parent joint, [parent frame,] placement, type, [inertia])"
             )
-        self._name: str = arguments[0]
-        self._parent = int(arguments[1])
-        self.parentFrame = int(arguments[2])
-        self.type = FrameType(arguments[4])
-        self._placement = owned_copy(arguments[3], self)
-        self._inertia = owned_copy(arguments[5], self)
+        for name, value in zip(self._FIELDS, arguments, strict=True):
+            setattr(self, name, value)
 
     def changed(self) -> None:
         """Notify the model of a change."""
         if self._owner is not None:
             self._owner.changed()
 
-    @property
-    def name(self) -> str:
-        """Name of the frame."""
-        return self._name
-
-    @name.setter
-    def name(self, value: str) -> None:
-        self._name = expected(value, str, "name")
-        self.changed()
-
-    @property
-    def placement(self) -> SE3:
-        """SE3 in the parent joint's frame."""
-        return self._placement
-
-    @placement.setter
-    def placement(self, value: SE3) -> None:
-        self._placement = owned_copy(expected(value, SE3, "placement"), self)
-        self.changed()
-
-    @property
-    def inertia(self) -> Inertia:
-        """Inertia of the frame's body, in the frame."""
-        return self._inertia
-
-    @inertia.setter
-    def inertia(self, value: Inertia) -> None:
-        self._inertia = owned_copy(expected(value, Inertia, "inertia"), self)
-
-    @property
-    def parentJoint(self) -> int:
-        """Index of the joint that carries the frame."""
-        return self._parent
-
-    @parentJoint.setter
-    def parentJoint(self, value: int) -> None:
-        self._parent = int(value)
-        self.changed()
-
-    parent = parentJoint  # its name in Pinocchio 2 and 3
-
-    @property
-    def previousFrame(self) -> int:
-        """Index of the parent frame, by its name in Pinocchio 2."""
-        return self.parentFrame
-
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
         return Frame(self)
 
-    def cast(self) -> Frame:
-        """A copy: the only scalar type is float64."""
+    cast = __copy__ = copy  # the only scalar type is float64
+
+    def __deepcopy__(self, memo: Any) -> Frame:
         return Frame(self)
 
     def _content(self) -> tuple[Any, ...]:
-        return self.name, self._parent, self.parentFrame, self._placement, self.type, self._inertia
+        return tuple(getattr(self, name) for name in self._FIELDS)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Frame) and self._content() == other._content()
 
     __hash__ = object.__hash__
-
-    def __copy__(self) -> Frame:
-        return Frame(self)
-
-    def __deepcopy__(self, memo: Any) -> Frame:
-        return Frame(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Frame, self._content()
@@ -215,5 +176,5 @@ class Frame:
     def __repr__(self) -> str:
         return (
             f"Frame name: {self.name} paired to (parent joint/ parent frame)({self.parentJoint}/{self.parentFrame})\n"
-            f"with relative placement wrt parent joint:\n{self._placement}\ncontaining inertia:\n{self._inertia}\n"
+            f"with relative placement wrt parent joint:\n{self.placement}containing inertia:\n{self.inertia}\n"
         )

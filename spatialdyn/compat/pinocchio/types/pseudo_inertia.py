@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import InertiaError
-from .arguments import ArgumentError, array, described, number, row, rows
+from .arguments import ArgumentError, array, described, row, rows
 from .rotations import skewSquare
 from .symmetric import PLACES, six
-from .tracked_array import Value
+from .value import Value, as_array, part
 
 __all__ = ["LogCholeskyParameters", "PseudoInertia"]
 
@@ -47,25 +47,15 @@ class PseudoInertia(Value):
     """
 
     __slots__ = ()
+    _arguments = ("mass", "h", "sigma")
     _body: ClassVar[Any]  # Inertia; set by its module, which imports this one
 
     def __init__(self, mass: Any, h: Any = None, sigma: Any = None) -> None:
-        if isinstance(mass, PseudoInertia):
-            self._x = mass._x.copy()
-            return
-        self._x = np.empty((4, 4))
-        self._x[3, 3] = number(mass, "mass")
-        self._x[:3, 3] = self._x[3, :3] = array(h, (3,), "h")
-        self._x[:3, :3] = array(sigma, (3, 3), "sigma")
+        self._x = mass._x.copy() if isinstance(mass, PseudoInertia) else np.empty((4, 4))
+        if not isinstance(mass, PseudoInertia):
+            self.mass, self.h, self.sigma = mass, h, sigma
 
-    @property
-    def mass(self) -> float:
-        """The mass [kg]."""
-        return float(self._x[3, 3])
-
-    @mass.setter
-    def mass(self, value: float) -> None:
-        self._x[3, 3] = number(value, "mass")
+    mass = part("mass", (3, 3), "The mass [kg].")
 
     @property
     def h(self) -> Array:
@@ -108,8 +98,7 @@ class PseudoInertia(Value):
         """The matrix (4, 4)."""
         return self._x.copy()
 
-    def __array__(self, dtype: Any = None, copy: Any = None) -> Array:
-        return self._x.copy() if dtype is None else self._x.astype(dtype)
+    __array__ = as_array(toMatrix)
 
     def toDynamicParameters(self) -> Array:
         """The ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
@@ -119,9 +108,6 @@ class PseudoInertia(Value):
     def toInertia(self) -> Any:
         """The Inertia of these parameters."""
         return self._body.FromPseudoInertia(self)
-
-    def __getinitargs__(self) -> tuple[float, Array, Array]:
-        return self.mass, self.h, self.sigma
 
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  h = {row(self.h)}\n  sigma = \n{rows(self.sigma)}"
@@ -135,6 +121,7 @@ class LogCholeskyParameters(Value):
     """
 
     __slots__ = ()
+    _arguments = ("parameters",)
     _body: ClassVar[Any]
     _names = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 
@@ -153,8 +140,7 @@ class LogCholeskyParameters(Value):
     def parameters(self, value: Any) -> None:
         self._write(_ten(value))
 
-    def __array__(self, dtype: Any = None, copy: Any = None) -> Array:
-        return self._x.copy() if dtype is None else self._x.astype(dtype)
+    __array__ = as_array(lambda self: self._x.copy())
 
     def _factor(self) -> tuple[float, Array, list[Array]]:
         """e^2α, U, and the derivatives of U by the other nine."""
@@ -187,9 +173,6 @@ class LogCholeskyParameters(Value):
         scale, U, turned = self._factor()
         columns = [2.0 * U @ U.T, *(D @ U.T + U @ D.T for D in turned)]
         return np.stack([PseudoInertia.over(scale * P).toDynamicParameters() for P in columns], axis=1)
-
-    def __getinitargs__(self) -> tuple[Array]:
-        return (self._x.copy(),)
 
     def __repr__(self) -> str:
         return "\n".join(f"  {name}: {x:g}" for name, x in zip(self._names, self._x, strict=True))

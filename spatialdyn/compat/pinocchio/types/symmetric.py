@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, near, number, row
+from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, number, row
 from .random import uniform
 from .rotations import skew
-from .tracked_array import Value
+from .value import Summable, preset
 
 __all__ = ["Symmetric3"]
 
 Array = NDArray[np.float64]
 PLACES = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # of the matrix entries in the six numbers
-ONE = (1.0, 0.0, 1.0, 0.0, 0.0, 1.0)
 
 
 def six(M: Array) -> Array:
@@ -24,46 +23,37 @@ def six(M: Array) -> Array:
     return np.array([M[0, 0], M[1, 0], M[1, 1], M[2, 0], M[2, 1], M[2, 2]])
 
 
-class Symmetric3(Value):
+class Symmetric3(Summable):
     """A symmetric matrix: ``Symmetric3(matrix (3, 3))``, whose lower triangle is read, ``Symmetric3(data (6,))`` or
     ``Symmetric3(xx, xy, yy, xz, yz, zz)``. ``Symmetric3()`` is zero.
     """
 
     __slots__ = ()
+    _arguments = ("_x",)
 
     def __init__(self, *arguments: Any) -> None:
-        self._x = np.zeros(6)
         if len(arguments) == 6:
-            self._x[:] = [number(x, "entry") for x in arguments]
+            self._x = np.array([number(x, "entry") for x in arguments])
         elif len(arguments) == 1:
-            self._x[:] = self._made(arguments[0])
+            self._x = self._read(arguments[0])
         elif arguments:
             raise ArgumentError(f"Symmetric3 got {len(arguments)} arguments, expected 0, 1 or 6")
+        else:
+            self._x = np.zeros(6)
 
     @staticmethod
-    def _made(given: Any) -> Array:
-        if isinstance(given, Symmetric3):
-            return given._x
-        if isinstance(given, np.ndarray) and given.shape in ((6,), (6, 1)):
-            return array(given, (6,), "data")
-        if isinstance(given, np.ndarray) and given.ndim == 1:
-            raise ValueRuntimeError(f"data is {described(given)}, expected shape (6,)")
-        return six(array(given, (3, 3), "matrix"))
+    def _read(x: Any) -> Array:
+        if isinstance(x, Symmetric3):
+            return x._x.copy()
+        if isinstance(x, np.ndarray) and x.ndim == 1 and x.size != 6:
+            raise ValueRuntimeError(f"data is {described(x)}, expected shape (6,)")
+        if isinstance(x, np.ndarray) and x.shape in ((6,), (6, 1)):
+            return array(x, (6,), "data")
+        return six(array(x, (3, 3), "matrix"))
 
-    @classmethod
-    def Zero(cls) -> Symmetric3:
-        """Zero."""
-        return Symmetric3()
-
-    @classmethod
-    def Identity(cls) -> Symmetric3:
-        """The identity."""
-        return Symmetric3(*ONE)
-
-    @classmethod
-    def Random(cls) -> Symmetric3:
-        """Six random numbers in ±1."""
-        return Symmetric3(uniform(6))
+    Zero, setZero = preset(lambda: np.zeros(6), "zero")
+    Identity, setIdentity = preset(lambda: (1.0, 0.0, 1.0, 0.0, 0.0, 1.0), "the identity")
+    Random, setRandom = preset(lambda: uniform(6), "six random numbers in ±1")
 
     @property
     def data(self) -> Array:
@@ -81,40 +71,19 @@ class Symmetric3(Value):
 
     # --- sums and products ---------------------------------------------------------------------------------
 
-    def _other(self, other: Any) -> Any:
-        if isinstance(other, Symmetric3):
-            return other._x
+    def _plus(self, other: Any, sign: float) -> Any:
         if isinstance(other, np.ndarray) and other.shape == (3, 3):
-            return six(array(other, (3, 3), "matrix"))
-        return None
+            other = Symmetric3(other)
+        return Symmetric3.over(self._x + sign * other._x) if isinstance(other, Symmetric3) else NotImplemented
 
     def __add__(self, other: Any) -> Any:
-        x = self._other(other)
-        return NotImplemented if x is None else Symmetric3.over(self._x + x)
+        return self._plus(other, 1.0)
 
     def __sub__(self, other: Any) -> Any:
-        x = self._other(other)
-        return NotImplemented if x is None else Symmetric3.over(self._x - x)
-
-    def __iadd__(self, other: Any) -> Any:
-        x = self._other(other)
-        if x is None:
-            return NotImplemented
-        self._write(self._x + x)
-        return self
-
-    def __isub__(self, other: Any) -> Any:
-        x = self._other(other)
-        if x is None:
-            return NotImplemented
-        self._write(self._x - x)
-        return self
+        return self._plus(other, -1.0)
 
     def __imul__(self, scale: Any) -> Any:
-        if not isinstance(scale, (int, float)):
-            return NotImplemented
-        self._write(self._x * scale)
-        return self
+        return self._write(self._x * scale) if isinstance(scale, (int, float)) else NotImplemented
 
     def __mul__(self, vector: Any) -> Any:
         if isinstance(vector, np.ndarray) and vector.shape in ((3,), (3, 1)):
@@ -132,16 +101,14 @@ class Symmetric3(Value):
         return float(v @ (self * v))
 
     @staticmethod
-    def vxs(v: Any, S3: Symmetric3) -> Array:
+    def vxs(v: Any, S3: Symmetric3) -> Any:
         """The matrix (3, 3) of v × S ·."""
-        matrix: Array = expected(S3, Symmetric3, "S3").matrix()
-        return skew(v) @ matrix
+        return skew(v) @ expected(S3, Symmetric3, "S3").matrix()
 
     @staticmethod
-    def svx(v: Any, S3: Symmetric3) -> Array:
+    def svx(v: Any, S3: Symmetric3) -> Any:
         """The matrix (3, 3) of S v × ·."""
-        matrix: Array = expected(S3, Symmetric3, "S3").matrix()
-        return matrix @ skew(v)
+        return expected(S3, Symmetric3, "S3").matrix() @ skew(v)
 
     def rotate(self, R: Any) -> Symmetric3:
         """R S Rᵀ for a rotation (3, 3)."""
@@ -156,20 +123,6 @@ class Symmetric3(Value):
         """Not offered; ``numpy.linalg.cholesky(S.matrix())`` is a factor."""
         raise NotImplementedError("Symmetric3.decomposeltI is not offered; use numpy.linalg.cholesky(S.matrix())")
 
-    # --- the whole -----------------------------------------------------------------------------------------
-
-    def setZero(self) -> None:
-        """Set it to zero."""
-        self._write(0.0)
-
-    def setIdentity(self) -> None:
-        """Set it to the identity."""
-        self._write(ONE)
-
-    def setRandom(self) -> None:
-        """Set it to six random numbers in ±1."""
-        self._write(uniform(6))
-
     def setDiagonal(self, diag: Any) -> None:
         """Set the diagonal (3,)."""
         self._x[[0, 2, 5]] = array(diag, (3,), "diag")
@@ -178,17 +131,6 @@ class Symmetric3(Value):
     def fill(self, value: float) -> None:
         """Set all entries to one number."""
         self._write(number(value, "value"))
-
-    def isApprox(self, other: Symmetric3, prec: float = 1e-12) -> bool:
-        """Whether the six numbers agree to prec of their norms."""
-        return near(self._x, expected(other, Symmetric3, "other")._x, prec)
-
-    def isZero(self, prec: float = 1e-12) -> bool:
-        """Whether no entry exceeds prec."""
-        return bool((abs(self._x) <= prec).all())
-
-    def __getinitargs__(self) -> tuple[Array]:
-        return (self._x.copy(),)
 
     def __repr__(self) -> str:
         return f"m_data: {row(self._x)}\n"

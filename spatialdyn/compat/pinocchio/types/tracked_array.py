@@ -1,4 +1,4 @@
-"""Arrays that notify an owner of writes, and values that view an array.
+"""Arrays that notify an owner of writes.
 
 A ``TrackedArray`` calls ``changed()`` of its owner after every write through it or a view of it: item assignment,
 in-place operators, ``out=``, ``np.copyto`` and its like, methods such as ``fill``. Results computed from it are plain
@@ -8,13 +8,12 @@ arrays. Writes that cannot notify the owner raise ValueError, for the array is r
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Self = TypeVar("Self", bound="Value")
 
 WRITERS = {np.copyto, np.put, np.place, np.putmask, np.fill_diagonal, np.put_along_axis}
 
@@ -154,70 +153,3 @@ def _plain(x: Any) -> Any:
     if isinstance(x, (tuple, list)):
         return type(x)(_plain(y) for y in x) if type(x) in (tuple, list) else x
     return plain(x)
-
-
-class Value:
-    """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
-
-    ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
-    """
-
-    __slots__ = ("__dict__", "__weakref__", "_x")
-    _owner: Any = None
-    _x: Array
-
-    @classmethod
-    def over(cls: type[Self], x: Array, owner: Any = None) -> Self:
-        """The object whose numbers are an array, as a view of it."""
-        made = cls.__new__(cls)
-        made._x = x
-        if owner is not None:
-            made._owner = owner
-        return made
-
-    def changed(self) -> None:
-        """Notify the owner, if any, of a write."""
-        if self._owner is not None:
-            self._owner.changed()
-
-    def _write(self, x: Any) -> None:
-        self._x[...] = x
-        if self._owner is not None:
-            self._owner.changed()
-
-    def _view(self, x: Array) -> Array:
-        """A writable view of ``_x`` or a part of it, for the caller."""
-        return x if self._owner is None else tracked(x, self._owner)
-
-    def copy(self: Self) -> Self:
-        """An independent copy."""
-        return self.over(self._x.copy())
-
-    def cast(self: Self) -> Self:
-        """A copy: the only scalar type is float64."""
-        return self.copy()
-
-    def __copy__(self: Self) -> Self:
-        return self.copy()
-
-    def __deepcopy__(self: Self, memo: Any) -> Self:
-        return self.copy()
-
-    def __getinitargs__(self) -> tuple[Any, ...]:
-        """Constructor arguments that make an equal object."""
-        raise NotImplementedError
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self.__getinitargs__()
-
-    def __eq__(self, other: object) -> Any:
-        if type(other) is not type(self) and not isinstance(other, type(self)):
-            return NotImplemented
-        return bool((self._x == other._x).all())
-
-    def __ne__(self, other: object) -> Any:
-        if type(other) is not type(self) and not isinstance(other, type(self)):
-            return NotImplemented
-        return bool((self._x != other._x).any())
-
-    __hash__ = object.__hash__

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from .arguments import ArgumentError
-from .tracked_array import Value as Numbers
+from .value import Value as Numbers
 
 Value = TypeVar("Value")
 

@@ -1,0 +1,243 @@
+"""Base of SE3, Motion and their like: numbers in one array, parts of it as attributes, compiled functions."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....engines.compiled.generated import function_from_text
+from ....engines.object_layout import slot_offset
+from ...native import operator_kernels, operators
+from .arguments import ArgumentError, array, expected, near, number
+from .tracked_array import tracked
+
+Array = NDArray[np.float64]
+Self = TypeVar("Self", bound="Value")
+
+
+class Value:
+    """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
+
+    ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
+    """
+
+    __slots__ = ("__dict__", "__weakref__", "_x")
+    _owner: Any = None
+    _x: Array
+    _classes: ClassVar[dict[str, type[Value]]] = {}  # by the kind of their array, capitalized
+    _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
+    _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
+
+    def __init_subclass__(cls, kind: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if kind:
+            Value._classes[kind] = cls
+            copy = on_values(f"copy(self: {kind}) -> {kind}", operators.same, "An independent copy.")
+            cls.copy = copy  # type: ignore[method-assign]
+
+    @classmethod
+    def over(cls: type[Self], x: Array, owner: Any = None) -> Self:
+        """The object whose numbers are an array, as a view of it."""
+        made = cls.__new__(cls)
+        made._x = x
+        if owner is not None:
+            made._owner = owner
+        return made
+
+    def changed(self) -> None:
+        """Notify the owner, if any, of a write."""
+        if self._owner is not None:
+            self._owner.changed()
+
+    def _write(self: Self, x: Any) -> Self:
+        self._x[...] = x
+        if self._owner is not None:
+            self._owner.changed()
+        return self
+
+    def copy(self: Self) -> Self:
+        """An independent copy."""
+        return self.over(self._x.copy())
+
+    def cast(self: Self) -> Self:
+        """A copy: the only scalar type is float64."""
+        return self.copy()
+
+    def __copy__(self: Self) -> Self:
+        return self.copy()
+
+    def __deepcopy__(self: Self, memo: Any) -> Self:
+        return self.copy()
+
+    def isApprox(self, other: Any, prec: float = 1e-12) -> bool:
+        """Whether both agree to prec of their norms, part by part."""
+        a, b = self._x, expected(other, type(self), "other")._x
+        return all(near(a[at], b[at], prec) for at in self._compared)
+
+    def __getinitargs__(self) -> tuple[Any, ...]:
+        """Constructor arguments that make an equal object."""
+        found = (getattr(self, name) for name in self._arguments)
+        return tuple(x.copy() if isinstance(x, np.ndarray) else x for x in found)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self.__getinitargs__()
+
+    def __eq__(self, other: object) -> Any:
+        if type(other) is not type(self) and not isinstance(other, type(self)):
+            return NotImplemented
+        return self._x.tolist() == other._x.tolist()
+
+    def __ne__(self, other: object) -> Any:
+        if type(other) is not type(self) and not isinstance(other, type(self)):
+            return NotImplemented
+        return self._x.tolist() != other._x.tolist()
+
+    __hash__ = object.__hash__
+
+
+class Summable(Value):
+    """Base of values that form a vector space: Motion, Force, Inertia and Symmetric3."""
+
+    __slots__ = ()
+
+    def __iadd__(self, other: Any) -> Any:
+        total = self + other
+        return self._write(total._x) if isinstance(total, Value) else NotImplemented
+
+    def __isub__(self, other: Any) -> Any:
+        total = self - other
+        return self._write(total._x) if isinstance(total, Value) else NotImplemented
+
+    def isZero(self, prec: float = 1e-12) -> bool:
+        """Whether no entry exceeds prec."""
+        return bool((abs(self._x) <= prec).all())
+
+
+class InFrames(Value):
+    """Base of values that an SE3 takes from frame to frame: Motion, Force and Inertia."""
+
+    __slots__ = ()
+
+    def se3Action(self: Self, M: Any) -> Self:
+        """The value from the frame M in M's reference frame: ``M.act(self)``."""
+        return expected(M, Value._classes["Pose"], "M").act(self)  # type: ignore[no-any-return]
+
+    def se3ActionInverse(self: Self, M: Any) -> Self:
+        """The value from M's reference frame in the frame M: ``M.actInv(self)``."""
+        return expected(M, Value._classes["Pose"], "M").actInv(self)  # type: ignore[no-any-return]
+
+
+# --- attributes --------------------------------------------------------------------------------------------
+
+
+def part(name: str, at: Any, doc: str) -> Any:
+    """An attribute that is a writable view of the numbers ``_x[at]``, or a number if ``at`` names one."""
+
+    def read(self: Value) -> Any:
+        x = self._x[at]
+        return x if self._owner is None else tracked(x, self._owner)
+
+    def read_number(self: Value) -> float:
+        return float(self._x[at])
+
+    def write(self: Value, given: Any) -> None:
+        there = self._x[at]
+        self._x[at] = array(given, there.shape, name) if there.shape else number(given, name)
+        if self._owner is not None:
+            self._owner.changed()
+
+    single = isinstance(at, int) or (isinstance(at, tuple) and all(isinstance(k, int) for k in at))
+    return property(read_number if single else read, write, doc=doc)
+
+
+def preset(numbers: Callable[[], Any], what: str) -> tuple[Any, Any]:
+    """A class method that makes an object of these numbers, and a method that sets them."""
+
+    def make(cls: type[Value]) -> Value:
+        return cls.over(np.array(numbers(), float))
+
+    def assign(self: Value) -> None:
+        self._write(numbers())
+
+    make.__doc__, assign.__doc__ = f"{what[0].upper()}{what[1:]}.", f"Set it to {what}."
+    return classmethod(make), assign
+
+
+def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
+    """The method ``__array__`` of a class whose objects are that array."""
+
+    def method(self: Any, dtype: Any = None, copy: Any = None) -> Array:
+        return read(self) if dtype is None else read(self).astype(dtype)
+
+    return method
+
+
+# --- compiled functions ------------------------------------------------------------------------------------
+
+
+def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Callable[..., Any]:
+    """A function with a signature such as "dot(self: Motion, f: Force) -> number" for an operator of such kinds.
+
+    Kinds are those of ``operator_kernels.value_builtin``. Arguments of other types, as lists or arrays of integers,
+    are converted, or raise ArgumentError; where ``__name__`` is an operator of Python, it returns NotImplemented.
+    Compiled at its first call.
+    """
+    match = re.fullmatch(r"(\w+)\((.*)\) -> (\w+)", signature)
+    name, arguments, output = match.groups() if match else ("", "", "")
+    inputs = dict(x.split(": ") for x in arguments.split(", ") if x)
+    kinds = tuple(inputs.values())
+    label = "_".join([operator.__module__.rpartition(".")[2], operator.__name__, *kinds, output]).replace("|", "_or_")
+
+    def first(*given: Any) -> Any:
+        from ....engines.compiled.cpython import READY, unavailable
+
+        scope["call"] = unavailable if inputs else convert
+        if READY:
+            builtin = operator_kernels.value_builtin(label, operator, kinds, output)
+            slot = slot_offset(Value, "_x")
+            scope["call"] = operator_kernels.bind_values(builtin, slot, Value._classes, kinds, output)
+        return scope["call"](*given)
+
+    text = " ".join(_array_kind(kind) for kind in kinds)
+    kernel = operator_kernels.on_arrays(label, operator, f"{text} -> {output.lower()}")
+
+    def convert(*given: Any) -> Any:
+        try:
+            ready = [_converted(x, kind, what) for x, (what, kind) in zip(given, inputs.items(), strict=True)]
+        except ArgumentError:
+            if name.startswith("__"):
+                return NotImplemented
+            raise
+        if output == "number":
+            return kernel(*ready)
+        out = np.empty(operator_kernels.SHAPES[output.lower()])
+        kernel(*ready, out)
+        return Value._classes[output].over(out) if output in Value._classes else out
+
+    names = ", ".join(inputs)
+    lines = [f"def {name}({names}):", f"    result = call({names})"]
+    lines.append(f"    return result if result is not None else convert({names})" if inputs else "    return result")
+    module = sys._getframe(1).f_globals["__name__"]  # pickles name it
+    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module}
+    function = function_from_text(name, lines, scope, label)
+    function.__doc__ = doc
+    return function
+
+
+def _array_kind(kind: str) -> str:
+    return kind.lower().partition("|")[0]
+
+
+def _converted(x: Any, kind: str, what: str) -> Any:
+    """An argument as its kernel takes it. Raises ArgumentError if it cannot be one of that kind."""
+    if kind == "number":
+        return number(x, what)
+    first, _, other = kind.partition("|")
+    if first in Value._classes and (not other or isinstance(x, Value._classes[first])):
+        return expected(x, Value._classes[first], what)._x
+    return array(x, operator_kernels.SHAPES[_array_kind(kind)], what)

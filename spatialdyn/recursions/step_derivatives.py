@@ -1,0 +1,322 @@
+"""Derivatives of a step of the explicit methods by the state before it and the torques, and of the equation of motion.
+
+A step takes (q, v) to (q⁺, v⁺) under a torque held over it. With δq the displacement of a joint in its own body's frame
+and δ = (δq, δv, δτ), each quantity of the step has a matrix of 3 nv columns, its derivative by δ. By ``dintegrate``
+q ∘ exp(u) has P δq + R δu, by ``aba_derivatives`` the acceleration has D_q δq + D_v δv + M⁻¹ δτ, and in the method of
+Runge and Kutta, on u̇ = T(u) w, the rate has ∂(T(u) w)/∂u δu + T(u) δw. The rest is the chain rule, stage by stage.
+
+The result has 2 nv rows, those of δq⁺ and of δv⁺. Of robots with joints of several freedoms it has one more, whose
+first entry is the square of the largest angle by which one of them turns in the step or a part of it: at 2π exp is
+singular, and a step of more than π has no use.
+
+Derived here from the steps as ``simulation.explicit`` has them, after Munthe-Kaas, High order Runge-Kutta methods on
+manifolds (1999), for the derivative of exp in closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..algebra.euclidean import dot, neg
+from ..algebra.lie import Tangent, turned_diagonal
+from ..algebra.scalars import Scalar, inline, no_inline, select
+from ..bodies.kinds import NV
+from .configuration import dintegrate, displacement_rate_derivatives, integrate, put_tangent, twist
+from .derivatives import WORK_FORWARD, aba_derivatives
+from .signatures import Array, Bodies, Config, Matrix, Vector, Work
+from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
+
+RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+
+# Scratch: ``rows`` (9, nv) of vectors, ``squares`` (8, nv, nv), ``wide`` (7, nv, 3 nv) of derivatives by (q, v, τ)
+_SCRATCH = (("nq",), (9, "nv"), (8, "nv", "nv"), (7, "nv", "nv+nv+nv"))
+
+
+@inline
+def explicit_euler_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
+    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+) -> None:  # fmt: skip
+    """q⁺ = q ∘ exp(h v), v⁺ = v + h a: Runge and Kutta's method of one stage."""
+    _runge_kutta((0.0,), (1.0,), bodies, work, q, v, tau, fext, dt, out, pivots, stage, rows, squares, wide)
+
+
+@inline
+def rk4_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
+    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+) -> None:  # fmt: skip
+    """The classical method of order 4 on (u, v), q(t) = q ∘ exp(u(t))."""
+    _runge_kutta(
+        RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, out, pivots, stage, rows, squares, wide
+    )  # fmt: skip
+
+
+@inline
+def _runge_kutta(
+    nodes: tuple[float, ...], weights: tuple[float, ...], bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector,
+    fext: Matrix, dt: Vector, out: Matrix, pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+) -> None:  # fmt: skip
+    """A method each of whose stages starts from the one before it alone; fext may be None, for zero."""
+    n = len(bodies) - 1
+    rows[:] = 0.0
+    wide[:] = 0.0
+    u, w, a, rate, moved, spare = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    D, inverse, by_step, by_rate = squares[0:3], squares[3], squares[4:6], squares[6:8]
+    U, W, Ku, Ka, moved_by, changed_by = wide[0], wide[1], wide[2], wide[3], wide[4], wide[5]
+    turn = 0.0
+    for s in range(len(nodes)):
+        h = nodes[s] * dt[0]
+        for i in range(n):
+            u[i], w[i] = h * rate[i], v[i] + h * a[i]
+        _scaled(h, Ku, U)
+        _scaled(h, Ka, W)
+        _add_unit(1, W)
+        turn = largest_turn(bodies, u, turn)
+        for k in range(len(q)):
+            stage[k] = q[k]
+        if s > 0:
+            integrate(bodies, q, u, stage)
+        dintegrate(bodies, q, u, by_step)
+        displacement_rate_derivatives(bodies, u, w, by_rate)
+        # u̇ = T(u) w and the acceleration of the stage, with their derivatives
+        for i in range(n):
+            rate[i] = 0.0
+        _add_turned(bodies, by_rate[1], w, rate)
+        Ku[:] = 0.0
+        _add_blocks(bodies, by_rate[0], U, Ku)
+        _add_blocks(bodies, by_rate[1], W, Ku)
+        acceleration_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
+        if s == 0:
+            pivots[:] = spare
+        by_q = wide[6]
+        _moved(bodies, by_step, U, by_q)
+        _acceleration(D, by_q, W, Ka)
+        h = weights[s] * dt[0]
+        for i in range(n):
+            moved[i] = moved[i] + h * rate[i]
+        _add_scaled(h, Ku, moved_by)
+        _add_scaled(h, Ka, changed_by)
+    turn = largest_turn(bodies, moved, turn)
+    dintegrate(bodies, q, moved, by_step)
+    _moved(bodies, by_step, moved_by, out[:n])
+    out[n : 2 * n] = changed_by
+    _add_unit(1, out[n : 2 * n])
+    _put_turn(turn, n, out)
+
+
+@inline
+def semi_implicit_euler_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
+    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+) -> None:  # fmt: skip
+    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺)."""
+    n, h = len(bodies) - 1, dt[0]
+    u, a, D, by_step, U = rows[0], rows[2], squares[0:3], squares[4:6], wide[0]
+    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, squares[3])
+    for i in range(n):
+        u[i] = h * (v[i] + h * a[i])
+        for j in range(n):
+            for k in range(3):
+                out[n + i, k * n + j] = h * D[k, i, j]
+    _add_unit(1, out[n : 2 * n])
+    _scaled(h, out[n : 2 * n], U)
+    dintegrate(bodies, q, u, by_step)
+    _moved(bodies, by_step, U, out[:n])
+    _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def velocity_verlet_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
+    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+) -> None:  # fmt: skip
+    """q⁺ = q ∘ exp(h v + ½ h² a), v⁺ = v + ½ h (a + a⁺) with a⁺ = a(q⁺, v + h a)."""
+    n, h = len(bodies) - 1, dt[0]
+    u, w, a, spare = rows[0], rows[1], rows[2], rows[5]
+    D, inverse, by_step = squares[0:3], squares[3], squares[4:6]
+    U, W, Ka, by_q = wide[0], wide[1], wide[2], wide[3]
+    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    wide[:] = 0.0
+    _add_unit(0, by_q)
+    _add_unit(1, W)
+    _acceleration(D, by_q, W, Ka)
+    _scaled(0.5 * h * h, Ka, U)
+    _add_scaled(h, W, U)
+    _add_scaled(h, Ka, W)
+    for i in range(n):
+        u[i], w[i] = h * (v[i] + 0.5 * h * a[i]), v[i] + h * a[i]
+    integrate(bodies, q, u, stage)
+    dintegrate(bodies, q, u, by_step)
+    _moved(bodies, by_step, U, by_q)
+    out[:n] = by_q
+    _scaled(0.5 * h, Ka, out[n : 2 * n])
+    acceleration_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
+    _acceleration(D, by_q, W, Ka)
+    _add_scaled(0.5 * h, Ka, out[n : 2 * n])
+    _add_unit(1, out[n : 2 * n])
+    _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def motion_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, out: Matrix,
+    pivots: Vector, a: Vector, D: Array, inverse: Matrix,
+) -> None:  # fmt: skip
+    """Rates of δq and δv along the motion by (δq, δv, δτ): d/dt δq = δv - v × δq in each body's frame."""
+    n = len(bodies) - 1
+    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    out[:n] = 0.0
+    for i in range(n):
+        for j in range(n):
+            for k in range(3):
+                out[n + i, k * n + j] = D[k, i, j]
+        out[i, n + i] = 1.0
+    D[0] = 0.0
+    for i in range(1, n + 1):
+        b = bodies[i]
+        if NV[b.kind] > 1:
+            m = twist(b, i - 1, v)
+            put_tangent(b, i - 1, Tangent(turned_diagonal(0.0, neg(m.w)), turned_diagonal(0.0, neg(m.v))), 0.0, D, 0)
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = D[0, i, j]
+
+
+@no_inline
+def acceleration_derivatives(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, D: Array, pivots: Vector, a: Vector,
+    inverse: Matrix,
+) -> None:  # fmt: skip
+    """``aba_derivatives``, compiled once for all steps: most of what compiling a table kernel takes."""
+    aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+
+
+# --- parts ----------------------------------------------------------------------------------------------
+
+
+@inline
+def largest_turn(bodies: Bodies, u: Vector, most: Scalar) -> Scalar:
+    """The larger of ``most`` and the squares of the angles by which u turns joints of several freedoms."""
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        if NV[b.kind] > 1:
+            w = twist(b, i - 1, u).w
+            square = dot(w, w)
+            most = select(square - most, square, most)
+    return most
+
+
+@inline
+def _put_turn(turn: Scalar, n: int, out: Matrix) -> None:
+    """The last row, if there is one."""
+    for i in range(2 * n, len(out)):
+        for j in range(3 * n):
+            out[i, j] = turn if j == 0 else 0.0
+
+
+@inline
+def _moved(bodies: Bodies, by_step: Array, U: Matrix, out: Matrix) -> None:
+    """out = P [1 0 0] + R U of q ∘ exp(u)."""
+    out[:] = 0.0
+    for i in range(1, len(bodies)):
+        d = NV[bodies[i].kind]
+        for r in range(i - 1, i - 1 + d):
+            for c in range(i - 1, i - 1 + d):
+                out[r, c] = by_step[0, r, c]
+    _add_blocks(bodies, by_step[1], U, out)
+
+
+@inline
+def _acceleration(D: Array, by_q: Matrix, W: Matrix, out: Matrix) -> None:
+    """out = D_q Q + D_v W + M⁻¹ [0 0 1]."""
+    n = len(W)
+    for i in range(n):
+        into = out[i]
+        for j in range(2 * n):
+            into[j] = 0.0
+        for j in range(n):
+            into[2 * n + j] = D[2, i, j]
+        for k in range(n):
+            x, y, first, second = D[0, i, k], D[1, i, k], by_q[k], W[k]
+            for j in range(3 * n):
+                into[j] = into[j] + x * first[j] + y * second[j]
+
+
+@inline
+def _add_blocks(bodies: Bodies, T: Matrix, X: Matrix, out: Matrix) -> None:
+    """out += T X, T with a block for each joint."""
+    for i in range(1, len(bodies)):
+        d = NV[bodies[i].kind]
+        for r in range(i - 1, i - 1 + d):
+            into = out[r]
+            for k in range(i - 1, i - 1 + d):
+                x, row = T[r, k], X[k]
+                for j in range(len(row)):
+                    into[j] = into[j] + x * row[j]
+
+
+@inline
+def _add_turned(bodies: Bodies, T: Matrix, x: Vector, out: Vector) -> None:
+    """out += T x, T with a block for each joint."""
+    for i in range(1, len(bodies)):
+        d = NV[bodies[i].kind]
+        for r in range(i - 1, i - 1 + d):
+            for k in range(i - 1, i - 1 + d):
+                out[r] = out[r] + T[r, k] * x[k]
+
+
+@inline
+def _scaled(c: Scalar, X: Matrix, out: Matrix) -> None:
+    """out = c X."""
+    for i in range(len(X)):
+        row, into = X[i], out[i]
+        for j in range(len(row)):
+            into[j] = c * row[j]
+
+
+@inline
+def _add_scaled(c: Scalar, X: Matrix, out: Matrix) -> None:
+    """out += c X."""
+    for i in range(len(X)):
+        row, into = X[i], out[i]
+        for j in range(len(row)):
+            into[j] = into[j] + c * row[j]
+
+
+@inline
+def _add_unit(which: int, out: Matrix) -> None:
+    """out += [1 0 0], [0 1 0] or [0 0 1]."""
+    n = len(out)
+    for i in range(n):
+        out[i, which * n + i] = out[i, which * n + i] + 1.0
+
+
+DT = Argument("dt", (1,), "s", "step")
+DERIVATIVES = Argument("D", ("nv+nv", "nv+nv+nv"), "", "derivatives of (q, v) after the step by q, v and tau")
+_SOURCE = "see ``recursions.step_derivatives``"
+_EXPLICIT = {
+    "explicit_euler": explicit_euler_derivatives,
+    "semi_implicit_euler": semi_implicit_euler_derivatives,
+    "velocity_verlet": velocity_verlet_derivatives,
+    "rk4": rk4_derivatives,
+}
+_SEVERAL = {"velocity_verlet": ("nv", "nv", "nv", 4), "rk4": ("nv", "nv", "nv", 12)}  # of one, aba_derivatives' terms
+STEPS = {
+    name: Spec(
+        f"{name}_derivatives", recursion, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, DT), DERIVATIVES,
+        f"Derivatives of a step by {name}.", _SOURCE, pivots=True, regroup=True,
+        term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH,
+    )
+    for name, recursion in _EXPLICIT.items()
+}  # fmt: skip
+WITH_TURN = replace(DERIVATIVES, shape=("nv+nv+1", "nv+nv+nv"), meaning="the same, and the largest turn² below them")
+TURNING_STEPS = {  # of robots with joints of several freedoms
+    name: replace(spec, name=f"turning_{spec.name}", output=WITH_TURN) for name, spec in STEPS.items()
+}
+MOTION = Spec(
+    "motion_derivatives", motion_derivatives, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL),
+    replace(DERIVATIVES, meaning="derivatives of the rates of q and v by q, v and tau"),
+    "Derivatives of the equation of motion.", _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3,
+    scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv")),
+)  # fmt: skip

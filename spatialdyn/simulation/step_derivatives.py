@@ -1,0 +1,237 @@
+"""Derivatives of a step of an integration method, and of the equation of motion: what LQR, iLQR and filters start from.
+
+A state moves by a displacement δx = (δq, δv), with δq in each joint's own body's frame, as ``integrate`` takes it and
+``difference`` gives it: quaternions have three freedoms here too. A step under a held torque has then
+
+    δx⁺ = A δx + B δτ
+
+exactly. ``recursions.step_derivatives`` has the explicit methods, each one recursion and so one program on SIMD lanes;
+``implicit_derivatives`` the others.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.kinds import LENGTHS, NV
+from ..calls.arguments import as_array, batch_shape, broadcast, check_model, core_shape
+from ..calls.dynamics import checked_call
+from ..errors import ModelError, NonFiniteError, SimulationError, SpatialDynError
+from ..model.model import Model
+from ..recursions.spec import FEXT, TAU, Q, V
+from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
+from . import implicit_derivatives
+from .explicit import HALF_TURN
+from .methods import integrators
+from .springs import has_springs
+
+Array = NDArray[np.float64]
+
+
+def step_derivatives(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    dt: ArrayLike,
+    method: str = "semi_implicit_euler",
+    fext: ArrayLike | None = None,
+    friction: bool | None = None,
+) -> tuple[Array, Array]:
+    """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
+
+    Source: see ``recursions.step_derivatives`` and ``simulation.implicit_derivatives``.
+
+    model   Model without mimic joints and springs
+    q       (..., nq)          joint positions [rad | m]
+    v       (..., nv)          joint velocities [rad/s | m/s]
+    tau     (..., nv)          joint torques [N m | N]
+    dt      (...)              step [s]; negative goes back in time
+    method  a name in ``integrators``, but "dop853" and "radau", whose steps adapt to a tolerance. The step is that of
+            ``simulate`` from this state, without what a run before it may have left (compensated sums, chart centres)
+    fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m]; zero if left out
+    friction  False: none acts. With None none acts either, and a warning says so, once, where the URDF has some.
+            Anything else is refused: Coulomb's law has no derivative where a joint begins to stick. Motors, constraints
+            and contacts are no part of these steps either
+
+    The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
+    body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
+
+    Batches of the explicit methods run on SIMD lanes, of any size; those of 25 joints or more, 9 with rk4, by the table
+    kernel. Implicit methods solve sample by sample and differentiate on lanes.
+
+    Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array for explicit methods.
+    Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
+            for friction and springs, an implicit step that does not converge, and a joint of several freedoms that
+            turns by π or more in a step, each with the sample; the errors of ``aba``.
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> q, v, tau = np.array([0.5, -0.3]), np.array([1.0, 2.0]), np.array([0.1, 0.2])
+    >>> A, B = sd.step_derivatives(model, q, v, tau, 0.01, "rk4")
+    >>> A.shape, B.shape
+    ((4, 4), (4, 2))
+    >>> dq, dv = 1e-6 * np.array([1.0, 2.0]), 1e-6 * np.array([-1.0, 0.5])
+    >>> before, after = (sd.step(model, q + s * dq, v + s * dv, tau, 0.01, "rk4") for s in (-1, 1))
+    >>> moved = np.concatenate([sd.difference(model, before[0], after[0]), after[1] - before[1]]) / 2
+    >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
+    True
+    """
+    turns = _checked(model, friction)
+    spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
+    if spec is None:
+        return _implicit(model, q, v, tau, dt, method, fext)
+    h = _steps(dt)[..., None]
+    if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
+        h = h[None]  # rows, as the program's shortest way takes them
+    found = checked_call(spec, model, (q, v, tau, fext, h), (), None)
+    n = model.nv
+    if turns:
+        _check_turns(found[..., 2 * n, 0], method)
+    return found[..., : 2 * n, : 2 * n], found[..., : 2 * n, 2 * n :]
+
+
+def linearize(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    dt: ArrayLike | None = None,
+    method: str | None = None,
+    fext: ArrayLike | None = None,
+    friction: bool | None = None,
+) -> tuple[Array, Array]:
+    """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
+
+    Arguments as of ``step_derivatives``. About a state that moves, δx is the difference from the motion of that state,
+    in the frames of its bodies, which turn: with v of a body d/dt δq = δv - v × δq, the commutator of twists.
+
+    Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
+    Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
+
+    >>> import spatialdyn as sd
+    >>> A, B = sd.linearize(sd.load_urdf("pendulum"), [0.0], [0.0], [0.0])
+    >>> A.round(9).tolist(), B.round(9).tolist()
+    ([[0.0, 1.0], [-9.81, 0.0]], [[0.0], [1.0]])
+    """
+    if dt is not None and method is not None:
+        return step_derivatives(model, q, v, tau, dt, method, fext, friction)
+    if dt is not None or method is not None:
+        given, lacking = ("dt", "method") if method is None else ("method", "dt")
+        raise SpatialDynError(
+            f"{given} is given and no {lacking}, expected both for a step or none for continuous time"
+        )
+    _checked(model, friction)
+    n = model.nv
+    found = checked_call(MOTION, model, (q, v, tau, fext), (), None)
+    return found[..., : 2 * n], found[..., 2 * n :]
+
+
+def _checked(model: Model, friction: Any) -> tuple[slice, ...]:
+    """The angular velocities of joints of several freedoms. Raises for a model or friction without derivatives."""
+    fault, turns, rubs = _facts(check_model(model))
+    if fault is not None:
+        raise fault[0](fault[1])
+    if friction is not None and not (isinstance(friction, (bool, np.bool_)) and not friction):
+        raise SimulationError(
+            f"friction is {friction!r}, expected None or False: Coulomb's law has no derivative where a joint begins "
+            "to stick; a torque of your own has, by the chain rule with B"
+        )
+    if rubs and friction is None:
+        _warn(model)
+    return turns
+
+
+@lru_cache(maxsize=64)
+def _warn(model: Model) -> None:
+    """Warn once of friction that is left out."""
+    text = f'robot "{model.name}" has joint damping or friction, which derivatives of steps leave out; friction=False'
+    warnings.warn(f"{text} says that this is meant", stacklevel=4)
+
+
+@lru_cache(maxsize=64)
+def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tuple[slice, ...], bool]:
+    """The error of a model that has no derivatives of steps, None if it has some; the angular velocities of joints of
+    several freedoms; whether the URDF has friction.
+    """
+    fault: tuple[type[SpatialDynError], str] | None = None
+    if model.mimic_matrix is not None:
+        what = f'robot "{model.name}" has dependent mimic joints, expected none; load it with mimic=False'
+        fault = ModelError, what
+    elif has_springs(model):
+        fault = SimulationError, f'robot "{model.name}" has springs of series-elastic joints, expected none'
+    turns = []
+    for i, row in enumerate(model.bodies[1:]):
+        if NV[row["kind"]] > 1:
+            turns.append(slice(i + LENGTHS[row["kind"]], i + NV[row["kind"]]))
+    return fault, tuple(turns), bool(model.damping.any() or model.friction.any())
+
+
+def _steps(dt: ArrayLike) -> Array:
+    """dt as an array. Raises SpatialDynError if it is not finite."""
+    if type(dt) is float and math.isfinite(dt):
+        return np.array(dt)
+    h = as_array("dt", dt)
+    if not np.isfinite(h).all():
+        raise SpatialDynError(f"dt is {dt!r}, expected finite numbers")
+    return h
+
+
+def _check_turns(square: Array, method: str) -> None:
+    """Raise SimulationError naming the first sample in which a joint turns by π or more; squares [rad²]."""
+    beyond = np.argwhere(square >= HALF_TURN)
+    if len(beyond):
+        at, where = beyond[0].tolist(), ""
+        if at:
+            where = f" in sample {at[0] if len(at) == 1 else tuple(at)}, the first of {len(beyond)}"
+        angle = math.sqrt(square[tuple(at)])
+        raise SimulationError(
+            f"a joint turns by {angle:.3g} rad in a step of {method}{where}, expected less than π; reduce dt"
+        )
+
+
+def _implicit(
+    model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: ArrayLike, method: Any, fext: ArrayLike | None
+) -> tuple[Array, Array]:
+    """``step_derivatives`` of a method that solves equations."""
+    known = [name for name, x in integrators.items() if x.family is not None]
+    if not isinstance(method, str) or method not in integrators:
+        raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
+    if method not in known:
+        raise SpatialDynError(
+            f"method is {method!r}, whose steps adapt to a tolerance, so that one is no smooth map; expected one of "
+            f"{', '.join(known)}"
+        )
+    specs, values = [Q, V, TAU], [q, v, tau]
+    if fext is not None:
+        specs, values = [*specs, FEXT], [*values, fext]
+    given = [as_array(x.name, value) for x, value in zip(specs, values, strict=True)]
+    h = _steps(dt)
+    shapes = [batch_shape(model, x, a) for x, a in zip(specs, given, strict=True)]
+    batch = broadcast([*(x.name for x in specs), "dt"], [*shapes, h.shape])
+    n, count = model.nv, math.prod(batch)
+    for x, a in zip(specs, given, strict=True):
+        if not np.isfinite(a).all():
+            raise NonFiniteError(f"{x.name} has entries that are not finite, expected finite numbers for {method}")
+    made = np.zeros((count, 2 * n, 3 * n))
+    if made.size:
+        whole = [
+            np.ascontiguousarray(np.broadcast_to(a, batch + core_shape(model, x))).reshape(
+                (count, *core_shape(model, x))
+            )
+            for x, a in zip(specs, given, strict=True)
+        ]
+        steps = np.broadcast_to(h, batch).reshape(count)
+        forces = whole[3] if fext is not None else None
+        for part in _facts(model)[1]:
+            turned = steps[:, None] * whole[1][:, part]
+            _check_turns((turned * turned).sum(axis=1).reshape(batch), method)
+        made = implicit_derivatives.derivatives(model, integrators[method], whole[0], whole[1], whole[2], steps, forces)
+    found = made.reshape((*batch, 2 * n, 3 * n))
+    return found[..., : 2 * n], found[..., 2 * n :]
