@@ -295,7 +295,7 @@ def of_samples(quick: bool) -> dict[str, Any]:
     """Precision per sample: the promise, the ways and the costs. Ends the run if an error is above its tolerance."""
     rows: list[dict[str, Any]] = []
     robots = {"ur5": lambda: load("ur5"), "panda": panda}
-    count = 500 if quick else MILLION // (len(robots) * len(PER_SAMPLE) * len(TOLERANCES))
+    count = 500 if quick else -(-MILLION // (len(robots) * len(PER_SAMPLE) * len(TOLERANCES)))
     for name, make in robots.items():
         model = make()
         for task, call in PER_SAMPLE.items():
@@ -309,7 +309,7 @@ def of_samples(quick: bool) -> dict[str, Any]:
                 "float32": sd.specialize(model, function, dtype=np.float32),
                 "float64": sd.specialize(model, function), "float64 bounded": sd.bounded(model, function),
             }  # fmt: skip
-            promises = {f"{x:g}": sd.specialize(model, function, tolerance=x) for x in TOLERANCES}
+            promises = {f"{x:g}": sd.specialize(model, function, dtype=np.float32, tolerance=x) for x in TOLERANCES}
             for word, k in promises.items():
                 found = k(*given).reshape(count, -1)
                 worst = float((abs((found - high) - low).max(axis=1) / largest).max())

@@ -1,8 +1,8 @@
 """The error bar of a torque: each result with a bound that no rounding error exceeds, in float64 and in float32.
 
 Learn    tau, bound = sd.bounded(model, sd.rnea)(q, v, a) says of each number how far it may be from the exact one: a
-         proof line by line, no estimate. sd.specialize(model, sd.rnea, tolerance=1e-5) uses it sample by sample:
-         float32 where that is enough, float64 elsewhere, and says how many went where.
+         proof line by line, no estimate. sd.specialize(model, sd.rnea, dtype=np.float32, tolerance=1e-5) uses it sample
+         by sample: float32 where that is enough, float64 elsewhere, and says how many went where.
 Look at  the true errors, measured against double-double, all of them under their bounds, some twenty times below.
 
 Source: Higham, Accuracy and stability of numerical algorithms, 2nd ed. (2002), section 3.3.
@@ -44,7 +44,7 @@ def main(quick: bool = False, save: str | None = None, robot: str = "three_link"
         )
 
     for tolerance in (1e-4, 5e-6, 1e-9, 1e-15):
-        k = sd.specialize(model, sd.rnea, tolerance=tolerance)
+        k = sd.specialize(model, sd.rnea, dtype=np.float32, tolerance=tolerance)
         off = abs((k(*given) - high) - low).max(1) / abs(high).max(1)
         found[f"{tolerance:g}"] = k.report, float(off.max())
         ways = ", ".join(f"{count} in {way}" for way, count in k.report.items() if count)
