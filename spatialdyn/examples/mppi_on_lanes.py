@@ -54,11 +54,11 @@ LAW = Spec("reach", reach, table_dtype(X=Pose), (Q, V, *VALUES), TAU, "Servos al
 
 def better(model: sd.Model, plan: Any, q: Any, v: Any, rng: np.random.Generator) -> Any:
     """A better plan (KNOTS, nv), and its torque of now."""
-    noise, gain = NOISE * rng.normal(size=(SAMPLES, *plan.shape)), GAIN / np.diagonal(sd.minverse(model, q))
+    noise = NOISE * rng.standard_normal((SAMPLES, *plan.shape), np.float32)
+    gain = GAIN / np.diagonal(sd.minverse(model, q))
     law = sd.Control(LAW, dict(knots=(plan + noise)[:, None], share=SHARE, gain=gain, goal=GOAL, row=model.nv))
     run = sd.rollout(model, q, v, dt=DT, steps=STEPS, control=law, record="last", dtype=np.float32, check=False)
-    cost = run.states["cost"].ravel().astype(float)
-    cost = np.where(np.isnan(cost), np.inf, cost) - np.nanmin(cost)  # infinite of one that flies apart
+    cost = np.nan_to_num(run.states["cost"].ravel(), nan=np.inf) - np.nanmin(run.states["cost"])
     weight = np.exp(-cost / (0.1 * np.median(cost)))
     plan = plan + np.tensordot(weight / weight.sum(), noise, 1)
     return plan, gain * (plan[0] - v)
