@@ -23,7 +23,7 @@ Call = Callable[..., tuple[Any, Any]]
 
 SINGLE, DOUBLE, PAIRS = "float32", "float64", "double-double"
 HALF_ULP = 2.0**-24  # no tolerance below it is met in float32
-LEAST_SOLVED = 7  # freedoms from which float32 is tried first, of what is solved for: see Promise
+LEAST_SOLVED = 6  # freedoms from which float32 is tried first, of what is solved for: see Promise
 STATES, SEED, SHARE = 64, 7, 0.75  # and if it holds in that share of these states: where it does not, both are paid
 WIDEST = 1e9  # inputs above are beyond float32's safe range
 UNKNOWN = 3  # which way answers a sample
@@ -52,7 +52,7 @@ class Promise:
     model alone:
 
         "float32"        with dtype=np.float32; else only where it is cheaper: of what is solved for (aba, minverse),
-                         from 7 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
+                         from 6 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
         "float64"
         "double-double"  of calls without ``fixed``, ``outputs``, parameters and frames, of models without quaternions
                          and (cos, sin) pairs; a few hundred times slower, and compiled at its first sample
@@ -63,12 +63,11 @@ class Promise:
                entry, plus absolute
     signature  inputs and result, with their shapes
 
-    This is a way to know, not to save time. On one core, in nanoseconds of a sample of rnea, crba and aba: a ur5 takes
-    19, 38 and 64 in float64 without a bound, 45, 92 and 298 with one, and 100, 390 and 440 here, where each is judged;
-    seven joints of a panda 67, 93 and 210, then 71, 249 and 1039, then 300, 950 and 1360 (with others at work on the
-    machine: trust the ratios). Starting at float32 made the last 1.2, 1.2 and 1.05 times that of a ur5, 1.2, 1.2 and
-    0.7 times of the panda: but for aba what it saves is spent on converting. ``benchmarks/tradeoff.py --only samples``
-    measures it.
+    This is a way to know, not to save time. On one core, of a ur5 and of seven joints of a panda, a batch with bounds
+    takes 2 times that in float64 without them in rnea, 3 in crba and 5 in aba. Here, where NumPy judges each sample and
+    arrays are new, it takes some 5 to 10 times in rnea and aba, up to 30 in crba (with others at work on the machine).
+    Starting at float32 takes 0.9 to 1.2 times what starting at float64 does in rnea and crba, whose gain is spent on
+    converting, and three quarters of it in aba. ``benchmarks/tradeoff.py --only samples`` measures it.
 
     Raises
         SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
