@@ -1,7 +1,7 @@
 """Errors and costs of forward dynamics by every option, of motions by every integrator; and a test of ``recommend``.
 
-    python benchmarks/tradeoff.py [--quick] [--only evaluations,motions,promise] [--models '2R;panda'] [--seconds 8]
-                                  [--out DIRECTORY]
+    python benchmarks/tradeoff.py [--quick] [--only evaluations,motions,promise,samples] [--models '2R;panda']
+                                  [--seconds 8] [--out DIRECTORY]
 
 evaluations  ``sd.trade`` of forward dynamics on 2R, panda, anymal, talos and four extreme models
 motions      1 s: largest error of the state against Gauss collocation of order 32 in double-double; 1, 100 and 2000 s:
@@ -11,6 +11,9 @@ motions      1 s: largest error of the state against Gauss collocation of order 
 promise      10 models, 3 tasks, 5 tolerances: whether the recommended option meets its tolerance on fresh states, and
              how much faster any other option is that meets it too: those whose bound is within the tolerance, and those
              whose error happens to be; of the latter, the share of 65536 other states in which they do not
+
+samples      a million states of ur5 and panda, three calls, five tolerances: each answer of ``specialize(tolerance=)``
+             against double-double, how many went which way, and what it costs beside float32 and float64 without bounds
 
 Writes tradeoff.json, tradeoff.png (for the README), tradeoff_evaluations.png, tradeoff_robots.png and
 tradeoff_extremes.png; parts that are not run keep their results in the file.
@@ -25,10 +28,12 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from measure import interleaved
 
 import spatialdyn as sd
 from spatialdyn.accuracy import call_errors, integrator_errors, references
@@ -55,6 +60,8 @@ SAMPLES = 400  # recorded energies
 RTOL = (1e-6, 1e-9, 1e-12)
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-12)
 FRESH = 1000
+MILLION = 1_000_000
+PER_SAMPLE = {"inverse_dynamics": "rnea", "mass_matrix": "crba", "forward_dynamics": "aba"}
 
 
 # --- models -------------------------------------------------------------------------------------------------
@@ -284,6 +291,49 @@ def of_promises(quick: bool) -> dict[str, Any]:
     return {"rows": rows, "recommended": kept, "broken": broken, "slower": slower, "slower_than_lucky": luck}
 
 
+def of_samples(quick: bool) -> dict[str, Any]:
+    """Precision per sample: the promise, the ways and the costs. Ends the run if an error is above its tolerance."""
+    rows: list[dict[str, Any]] = []
+    robots = {"ur5": lambda: load("ur5"), "panda": panda}
+    count = 500 if quick else -(-MILLION // (len(robots) * len(PER_SAMPLE) * len(TOLERANCES)))
+    for name, make in robots.items():
+        model = make()
+        for task, call in PER_SAMPLE.items():
+            given = call_errors.random_call_states(model, task, count, seed=3)
+            program, _ = references.recorded_call(model, call)
+            high, low = (x.T for x in program(np.ascontiguousarray(np.concatenate(given, axis=1).T)))
+            largest = abs(high).max(axis=1)
+            timed = [x[:4096] for x in given]
+            function = getattr(sd, call)
+            ways: dict[str, Callable[..., Any]] = {
+                "float32": sd.specialize(model, function, dtype=np.float32),
+                "float64": sd.specialize(model, function), "float64 bounded": sd.bounded(model, function),
+            }  # fmt: skip
+            promises = {f"{x:g}": sd.specialize(model, function, dtype=np.float32, tolerance=x) for x in TOLERANCES}
+            for word, k in promises.items():
+                found = k(*given).reshape(count, -1)
+                worst = float((abs((found - high) - low).max(axis=1) / largest).max())
+                if not worst <= float(word):
+                    raise SystemExit(f"{call} of {name} within {word}: an error of {worst:.1e}")
+                rows.append({"model": name, "call": call, "tolerance": float(word), "samples": count,
+                             "ways": k.report, "error": worst})  # fmt: skip
+            runs = {x: partial(k, *timed) for x, k in {**ways, **promises}.items()}
+            narrow = [x.astype(np.float32) for x in timed]
+            runs["float32"] = partial(ways["float32"], *narrow)
+            ns = {x: 1e9 * y / len(timed[0]) for x, y in interleaved(runs, 3 if quick else 15, 0.02).items()}
+            for row in rows[-len(TOLERANCES) :]:
+                row["ns"] = ns[f"{row['tolerance']:g}"]
+                row |= {x: ns[x] for x in ways}
+                shares = ", ".join(f"{100 * n / count:.3g} % {way}" for way, n in row["ways"].items() if n)
+                print(
+                    f"{name} {call} within {row['tolerance']:g}: {shares}; true error up to {row['error']:.1e}; "
+                    f"{row['ns']:.0f} ns (float32 {ns['float32']:.0f}, float64 {ns['float64']:.0f}, with its bound "
+                    f"{ns['float64 bounded']:.0f})", flush=True,
+                )  # fmt: skip
+    print(f"{count * len(rows)} samples, each within its tolerance")
+    return {"rows": rows, "samples": count * len(rows)}
+
+
 def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> float:
     """The share of MANY fresh states in which the error of an option exceeds a tolerance."""
     first, bad, many = call_errors.TASK_CALLS[task][0], 0, 0
@@ -469,7 +519,9 @@ def main() -> None:
     assert __doc__
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="fewer states, 1 and 10 s, 3 models of the promise")
-    parser.add_argument("--only", default="evaluations,motions,promise", help="parts, separated by commas; or figures")
+    parser.add_argument(
+        "--only", default="evaluations,motions,promise,samples", help="parts, separated by commas; or figures"
+    )
     parser.add_argument("--models", default="", help="of motions, by name, separated by semicolons; by default all")
     parser.add_argument("--seconds", type=float, default=8.0, help="that a long run may take (default: 8)")
     parser.add_argument("--out", type=Path, default=HERE, metavar="DIRECTORY", help="where to write (default: here)")
@@ -481,6 +533,7 @@ def main() -> None:
         "evaluations": lambda: iter([of_evaluations(arguments.quick)]),
         "motions": lambda: of_motions(arguments.quick, arguments.seconds, names, results.get("motions", {})),
         "promise": lambda: iter([of_promises(arguments.quick)]),
+        "samples": lambda: iter([of_samples(arguments.quick)]),
     }
     sd.set_num_threads(1)
     for name in arguments.only.split(","):

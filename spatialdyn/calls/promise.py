@@ -23,8 +23,8 @@ Call = Callable[..., tuple[Any, Any]]
 
 SINGLE, DOUBLE, PAIRS = "float32", "float64", "double-double"
 HALF_ULP = 2.0**-24  # no tolerance below it is met in float32
-STATES, SEED, SHARE = 64, 7, 0.75  # float32 is tried first if it holds in that share of these states: it costs 0.6 of
-# what float64 does with a bound, and where it does not hold both are paid
+LEAST_SOLVED = 6  # freedoms from which float32 is tried first, of what is solved for: see Promise
+STATES, SEED, SHARE = 64, 7, 0.75  # and if it holds in that share of these states: where it does not, both are paid
 WIDEST = 1e9  # inputs above are beyond float32's safe range
 UNKNOWN = 3  # which way answers a sample
 LISTED = 8  # samples named in an error
@@ -51,7 +51,8 @@ class Promise:
     sample is answered by the first way whose bound holds there (see ``bounded``), which depends on the sample and the
     model alone:
 
-        "float32"        where at least three quarters of 64 random states hold in it: about tolerances of 1e-4
+        "float32"        with dtype=np.float32; else only where it is cheaper: of what is solved for (aba, minverse),
+                         from 6 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
         "float64"
         "double-double"  of calls without ``fixed``, ``outputs``, parameters and frames, of models without quaternions
                          and (cos, sin) pairs; a few hundred times slower, and compiled at its first sample
@@ -62,7 +63,11 @@ class Promise:
                entry, plus absolute
     signature  inputs and result, with their shapes
 
-    A bound costs 1.5 to 6 times the call without one, so this is no way to save time: it is a way to know.
+    This is a way to know, not to save time. On one core, of a ur5 and of seven joints of a panda, a batch with bounds
+    takes 2 times that in float64 without them in rnea, 3 in crba and 5 in aba. Here, where NumPy judges each sample and
+    arrays are new, it takes some 5 to 10 times in rnea and aba, up to 30 in crba (with others at work on the machine).
+    Starting at float32 takes 0.9 to 1.2 times what starting at float64 does in rnea and crba, whose gain is spent on
+    converting, and three quarters of it in aba. ``benchmarks/tradeoff.py --only samples`` measures it.
 
     Raises
         SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
@@ -85,9 +90,11 @@ class Promise:
         self._cores = [x.shape for x in request.inputs()]
         self._core = request.results()[0].shape
         ladder = {DOUBLE: bounded(np.float64)}
-        if sum(self.tolerance) >= HALF_ULP:
+        asked = request.dtype == np.float32
+        cheaper = bool(self._spec.residual) and request.model.nv >= LEAST_SOLVED
+        if asked or (cheaper and sum(self.tolerance) >= HALF_ULP):
             narrow = bounded(np.float32)
-            if self._share(narrow) >= SHARE:
+            if asked or self._share(narrow) >= SHARE:
                 ladder = {SINGLE: narrow, **ladder}
         self._ladder = ladder
         self._counts = dict.fromkeys(self.ways, 0)
@@ -147,26 +154,26 @@ class Promise:
     def _answers(self, rows: list[Array], given: list[Array], batch: tuple[int, ...]) -> tuple[Array, NDArray[np.intp]]:
         """(values, the index of the way that answered each sample, -1 for NaN). Raises SpatialDynError."""
         n = math.prod(batch)
-        values, bounds = np.empty((n, *self._core)), np.full((n, *self._core), math.inf)
-        largest = np.zeros(n)
-        for x, core in zip(rows, self._cores, strict=True):
-            largest = np.maximum(largest, abs(x.reshape(n, math.prod(core))).max(axis=1, initial=0.0))  # NaN stays NaN
-        sound = np.isfinite(largest)
-        way = np.full(n, UNKNOWN)
+        values, bounds = np.empty((n, *self._core)), np.empty((n, *self._core))
+        way, at = np.full(n, UNKNOWN), np.arange(n)
         for code, name in enumerate((SINGLE, DOUBLE)):
-            left = way == UNKNOWN
-            at = np.flatnonzero(left & (largest <= WIDEST) if name == SINGLE else left)
-            if name not in self._ladder or not len(at):
+            if name not in self._ladder:
+                continue
+            tried = at if name == DOUBLE else at[self._narrow(rows)]
+            if not len(tried):
                 continue
             try:
-                found = self._ladder[name](*(x if len(at) == n else x[at] for x in rows))
+                found = self._ladder[name](*(x if len(tried) == n else x[tried] for x in rows))
             except SpatialDynError:
                 self._ladder[DOUBLE](*given)  # names the sample by its place among all
                 raise
-            values[at], bounds[at] = found
-            way[at[self._holds(values[at], bounds[at])]] = code
-        way[~sound] = -1
-        at = np.flatnonzero(way == UNKNOWN)
+            values[tried], bounds[tried] = found
+            way[tried[self._holds(*found)]] = code
+            at = np.flatnonzero(way == UNKNOWN)
+        if len(at):
+            sound = [np.isfinite(x[at].reshape(len(at), -1)).all(axis=1) for x in rows]
+            way[at[~np.logical_and.reduce(sound)]] = -1
+            at = np.flatnonzero(way == UNKNOWN)
         if len(at) and self._has_pairs:
             values[at], bounds[at] = self._by_pairs([x[at] for x in rows])
             held = self._holds(values[at], bounds[at])
@@ -193,14 +200,19 @@ class Promise:
         shape = (len(high), *self._core)
         return high.reshape(shape), rounded(low, error).reshape(shape)
 
+    def _narrow(self, rows: Sequence[Array]) -> Any:
+        """Which samples are in float32's safe range, as an index."""
+        if all(not x.size or abs(x).max() <= WIDEST for x in rows):
+            return slice(None)
+        found = [_largest(x, core) <= WIDEST for x, core in zip(rows, self._cores, strict=True)]
+        return np.logical_and.reduce(found)
+
     # -- judgements
 
     def _holds(self, values: Array, bounds: Array) -> NDArray[np.bool_]:
         """Whether each sample's bound is within the tolerance of its exact largest entry, at least |value| - bound."""
         relative, absolute = self.tolerance
-        n, size = len(values), math.prod(self._core)
-        largest = abs(np.asarray(values, np.float64).reshape(n, size)).max(axis=1, initial=0.0)
-        bound = np.asarray(bounds, np.float64).reshape(n, size).max(axis=1, initial=0.0)
+        largest, bound = _largest(values, self._core), _largest(bounds, self._core)
         with np.errstate(invalid="ignore", over="ignore"):
             held: NDArray[np.bool_] = bound * (1.0 + relative) <= (relative * largest + absolute) * (1.0 - 2.0**-50)
         held &= np.isfinite(bound)
@@ -233,3 +245,12 @@ class Promise:
         where = f" in sample{'s' if len(at) > 1 else ''} {shown}{more}" if batch else ""
         of = f"bound {worst[0]:.1e} of {largest[0]:.1e}" + (f" in sample {shown.split(', ')[0]}" if len(at) > 1 else "")
         return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}"
+
+
+def _largest(x: Any, core: tuple[int, ...]) -> Array:
+    """The largest magnitude in each sample; column by column, which takes a third of a reduction's time."""
+    columns = np.asarray(x, np.float64).reshape(len(x), math.prod(core))
+    found = np.zeros(len(columns))
+    for k in range(columns.shape[1]):
+        np.maximum(found, abs(columns[:, k]), out=found)
+    return found

@@ -110,8 +110,8 @@ def specialize(
               times the operations, in float64. A sample beyond the program's range is an error. A configuration's
               tangents and derivatives are those of a displacement (nv,), as those of ``rnea_derivatives`` are
     tolerance  relative to the largest entry of a sample's result, or (relative, absolute): the answer is a Promise,
-              each sample computed by the cheapest of float32, float64 and double-double whose bound is within it. Of
-              one call, in float64
+              each sample computed by the first of float32, float64 and double-double whose bound is within it, in
+              float64. Of one call. dtype=np.float32 starts at float32 wherever; else only where that is cheaper
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
     With a tolerance a Promise, called alike.
@@ -134,11 +134,17 @@ def specialize(
     given = (inputs, outputs, frame, reference, classical, constraints)
     request = read_request(model, calls, dtype, constants, *given, derivative=derivative)
     if tolerance is not None:
-        if derivative is not None or request.dtype != np.float64 or request.several:
-            what = "a derivative" if derivative is not None else "several calls" if request.several else "float32"
-            raise SpatialDynError(f"tolerance is {tolerance!r} with {what}, expected one call in float64 alone")
-        words = {"tolerance": tolerance, "fixed": fixed, "inputs": inputs, "outputs": outputs, "frame": frame}
-        words |= {"reference": reference, "classical": classical, "constraints": constraints}
+        if derivative is not None or request.several:
+            what = "a derivative" if derivative is not None else "several calls"
+            raise SpatialDynError(f"tolerance is {tolerance!r} with {what}, expected one call alone")
+        words: dict[str, Any] = {
+            "tolerance": tolerance,
+            "dtype": dtype,
+            "fixed": fixed,
+            "inputs": inputs,
+            "outputs": outputs,
+        }
+        words |= {"frame": frame, "reference": reference, "classical": classical, "constraints": constraints}
 
         def bounded(dtype: Any) -> Specialized:
             made = read_request(model, calls, dtype, constants, *given, bounds=True)

@@ -24,10 +24,10 @@ ORDER = (  # in which a reader may take them; test_gallery.py holds it complete
     "box_on_an_incline", "falling_quadruped", "trotting_quadruped", "four_bar_and_slider_crank",
     "sleigh_and_rolling_disc", "rolling_is_no_variation", "cart_pole_lqr", "swing_up_lqr", "ilqr",
     "payload_identification", "payloads_on_lanes", "series_elastic_joint", "rotor_on_a_leg", "price_of_a_digit",
-    "own_loop", "many_processes", "c_export", "porting_a_pinocchio_script", "vector_environment", "exercise_1_numbers",
-    "exercise_3_pendulum", "exercise_4_spatial_arm", "exercise_5_hamilton", "exercise_7_two_ways_to_coriolis",
-    "last_exercise_1_christoffel", "last_exercise_2_legendre", "last_exercise_3_mass_matrix",
-    "last_exercise_5_single_body", "troubleshooting",
+    "error_bar_of_a_torque", "own_loop", "many_processes", "mppi_on_lanes", "gradient_of_a_design", "c_export",
+    "casadi_export", "porting_a_pinocchio_script", "vector_environment", "exercise_1_numbers", "exercise_3_pendulum",
+    "exercise_4_spatial_arm", "exercise_5_hamilton", "exercise_7_two_ways_to_coriolis", "last_exercise_1_christoffel",
+    "last_exercise_2_legendre", "last_exercise_3_mass_matrix", "last_exercise_5_single_body", "troubleshooting",
 )  # fmt: skip
 OPTIONS = {"quick": "quick setting", "save": "picture", "robot": "robot to choose"}  # of the main functions
 

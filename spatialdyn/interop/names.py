@@ -83,7 +83,7 @@ NAMES: dict[str, Aliases] = {
         "energy mechanical_energy total_energy", "computeMechanicalEnergy", "mj_energyPos mj_energyVel"
     ),
     "rnea_derivatives": Aliases("inverse_dynamics_derivatives", "computeRNEADerivatives", "mjd_inverseFD"),
-    "aba_derivatives": Aliases("forward_dynamics_derivatives linearize", "computeABADerivatives", "mjd_transitionFD"),
+    "aba_derivatives": Aliases("forward_dynamics_derivatives", "computeABADerivatives", "mjd_transitionFD"),
     "joint_torque_regressor": Aliases("regressor", "computeJointTorqueRegressor"),
     "integrate": Aliases("configuration_plus", "", "mj_integratePos"),
     "difference": Aliases("configuration_minus", "", "mj_differentiatePos"),

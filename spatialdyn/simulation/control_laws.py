@@ -226,9 +226,14 @@ def _read(function: types.FunctionType) -> list[tuple[str, Any]]:
     while codes:
         code = codes.pop()
         codes += [x for x in code.co_consts if isinstance(x, types.CodeType)]
-        names = {x.argval for x in dis.get_instructions(code) if x.opname == "LOAD_GLOBAL"}
-        found += [(name, function.__globals__[name]) for name in sorted(names) if name in function.__globals__]
+        found += [(name, function.__globals__[name]) for name in _globals(code) if name in function.__globals__]
     return found
+
+
+@lru_cache(maxsize=256)
+def _globals(code: types.CodeType) -> tuple[str, ...]:
+    """The globals that a code names; disassembling it takes 0.1 ms, in the loop of a controller that plans."""
+    return tuple(sorted({x.argval for x in dis.get_instructions(code) if x.opname == "LOAD_GLOBAL"}))
 
 
 def _check_parts(spec: Spec) -> None:

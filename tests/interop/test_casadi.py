@@ -19,6 +19,7 @@ from spatialdyn.recursions import SPECS
 
 casadi = pytest.importorskip("casadi")
 
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
 CLOSE = 1e-12  # of the largest entry
 CALLS = ("rnea", "aba", "crba", "minverse", "generalized_gravity", "frame_velocity", "frame_placement")
 FRAMED = ("frame_velocity", "frame_placement")
@@ -94,6 +95,7 @@ def test_the_jacobian_of_aba_is_its_own_recursion(model: sd.Model) -> None:
     assert f.jacobian().n_instructions() < 0.7 * bare.jacobian().n_instructions()
 
 
+@compiled
 def test_second_derivatives_are_casadis(model: sd.Model) -> None:
     f, (q, v, a) = sd.specialize(model, sd.rnea).to_casadi(), states(model, "rnea")
     x = casadi.MX.sym("x", model.nv)
@@ -231,6 +233,7 @@ def test_names_that_casadi_or_c_refuses_are_refused(model: sd.Model) -> None:
             function("double")
 
 
+@compiled
 def test_results_named_after_a_parameter_are_numbered(model: sd.Model) -> None:
     k = sd.specialize(model, sd.rnea, inputs=f"mass:{model.names[1]}", derivative="vjp")
     assert re.search(r"\(const double \*q, .*double \*out_5\)", k.c_code())

@@ -62,7 +62,11 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
     ("sharedMemory", "a switch of the binding's arrays: results are copies, fields of Data are written in place"),
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
-    ("casadi", "symbols: spatialdyn.SymbolicManipulator, or spatialdyn.specialize for a program in C or Python"),
+    (
+        "casadi",
+        "graphs of calls: spatialdyn.specialize(model, spatialdyn.aba).to_casadi(), a casadi.Function; symbols: "
+        "spatialdyn.SymbolicManipulator",
+    ),
     ("romeo_wrapper windows_dll_manager derivative", "internals of the wheel"),
     (
         "inspect sys numpy pin pinocchio_pywrap_default submodules module_info",
