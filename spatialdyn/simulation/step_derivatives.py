@@ -63,8 +63,9 @@ def step_derivatives(
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
 
-    Batches of the explicit methods run on SIMD lanes, of any size; those of 25 joints or more, 9 with rk4, by the table
-    kernel. Implicit methods solve sample by sample and differentiate on lanes.
+    Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 14 with
+    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
+    lanes.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array for explicit methods.
     Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
