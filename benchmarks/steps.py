@@ -67,7 +67,8 @@ def check(model: sd.Model, method: str, q: Array, v: Array, tau: Array) -> None:
     e, ends = 1e-6, []
     for s in (e, -e):
         moved = q + s * dq, v + s * dv, tau + s * dtau
-        done = [sd.rollout(model, *(x[k] for x in moved), dt=DT, steps=1, method=method) for k in range(4)]
+        how = {"dt": DT, "steps": 1, "method": method, "friction": False}
+        done = [sd.rollout(model, *(x[k] for x in moved), **how) for k in range(4)]
         ends.append(np.array([np.concatenate([run.q[-1], run.v[-1]]) for run in done]))
     found = (ends[0] - ends[1]) / (2 * e)
     wanted = (A @ np.concatenate([dq, dv], 1)[..., None] + B @ dtau[..., None])[:4, :, 0]

@@ -52,7 +52,7 @@ def test_mppi_reaches_and_has_the_same_bits_on_any_number_of_threads(free_thread
     knots, gain = 0.3 * np.random.default_rng(4).normal(size=(8, 7)), np.full(7, 0.05)
     values = {"knots": knots, "share": module.SHARE, "gain": gain, "goal": module.GOAL, "row": model.nv}
     words = {"dt": module.DT, "steps": module.STEPS, "control": sd.Control(module.LAW, values)}
-    whole = sd.rollout(model, module.START, np.zeros(7), **words)
+    whole = sd.rollout(model, module.START, np.zeros(7), friction=False, **words)
     q, v, total = module.START, np.zeros(7), 0.0
     for k in range(module.STEPS):
         tau = gain * (module.SHARE[k] @ knots - v)

@@ -54,6 +54,7 @@ BORROWED: dict[str, set[str]] = {
     "numba.core.cgutils": {COMPILED + "jit.py"},
     # CPython builtins that read NumPy's array objects
     "ctypes": {
+        "compat/native/operator_kernels.py",
         "engines/object_layout.py",
         "engines/programs/batch_kernels.py",
         "engines/programs/interpreter.py",
@@ -69,8 +70,8 @@ BORROWED: dict[str, set[str]] = {
     "_repr_png_": {"pictures/figures.py"},
     # mpmath's numbers as integers and exponents
     "_mpf_": {"engines/numbers/multiprecision.py"},
-    # the caller's module, which the face's coverage reports
-    "_getframe": {"compat/pinocchio/coverage/coverage.py"},
+    # the caller's module: the face's coverage reports it, and it is the __module__ of what the face makes from rows
+    "_getframe": {"compat/pinocchio/coverage/coverage.py", "compat/pinocchio/types/arguments.py"},
 }
 OVERRIDDEN = {  # methods and attributes of Numba's classes that ours override
     "_finalize_final_module": "algebra/numba_passes.py", "_optimize_final_module": "algebra/numba_passes.py",

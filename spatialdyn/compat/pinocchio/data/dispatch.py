@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from itertools import pairwise
 from operator import attrgetter
@@ -17,7 +16,7 @@ from ....errors import ShapeError
 from ....model.robot import masked
 from ..model.library_model import LibraryModel
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, ValueRuntimeError, described
+from ..types.arguments import NUMBERS, ArgumentError, ValueRuntimeError, described, module_of_caller
 from ..types.array_rows import Rows
 from ..types.motion import Force
 from .data import Data, library_of
@@ -167,7 +166,7 @@ def fast_call(
         f"    return {returns}",
     ]
     scope |= {"clock": clock, "compute": compute, "last_call": last_call}
-    scope["__name__"] = sys._getframe(1).f_globals["__name__"]
+    scope["__name__"] = module_of_caller()
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function

@@ -6,7 +6,6 @@ a translation or angles about z, y, x, and the steps of its parts for a composit
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....bodies.kinds import kind_of
 from ....model.assembly import IDENTITY
-from ..types.arguments import ArgumentError
+from ..types.arguments import ArgumentError, module_of_caller
 from .joint_data import JointData
 
 __all__ = ["JointModel"]
@@ -204,8 +203,7 @@ def joint_kind(name: str, base: Any, doc: str | None, **own: Any) -> Any:
     base  class that behaves as these joints do
     own   its attributes: _nq, _nv, _unlimited, _steps ...
     """
-    module = sys._getframe(1).f_globals["__name__"]
-    space = {"__slots__": (), "__doc__": doc, "__module__": module}
+    space = {"__slots__": (), "__doc__": doc, "__module__": module_of_caller()}
     behaviour: Any = Variant(f"_{name}", (base,), {**space, "_name": name, **own})
     behaviour._any_kind = Variant("JointModel", (behaviour,), space)
     behaviour._own_kind = Variant(name, (behaviour,), space)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -81,3 +82,8 @@ def rows(matrix: Any) -> str:
     """A matrix with six digits, all columns of one width."""
     width = max(len(f"{x:g}") for line in matrix for x in line)
     return "\n".join(row(line, width) for line in matrix)
+
+
+def module_of_caller() -> str:
+    """Name of the module whose line calls the calling function: the ``__module__`` of what that makes."""
+    return str(sys._getframe(2).f_globals["__name__"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from typing import Any, ClassVar, TypeVar
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, operators
-from .arguments import ArgumentError, array, expected, near, number
+from .arguments import ArgumentError, array, expected, module_of_caller, near, number
 from .tracked_array import tracked
 
 Array = NDArray[np.float64]
@@ -222,8 +221,7 @@ def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Ca
     names = ", ".join(inputs)
     lines = [f"def {name}({names}):", f"    result = call({names})"]
     lines.append(f"    return result if result is not None else convert({names})" if inputs else "    return result")
-    module = sys._getframe(1).f_globals["__name__"]  # pickles name it
-    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module}
+    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module_of_caller()}
     function = function_from_text(name, lines, scope, label)
     function.__doc__ = doc
     return function
