@@ -4,7 +4,9 @@ An error is max |x - x_pin| / max(1, max |x_pin|) of one result, the largest ove
 Forward dynamics and the inverse of M are judged by their residual: the result, put into Pinocchio's RNEA or times its
 M, must give the torque or 1; their values are compared where M is well conditioned. No float64 result x has a residual
 below the rounding of its entries, about eps |M| |x|: a residual above BOUND may be up to four times that, and the row
-says so (icub's M has a condition number of 4e10: the exact acceleration, rounded, misses tau by 3e-8).
+says so (icub's M has a condition number of 4e10: the exact acceleration, rounded, misses tau by 3e-8). Derivatives of
+forward dynamics are those at an acceleration, which is rounded too: what their torques change by where it is refined
+counts as rounding.
 """
 
 from __future__ import annotations
@@ -210,13 +212,20 @@ def _missed(call: Call, peer: Peer, states: States, k: int, x: Array) -> tuple[f
         accelerations[k] = x
         left, right = peer(force, states._replace(a=accelerations), k), states.tau[k]
     elif call.name == "aba_derivatives":
-        accelerations = np.zeros_like(states.a)
-        accelerations[k] = ours_of(BY_LABEL["aba"], peer.ours, (states.q[k], states.v[k], states.tau[k]))
-        by = peer(BY_LABEL["rnea_derivatives"], states._replace(a=accelerations), k)
-        left, right = M @ x, np.stack([-by[0], -by[1], np.eye(len(M))])
+        left, right, finer = M @ x, *(_torques(peer, states, k, method) for method in ("aba", "aba_refined"))
+        known = scaled_error(finer, right, right.ndim)
+        return scaled_error(left, right, right.ndim), rounding(M, x, right) + known
     else:
         left, right = M @ x, np.eye(len(M))
     return scaled_error(left, right, right.ndim), rounding(M, x, right)
+
+
+def _torques(peer: Peer, states: States, k: int, method: str) -> Array:
+    """M times the derivatives of forward dynamics, (-∂tau/∂q, -∂tau/∂v, 1), at the acceleration by that method."""
+    accelerations = np.zeros_like(states.a)
+    accelerations[k] = ours_of(BY_LABEL[method], peer.ours, (states.q[k], states.v[k], states.tau[k]))
+    by = peer(BY_LABEL["rnea_derivatives"], states._replace(a=accelerations), k)
+    return np.stack([-by[0], -by[1], np.eye(peer.ours.nv)])
 
 
 def _residual(call: Call, peer: Peer, states: States, ours: Array) -> tuple[float, float]:

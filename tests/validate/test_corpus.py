@@ -100,6 +100,16 @@ def test_every_call_equals_pinocchio_in_many_states(name: str, root: str) -> Non
     hold_every_call(name, root, MANY)
 
 
+@pytest.mark.slow(quick="test_every_call_equals_pinocchio")
+def test_derivatives_at_an_acceleration_of_few_digits_are_held_to_what_is_known_of_it() -> None:
+    """Of icub, by its program, whose acceleration is not that of aba to the last digits that a float64 holds."""
+    comparison = compare_with_pinocchio(ROBOTS["icub"], "fixed", calls=["aba_derivatives"])
+    row = comparison.row("aba_derivatives")
+    assert row.ok
+    assert row.note.startswith(RAISED)
+    assert BOUND < row.bound < 1e-7
+
+
 def hold_every_call(name: str, root: str, samples: int) -> None:
     """Compare a robot with Pinocchio's; every row holds, and what a row notes is listed above."""
     if numba_kernels.PLAIN and load(ROBOTS[name], root=root).nv > FREEDOMS:
