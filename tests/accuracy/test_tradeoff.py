@@ -327,6 +327,7 @@ def test_code_is_the_option_that_was_measured(batch: int) -> None:
             assert np.array_equal(written, x.run(*states)), x.name
 
 
+@pytest.mark.slow(quick="test_code_is_the_option_that_was_measured")
 @compiled
 def test_code_of_a_motion_is_the_very_step() -> None:
     model = sd.load_urdf("two_link")
@@ -381,6 +382,7 @@ def test_every_option_for_forward_dynamics_is_listed_and_float32_is_worse() -> N
     assert all(x.median <= x.error <= x.bound for x in found.options)
 
 
+@pytest.mark.slow(quick="test_what_is_recommended_meets_its_tolerance_on_fresh_states")
 @compiled
 def test_a_heavy_tip_costs_aba_its_digits_and_refined_none() -> None:
     found = {x.name: x.error for x in sd.trade(chain((1.0,) * 6 + (1e6,), 3)).options}

@@ -136,7 +136,7 @@ def test_a_number_is_a_float_for_one_sample_and_an_array_for_many(model: sd.Mode
     assert type(sd.total_mass(model)) is float
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 def test_results_are_float64_whatever_the_input(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     values = random_inputs(model, spec, 0, (2,))
@@ -420,7 +420,7 @@ def test_normalize_takes_any_norm_but_zero(model: sd.Model) -> None:
 # --- numbers that are not finite ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 @pytest.mark.parametrize("which", WHICH)
 def test_nan_in_a_sample_is_nan_there_and_nowhere_else(request: pytest.FixtureRequest, which: str, name: str) -> None:
     model: sd.Model = request.getfixturevalue(which)
@@ -436,7 +436,7 @@ def test_nan_in_a_sample_is_nan_there_and_nowhere_else(request: pytest.FixtureRe
         np.testing.assert_array_equal(np.isnan(alone), np.isnan(found[2]))
 
 
-@pytest.mark.parametrize("name", TAKING)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
 @pytest.mark.parametrize("bad", [math.nan, *(pytest.param(x, marks=SLOW) for x in (math.inf, -math.inf))])
 def test_one_entry_that_is_not_finite_is_no_error_and_stays_in_its_sample(
     model: sd.Model, name: str, bad: float

@@ -224,7 +224,7 @@ def call(model: Any, name: str, values: list[Any], **more: Any) -> Any:
 # --- tests ----------------------------------------------------------------------------------------------------
 
 
-@cases(1500)
+@cases(800)
 @given(
     st.sampled_from(list(MODELS)),
     st.sampled_from(list(SPECS)),
@@ -295,7 +295,7 @@ def test_a_batch_on_lanes_is_finite_where_its_input_is_or_refused(
 
 
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
-@cases(1000)
+@cases(500)
 @given(
     st.sampled_from([("floating", "aba"), ("arm", "rnea"), ("massless", "crba")]),
     st.sampled_from(DTYPES),

@@ -71,7 +71,7 @@ def test_stub_declares_every_call_as_it_is() -> None:
     assert STUB.read_text(encoding="utf-8") == stub(), "run python tests/calls/test_typing.py"
 
 
-@pytest.mark.slow(quick="test_a_users_script_passes_mypy_strict")
+@pytest.mark.slow(quick="test_stub_declares_every_call_as_it_is")
 def test_package_passes_mypy_strict() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml")],
@@ -99,6 +99,7 @@ same = pin.rnea is rnea
 """
 
 
+@pytest.mark.slow(quick="test_stub_declares_every_call_as_it_is")
 def test_a_users_script_passes_mypy_strict(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(USER, encoding="utf-8")

@@ -128,6 +128,7 @@ def test_last_exercise_3_the_diagonal_is_not_all_of_m() -> None:
     np.testing.assert_allclose(M, pin.crba(theirs, theirs.createData(), pairs), rtol=0, atol=1e-14)
 
 
+@pytest.mark.slow(quick="recursions/test_dynamics.py::test_call_equals_the_dense_oracle")
 @compiled
 def test_last_exercise_5_the_sign_that_keeps_angular_momentum() -> None:
     found = run("last_exercise_5_single_body")

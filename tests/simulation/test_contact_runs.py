@@ -229,7 +229,8 @@ def test_limits_act_beside_feet(robot: Any) -> None:
 # --- however it runs ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("limits", slow_but([False], [False, True]))
+@pytest.mark.slow(quick="test_a_quadruped_lands_on_rough_ground_on_lanes")
+@pytest.mark.parametrize("limits", [False, True])
 def test_a_rollout_is_so_many_simulations(robot: Any, limits: bool) -> None:
     model, contacts, q0 = robot
     rng = np.random.default_rng(0)

@@ -356,6 +356,7 @@ def test_a_four_bar_with_a_foot_keeps_its_loop_and_the_ground() -> None:
     assert abs(tangent[1]) > 1e-3  # the ground stops a motion that the loop allows
 
 
+@pytest.mark.slow(quick="test_a_step_meets_every_law_by_dense_matrices")
 @compiled
 def test_programs_kernels_and_the_recursion_take_the_same_steps() -> None:
     """A footed four-bar with dry joints, on lanes, by one program, by kernels, with the work of each."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dense import Array
+from slow import slow_but
 from trees import random_inertia, random_placement, random_tree
 
 import spatialdyn as sd
@@ -275,7 +276,7 @@ def test_every_method_has_the_derivatives_of_its_own_step(method: str) -> None:
         np.testing.assert_allclose(moved, wanted, rtol=0, atol=DIFFERENCE * abs(wanted).max())
 
 
-@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4", "gauss4", "variational"])
+@pytest.mark.parametrize("method", slow_but(["rk4"], ["semi_implicit_euler", "rk4", "gauss4", "variational"]))
 def test_external_forces_are_held_in_their_frames(method: str) -> None:
     model = mixed()
     (q, v, tau), fext = state(model, 5), np.random.default_rng(6).normal(size=(model.njoints, 6))
