@@ -179,7 +179,7 @@ def test_a_plane_that_pinocchio_gets_wrong_is_held_by_identities() -> None:
     assert sum(row.error is not None for row in comparison.rows) > 20
 
 
-@pytest.mark.parametrize("calls", slow_but([(*MAIN, "minverse")], [(*MAIN, "minverse"), None]))
+@pytest.mark.parametrize("calls", slow_but([[*MAIN, "minverse"]], [[*MAIN, "minverse"], None]))
 def test_a_model_is_compared_as_it_is(calls: Any) -> None:
     """Gravity, rotors, loads, locked joints and joints of every kind are the Model's."""
     b = sd.ModelBuilder("kinds")
