@@ -57,12 +57,10 @@ def better(model: sd.Model, plan: Any, q: Any, v: Any, rng: np.random.Generator)
     noise = NOISE * rng.standard_normal((SAMPLES, *plan.shape), np.float32)
     gain = GAIN / np.diagonal(sd.minverse(model, q))
     law = sd.Control(LAW, dict(knots=(plan + noise)[:, None], share=SHARE, gain=gain, goal=GOAL, row=model.nv))
-    run = sd.rollout(
-        model, q, v, dt=DT, steps=STEPS, control=law, record="last", dtype=np.float32, check=False, friction=False
-    )
+    options: Any = {"record": "last", "dtype": np.float32, "check": False, "friction": False}
+    run = sd.rollout(model, q, v, dt=DT, steps=STEPS, control=law, **options)
     cost = np.nan_to_num(run.states["cost"].ravel(), nan=np.inf) - np.nanmin(run.states["cost"])
-    weight = np.exp(-cost / (0.1 * np.median(cost)))
-    plan = plan + np.tensordot(weight / weight.sum(), noise, 1)
+    plan = plan + np.average(noise, 0, np.exp(-cost / (0.1 * np.median(cost))))
     return plan, gain * (plan[0] - v)
 
 
