@@ -13,8 +13,8 @@ robot alone. So a row is solved with all rows taken out that are held: joints th
 They are the pivots of a ``tableau``, which changes with the rows' states. A robot on stiff legs is held more often than
 it can move; so that none of the rows is then without an answer, a held row yields by YIELD of what it would move alone,
 and takes it back at its next turn. A last few sweeps hold nothing: they lessen what is left where a point and a joint
-stick in turn. Of quadrupeds that stand and trot on dry joints, 5 sweeps leave at most 1e-4 m/s in half of the steps and
-3e-3 in the worst.
+stick in turn. By 5 sweeps a quadruped that trots on dry joints misses its laws by at most 1e-6 m/s in half of the steps
+and 1e-3 in 95 % of them; the worst that was seen is 1e-2.
 
 Source: the law as in ``contact``; its solution is a derivation of our own.
 """
