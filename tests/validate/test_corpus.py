@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robots import ROBOTS
 from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.urdf.load import example_robots, find_robot, robot_names
+from spatialdyn.urdf.load import example_robots, find_robot
 from spatialdyn.validate import (
     BOUND,
     OMITTED,
@@ -33,11 +34,10 @@ from spatialdyn.validate import (
 )
 
 pytest.importorskip("pinocchio")
-if not example_robots():
+if not ROBOTS:
     pytest.skip("example-robot-data is not installed", allow_module_level=True)
 
 ROOTS = ("fixed", "floating")
-ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots())}
 RECORDED = 14  # freedoms: larger robots by the table kernel, which programs of every robot are held to elsewhere
 REFUSED = "ur3"  # its <robot> has no name
 AT_ONCE = {  # robots of every kind of joint and root, small enough to be recorded; their like and the larger ones wait

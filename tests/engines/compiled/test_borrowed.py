@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -121,17 +122,20 @@ def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
                 yield name
 
 
-TREES = {
-    path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
-    for path in sorted(PACKAGE.rglob("*.py"))
-}
-OWN = own_names(list(TREES.values()))
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Syntax tree of every module, by its path in the package."""
+    return {
+        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
 
 
 def test_private_parts_of_other_packages_stand_in_the_files_named_for_them() -> None:
     found: dict[str, set[str]] = {}
-    for file, tree in TREES.items():
-        for name in borrowed(tree, OWN):
+    own = own_names(list(trees().values()))
+    for file, tree in trees().items():
+        for name in borrowed(tree, own):
             found.setdefault(name, set()).add(file)
     assert found == BORROWED
 
@@ -140,7 +144,7 @@ def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
     for name, file in OVERRIDDEN.items():
         assert {
             f
-            for f, tree in TREES.items()
+            for f, tree in trees().items()
             if any(name in (getattr(n, "name", ""), getattr(n, "attr", "")) for n in ast.walk(tree))
         } == {file}
 
@@ -162,4 +166,4 @@ def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
     ],
 )
 def test_another_borrowed_name_is_found(line: str, name: str) -> None:
-    assert name in set(borrowed(ast.parse(line), OWN))
+    assert name in set(borrowed(ast.parse(line), own_names(list(trees().values()))))
