@@ -174,6 +174,9 @@ def people(path: Path) -> list[Found]:
 def old_names(path: Path) -> list[Found]:
     """Names that a file defines and that its room has renamed."""
     table = RENAMED.get(room_of(path), {}) if path.parts[len(ROOT.parts)] == "spatialdyn" else {}
+    text = path.read_text(encoding="utf-8")
+    if not any(name in text for name in table):
+        return []
     return [Found(line, f"{name}, now {table[name]}") for line, name in defined(path) if name in table]
 
 
