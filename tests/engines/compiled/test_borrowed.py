@@ -111,6 +111,7 @@ def root_of(node: ast.expr) -> str:
 
 def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
     """The private names of other packages that a module uses."""
+    known = own | OF_TUPLES
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").split(".")[0] in FOREIGN:
             for alias in node.names:
@@ -122,7 +123,7 @@ def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
             name = ast.unparse(node) if root_of(node) in ("ctypes", "numba", "np") else ""
             if name == "ctypes.pythonapi" or name.startswith(("numba.core", "numba.np", "np.core", "np._core")):
                 yield name
-            if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in own | OF_TUPLES:
+            if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in known:
                 yield node.attr
         elif (
             isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("getattr", "setattr") and len(node.args) > 1
