@@ -145,7 +145,7 @@ def test_forward_dynamics_with_light_links(name: str) -> None:
 
 
 @compiled
-@pytest.mark.parametrize("name", slow_but({*NAMES[::5]} - LONG, NAMES))
+@pytest.mark.parametrize("name", slow_but({*NAMES[::15]} - LONG, NAMES))
 def test_float32_on_lanes_answers_every_state_of_a_robot_or_says_which_joint_it_cannot(name: str) -> None:
     """A pivot that float32 loses is judged in float64: there is an acceleration, or an InertiaError, never NaN."""
     with warnings.catch_warnings():

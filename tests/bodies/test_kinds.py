@@ -286,6 +286,7 @@ def test_symbols_of_a_screw_are_the_textbooks() -> None:
     assert sympy.simplify(s.M()[0] - (m / 100 + sympy.Rational(1, 2) + m / 16)) == 0
 
 
+@pytest.mark.slow(quick="test_every_kind_moves_alike_by_every_family_of_integrators")
 @COMPILED
 @pytest.mark.parametrize(
     "method", slow_but(["rk4", "gauss4"], ["rk4", "variational", "gauss4", "stormer_verlet", "implicit_midpoint"])

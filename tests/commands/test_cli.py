@@ -165,6 +165,7 @@ def test_a_reader_that_closes_early_is_no_traceback(argv: list[str]) -> None:
 # --- compare ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="test_compare_of_some_calls_has_their_rows_alone")
 def test_compare_of_one_robot_has_a_row_per_call(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "compare", "two_link", "--samples", "3")
     assert status == 0

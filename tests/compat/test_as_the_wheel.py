@@ -189,6 +189,7 @@ def test_an_impossible_inertia_is_refused_at_the_next_call_as_before() -> None:
 # --- contacts --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="test_the_builtin_of_contacts_gives_what_python_gives")
 @pytest.mark.parametrize("kind", ["CONTACT_3D", "CONTACT_6D"])
 def test_contacts_that_are_edited_take_effect_at_the_next_call(kind: str) -> None:
     """The third call is by the builtin that reads the contacts' own numbers, the first by Python."""

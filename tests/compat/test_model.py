@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from robots import ROBOTS as ALL_ROBOTS
+from slow import slow_but
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
@@ -72,8 +73,13 @@ def assert_same_torques(mine: Any, other: Any) -> None:
 
 
 @UNPHYSICAL
-@pytest.mark.parametrize("floating", [False, True])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(
+    ("name", "floating"),
+    slow_but(
+        [(name, k % 2 == 1) for k, name in enumerate(ROBOTS)],
+        [(name, floating) for name in ROBOTS for floating in (False, True)],
+    ),
+)
 def test_a_robot_is_the_same_model(name: str, floating: bool) -> None:
     def build(pin: Any) -> Any:
         root = (pin.JointModelFreeFlyer(),) if floating else ()

@@ -42,6 +42,7 @@ def test_exercise_4_equals_lagranges_method() -> None:
         assert difference < 1e-14 * 100
 
 
+@pytest.mark.slow(quick="simulation/test_integrators.py::test_energy_of_symplectic_methods_stays_bounded")
 @compiled
 def test_exercise_5_verlets_error_stays_and_rk4s_is_smaller_and_grows() -> None:
     found = run("exercise_5_hamilton")
