@@ -113,9 +113,10 @@ def simulate(
               position is one number
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M.
-              Beside implicit friction, contacts or limits v is not projected, which would move joints that stick: J v
-              is 0 to the order of (dt v)². A branch point is seen in a step that begins or ends near one; a motion that
-              passes it within a step goes on by one of the branches
+              Beside implicit friction, contacts or limits v is not projected, which would move joints that stick: the
+              impulses of the step meet J v = 0 at its end to the order of dt³, in an impact dt², whatever was left
+              before. A branch point is seen in a step that begins or ends near one; a motion that passes it within a
+              step goes on by one of the branches
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
                a warning says so where the URDF has some; with False none acts
     friction_method  how it acts:

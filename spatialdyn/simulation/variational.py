@@ -13,8 +13,8 @@ symplectic, symmetric without torques, and preserves the momentum of a free robo
 
 Armatures add armature ξ to both momenta, so that the step solves M a + C v + g = τ with armatures on the diagonal of M,
 as all methods do. On joints of one freedom, and on balls with one armature for all their axes, that is the discrete
-mechanics of ½ armature v². On other joints with armatures no Lagrangian has these equations (``lagrangian.hamiltonian``):
-the step is of order 2 and symmetric, but preserves neither Ω nor the momenta of symmetries.
+mechanics of ½ armature v². On other joints with armatures no Lagrangian has these equations
+(``lagrangian.hamiltonian``): the step is of order 2 and symmetric, but preserves neither Ω nor momenta of symmetries.
 
 Displacements of bodies are stored as (quaternion, translation): both keep their relative accuracy however small the
 step, so the rounding error of a momentum is 1e-16 of it, not 1e-16 / h.
