@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from ..algebra.euclidean import Vec, sub, unrotate
+from ..algebra.euclidean import Vec, sub
 from ..algebra.records import mat3_of, put_mat3
 from ..algebra.scalars import EPS, Scalar, exceeds, inline, select, sqrt
 from .configuration import integrate
@@ -55,14 +55,15 @@ from .contact import (
     push,
     target,
     times,
-    untilted,
     velocity,
     velocity_of_point,
+    work_of_row,
     write_block,
     write_gaps,
+    write_point,
     write_rows,
 )
-from .coulomb_cone import factor_block, magnitude, point_impulse, point_residual
+from .coulomb_cone import factor_block, magnitude, point_impulse
 from .crba import crba
 from .dense import factor_dropping, quotient, solve_backward, solve_forward
 from .friction import BRISTLES, DAMPING, DT, LAW, STIFFNESS, add_bristles, dry_level
@@ -203,16 +204,8 @@ def impulse_step(
             force[k] = (wanted - free) * inverse(alone, size[k], n)
             push(Z, k, force[k] - was, after)
     for p in range(points):
-        f = force_of_point(force, p)
         write_block(Y, Z, p, B)
-        residual[p] = point_residual(B, velocity_of_point(Y, b, after, p), mu[p], f)
-        energy[p] = 0.0
-        for k in range(3 * p, 3 * p + 3):
-            energy[p] = energy[p] + 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
-        if heights is not None:
-            f = untilted(S[p], f)
-        f = unrotate(mat3_of(contacts[0].axes), f)
-        impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
+        write_point(contacts, heights, Y, b, before, after, force, B, S, mu, p, impulse, residual, energy)
     for j in range(joints):
         k, c = 3 * points + j, contacts[1 + points + j]
         alone, u = product(Y, Z, k, k), velocity(Y, b, after, k)
@@ -224,7 +217,7 @@ def impulse_step(
         friction[c.row - 1] = rubs / dt
         if j < contacts[0].nl:
             stop[j] = force[k] - rubs
-            energy[points + j] = 0.5 * stop[j] * (before[k] + velocity(Y, before, after, k))
+            energy[points + j] = work_of_row(Y, before, after, k, stop[j])
     if constraints is not None:
         for k in range(len(reaction)):
             for l in range(rows):
