@@ -37,8 +37,8 @@ from ..recursions.hamilton import hamilton_rows, momentum_rate
 from ..recursions.spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec
 from .canonical_coordinates import chart_rate, from_canonical
 from .compiled_loop import compile_loop, drive
+from .fixed_steps import failure_message
 from .methods import DISCRETE, Method
-from .runs import failure_message
 from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from .system import State, System, held_torque, units
 from .variational import momenta_after, sum_before
