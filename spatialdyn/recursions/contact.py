@@ -152,22 +152,14 @@ def contact_step(
             release(bodies, contacts, row, -1, 3, x, Z, after, force, a, e, s, g)
 
     for p in range(points):
-        f = force_of_point(force, p)
-        residual[p] = point_residual(B[p], velocity_of_point(Y, b, after, p), mu[p], f)
-        energy[p] = 0.0
-        for k in range(3 * p, 3 * p + 3):
-            energy[p] = energy[p] + 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
-        if heights is not None:
-            f = untilted(T[p], f)
-        f = unrotate(mat3_of(contacts[0].axes), f)
-        impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
+        write_point(contacts, heights, Y, b, before, after, force, B[p], T, mu, p, impulse, residual, energy)
     for l in range(limits):
         k = 3 * points + l
         pushed = A[l, l] * force[k]
         wanted = stopping(contacts[1 + points + l], q, dt, velocity(Y, b, after, k) - pushed)
         residual[points + l] = magnitude(pushed - wanted)
         stop[l] = force[k]
-        energy[points + l] = 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
+        energy[points + l] = work_of_row(Y, before, after, k, force[k])
     solve_outward(bodies, L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
@@ -297,6 +289,29 @@ def velocity_of_point(Y: Matrix, b: Vector, w: Vector, p: int) -> Vec:
 def force_of_point(force: Vector, p: int) -> Vec:
     """The three impulses of a point."""
     return Vec(force[3 * p], force[3 * p + 1], force[3 * p + 2])
+
+
+@inline
+def work_of_row(Y: Matrix, before: Vector, w: Vector, k: int, impulse: Scalar) -> Scalar:
+    """½ λ (u⁻ + u⁺) of a row's velocities before and after a step."""
+    return 0.5 * impulse * (before[k] + velocity(Y, before, w, k))
+
+
+@inline
+def write_point(
+    contacts: Record, heights: Record, Y: Matrix, b: Vector, before: Vector, w: Vector, force: Vector, B: Matrix,
+    T: Array, mu: Vector, p: int, impulse: Vector, residual: Vector, energy: Vector,
+) -> None:  # fmt: skip
+    """What a step makes of a point, with its own block B of G: impulse in the world's axes, residual, energy."""
+    f = force_of_point(force, p)
+    residual[p] = point_residual(B, velocity_of_point(Y, b, w, p), mu[p], f)
+    energy[p] = 0.0
+    for k in range(3 * p, 3 * p + 3):
+        energy[p] = energy[p] + work_of_row(Y, before, w, k, force[k])
+    if heights is not None:
+        f = untilted(T[p], f)
+    f = unrotate(mat3_of(contacts[0].axes), f)
+    impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
 
 
 @inline

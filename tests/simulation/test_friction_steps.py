@@ -16,7 +16,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
-from spatialdyn.simulation import program_steps, rollouts, runs
+from spatialdyn.simulation import fixed_steps, program_steps, rollouts
 from spatialdyn.simulation.friction_steps import WAYS
 from spatialdyn.simulation.traced_steps import step_specs
 
@@ -367,7 +367,7 @@ def test_the_stability_limit_of_smooth_friction_is_the_one_named(method: str, fa
 
 
 def test_a_step_that_is_not_solved_is_an_error_with_its_sample(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (rollouts, runs):
+    for module in (rollouts, fixed_steps):
         monkeypatch.setattr(module, "UNSOLVED", -1.0)  # any step is then beyond it
     with pytest.raises(sd.SimulationError, match=r"friction of sample 0 violates Coulomb's law by \S+ rad/s or m/s"):
         sd.rollout(arm, np.zeros((2, 3)), np.zeros((2, 3)), dt=1e-3, steps=3, friction=ARM)
