@@ -368,7 +368,7 @@ def test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_cal
         assert (B[k] == one[1]).all()
 
 
-@pytest.mark.slow(quick="test_what_is_not_finite_stays_in_its_sample")
+@pytest.mark.slow(quick="test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_calls")
 def test_the_table_kernel_agrees_with_the_program() -> None:
     """It runs robots too long for a program, and samples beyond a program's range."""
     model = joints_of("planar")
