@@ -410,6 +410,7 @@ def test_simulate_says_how_far_energy_went(method: str, warned: bool, capsys: py
     assert (f"warning energy changes by {share:.2g} % of its scale though nothing drives the robot" in out) == warned
 
 
+@pytest.mark.slow(quick="simulation/test_simulate.py::test_a_motion_that_diverges_is_not_blamed_on_the_robot")
 def test_a_simulation_that_diverges_is_no_result(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, "simulate", "panda", "--dt", "0.03", "--duration", "10")
     assert (status, out) == (2, "")

@@ -436,6 +436,7 @@ def test_a_turn_beyond_pi_is_named_with_its_sample(method: str) -> None:
     sd.step_derivatives(model, q, v, np.zeros(3), 0.1, "semi_implicit_euler")
 
 
+@pytest.mark.slow(quick="test_what_cannot_be_is_named")
 def test_mimic_joints_springs_and_joints_without_inertia_are_named() -> None:
     builder = sd.ModelBuilder("pair")
     for name in "ab":
