@@ -380,7 +380,7 @@ def lock(
     """Take joints that are stopped, and carry a row's body, out of ``count`` equations there, by Gaussian elimination.
 
     The ground then feels the whole robot through a leg that is at its limits: in turn with its joints' limits it would
-    feel the leg alone, and hundreds of sweeps would pass the weight on.
+    feel the leg alone, and pass the weight on in ever more sweeps.
 
     own      the joint whose equation it is, -1 for a point's
     x        (5, 3), written: the equations' block of G, then in row 3 their velocities

@@ -35,7 +35,7 @@ from .system import State, System, set_status
 
 Array = NDArray[Any]
 Solved = tuple[Any, dict[str, Any], dict[str, Any]]
-CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree, whose velocities are h² off
+CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree, whose velocities are h³ off
 
 
 def spec_of(way: str | None, over: bool, held: bool, steadied: bool, pushed: bool = False) -> Spec:
@@ -149,7 +149,7 @@ def solver(
     """``(system, t, h, state, own) -> v⁺, states after by name, forces that do work``, as ``traced``.
 
     own   states at the beginning by name. It raises ConstraintError.
-    once  whether it is for one step, which the recursion takes in plain Python: its kernel compiles for half a minute
+    once  whether it is for one step, which the recursion takes in plain Python rather than compile its kernel
     """
     contacts, model, way = found.contacts, found.contacts.model, found.way
     general = way is not None or held is not None
