@@ -28,7 +28,7 @@ from ..engines.programs.time_loop import StepInput
 from ..engines.programs.tracer import table
 from ..errors import ConstraintError, ModelError, ShapeError, SimulationError
 from ..model.model import Model
-from ..model.robot import masked
+from ..model.robot_checks import masked
 from ..recursions.friction import BRISTLES
 from ..recursions.spec import Argument, Spec
 from . import explicit
