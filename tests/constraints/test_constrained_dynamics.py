@@ -556,6 +556,7 @@ def test_no_constraints_leave_forward_dynamics() -> None:
     assert found.rank == 0
 
 
+@pytest.mark.slow(quick="test_batches_broadcast_and_have_the_bits_of_single_calls")
 def test_nan_stays_in_its_sample() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     given = np.tile(q, (9, 1))

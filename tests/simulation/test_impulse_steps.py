@@ -456,6 +456,7 @@ def test_a_loop_that_its_constraints_lock_stays() -> None:
     assert abs(run.v).max() <= 1e-15
 
 
+@pytest.mark.slow(quick="test_a_loop_that_its_constraints_lock_stays")
 @compiled
 def test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_and_constraint() -> None:
     """A mass on two rods in one line, of 1 and 2 m: they agree at rest only, and on no way from there.
@@ -489,6 +490,7 @@ def test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_an
     assert caught.value.trajectory.t[-1] == pytest.approx(0.006)
 
 
+@pytest.mark.slow(quick="test_a_loop_that_its_constraints_lock_stays")
 @compiled
 def test_a_branch_point_beside_dry_joints_is_named_with_its_time() -> None:
     model = four_bar(1.0, 1.0, 1.0, 1.0)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -364,15 +365,15 @@ def test_rates_of_momenta_and_what_is_conserved_are_of_forward_dynamics_with_arm
 # --- the pieces -----------------------------------------------------------------------------------------
 
 
-def test_rk4_is_the_step_of_rk4() -> None:
+@pytest.mark.parametrize("name", slow_but(["rk4"], ["rk4", "explicit_euler", "semi_implicit_euler"]))
+def test_a_run_of_one_step_is_that_step(name: str) -> None:
     model, rng = ball_and_arm(), np.random.default_rng(0)
     q, v = sd.random_configuration(model, rng), rng.normal(size=model.nv)
     tau, fext = rng.normal(size=model.nv), rng.normal(size=(model.njoints, 6))
-    for name in ("explicit_euler", "semi_implicit_euler", "rk4"):
-        run = sd.simulate(model, q, v, 0.01, 0.01, name, torque=tau, fext=fext)
-        q1, v1 = sd.step(model, q, v, tau, 0.01, name, fext)
-        np.testing.assert_allclose(run.q[-1], q1, rtol=0, atol=64 * EPS)
-        np.testing.assert_allclose(run.v[-1], v1, rtol=0, atol=1e3 * EPS)
+    run = sd.simulate(model, q, v, 0.01, 0.01, name, torque=tau, fext=fext)
+    q1, v1 = sd.step(model, q, v, tau, 0.01, name, fext)
+    np.testing.assert_allclose(run.q[-1], q1, rtol=0, atol=64 * EPS)
+    np.testing.assert_allclose(run.v[-1], v1, rtol=0, atol=1e3 * EPS)
 
 
 def test_hurwitz_centres_leave_no_rotation_farther_than_90_degrees() -> None:

@@ -270,6 +270,7 @@ def test_a_torque_that_is_not_finite_stops_with_its_time(arm: sd.Model, name: st
     assert np.isfinite(kept.q).all()
 
 
+@pytest.mark.slow(quick="test_a_torque_that_is_not_finite_stops_with_its_time")
 @COMPILED
 def test_a_compiled_torque_that_is_not_finite_stops_with_its_time(arm: sd.Model) -> None:
     with pytest.raises(sd.SimulationError, match=r"torque is not finite at t = 0\.6 s") as caught:
