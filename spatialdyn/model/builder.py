@@ -131,8 +131,8 @@ class ModelBuilder:
         ratio      n of the gear before the spring: turns of the rotor per unit of the joint [1 | rad/m]
         axis       (3,) of the rotor in the joint's frame at q = 0; the joint's own if left out
 
-        The rotor is a revolute joint called ``joint + "_rotor"``, at θ, on the link before the joint; its mass, and its
-        inertia where it does not turn, belong to that link, as of every ``Rotor``. The motor's torque is that of the
+        The rotor is a revolute joint called ``joint + "_rotor"``, at θ, on the link before the joint, which has the
+        rotor's mass and all of its inertia while locked, as of every ``Rotor``. The motor's torque is that of the
         rotor's freedom. The spring gives k (θ/n - q) + d (θ̇/n - q̇) to the joint (``spring_torque``); ``simulate`` and
         ``rollout`` add it, the calls of the equation of motion take it in tau.
 

@@ -42,8 +42,8 @@ class Mimic:
 class Rotor:
     """The rotor of a joint's motor, which turns on the link before the joint at ``ratio`` times the joint's velocity.
 
-    inertia  J about the axis on which it turns [kg m²]; its mass, and its inertia where it does not turn, belong to the
-             parent link
+    inertia  J about the axis on which it turns [kg m²]; the parent link has its mass, and all of its inertia as of a
+             rotor that is locked, J about the axis too
     ratio    n: its turns on that link per q̇, of either sign [1 | rad/m]
     axis     (3,) on which it turns, in the joint's frame at q = 0, which the parent link carries: of any length but 0;
              the joint's own axis if left out

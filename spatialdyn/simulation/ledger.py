@@ -102,7 +102,7 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any
 
     trajectory   of ``simulate(..., record="work")``
     constraints  the Constraints of the run: their names become labels
-    contacts     the Contacts of the run, likewise
+    contacts     the Contacts of the run, likewise; joint limits of ``limits=True`` are added to them
 
     The forces of ideal constraints that do not depend on time do no work: W_constraints is 0 to the order of the
     method; with ``stabilization`` their corrections are in it, and otherwise the projections after each step are apart.
@@ -129,6 +129,8 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any
         held = 0 if equations is None else equations.shape[1]
         raise SimulationError(f"constraints have {constraints.nc} equations, expected the {held} of the trajectory")
     touched = found.get("contacts")
+    if contacts is not None and touched is not None and touched.shape[1] == len(contacts.with_limits().labels):
+        contacts = contacts.with_limits()
     if contacts is not None and (touched is None or touched.shape[1] != len(contacts.labels)):
         held = 0 if touched is None else touched.shape[1]
         count = len(contacts.labels)

@@ -132,6 +132,8 @@ def simulate(
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
+    The velocity of a floating base is in its own frame, whose turn methods of order 1 follow to the order of dt: a body
+    that spins at ω gains speed by some ω² dt / 2 of itself a second, so a ball that rolls on contacts needs a small dt.
     With friction, contacts, control or record="work", which explicit methods and SciPy's take, torque functions, fext
     and robots too long for a program make the steps run in Python.
     Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) act by themselves; ``tau`` leaves them out.

@@ -381,6 +381,16 @@ def test_the_ledger_of_a_landing_has_points_limits_and_torques() -> None:
         sd.energy_ledger(run, contacts=sd.Contacts(model, {"a": 0.0}))
 
 
+def test_the_ledger_of_a_run_takes_its_contacts_with_the_limits_beside_them() -> None:
+    """``limits=True`` adds columns, which the Contacts that were given to the run do not name."""
+    model = limited()
+    contacts = sd.Contacts(model, {"a": 0.0}, terrain=sd.Plane(height=-9.0))
+    run = sd.simulate(model, [0.0, 0.1], [1.0, 0.0], 0.01, 1e-3, STEPPED, limits=True, contacts=contacts, record="work")
+    labels = sd.energy_ledger(run, contacts=contacts).labels["contacts"]
+    assert labels == contacts.with_limits().labels
+    assert len(labels) == 3
+
+
 def test_a_control_law_stands_beside_contacts(robot: Any) -> None:
     """Carried with the step, and the same as its torque by a function."""
     model, contacts, q0 = robot
