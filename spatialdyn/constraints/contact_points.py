@@ -17,6 +17,7 @@ from ..calls.arguments import as_array, as_count, as_flag, as_number, check_mode
 from ..errors import ConstraintError, ModelError
 from ..model.model import Model
 from .kinds import across
+from .table import other_model
 
 Array = NDArray[np.float64]
 MOST_SWEEPS = 100
@@ -274,7 +275,7 @@ def check_contacts(model: Model, contacts: Any) -> Contacts:
     if not isinstance(contacts, Contacts):
         raise ConstraintError(f"contacts are a {type(contacts).__name__}, expected Contacts(model, {{frame: radius}})")
     if contacts.model is not model and contacts.model != check_model(model):
-        raise ModelError(f'contacts are of model "{contacts.model.name}", expected those of "{model.name}" as given')
+        raise ModelError(f"contacts are of {other_model(contacts.model, model)}")
     return contacts
 
 

@@ -128,7 +128,7 @@ class Constraints:
         try:
             given = tomllib.loads(text)
         except (tomllib.TOMLDecodeError, TypeError) as error:
-            raise ConstraintError(f"constraints are no TOML: {error}") from None
+            raise ConstraintError(f"constraints are no TOML: {error}, expected a text and no {text!r:.60}") from None
         entries = given.pop("constraint", [])
         if given or not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):
             found = ", ".join(given) or "one [constraint]"
@@ -207,10 +207,14 @@ def check_constraints(model: Model, constraints: Any) -> Constraints:
     if not isinstance(constraints, Constraints):
         raise ConstraintError(f"constraints are a {type(constraints).__name__}, expected Constraints(model, [...])")
     if constraints.model is not model and constraints.model != check_model(model):
-        raise ModelError(
-            f'constraints are of model "{constraints.model.name}", expected those of "{model.name}" as it is given'
-        )
+        raise ModelError(f"constraints are of {other_model(constraints.model, model)}")
     return constraints
+
+
+def other_model(other: Model, model: Model) -> str:
+    """That a model was expected and another found, which may be of the same name."""
+    same = "another" if other.name == model.name else "the"
+    return f'{same} model "{other.name}", expected those made of the model "{model.name}" that is given'
 
 
 # --- rows of the table -----------------------------------------------------------------------------------

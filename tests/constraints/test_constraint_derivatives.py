@@ -156,7 +156,7 @@ def test_what_derivatives_refuse() -> None:
     held = pin_of(model)
     with pytest.raises(sd.ConstraintError, match="expected a time in seconds above 0"):
         sd.constrained_dynamics_derivatives(model, held, q, v, np.zeros(3), -1.0)
-    with pytest.raises(sd.ModelError, match="constraints are of model"):
+    with pytest.raises(sd.ModelError, match="constraints are of another model"):
         sd.constrained_dynamics_derivatives(four_bar(0.3), held, q, v, np.zeros(3))
     with pytest.raises(sd.ShapeError, match=r"tau has shape \(2,\)"):
         sd.constrained_dynamics_derivatives(model, held, q, v, np.zeros(2))

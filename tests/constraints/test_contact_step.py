@@ -567,7 +567,7 @@ def test_dt_and_contacts_of_another_robot_are_refused() -> None:
         with pytest.raises(sd.SimulationError, match="dt is"):
             sd.contact_step(model, contacts, sd.neutral(model), np.zeros(18), np.zeros(18), dt)  # type: ignore[arg-type]
     other = mass()
-    with pytest.raises(sd.ModelError, match='contacts are of model "quadruped", expected those of "mass"'):
+    with pytest.raises(sd.ModelError, match='contacts are of the model "quadruped", expected those made of the'):
         sd.contact_gaps(other, contacts, np.zeros(3))
     with pytest.raises(sd.ConstraintError, match="contacts are a dict"):
         sd.contact_gaps(other, feet, np.zeros(3))  # type: ignore[arg-type]

@@ -444,7 +444,7 @@ def test_what_runs_under_constraints_cannot_do() -> None:
         sd.simulate(model, q, v, 0.1, 1e-3, stabilization=0.1)
     with pytest.raises(sd.SimulationError, match="dtype is float32, expected float64 with constraints"):
         sd.rollout(model, q, v, dt=1e-3, steps=1, dtype=np.float32, constraints=held)
-    with pytest.raises(sd.ModelError, match="constraints are of model"):
+    with pytest.raises(sd.ModelError, match="constraints are of another model"):
         sd.simulate(four_bar(0.3), q, v, 0.1, 1e-3, constraints=held)
     many = sd.Constraints(model, [*held] * 13)
     with pytest.raises(sd.SimulationError, match="constraints have 39 equations, expected at most 36 in a rollout"):
