@@ -21,7 +21,7 @@ class Schedule:
     """
 
     def __init__(self, program: Program, late: bool) -> None:
-        """``late``: compute values near their readers, ``depth_first``, in one function; else in the program's order."""
+        """``late``: compute values near their readers in one function; else in the program's order."""
         self.whole = len(program.lines) <= MOST_WHOLE
         self.chunks = _chunks(program, late)
         self.slots, self.slot_count = ({}, 0) if self.whole else self._slots(program)
