@@ -154,7 +154,7 @@ class Promise:
     def _answers(self, rows: list[Array], given: list[Array], batch: tuple[int, ...]) -> tuple[Array, NDArray[np.intp]]:
         """(values, the index of the way that answered each sample, -1 for NaN). Raises SpatialDynError."""
         n = math.prod(batch)
-        values, bounds = np.empty((n, *self._core)), np.empty((n, *self._core))
+        values = bounds = np.empty(0)
         way, at = np.full(n, UNKNOWN), np.arange(n)
         for code, name in enumerate((SINGLE, DOUBLE)):
             if name not in self._ladder:
@@ -167,7 +167,12 @@ class Promise:
             except SpatialDynError:
                 self._ladder[DOUBLE](*given)  # names the sample by its place among all
                 raise
-            values[tried], bounds[tried] = found
+            if len(tried) == n:  # as they are: writing them to others takes longer than a crba with its bound
+                values, bounds = (np.asarray(x, np.float64).reshape(n, *self._core) for x in found)
+            else:
+                if not len(values):
+                    values, bounds = np.empty((2, n, *self._core))
+                values[tried], bounds[tried] = found
             way[tried[self._holds(*found)]] = code
             at = np.flatnonzero(way == UNKNOWN)
         if len(at):
