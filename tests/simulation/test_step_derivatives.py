@@ -440,7 +440,8 @@ def test_mimic_joints_springs_and_joints_without_inertia_are_named() -> None:
         with pytest.raises(sd.ModelError, match='robot "pair" has dependent mimic joints'):
             call(builder.build(mimic=True), [0.0], [0.0], [0.0], *step)
     with pytest.raises(
-        sd.SimulationError, match="friction is True, expected None or False: Coulomb's law has no deriv"
+        sd.SimulationError,
+        match="friction is True, expected None, False or a Friction with smoothing: Coulomb's law has no deriv",
     ):
         sd.step_derivatives(builder.build(), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01, friction=True)
     elastic = sd.ModelBuilder("elastic")
@@ -467,6 +468,48 @@ def test_friction_of_the_urdf_is_left_out_with_a_warning_unless_that_is_meant() 
         warnings.simplefilter("error")
         sd.step_derivatives(model, [0.1], [0.2], [0.0], 0.01, friction=False)
         sd.linearize(model, [0.1], [0.2], [0.0], friction=False)
+
+
+@pytest.mark.parametrize("method", EXPLICIT)
+def test_smooth_friction_acts_in_every_stage(method: str) -> None:
+    """Against the chain rule where it is taken at the state alone, else differences of runs with it; one joint creeps,
+    one is on the fall of Stribeck's curve, and batches are lanes.
+    """
+    model, h = sd.load_urdf("two_link"), 0.01
+    q, v, tau = np.array([0.5, -0.3]), np.array([0.05, 0.4]), np.array([0.3, 0.2])
+    friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
+    A, B = sd.step_derivatives(model, q, v, tau, h, method, friction=friction)
+    lanes = sd.step_derivatives(model, np.tile(q, (9, 1)), np.tile(v, (9, 1)), np.tile(tau, (9, 1)), h, method,
+                                friction=friction)  # fmt: skip
+    for x, y in zip((A, B), lanes, strict=True):
+        np.testing.assert_allclose(y, np.broadcast_to(x, y.shape), rtol=0, atol=EXACT)
+    if "euler" in method:
+        e, rub = 1e-6, sd.friction_torque(model, v, friction)
+        slope = (
+            np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction))
+        ) / 2e-6
+        bare, wanted = sd.step_derivatives(model, q, v, tau + rub, h, method, friction=False)
+        np.testing.assert_allclose(B, wanted, rtol=0, atol=EXACT)
+        np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-9)
+        return
+    e, d = 1e-5, np.random.default_rng(2).normal(size=(3, 2))
+    words = {"dt": h, "steps": 1, "method": method, "friction": friction, "friction_method": "smooth"}
+    one, two = (sd.rollout(model, q + s * d[0], v + s * d[1], tau + s * d[2], **words) for s in (e, -e))
+    moved = np.concatenate([one.q[-1] - two.q[-1], one.v[-1] - two.v[-1]]) / (2 * e)
+    np.testing.assert_allclose(moved, A @ d[:2].ravel() + B @ d[2], rtol=0, atol=DIFFERENCE)
+
+
+def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
+    model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.05, 0.4])
+    friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
+    A, B = sd.linearize(model, q, v, [0.3, 0.2], friction=friction)
+    rub, e = sd.friction_torque(model, v, friction), 1e-6
+    slope = np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction)) / (2 * e)
+    bare, same = sd.linearize(model, q, v, np.add(rub, [0.3, 0.2]), friction=False)
+    np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(B, same, rtol=0, atol=EXACT)
+    with pytest.raises(sd.SimulationError, match="friction is given and method is 'gauss4', expected one of explicit_"):
+        sd.step_derivatives(model, q, v, [0.3, 0.2], 0.01, "gauss4", friction=friction)
 
 
 def test_a_robot_without_joints_has_none() -> None:
