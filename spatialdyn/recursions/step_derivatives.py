@@ -57,7 +57,8 @@ def rk4_derivatives(
     """The classical method of order 4 on (u, v), q(t) = q ∘ exp(u(t))."""
     law = coulomb, viscous, static, stribeck
     _runge_kutta(
-        RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, law, smoothing, out, pivots, stage, rows, squares, wide
+        RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, law, smoothing, out, pivots, stage, rows, squares,
+        wide,
     )  # fmt: skip
 
 

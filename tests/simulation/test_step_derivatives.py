@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dense import Array
+from example_runs import robots
 from slow import slow_but
 from trees import random_inertia, random_placement, random_tree
 
@@ -50,6 +51,13 @@ def mixed() -> Any:
         "c", "a", "continuous", (0, 1, 0), random_placement(np.random.default_rng(4)), inertia, armature=0.1
     )
     return builder.build(continuous="cos_sin")
+
+
+def quadruped() -> Any:
+    """ANYmal on a floating base: 18 freedoms."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the inertia of its base link is all but zero
+        return sd.load_urdf("anymal_b_simple_description/anymal", root="floating")
 
 
 # --- by hand --------------------------------------------------------------------------------------------
@@ -155,6 +163,19 @@ def test_explicit_steps_have_the_derivatives_of_240_bits(method: str, name: str)
     np.testing.assert_allclose(np.hstack([A, B])[:, columns], truth, rtol=0, atol=EXACT * abs(truth).max())
 
 
+@robots
+@pytest.mark.parametrize("method", EXPLICIT[:2])
+def test_a_quadrupeds_steps_have_the_derivatives_of_240_bits(method: str) -> None:
+    """Its floating base turned, thrown and pushed; a column of each of q, v and tau, in base and legs."""
+    pytest.importorskip("mpmath")
+    model = quadruped()
+    q, v, tau = state(model, 7)
+    A, B = sd.step_derivatives(model, q, v, tau, 0.01, method, friction=False)
+    columns = [4, 23, 50]
+    truth = differences(model, q, v, tau, 0.01, method, columns)
+    np.testing.assert_allclose(np.hstack([A, B])[:, columns], truth, rtol=0, atol=EXACT * abs(truth).max())
+
+
 @pytest.mark.parametrize("method", ["implicit_midpoint", "symplectic_euler", "stormer_verlet"])
 def test_implicit_steps_have_the_derivatives_of_240_bits(method: str) -> None:
     """The equations of the method, iterated in 240 bits, on Hamilton's equations of two links."""
@@ -238,6 +259,18 @@ def test_symplectic_methods_have_symplectic_derivatives(method: str, name: str) 
     h, tau = 0.02, 0.0 * tau
     A, _ = sd.step_derivatives(model, q, v, tau, h, method)
     run = sd.simulate(model, q, v, h, h, method)
+    A = in_momenta(model, run.q[-1], run.v[-1]) @ A @ np.linalg.inv(in_momenta(model, q, v))
+    before, after = omega(model, run.p[0]), omega(model, run.p[-1])
+    assert abs(A.T @ after @ A - before).max() < ROUNDING * abs(before).max()
+
+
+@robots
+@pytest.mark.slow(quick="test_symplectic_methods_have_symplectic_derivatives")
+def test_a_quadrupeds_midpoint_rule_is_symplectic() -> None:
+    model = quadruped()
+    q, v, tau = state(model, 3)
+    A, _ = sd.step_derivatives(model, q, v, 0.0 * tau, 0.005, "implicit_midpoint", friction=False)
+    run = sd.simulate(model, q, v, 0.005, 0.005, "implicit_midpoint", friction=False)
     A = in_momenta(model, run.q[-1], run.v[-1]) @ A @ np.linalg.inv(in_momenta(model, q, v))
     before, after = omega(model, run.p[0]), omega(model, run.p[-1])
     assert abs(A.T @ after @ A - before).max() < ROUNDING * abs(before).max()
