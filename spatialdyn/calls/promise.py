@@ -64,10 +64,10 @@ class Promise:
     signature  inputs and result, with their shapes
 
     This is a way to know, not to save time. On one core, of a ur5 and of seven joints of a panda, a batch with bounds
-    takes 2 times that in float64 without them in rnea, 3 in crba and 5 in aba. Here, where NumPy judges each sample and
-    arrays are new, it takes some 5 to 10 times in rnea and aba, up to 30 in crba (on a busy machine).
-    Starting at float32 takes 0.9 to 1.2 times what starting at float64 does in rnea and crba, whose gain is spent on
-    converting, and three quarters of it in aba. ``benchmarks/tradeoff.py --only samples`` measures it.
+    takes 2 to 3 times that in float64 without them in rnea and crba and 5 in aba. Here, where NumPy judges each sample
+    and arrays are new, it takes some 6 to 14 times (on a busy machine). Starting at float32 takes 0.8 to 1.1 times what
+    starting at float64 does; where it holds nowhere, both are paid. ``benchmarks/tradeoff.py --only samples`` measures
+    it.
 
     Raises
         SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
