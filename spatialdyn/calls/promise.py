@@ -55,7 +55,7 @@ class Promise:
                          from 6 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
         "float64"
         "double-double"  of calls without ``fixed``, ``outputs``, parameters and frames, of models without quaternions
-                         and (cos, sin) pairs; a few hundred times slower, and compiled at its first sample
+                         and (cos, sin) pairs; far slower, and compiled at its first sample
 
     ways       the ways, in that order; the last is tried if it is needed
     report     {way: number of samples it has answered so far}

@@ -66,7 +66,7 @@ def step_derivatives(
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
 
-    Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 14 with
+    Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
     lanes.
 

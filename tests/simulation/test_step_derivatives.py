@@ -19,6 +19,8 @@ from spatialdyn.algebra.spatial import Motion
 from spatialdyn.bodies.kinds import LENGTHS, NV
 from spatialdyn.calls.dynamics import checked_call
 from spatialdyn.calls.exact import Exact
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import recording
 from spatialdyn.recursions.step_derivatives import MOTION, STEPS
 from spatialdyn.simulation import implicit_derivatives
 from spatialdyn.simulation.traced_steps import step_specs
@@ -399,6 +401,15 @@ def test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_cal
         one = sd.step_derivatives(model, q[k], v[k], tau[k], 0.01)
         assert (A[k] == one[0]).all()
         assert (B[k] == one[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("method", "least"), [("explicit_euler", 26), ("semi_implicit_euler", 26), ("velocity_verlet", 17), ("rk4", 12)]
+)
+def test_models_of_more_freedoms_have_no_program(method: str, least: int) -> None:
+    spec = numba_kernels.variant(STEPS[method], frozenset())
+    short = [recording.fits((spec,), joints_of("revolute", count).bodies) for count in (least - 1, least)]
+    assert short == [True, False]
 
 
 @pytest.mark.slow(quick="test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_calls")

@@ -1,8 +1,8 @@
 """A call in double-double with a bound on the error of each result, for the few samples that float64 leaves open.
 
 The bound is that of running error analysis in float64 (``programs.error_bound``) on the lines that double-double runs,
-with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is wide, thousands of
-times the error, and still far below what float64 shows.
+with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is wide, and still
+far below what float64 shows.
 """
 
 from __future__ import annotations
