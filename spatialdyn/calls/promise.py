@@ -54,7 +54,7 @@ class Promise:
         "float32"        with dtype=np.float32; else only where it is cheaper: of what is solved for (aba, minverse),
                          from 6 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
         "float64"
-        "double-double"  of calls without ``fixed``, ``outputs``, parameters and frames, of models without quaternions
+        "double-double"  of calls without ``fixed``, ``outputs``, parameters and tables, of models without quaternions
                          and (cos, sin) pairs; far slower, and compiled at its first sample
 
     ways       the ways, in that order; the last is tried if it is needed
@@ -192,12 +192,13 @@ class Promise:
     @cached_property
     def _has_pairs(self) -> bool:
         request = self._request
-        plain = not (request.constants or request.parameters or request.static or request.output_places is not None)
+        plain = not (request.constants or request.parameters or request.output_places is not None)
+        plain &= all(x.table is None for x in self._spec.present)
         return plain and not unit_parts(request.model.bodies)
 
     @cached_property
     def _enclosure(self) -> Enclosure:
-        return Enclosure(self._spec, self._request.model.bodies)
+        return Enclosure(self._spec, self._request.model.bodies, self._request.static)
 
     def _by_pairs(self, rows: Sequence[Array]) -> tuple[Array, Array]:
         """Values and bounds by double-double."""
