@@ -22,7 +22,8 @@ import spatialdyn as sd
 from spatialdyn.calls.exact import Exact
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled.numba_kernels import variant
-from spatialdyn.examples.ilqr import ilqr, reach
+from spatialdyn.examples.ilqr import backward, forward, ilqr
+from spatialdyn.examples.optimal_control import cost_of, reach
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.step_derivatives import STEPS
 from spatialdyn.simulation.traced_steps import step_specs
@@ -38,7 +39,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer rounds")
     rounds, seconds = (5, 0.02) if parser.parse_args().quick else (25, 0.05)
     sd.set_num_threads(1)
-    problem = reach()
+    problem = reach(sd.load_urdf("panda"))
     model, rng = problem.model, np.random.default_rng(0)
     q = sd.random_configuration(model, rng, KNOTS)
     v, tau = rng.normal(size=(2, KNOTS, model.nv))
@@ -93,20 +94,41 @@ def truth(model: sd.Model, method: str, q: Array, v: Array, tau: Array) -> None:
 
 
 def iteration(problem: Any, rounds: int) -> list[list[str]]:
-    """Rows of an iteration's time, the median over runs from the same start, and of what it reaches."""
+    """Rows of an iteration's time, the median over runs from the same start, of its parts, and of what it reaches."""
     start = np.tile(problem.force, (KNOTS, 1))
     _, _, costs, _ = ilqr(problem, start, 1e-9)
     taken = []
     for _ in range(rounds):
         began = perf_counter()
-        steps = len(ilqr(problem, start, 1e-9, most=12)[2])
-        taken.append((perf_counter() - began) / steps)
+        x, u, made, K = ilqr(problem, start, 1e-9, most=12)
+        taken.append((perf_counter() - began) / len(made))
+    times = interleaved(parts(problem, x, u, K), rounds, 0.02)
+    rows = [[f"{name} [ms]", f"{1e3 * each:.3f}"] for name, each in times.items()]
     return [
-        ["an iteration [ms]", f"{1e3 * float(np.median(taken)):.3f}"],
-        ["the fastest run's [ms]", f"{1e3 * min(taken):.3f}"],
+        *rows,
+        ["one of each [ms]", f"{1e3 * sum(times.values()):.3f}"],
+        ["an iteration, with all steps it tries [ms]", f"{1e3 * float(np.median(taken)):.3f}"],
         ["iterations", f"{len(costs) - 1}"],
         ["cost", f"{costs[-1]:.9f}"],
     ]
+
+
+def parts(p: Any, x: Array, u: Array, K: Array) -> dict[str, Any]:
+    """The parts of an iteration about a motion."""
+    n, k, limits = p.model.nv, np.zeros_like(u), (p.low, p.high, p.h)
+    q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
+
+    def derive() -> Array:
+        return np.concatenate(sd.step_derivatives(p.model, q, v, u, p.h, friction=False), axis=2)
+
+    _, slope, W, last = cost_of(p, x, u)
+    given = derive(), slope, W, *last, p.low - u, p.high - u, 0.0, k.copy(), K.copy()
+    return {
+        "derivatives": derive,
+        "backward": lambda: backward(*given),
+        "forward": lambda: forward(p.model.bodies, x, u, k, K, 1.0, *limits, x.copy(), u.copy()),
+        "cost": lambda: cost_of(p, x, u),
+    }
 
 
 if __name__ == "__main__":

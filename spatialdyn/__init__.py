@@ -54,7 +54,8 @@ if TYPE_CHECKING:
     from .calls.forward_dynamics import forward_dynamics
     from .calls.prepare import compile
     from .calls.promise import Promise
-    from .calls.specialize import Specialized, specialize
+    from .calls.specialize import specialize
+    from .calls.specialized import Specialized
     from .constraints.contact import Constrained, Impact, constrained_dynamics, impact
     from .constraints.contact_dynamics import ContactStep, contact_gaps, contact_step
     from .constraints.contact_points import Contacts, Heightfield, Plane
@@ -138,7 +139,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "actuation.transmissions": "to_actuators to_joints",
     "calls.bounded": "bounded", "calls.exact": "Exact exact",
     "calls.forward_dynamics": "forward_dynamics", "calls.prepare": "compile", "calls.promise": "Promise",
-    "calls.specialize": "Specialized specialize",
+    "calls.specialize": "specialize",
+    "calls.specialized": "Specialized",
     "constraints.contact": "Constrained Impact constrained_dynamics impact",
     "constraints.contact_dynamics": "ContactStep contact_gaps contact_step",
     "constraints.contact_points": "Contacts Heightfield Plane",

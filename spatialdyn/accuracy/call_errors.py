@@ -26,7 +26,7 @@ from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS
 from .references import MANY, MANY_LEAST, error_bound, of_calls, relative, truths
-from .results import INPUTS, Further, Option
+from .results import INPUTS, Option
 
 Array = NDArray[np.float64]
 
@@ -112,10 +112,6 @@ def candidates(model: Model, task: str, batch: int) -> Iterator[list[Candidate]]
         found: list[Candidate] = []
         extended = name == EXTENDED
         call = partial(forward_dynamics, method=EXTENDED) if extended else calls[name]
-
-        def public(*x: Any, call: Any = call) -> Any:
-            return call(model, *x)
-
         code = f'sd.forward_dynamics(model, {given}, method="{name}")' if extended else f"sd.{name}(model, {given})"
         traces = _traces(model, name)
         way = "lanes" if traces and (not extended or batch >= LEAST_BATCH) else "untraced"
@@ -125,7 +121,7 @@ def candidates(model: Model, task: str, batch: int) -> Iterator[list[Candidate]]
             if k.engine == "lanes":
                 text = f"sd.specialize(model, sd.{name}, dtype=np.float32)({given})"
                 found.append(Candidate(f"lanes float32 {name}", text, np.float32, k))
-        found.append(Candidate(f"{way} float64 {name}", code, np.float64, public))
+        found.append(Candidate(f"{way} float64 {name}", code, np.float64, partial(call, model)))
         yield found
 
 
@@ -200,35 +196,31 @@ def _promised(model: Model, candidate: Candidate, first: str, arrays: list[Array
     return relative(first, np.where(np.isnan(off), math.inf, off), truth)
 
 
-def confirm_calls(model: Model, task: str) -> Further:
-    """The function ``confirm(options, tolerance)``: errors in MANY further states of the options within the tolerance.
+def confirm_calls(model: Model, task: str, options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+    """Errors in MANY further states of the options within the tolerance; options that exceed it are left out.
 
-    Options that exceed it are left out. It returns None if the references of MANY states take longer than PATIENCE.
+    Returns None if the references of MANY states take longer than PATIENCE.
     """
     first = TASK_CALLS[task][0]
-
-    def confirm(options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
-        began, errors = time.thread_time(), {x.name: np.empty(0) for x in options}
-        for k in range(MANY // CHUNK):
-            arrays = random_call_states(model, task, CHUNK, [0, k + 1])
-            truth, _ = truths(model, first, arrays, 0)
-            for x in options:
-                if x.name not in errors or x.run is None:
-                    continue
-                try:
-                    found = _errors(x.name, first, x.run(*arrays), truth)
-                except (InertiaError, NonFiniteError):
-                    found = np.full(1, math.inf)
-                errors[x.name] = np.append(errors[x.name], found)
-                if MANY_LEAST * found.max() > tolerance:
-                    del errors[x.name]
-            if not errors:
-                break
-            if k + 1 < MANY // CHUNK and time.thread_time() - began > PATIENCE:
-                return None
-        return errors
-
-    return confirm
+    began, errors = time.thread_time(), {x.name: np.empty(0) for x in options}
+    for k in range(MANY // CHUNK):
+        arrays = random_call_states(model, task, CHUNK, [0, k + 1])
+        truth, _ = truths(model, first, arrays, 0)
+        for x in options:
+            if x.name not in errors or x.run is None:
+                continue
+            try:
+                found = _errors(x.name, first, x.run(*arrays), truth)
+            except (InertiaError, NonFiniteError):
+                found = np.full(1, math.inf)
+            errors[x.name] = np.append(errors[x.name], found)
+            if MANY_LEAST * found.max() > tolerance:
+                del errors[x.name]
+        if not errors:
+            break
+        if k + 1 < MANY // CHUNK and time.thread_time() - began > PATIENCE:
+            return None
+    return errors
 
 
 def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:

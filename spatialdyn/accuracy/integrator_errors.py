@@ -6,7 +6,8 @@ import importlib.util
 import math
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from ..simulation import integrators, simulate
 from ..simulation.reference_motion import ReferenceMotion, exact_motion
 from .call_errors import PATIENCE, is_count
 from .references import error_bound
-from .results import Further, Option
+from .results import Option
 
 Array = NDArray[np.float64]
 
@@ -97,43 +98,41 @@ def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int) -> floa
     return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
 
 
-def confirm_motions(model: Model, duration: float, options: Sequence[Option]) -> Further:
-    """The function ``confirm(options, tolerance)``: errors from MORE further states, of options within the tolerance.
+def confirm_motions(
+    model: Model, duration: float, options: Sequence[Option], open_: Sequence[Option], tolerance: float
+) -> dict[str, Array] | None:
+    """Errors from MORE further states, of the options ``open_`` that are within the tolerance.
 
     The reference is another option, whose bound is at most a hundredth of the tolerance and, if possible, of the errors
     of the options judged; its bound is added to their errors. Returns None without such an option, or after more than
     PATIENCE.
     """
     t = np.linspace(0.0, duration, SAMPLES + 1)
-
-    def confirm(open_: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
-        finer = _finer(options, open_, tolerance)
-        if finer is None or finer.run is None:
+    finer = _finer(options, open_, tolerance)
+    if finer is None or finer.run is None:
+        return None
+    began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
+    for q, v in zip(*random_motion_states(model, MORE, [0, 1]), strict=True):
+        try:
+            best = finer.run(q, v, duration, sampled=True)
+        except (SimulationError, NonFiniteError):
             return None
-        began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
-        for q, v in zip(*random_motion_states(model, MORE, [0, 1]), strict=True):
+        truth = ReferenceMotion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
+        for x in open_:
+            if x.name not in errors or x.run is None:
+                continue
             try:
-                best = finer.run(q, v, duration, sampled=True)
+                found = motion_error(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
             except (SimulationError, NonFiniteError):
-                return None
-            truth = ReferenceMotion(t, best.q[:, None], best.v[:, None], np.zeros(len(best)), 0)
-            for x in open_:
-                if x.name not in errors or x.run is None:
-                    continue
-                try:
-                    found = motion_error(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
-                except (SimulationError, NonFiniteError):
-                    found = math.inf
-                errors[x.name] = np.append(errors[x.name], found)
-                if found > tolerance:
-                    del errors[x.name]
-            if not errors:
-                break
-            if time.thread_time() - began > PATIENCE:
-                return None
-        return errors
-
-    return confirm
+                found = math.inf
+            errors[x.name] = np.append(errors[x.name], found)
+            if found > tolerance:
+                del errors[x.name]
+        if not errors:
+            break
+        if time.thread_time() - began > PATIENCE:
+            return None
+    return errors
 
 
 def _finer(options: Sequence[Option], judged: Sequence[Option], tolerance: float) -> Option | None:
@@ -176,14 +175,16 @@ def _adaptive(model: Model, name: str, truth: ReferenceMotion, duration: float) 
     return made
 
 
+def _motion(
+    model: Model, every: int, words: Mapping[str, Any], q0: Any, v0: Any, duration: float, sampled: bool = False
+) -> Any:
+    """The run of an option; sampled: recorded at every so many steps."""
+    return simulate(model, q0, v0, duration, record=every if sampled else None, **words)
+
+
 def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duration: float, **words: Any) -> Option:
     """The option of a method, measured on all motions."""
-
-    every = max(1, round(duration / words["dt"] / SAMPLES))
-
-    def run(q0: Any, v0: Any, duration: float, sampled: bool = False) -> Any:
-        return simulate(model, q0, v0, duration, record=every if sampled else None, **words)
-
+    run = partial(_motion, model, max(1, round(duration / words["dt"] / SAMPLES)), words)
     errors, seconds, note = [], [], ""
     motions = range(truth.q.shape[1])
     for k in motions if len(motions) > 1 else (0, 0):  # at least two runs: the faster counts

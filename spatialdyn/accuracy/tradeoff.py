@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -98,7 +99,7 @@ def trade(
             options, count, certainty = integrator_errors.measure_motions(model, states, seconds, names, report)
         truth = f"double-double, {figure(certainty)} from itself with twice the step"
         found = (
-            integrator_errors.confirm_motions(model, seconds, options)
+            partial(integrator_errors.confirm_motions, model, seconds, options)
             if call_errors.is_count(states) and not numba_kernels.PLAIN
             else None
         )
@@ -106,7 +107,11 @@ def trade(
     with reporting(progress, "trade") as report:
         options, count, certainty = call_errors.measure_calls(model, task, states, samples, report)
     truth = f"double-double, {figure(certainty)} from the exact engine"
-    more = call_errors.confirm_calls(model, task) if call_errors.is_count(states) and not numba_kernels.PLAIN else None
+    more = (
+        partial(call_errors.confirm_calls, model, task)
+        if call_errors.is_count(states) and not numba_kernels.PLAIN
+        else None
+    )
     return Tradeoff(model.name, task, mark_pareto(options), count, samples, 0.0, certainty, truth, more, model)
 
 

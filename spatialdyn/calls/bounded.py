@@ -10,8 +10,8 @@ from numpy.typing import DTypeLike
 
 from ..errors import SpatialDynError
 from ..model.model import Frame, Model
-from .specialize import Specialized, check_program, of_request
 from .specialize_request import Names, read_request
+from .specialized import Specialized, check_program, of_request
 
 
 def bounded(

@@ -54,8 +54,8 @@ class Promise:
         "float32"        with dtype=np.float32; else only where it is cheaper: of what is solved for (aba, minverse),
                          from 6 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
         "float64"
-        "double-double"  of calls without ``fixed``, ``outputs``, parameters and frames, of models without quaternions
-                         and (cos, sin) pairs; a few hundred times slower, and compiled at its first sample
+        "double-double"  of calls without ``fixed``, ``outputs``, parameters and tables, of models without quaternions
+                         and (cos, sin) pairs; far slower, and compiled at its first sample
 
     ways       the ways, in that order; the last is tried if it is needed
     report     {way: number of samples it has answered so far}
@@ -64,10 +64,10 @@ class Promise:
     signature  inputs and result, with their shapes
 
     This is a way to know, not to save time. On one core, of a ur5 and of seven joints of a panda, a batch with bounds
-    takes 2 times that in float64 without them in rnea, 3 in crba and 5 in aba. Here, where NumPy judges each sample and
-    arrays are new, it takes some 5 to 10 times in rnea and aba, up to 30 in crba (on a busy machine).
-    Starting at float32 takes 0.9 to 1.2 times what starting at float64 does in rnea and crba, whose gain is spent on
-    converting, and three quarters of it in aba. ``benchmarks/tradeoff.py --only samples`` measures it.
+    takes 2 to 3 times that in float64 without them in rnea and crba and 5 in aba. Here, where NumPy judges each sample
+    and arrays are new, it takes some 6 to 14 times (on a busy machine). Starting at float32 takes 0.8 to 1.1 times what
+    starting at float64 does; where it holds nowhere, both are paid. ``benchmarks/tradeoff.py --only samples`` measures
+    it.
 
     Raises
         SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
@@ -154,7 +154,7 @@ class Promise:
     def _answers(self, rows: list[Array], given: list[Array], batch: tuple[int, ...]) -> tuple[Array, NDArray[np.intp]]:
         """(values, the index of the way that answered each sample, -1 for NaN). Raises SpatialDynError."""
         n = math.prod(batch)
-        values, bounds = np.empty((n, *self._core)), np.empty((n, *self._core))
+        values = bounds = np.empty(0)
         way, at = np.full(n, UNKNOWN), np.arange(n)
         for code, name in enumerate((SINGLE, DOUBLE)):
             if name not in self._ladder:
@@ -167,7 +167,12 @@ class Promise:
             except SpatialDynError:
                 self._ladder[DOUBLE](*given)  # names the sample by its place among all
                 raise
-            values[tried], bounds[tried] = found
+            if len(tried) == n:  # as they are: writing them to others takes longer than a crba with its bound
+                values, bounds = (np.asarray(x, np.float64).reshape(n, *self._core) for x in found)
+            else:
+                if not len(values):
+                    values, bounds = np.empty((2, n, *self._core))
+                values[tried], bounds[tried] = found
             way[tried[self._holds(*found)]] = code
             at = np.flatnonzero(way == UNKNOWN)
         if len(at):
@@ -187,12 +192,13 @@ class Promise:
     @cached_property
     def _has_pairs(self) -> bool:
         request = self._request
-        plain = not (request.constants or request.parameters or request.static or request.output_places is not None)
+        plain = not (request.constants or request.parameters or request.output_places is not None)
+        plain &= all(x.table is None for x in self._spec.present)
         return plain and not unit_parts(request.model.bodies)
 
     @cached_property
     def _enclosure(self) -> Enclosure:
-        return Enclosure(self._spec, self._request.model.bodies)
+        return Enclosure(self._spec, self._request.model.bodies, self._request.static)
 
     def _by_pairs(self, rows: Sequence[Array]) -> tuple[Array, Array]:
         """Values and bounds by double-double."""

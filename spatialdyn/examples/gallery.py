@@ -16,7 +16,7 @@ from typing import Any
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.pictures.figures import COLOURS, FILE_DPI, new_figure, tidy
 
-SHARED = "gallery"
+SHARED = {"gallery", "optimal_control"}  # by examples, and none itself
 CHAPTER = "Lagrange's and Hamilton's mechanics and joint-space dynamics, the text that this library began with"
 ORDER = (  # in which a reader may take them; test_gallery.py holds it complete
     "first_steps", "arms_in_symbols", "gravity_compensation", "inverse_kinematics", "pd_with_gravity",
@@ -34,7 +34,7 @@ OPTIONS = {"quick": "quick setting", "save": "picture", "robot": "robot to choos
 
 def names() -> list[str]:
     """The examples, in the order in which a reader may take them."""
-    found = {module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])} - {SHARED}
+    found = {module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])} - SHARED
     return sorted(found, key=lambda name: (ORDER.index(name) if name in ORDER else len(ORDER), name))
 
 

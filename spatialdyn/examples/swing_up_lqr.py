@@ -4,6 +4,7 @@ Learn    sd.step_derivatives takes the whole motion at once and gives A and B of
          simulates it; Riccati's recursion turns them into gains K(t). sd.step takes a hundred starts at once.
 Look at  the last lines: pushed off its path the open loop ends anywhere, the gains bring nearly all starts up. At the
          top they have become those of the standing pole.
+Needs    pip install "spatialdyn[simulation]"
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.examples.gallery import picture, start, write
-from spatialdyn.examples.ilqr import ilqr, swing_up
+from spatialdyn.examples.gallery import need, picture, start, write
+from spatialdyn.examples.ilqr import ilqr
+from spatialdyn.examples.optimal_control import swing_up
 
 Array = np.ndarray
 STEP = 0.02
@@ -34,7 +36,8 @@ def riccati(A: Array, B: Array, P: Array) -> tuple[Array, Array]:
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print how many starts end upright; returns gains, and the angles of all runs."""
-    problem, stay = swing_up(T=100), 100
+    need("scipy", "simulation")
+    problem, stay = swing_up(), 100
     model = problem.model
     x, u, costs, _ = ilqr(problem, np.zeros((100, 2)))
     x, force = np.vstack([x[:-1], np.zeros((stay + 1, 4))]), np.concatenate([u[:, 0], np.zeros(stay)])

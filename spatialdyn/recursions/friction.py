@@ -85,6 +85,20 @@ def friction_torque(
 
 
 @inline
+def smooth_friction_slope(
+    bodies: Bodies, v: Vector, coulomb: Vector, viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector,
+    slope: Vector,
+) -> None:  # fmt: skip
+    """Derivatives of the smooth torque by v: -(F' t + F (1 - t²)/ε + b) of t = tanh(v/ε)."""
+    for i in range(len(bodies) - 1):
+        t = 1.0 - 2.0 / (1.0 + exp(2.0 * v[i] / smoothing[i]))
+        u = v[i] / stribeck[i]
+        falls = (static[i] - coulomb[i]) * exp(-(u * u)) * (-2.0 * u) / stribeck[i]
+        level = dry_level(v, coulomb, static, stribeck, i)
+        slope[i] = -(falls * t + level * (1.0 - t * t) / smoothing[i] + viscous[i])
+
+
+@inline
 def friction_regressor(bodies: Bodies, v: Vector, F: Array) -> None:
     """F (nv, 2, nv): sgn v, then v, on the diagonal; -F (F_c, b) is the friction torque of moving joints."""
     F[:] = 0.0

@@ -23,8 +23,11 @@ from ..algebra.scalars import Scalar, inline, no_inline, select
 from ..bodies.kinds import NV
 from .configuration import dintegrate, displacement_rate_derivatives, integrate, put_tangent, twist
 from .derivatives import WORK_FORWARD, aba_derivatives
+from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
+
+Law = tuple[Vector, Vector, Vector, Vector]  # F_c, b, F_s and v_s of smooth friction, or None each
 
 RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
@@ -34,34 +37,42 @@ _SCRATCH = (("nq",), (9, "nv"), (8, "nv", "nv"), (7, "nv", "nv+nv+nv"))
 
 @inline
 def explicit_euler_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
-    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
+    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
+    rows: Matrix, squares: Array, wide: Array,
 ) -> None:  # fmt: skip
     """q⁺ = q ∘ exp(h v), v⁺ = v + h a: Runge and Kutta's method of one stage."""
-    _runge_kutta((0.0,), (1.0,), bodies, work, q, v, tau, fext, dt, out, pivots, stage, rows, squares, wide)
+    law = coulomb, viscous, static, stribeck
+    _runge_kutta(
+        (0.0,), (1.0,), bodies, work, q, v, tau, fext, dt, law, smoothing, out, pivots, stage, rows, squares, wide
+    )
 
 
 @inline
 def rk4_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
-    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
+    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
+    rows: Matrix, squares: Array, wide: Array,
 ) -> None:  # fmt: skip
     """The classical method of order 4 on (u, v), q(t) = q ∘ exp(u(t))."""
+    law = coulomb, viscous, static, stribeck
     _runge_kutta(
-        RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, out, pivots, stage, rows, squares, wide
+        RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, law, smoothing, out, pivots, stage, rows, squares,
+        wide,
     )  # fmt: skip
 
 
 @inline
 def _runge_kutta(
     nodes: tuple[float, ...], weights: tuple[float, ...], bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector,
-    fext: Matrix, dt: Vector, out: Matrix, pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+    fext: Matrix, dt: Vector, law: Law, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config, rows: Matrix,
+    squares: Array, wide: Array,
 ) -> None:  # fmt: skip
     """A method each of whose stages starts from the one before it alone; fext may be None, for zero."""
     n = len(bodies) - 1
     rows[:] = 0.0
     wide[:] = 0.0
-    u, w, a, rate, moved, spare = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+    u, w, a, rate, moved, spare, rubbed = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6:8]
     D, inverse, by_step, by_rate = squares[0:3], squares[3], squares[4:6], squares[6:8]
     U, W, Ku, Ka, moved_by, changed_by = wide[0], wide[1], wide[2], wide[3], wide[4], wide[5]
     turn = 0.0
@@ -86,7 +97,7 @@ def _runge_kutta(
         Ku[:] = 0.0
         _add_blocks(bodies, by_rate[0], U, Ku)
         _add_blocks(bodies, by_rate[1], W, Ku)
-        acceleration_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
+        acceleration_derivatives(bodies, work, stage, w, tau, fext, law, smoothing, D, spare, a, inverse, rubbed)
         if s == 0:
             pivots[:] = spare
         by_q = wide[6]
@@ -107,13 +118,15 @@ def _runge_kutta(
 
 @inline
 def semi_implicit_euler_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
-    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
+    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
+    rows: Matrix, squares: Array, wide: Array,
 ) -> None:  # fmt: skip
     """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺)."""
     n, h = len(bodies) - 1, dt[0]
     u, a, D, by_step, U = rows[0], rows[2], squares[0:3], squares[4:6], wide[0]
-    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, squares[3])
+    law = coulomb, viscous, static, stribeck
+    acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, squares[3], rows[6:8])
     for i in range(n):
         u[i] = h * (v[i] + h * a[i])
         for j in range(n):
@@ -128,15 +141,17 @@ def semi_implicit_euler_derivatives(
 
 @inline
 def velocity_verlet_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, out: Matrix,
-    pivots: Vector, stage: Config, rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
+    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
+    rows: Matrix, squares: Array, wide: Array,
 ) -> None:  # fmt: skip
     """q⁺ = q ∘ exp(h v + ½ h² a), v⁺ = v + ½ h (a + a⁺) with a⁺ = a(q⁺, v + h a)."""
     n, h = len(bodies) - 1, dt[0]
-    u, w, a, spare = rows[0], rows[1], rows[2], rows[5]
+    u, w, a, spare, rubbed = rows[0], rows[1], rows[2], rows[5], rows[6:8]
+    law = coulomb, viscous, static, stribeck
     D, inverse, by_step = squares[0:3], squares[3], squares[4:6]
     U, W, Ka, by_q = wide[0], wide[1], wide[2], wide[3]
-    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, inverse, rubbed)
     wide[:] = 0.0
     _add_unit(0, by_q)
     _add_unit(1, W)
@@ -151,7 +166,7 @@ def velocity_verlet_derivatives(
     _moved(bodies, by_step, U, by_q)
     out[:n] = by_q
     _scaled(0.5 * h, Ka, out[n : 2 * n])
-    acceleration_derivatives(bodies, work, stage, w, tau, fext, D, spare, a, inverse)
+    acceleration_derivatives(bodies, work, stage, w, tau, fext, law, smoothing, D, spare, a, inverse, rubbed)
     _acceleration(D, by_q, W, Ka)
     _add_scaled(0.5 * h, Ka, out[n : 2 * n])
     _add_unit(1, out[n : 2 * n])
@@ -160,12 +175,14 @@ def velocity_verlet_derivatives(
 
 @inline
 def motion_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, out: Matrix,
-    pivots: Vector, a: Vector, D: Array, inverse: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, coulomb: Vector, viscous: Vector,
+    static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, a: Vector, D: Array,
+    inverse: Matrix, rubbed: Matrix,
 ) -> None:  # fmt: skip
     """Rates of δq and δv along the motion by (δq, δv, δτ): d/dt δq = δv - v × δq in each body's frame."""
     n = len(bodies) - 1
-    acceleration_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    law = coulomb, viscous, static, stribeck
+    acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, inverse, rubbed)
     out[:n] = 0.0
     for i in range(n):
         for j in range(n):
@@ -185,11 +202,27 @@ def motion_derivatives(
 
 @no_inline
 def acceleration_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, D: Array, pivots: Vector, a: Vector,
-    inverse: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, law: Law,
+    smoothing: Vector, D: Array, pivots: Vector, a: Vector, inverse: Matrix, rubbed: Matrix,
 ) -> None:  # fmt: skip
-    """``aba_derivatives``, compiled once for all steps: most of what compiling a table kernel takes."""
-    aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    """``aba_derivatives`` with smooth friction, compiled once for all steps: most of what compiling a kernel takes.
+
+    law, smoothing  of ``friction_torque``; smoothing is None for no friction
+    rubbed  (2, nv)  scratch: torques with friction, slopes of friction by v
+    """
+    coulomb, viscous, static, stribeck = law
+    if smoothing is None:
+        aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+    else:
+        n = len(bodies) - 1
+        friction_torque(bodies, v, coulomb, viscous, static, stribeck, smoothing, rubbed[0])
+        smooth_friction_slope(bodies, v, coulomb, viscous, static, stribeck, smoothing, rubbed[1])
+        for i in range(n):
+            rubbed[0, i] = tau[i] + rubbed[0, i]
+        aba_derivatives(bodies, work, q, v, rubbed[0], fext, D, pivots, a, inverse)
+        for i in range(n):
+            for j in range(n):
+                D[1, i, j] = D[1, i, j] + inverse[i, j] * rubbed[1, j]
 
 
 # --- parts ----------------------------------------------------------------------------------------------
@@ -293,6 +326,7 @@ def _add_unit(which: int, out: Matrix) -> None:
 
 
 DT = Argument("dt", (1,), "s", "step")
+RUBBING = (*(replace(x, optional=True) for x in LAW), SMOOTHING)
 DERIVATIVES = Argument("D", ("nv+nv", "nv+nv+nv"), "", "derivatives of (q, v) after the step by q, v and tau")
 _SOURCE = "see ``recursions.step_derivatives``"
 _EXPLICIT = {
@@ -304,7 +338,7 @@ _EXPLICIT = {
 _SEVERAL = {"velocity_verlet": ("nv", "nv", "nv", 4), "rk4": ("nv", "nv", "nv", 12)}  # of one, aba_derivatives' terms
 STEPS = {
     name: Spec(
-        f"{name}_derivatives", recursion, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, DT), DERIVATIVES,
+        f"{name}_derivatives", recursion, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, DT, *RUBBING), DERIVATIVES,
         f"Derivatives of a step by {name}.", _SOURCE, pivots=True, regroup=True,
         term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH,
     )
@@ -315,8 +349,8 @@ TURNING_STEPS = {  # of robots with joints of several freedoms
     name: replace(spec, name=f"turning_{spec.name}", output=WITH_TURN) for name, spec in STEPS.items()
 }
 MOTION = Spec(
-    "motion_derivatives", motion_derivatives, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL),
+    "motion_derivatives", motion_derivatives, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, *RUBBING),
     replace(DERIVATIVES, meaning="derivatives of the rates of q and v by q, v and tau"),
     "Derivatives of the equation of motion.", _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3,
-    scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv")),
+    scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv"), (2, "nv")),
 )  # fmt: skip

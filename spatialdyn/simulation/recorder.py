@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..actuation.springs import spring_energy
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
-from ..calls.specialize import Specialized, specialize
+from ..calls.specialize import specialize
+from ..calls.specialized import Specialized
 from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model

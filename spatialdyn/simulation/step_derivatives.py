@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..actuation.friction import Friction
 from ..bodies.kinds import LENGTHS, NV
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model, core_shape
 from ..calls.dynamics import checked_call
@@ -32,6 +33,7 @@ from .methods import integrators
 from .springs import has_springs
 
 Array = NDArray[np.float64]
+NO_LAW: tuple[Array | None, ...] = (None,) * 5
 
 
 def step_derivatives(
@@ -42,7 +44,7 @@ def step_derivatives(
     dt: ArrayLike,
     method: str = "semi_implicit_euler",
     fext: ArrayLike | None = None,
-    friction: bool | None = None,
+    friction: Friction | bool | None = None,
 ) -> tuple[Array, Array]:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
@@ -56,20 +58,21 @@ def step_derivatives(
     method  a name in ``integrators``, but "dop853" and "radau", whose steps adapt to a tolerance. The step is that of
             ``simulate`` from this state, without what a run before it may have left (compensated sums, chart centres)
     fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m]; zero if left out
-    friction  False: none acts. With None none acts either, and a warning says so, once, where the URDF has some.
-            Anything else is refused: Coulomb's law has no derivative where a joint begins to stick. Motors, constraints
-            and contacts are no part of these steps either
+    friction  False: none acts. With None none acts either, and a warning says so, once, where the URDF has some. A
+            Friction with ``smoothing``: its smooth law acts, as of ``rollout(friction_method="smooth")``, in explicit
+            methods. Others are refused: Coulomb's law has no derivative where a joint begins to stick. Motors,
+            constraints and contacts are no part of these steps either
 
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
 
-    Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 14 with
+    Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
     lanes.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array for explicit methods.
     Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
-            for friction and springs, an implicit step that does not converge, and a joint of several freedoms that
+            for other friction, springs, an implicit step that does not converge, and a joint of several freedoms that
             turns by π or more in a step, each with the sample; the errors of ``aba``.
 
     >>> import numpy as np, spatialdyn as sd
@@ -84,14 +87,16 @@ def step_derivatives(
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
     """
-    turns = _checked(model, friction)
+    turns, law = _checked(model, friction)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
+        if law is not NO_LAW and method in integrators:
+            raise SimulationError(f"friction is given and method is {method!r}, expected one of {', '.join(STEPS)}")
         return _implicit(model, q, v, tau, dt, method, fext)
     h = _steps(dt)[..., None]
     if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
-        h = h[None]  # rows, as the program's shortest way takes them
-    found = checked_call(spec, model, (q, v, tau, fext, h), (), None)
+        h, law = h[None], tuple(x if x is None else x[None] for x in law)  # rows, as the program's shortest way takes
+    found = checked_call(spec, model, (q, v, tau, fext, h, *law), (), None)
     n = model.nv
     if turns:
         _check_turns(found[..., 2 * n, 0], method)
@@ -106,7 +111,7 @@ def linearize(
     dt: ArrayLike | None = None,
     method: str | None = None,
     fext: ArrayLike | None = None,
-    friction: bool | None = None,
+    friction: Friction | bool | None = None,
 ) -> tuple[Array, Array]:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
@@ -128,25 +133,31 @@ def linearize(
         raise SpatialDynError(
             f"{given} is given and no {lacking}, expected both for a step or none for continuous time"
         )
-    _checked(model, friction)
+    _, law = _checked(model, friction)
     n = model.nv
-    found = checked_call(MOTION, model, (q, v, tau, fext), (), None)
+    found = checked_call(MOTION, model, (q, v, tau, fext, *law), (), None)
     return found[..., : 2 * n], found[..., 2 * n :]
 
 
-def _checked(model: Model, friction: Any) -> tuple[slice, ...]:
-    """The angular velocities of joints of several freedoms. Raises for a model or friction without derivatives."""
+def _checked(model: Model, friction: Any) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]:
+    """The angular velocities of joints of several freedoms; coefficients of smooth friction, NO_LAW for none.
+
+    Raises for a model or friction without derivatives.
+    """
     fault, turns, rubs = _facts(check_model(model))
     if fault is not None:
         raise fault[0](fault[1])
+    if isinstance(friction, Friction) and friction.smoothing is not None:
+        given = friction.check(model)
+        return turns, (*given.law, friction.smoothing)
     if friction is not None and not (isinstance(friction, (bool, np.bool_)) and not friction):
         raise SimulationError(
-            f"friction is {friction!r}, expected None or False: Coulomb's law has no derivative where a joint begins "
-            "to stick; a torque of your own has, by the chain rule with B"
+            f"friction is {friction!r}, expected None, False or a Friction with smoothing: Coulomb's law has no "
+            "derivative where a joint begins to stick; a torque of your own has, by the chain rule with B"
         )
     if rubs and friction is None:
         _warn(model)
-    return turns
+    return turns, NO_LAW
 
 
 @lru_cache(maxsize=64)

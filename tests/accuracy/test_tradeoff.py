@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import pickle
 from collections import Counter
 from collections.abc import Callable
 from functools import cache, partial
@@ -637,3 +638,15 @@ def test_models_that_cannot_be_traded_are_refused() -> None:
 def test_every_task_is_a_call_or_simulations() -> None:
     assert set(TASKS) == {*call_errors.TASK_CALLS, "simulate"}
     assert {name for group in call_errors.TASK_CALLS.values() for name in group} <= {*calls, "extended"}
+
+
+@pytest.mark.parametrize("task", ["forward_dynamics", "simulate"])
+def test_a_tradeoff_is_pickled_with_the_functions_of_its_options(task: str) -> None:
+    model = sd.load_urdf("pendulum")
+    words = {"duration": 0.05} if task == "simulate" else {"batch": 64}
+    found = sd.trade(model, task, states=2, **words)
+    again = pickle.loads(pickle.dumps(found))
+    assert again == found
+    given = [np.ones(1), np.ones(1), 0.05] if task == "simulate" else 3 * [np.ones((2, 1))]
+    one, two = (x.options[0].run(*given) for x in (found, again))
+    np.testing.assert_array_equal(getattr(one, "q", one), getattr(two, "q", two))

@@ -190,6 +190,18 @@ def test_inputs_shapes_and_out_are_those_of_any_call(arm: sd.Model) -> None:
             k(q, v[0], a, mass, out=bad)
 
 
+@pytest.mark.parametrize("call", ["frame_placement", "frame_jacobian"])
+def test_frames_have_double_double(arm: sd.Model, call: str) -> None:
+    """Of a frame off its joint, in the world's axes; no float64 is that near."""
+    words = {"frame": arm.frames[-1].name, **({"reference": "world"} if call == "frame_jacobian" else {})}
+    q = states(arm, 6)[0]
+    k = sd.specialize(arm, getattr(sd, call), tolerance=1.2e-16, **words)
+    found = k(q)
+    assert k.report["double-double"] == 6
+    exact = np.array([sd.exact(arm, getattr(sd, call), **words)(x) for x in q])
+    np.testing.assert_array_equal(found, exact.astype(float))
+
+
 def test_quaternions_have_no_double_double_but_bounds() -> None:
     model = random_tree(5, 2, floating=True).model
     rng = np.random.default_rng(0)

@@ -15,7 +15,8 @@ from slow import slow_but
 from trees import random_inertia, random_tree
 
 import spatialdyn as sd
-from spatialdyn.calls.specialize import Specialized, specialize
+from spatialdyn.calls.specialize import specialize
+from spatialdyn.calls.specialized import Specialized
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import batch_kernels, float32_range, recording
 from spatialdyn.urdf.robot_files import find_robot

@@ -395,7 +395,7 @@ def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -
     assert abs(x[-1]).max() < 1e-3
     # Karush, Kuhn and Tucker: at a limit the cost would fall beyond it, elsewhere its slope is 0
     example = gallery.module("ilqr")
-    p, slope = example.swing_up(12.0, 150), np.empty(150)
+    p, slope = example.swing_up(12.0), np.empty(150)
     A, B = sd.step_derivatives(p.model, x[:-1, :2].copy(), x[:-1, 2:].copy(), u, p.h)
     value = p.final(x[-1])[1]
     for t in range(149, -1, -1):
@@ -413,7 +413,7 @@ def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -
 @pytest.mark.slow(quick="test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits")
 def test_ilqr_brings_a_panda_to_its_point() -> None:
     example = gallery.module("ilqr")
-    p = example.reach()
+    p = example.reach(sd.load_urdf("panda"))
     x, u, costs, _ = example.ilqr(p, np.tile(p.force, (100, 1)), 1e-9)
     assert costs[-1] < 0.01 * costs[0]
     assert (u >= p.low).all()

@@ -19,7 +19,7 @@ NAMES = gallery.names()
 EXTRAS = re.compile(r"spatialdyn\[(\w+)\]")
 LENGTH = (15, 60)  # lines of code, without docstrings and empty ones
 PAGES = {"troubleshooting"}  # of eight small ones
-SOLVERS = {"ilqr": 250}  # compiled loops, written out
+SOLVERS = {"ilqr": 150}
 PACKAGES = {"scipy": "simulation", "sympy": "symbolic", "mpmath": "exact"}  # by the extra that installs each
 
 

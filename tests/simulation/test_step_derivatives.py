@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dense import Array
+from example_runs import robots
 from slow import slow_but
 from trees import random_inertia, random_placement, random_tree
 
@@ -18,6 +19,8 @@ from spatialdyn.algebra.spatial import Motion
 from spatialdyn.bodies.kinds import LENGTHS, NV
 from spatialdyn.calls.dynamics import checked_call
 from spatialdyn.calls.exact import Exact
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs import recording
 from spatialdyn.recursions.step_derivatives import MOTION, STEPS
 from spatialdyn.simulation import implicit_derivatives
 from spatialdyn.simulation.traced_steps import step_specs
@@ -50,6 +53,13 @@ def mixed() -> Any:
         "c", "a", "continuous", (0, 1, 0), random_placement(np.random.default_rng(4)), inertia, armature=0.1
     )
     return builder.build(continuous="cos_sin")
+
+
+def quadruped() -> Any:
+    """ANYmal on a floating base: 18 freedoms."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the inertia of its base link is all but zero
+        return sd.load_urdf("anymal_b_simple_description/anymal", root="floating")
 
 
 # --- by hand --------------------------------------------------------------------------------------------
@@ -160,6 +170,19 @@ def test_explicit_steps_have_the_derivatives_of_240_bits(method: str, name: str)
     np.testing.assert_allclose(np.hstack([A, B])[:, columns], truth, rtol=0, atol=EXACT * abs(truth).max())
 
 
+@robots
+@pytest.mark.parametrize("method", EXPLICIT[:2])
+def test_a_quadrupeds_steps_have_the_derivatives_of_240_bits(method: str) -> None:
+    """Its floating base turned, thrown and pushed; a column of each of q, v and tau, in base and legs."""
+    pytest.importorskip("mpmath")
+    model = quadruped()
+    q, v, tau = state(model, 7)
+    A, B = sd.step_derivatives(model, q, v, tau, 0.01, method, friction=False)
+    columns = [4, 23, 50]
+    truth = differences(model, q, v, tau, 0.01, method, columns)
+    np.testing.assert_allclose(np.hstack([A, B])[:, columns], truth, rtol=0, atol=EXACT * abs(truth).max())
+
+
 @pytest.mark.parametrize("method", ["implicit_midpoint", "symplectic_euler", "stormer_verlet"])
 def test_implicit_steps_have_the_derivatives_of_240_bits(method: str) -> None:
     """The equations of the method, iterated in 240 bits, on Hamilton's equations of two links."""
@@ -243,6 +266,18 @@ def test_symplectic_methods_have_symplectic_derivatives(method: str, name: str) 
     h, tau = 0.02, 0.0 * tau
     A, _ = sd.step_derivatives(model, q, v, tau, h, method)
     run = sd.simulate(model, q, v, h, h, method)
+    A = in_momenta(model, run.q[-1], run.v[-1]) @ A @ np.linalg.inv(in_momenta(model, q, v))
+    before, after = omega(model, run.p[0]), omega(model, run.p[-1])
+    assert abs(A.T @ after @ A - before).max() < ROUNDING * abs(before).max()
+
+
+@robots
+@pytest.mark.slow(quick="test_symplectic_methods_have_symplectic_derivatives")
+def test_a_quadrupeds_midpoint_rule_is_symplectic() -> None:
+    model = quadruped()
+    q, v, tau = state(model, 3)
+    A, _ = sd.step_derivatives(model, q, v, 0.0 * tau, 0.005, "implicit_midpoint", friction=False)
+    run = sd.simulate(model, q, v, 0.005, 0.005, "implicit_midpoint", friction=False)
     A = in_momenta(model, run.q[-1], run.v[-1]) @ A @ np.linalg.inv(in_momenta(model, q, v))
     before, after = omega(model, run.p[0]), omega(model, run.p[-1])
     assert abs(A.T @ after @ A - before).max() < ROUNDING * abs(before).max()
@@ -368,6 +403,15 @@ def test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_cal
         assert (B[k] == one[1]).all()
 
 
+@pytest.mark.parametrize(
+    ("method", "least"), [("explicit_euler", 26), ("semi_implicit_euler", 26), ("velocity_verlet", 17), ("rk4", 12)]
+)
+def test_models_of_more_freedoms_have_no_program(method: str, least: int) -> None:
+    spec = numba_kernels.variant(STEPS[method], frozenset())
+    short = [recording.fits((spec,), joints_of("revolute", count).bodies) for count in (least - 1, least)]
+    assert short == [True, False]
+
+
 @pytest.mark.slow(quick="test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_calls")
 def test_the_table_kernel_agrees_with_the_program() -> None:
     """It runs robots too long for a program, and samples beyond a program's range."""
@@ -447,7 +491,8 @@ def test_mimic_joints_springs_and_joints_without_inertia_are_named() -> None:
         with pytest.raises(sd.ModelError, match='robot "pair" has dependent mimic joints'):
             call(builder.build(mimic=True), [0.0], [0.0], [0.0], *step)
     with pytest.raises(
-        sd.SimulationError, match="friction is True, expected None or False: Coulomb's law has no deriv"
+        sd.SimulationError,
+        match="friction is True, expected None, False or a Friction with smoothing: Coulomb's law has no deriv",
     ):
         sd.step_derivatives(builder.build(), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01, friction=True)
     elastic = sd.ModelBuilder("elastic")
@@ -474,6 +519,48 @@ def test_friction_of_the_urdf_is_left_out_with_a_warning_unless_that_is_meant() 
         warnings.simplefilter("error")
         sd.step_derivatives(model, [0.1], [0.2], [0.0], 0.01, friction=False)
         sd.linearize(model, [0.1], [0.2], [0.0], friction=False)
+
+
+@pytest.mark.parametrize("method", EXPLICIT)
+def test_smooth_friction_acts_in_every_stage(method: str) -> None:
+    """Against the chain rule where it is taken at the state alone, else differences of runs with it; one joint creeps,
+    one is on the fall of Stribeck's curve, and batches are lanes.
+    """
+    model, h = sd.load_urdf("two_link"), 0.01
+    q, v, tau = np.array([0.5, -0.3]), np.array([0.05, 0.4]), np.array([0.3, 0.2])
+    friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
+    A, B = sd.step_derivatives(model, q, v, tau, h, method, friction=friction)
+    lanes = sd.step_derivatives(model, np.tile(q, (9, 1)), np.tile(v, (9, 1)), np.tile(tau, (9, 1)), h, method,
+                                friction=friction)  # fmt: skip
+    for x, y in zip((A, B), lanes, strict=True):
+        np.testing.assert_allclose(y, np.broadcast_to(x, y.shape), rtol=0, atol=EXACT)
+    if "euler" in method:
+        e, rub = 1e-6, sd.friction_torque(model, v, friction)
+        slope = (
+            np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction))
+        ) / 2e-6
+        bare, wanted = sd.step_derivatives(model, q, v, tau + rub, h, method, friction=False)
+        np.testing.assert_allclose(B, wanted, rtol=0, atol=EXACT)
+        np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-9)
+        return
+    e, d = 1e-5, np.random.default_rng(2).normal(size=(3, 2))
+    words = {"dt": h, "steps": 1, "method": method, "friction": friction, "friction_method": "smooth"}
+    one, two = (sd.rollout(model, q + s * d[0], v + s * d[1], tau + s * d[2], **words) for s in (e, -e))
+    moved = np.concatenate([one.q[-1] - two.q[-1], one.v[-1] - two.v[-1]]) / (2 * e)
+    np.testing.assert_allclose(moved, A @ d[:2].ravel() + B @ d[2], rtol=0, atol=DIFFERENCE)
+
+
+def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
+    model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.05, 0.4])
+    friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
+    A, B = sd.linearize(model, q, v, [0.3, 0.2], friction=friction)
+    rub, e = sd.friction_torque(model, v, friction), 1e-6
+    slope = np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction)) / (2 * e)
+    bare, same = sd.linearize(model, q, v, np.add(rub, [0.3, 0.2]), friction=False)
+    np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(B, same, rtol=0, atol=EXACT)
+    with pytest.raises(sd.SimulationError, match="friction is given and method is 'gauss4', expected one of explicit_"):
+        sd.step_derivatives(model, q, v, [0.3, 0.2], 0.01, "gauss4", friction=friction)
 
 
 @pytest.mark.slow(quick="test_what_cannot_be_is_named")

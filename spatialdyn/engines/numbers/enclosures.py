@@ -1,13 +1,14 @@
 """A call in double-double with a bound on the error of each result, for the few samples that float64 leaves open.
 
 The bound is that of running error analysis in float64 (``programs.error_bound``) on the lines that double-double runs,
-with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is wide, thousands of
-times the error, and still far below what float64 shows.
+with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is wide, and still
+far below what float64 shows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,17 +29,21 @@ FINER = 2.0**-47  # an operation is off by 4 · 2⁻¹⁰⁴ at most where the a
 class Enclosure:
     """A call without parameters on one table, whose configuration is numbers alone."""
 
-    def __init__(self, spec: Spec, bodies: NDArray[Any]) -> None:
-        """Record the call, and its bound."""
-        tape = Tape(errors=True)  # all numbers of the table are lines, and exact
-        shapes = [shape_of(x, bodies) for x in spec.present]
+    def __init__(self, spec: Spec, bodies: NDArray[Any], static: Mapping[str, Any] = MappingProxyType({})) -> None:
+        """Record the call, and its bound. ``static`` are the values of static inputs, no tables among them."""
+        tape = Tape(errors=True)  # all numbers of the tables and placements are lines, and exact
+        varying = [x for x in spec.present if not x.static]
+        shapes = [shape_of(x, bodies) for x in varying]
         ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
         inputs = np.empty(ends[-1], object)
         inputs[:] = [tape.input(k) for k in range(len(inputs))]
         parts = {
             x.name: inputs[a:b].reshape(shape)
-            for x, a, b, shape in zip(spec.present, ends[:-1], ends[1:], shapes, strict=True)
+            for x, a, b, shape in zip(varying, ends[:-1], ends[1:], shapes, strict=True)
         }
+        for name, value in static.items():
+            is_array = isinstance(value, np.ndarray)
+            parts[name] = np.vectorize(tape.unfolded, otypes=[object])(value) if is_array else value
         pivots = np.empty(len(bodies) - 1, object)
         out = evaluate(spec, table(bodies, tape.unfolded), shape_of(spec.output, bodies), parts, pivots)
         program = Program(tape, out.ravel().tolist(), len(inputs), fuse=False)

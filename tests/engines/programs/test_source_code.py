@@ -16,7 +16,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.algebra.scalars import select
-from spatialdyn.calls.specialize import Specialized
+from spatialdyn.calls.specialized import Specialized
 from spatialdyn.engines.programs.program import Program
 from spatialdyn.engines.programs.source_code import c_code, has_meaning, python_code
 from spatialdyn.engines.programs.tracer import Tape

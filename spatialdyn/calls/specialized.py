@@ -1,0 +1,373 @@
+"""The compiled program of some calls of one model: what ``specialize`` and ``bounded`` make of a SpecializeRequest."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..engines import object_layout
+from ..engines.compiled import numba_kernels
+from ..engines.programs import batch_kernels, derived, float32_range, recording, single_call
+from ..engines.programs.casadi_code import casadi_code
+from ..engines.programs.program import Program
+from ..engines.programs.single_call import Parameter
+from ..engines.programs.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
+from ..engines.programs.source_code import PRINTERS
+from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
+from ..model.model import Model
+from ..model.robot_checks import masked
+from . import specialize_fallback
+from .arguments import as_array, broadcast, empty, flatten_batch
+from .differentiable import Differentiable
+from .exported import exported, jacobian_of
+from .specialize_request import Array, SpecializeRequest
+
+
+def check_program(made: Specialized, what: str) -> Specialized:
+    """Raise SpatialDynError without a program, which alone has ``what``."""
+    if made.engine == "untraced":
+        names, cause = ", ".join(made.calls), "has no program"
+        if numba_kernels.PLAIN:
+            cause += " under NUMBA_DISABLE_JIT"
+        raise SpatialDynError(f'{names} of "{made.model.name}" {cause} in {made.dtype}, expected one for {what}')
+    return made
+
+
+def of_request(
+    request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
+) -> Specialized:
+    """The program of a request that a public function read from its arguments, by which it is pickled."""
+    own_class = type(Specialized.__name__, (Specialized,), {"__module__": __name__})  # see Specialized._compile_single
+    made: Specialized = own_class(request, maker, arguments)
+    return made
+
+
+def gradient_of(k: Specialized) -> Specialized:
+    """The program of another with the derivatives of Σ weight · result by its inputs: as derivative="vjp", of a
+    configuration by its entries instead of displacements, in float64.
+
+    Raises SpatialDynError for one without a program, or with bounds or derivatives of its own.
+    """
+    request = k._request
+    if request.bounds or request.derivative:
+        raise SpatialDynError(f"{k!r} has further results, expected results alone to differentiate")
+    request = request._replace(dtype=np.dtype(np.float64), derivative="gradient", several=True)
+    return check_program(of_request(request, gradient_of, (k,)), "derivatives")
+
+
+class Specialized:
+    """A compiled program, called like a function: ``k(q, v, a)`` for one sample or batches, ``out=`` optional.
+
+    Samples beyond the program's range (angles above 1e5, NaN, joints without inertia) are recomputed by the table
+    kernel in float64, which raises the errors of the public calls.
+
+    float32 has a range of 1e-38 to 3e38. Samples that may lose more than rounding in it (inputs above 1e9, results
+    above 1e19, results below 1e-18 that depend on inputs other than positions) and models with a body outside 1e-18
+    to 1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as given, some fifty times slower. Their results
+    are then rounded to float32, below 1e-38 to a multiple of 1e-45 or 0; above 3e38 NonFiniteError is raised.
+
+    signature        remaining inputs and results, with their shapes
+    engine           "lanes", or "untraced" without a program: too many degrees of freedom to record, a joint with zero
+                     articulated inertia in every state, a body outside float32's range, or NUMBA_DISABLE_JIT
+    compile_seconds  spent so far on compiling or loading from disk; code for single samples is compiled at the first
+    program          the Program; ``listing()`` prints it
+    operations       counts of mul, add, div, sqrt, sincos and atan2 of a sample, and depth
+
+    ``c_code`` and ``python_code`` give the program as text, ``to_casadi``, ``to_jax`` and ``to_torch`` as a function
+    with derivatives in another framework, for any robot and any calls.
+
+    Raises
+        TypeError if the number of inputs is not that of ``signature``
+        ShapeError for shapes that do not match, or an out that overlaps an input
+        the errors of the public calls for values
+    """
+
+    def __init__(
+        self, request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
+    ) -> None:
+        """Record and compile the program of a request. ``maker(*arguments)`` makes it again."""
+        self._request, self._made_by = request, (maker, arguments)
+        self._inputs, self._results = request.inputs(), request.results()
+        self._shapes = [x.shape for x in self._results]
+        narrow_only = request.dtype == np.float32
+        self._driving = {x.name for x in request.arguments if narrow_only and x.unit != recording.POSITION}
+        self.compile_seconds = 0.0
+        self._kernel: batch_kernels.Kernel | None = None
+        bodies, numbers = request.model.bodies, sum(map(math.prod, self._shapes))
+        in_range = request.dtype == np.float64 or not float32_range.beyond(bodies)
+        if in_range and not numba_kernels.PLAIN and recording.fits(request.specs, bodies, numbers, request.tables):
+            self._kernel = self._compile(one=False)
+        self._single_due = self._kernel is not None and request.dtype == np.float64
+
+    @property
+    def model(self) -> Model:
+        """The Model."""
+        return self._request.model
+
+    @property
+    def dtype(self) -> np.dtype:
+        """dtype of the results."""
+        return self._request.dtype
+
+    @property
+    def calls(self) -> tuple[str, ...]:
+        """Names of the calls."""
+        return tuple(spec.name for spec in self._request.specs)
+
+    @property
+    def engine(self) -> str:
+        """The engine of batches: "lanes" or "untraced"."""
+        return "untraced" if self._kernel is None else "lanes"
+
+    @property
+    def signature(self) -> str:
+        """Inputs and results with the shapes of one sample."""
+        request = self._request
+        given = ", ".join(f"{x.name} {x.shape_text}" for x in self._inputs)
+        results = [f"{x.name} {x.shape_text}" for x in self._results]
+        return f"({given}) -> " + (f"({', '.join(results)})" if request.several else results[0])
+
+    @cached_property
+    def _recorded(self) -> recording.Recording:
+        """The program and its layout, recorded again at first use. Raises InertiaError if there is none."""
+        request = self._request
+        static = tuple(request.static.values())
+        try:
+            return derived.record(request.specs, request.model.bodies, static, request.options, request.dtype)
+        except ZeroDivisionError:
+            what = "a joint with zero articulated inertia in every state"
+            raise InertiaError(f'model "{request.model.name}" has {what}, expected none for a program') from None
+
+    @property
+    def program(self) -> Program:
+        """The straight-line program. Raises InertiaError if there is none."""
+        return self._recorded.program
+
+    def c_code(self, name: str | None = None, derivatives: bool = False) -> str:
+        """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
+
+        It computes one sample, in arrays in C order, without argument checks: if a joint has zero articulated inertia
+        it divides by zero. Parameters are named by kind and position: the third input is ``mass_3``.
+
+        name         of the function, by default that of the call, several joined by "_"
+        derivatives  with the external interface of CasADi instead: ``name`` and ``jac_name``, the derivatives of each
+                     result by each input, for ``casadi.external`` and acados. Matrices are in columns there. A
+                     configuration's derivatives are by its entries: with quaternions or (cos, sin) pairs they mean
+                     something along unit norms only. There is no ``jac_jac_name``: second derivatives are the
+                     caller's business
+
+        Raises SpatialDynError if the name is no identifier, an input's, or reserved in C: keywords, names that begin
+            with "_", declarations of <math.h>, functions of the standard library; InertiaError if there is no program
+        """
+        if not derivatives:
+            return self._code("c", name)
+        given = exported(self._request, self._recorded, "c", name)
+        return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
+
+    def to_casadi(self, name: str | None = None) -> Any:
+        """The program as a ``casadi.Function`` of one sample, with named inputs and results.
+
+        It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
+        aba by their own recursions, in about half the operations of CasADi's. It has no argument checks and no
+        range: a joint with zero articulated inertia divides by zero. Derivatives by a configuration are by its
+        entries, as CasADi's always are: with quaternions or (cos, sin) pairs export the next configuration too, by
+        ``sd.integrate``, so that all of it stays in coordinates.
+
+        name  as of ``c_code``
+
+        Raises SpatialDynError as ``c_code``, and where CasADi is not installed (extra "casadi")
+        """
+        from ..interop.casadi import to_casadi
+
+        given = exported(self._request, self._recorded, "c", name)
+        return to_casadi(given, jacobian_of(self._request, given))
+
+    def to_jax(self) -> Callable[..., Any]:
+        """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.
+
+        It runs on the host, on lanes, wherever JAX runs; samples may have leading axes that broadcast. Inputs that
+        are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
+        a configuration. There is no forward mode and no second derivative: asking for one raises. Errors of values,
+        of a joint without inertia say, are raised by JAX, with the message of this library inside.
+
+        >>> import spatialdyn as sd
+        >>> import jax  # doctest: +SKIP
+        >>> rnea = sd.specialize(sd.load_urdf("two_link"), sd.rnea).to_jax()  # doctest: +SKIP
+        >>> jax.grad(lambda q: rnea(q, [0.0, 0.0], [0.0, 0.0]) @ rnea(q, [0.0, 0.0], [0.0, 0.0]))  # doctest: +SKIP
+
+        Raises SpatialDynError without a program, for one with bounds or derivatives of its own, and where JAX is not
+            installed (extra "jax")
+        """
+        from ..interop.jax import to_jax
+
+        return to_jax(self._differentiable())
+
+    def to_torch(self) -> Callable[..., Any]:
+        """The program as a function of PyTorch tensors on the CPU, for autograd, torch.func.grad and torch.vmap.
+
+        Samples may have leading axes that broadcast. Inputs that are all float32 give float32, others float64;
+        derivatives are computed in float64, by entries of a configuration. There is no second derivative: asking for
+        one raises.
+
+        Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
+            not on the CPU, and where PyTorch is not installed (extra "torch")
+        """
+        from ..interop.torch import to_torch
+
+        return to_torch(self._differentiable())
+
+    def _differentiable(self) -> Differentiable:
+        return Differentiable(self._request, self.signature, self, gradient_of(self))
+
+    def python_code(self, name: str | None = None) -> str:
+        """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.
+
+        >>> import spatialdyn as sd
+        >>> k = sd.specialize(sd.load_urdf("two_link"), sd.generalized_gravity)
+        >>> scope = {}
+        >>> exec(k.python_code("gravity"), scope)
+        >>> scope["gravity"]([0.0, 0.0]).round(9).tolist()
+        [29.43, 9.81]
+        """
+        return self._code("python", name)
+
+    def _code(self, language: str, name: str | None) -> str:
+        given = exported(self._request, self._recorded, language, name)
+        return PRINTERS[language](given.name, given.program, given.inputs, given.outputs)
+
+    @property
+    def operations(self) -> dict[str, int]:
+        """Counts of the program's operations for one sample."""
+        return self.program.operations
+
+    def __repr__(self) -> str:
+        names = ", ".join(spec.name for spec in self._request.specs)
+        return f'<Specialized {names} of "{self.model.name}": {self.signature}, {self.dtype}, {self.engine}>'
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._made_by
+
+    def __call__(self, *arrays: ArrayLike, out: Any = None) -> Any:
+        """Replaced in this object's own class by a builtin at the first single sample."""
+        if self._single_due and len(arrays) == len(self._inputs):
+            ranks = [len(x.shape) for x in self._inputs]
+            if all(np.ndim(x) == rank for x, rank in zip(arrays, ranks, strict=True)):
+                self._compile_single()
+        return self._checked_call(arrays, out)
+
+    # -- one sample
+
+    def _compile_single(self) -> None:
+        """Compile the program for single samples; the builtin that runs it goes to this object's own class."""
+        self._single_due = False
+        kernel = self._compile(one=True) if object_layout.READY else None
+        parameters = [Parameter(x.name.partition(":")[0], ARRAY if x.shape else NUMBER) for x in self._inputs]
+        if kernel is None or len(parameters) >= MOST or len(self._shapes) > MOST_OUTPUTS:
+            return
+
+        def checked(*given: Any, out: Any = None) -> Any:
+            return self._checked_call(given, out)
+
+        program = kernel.code.entry, kernel.numbers.ctypes.data, single_call.NO_LIMIT.ctypes.data
+        given = [x.shape for x in self._inputs]
+        plan = single_call.plan(program, self._shapes, given, self._request.several, kernel)
+        call = single_call.bound(checked, [*parameters, Parameter("out", OUT, optional=True)], plan)
+        type(self).__call__ = call  # type: ignore[method-assign]
+
+    def _compile(self, one: bool) -> batch_kernels.Kernel | None:
+        start, request = time.perf_counter(), self._request
+        made = batch_kernels.kernel(
+            request.specs,
+            request.model.bodies,
+            request.model.key,
+            tuple(request.static.values()),
+            request.dtype,
+            options=request.options,
+            one=one,
+        )
+        self.compile_seconds += time.perf_counter() - start
+        return made
+
+    # -- the checked call
+
+    def _checked_call(self, given: tuple[Any, ...], out: Any) -> Any:
+        """Batches, lists, other dtypes and bad input, with all argument checks."""
+        request = self._request
+        if len(given) != len(self._inputs):
+            names = ", ".join(x.name for x in self._inputs)
+            raise TypeError(f"{len(given)} inputs were given, expected {len(self._inputs)}: ({names})")
+        arrays = [self._read(x.name, value) for x, value in zip(self._inputs, given, strict=True)]
+        leads = [_lead(x, array) for x, array in zip(self._inputs, arrays, strict=True)]
+        batch = broadcast([x.name for x in self._inputs], leads)
+        whole = [batch + shape for shape in self._shapes]
+        if out is None:
+            results = tuple(empty(shape, request.dtype) for shape in whole)
+        else:
+            results = self._outs(out, whole, arrays)
+        n = math.prod(batch)
+        if n:
+            rows = [flatten_batch(a, batch, x.shape) for x, a in zip(self._inputs, arrays, strict=True)]
+            flat = [x.reshape((n, -1)) for x in results]
+            samples = None
+            if self._kernel is not None:
+                samples = self._kernel([x.reshape((len(x), -1)) for x in rows], flat, out is not None)
+            if samples is None:
+                samples = np.arange(n)
+            if len(samples):
+                if request.dtype == np.float32:  # the inputs before their conversion to float32
+                    arrays = [as_array(x.name, value) for x, value in zip(self._inputs, given, strict=True)]
+                    rows = [flatten_batch(a, batch, x.shape) for x, a in zip(self._inputs, arrays, strict=True)]
+                specialize_fallback.compute(request, self._inputs, rows, flat, batch, samples, out is not None)
+        if out is None and not batch:
+            number = float if request.dtype == np.float64 else np.float32
+            shown: tuple[Any, ...] = tuple(x if x.ndim else number(x) for x in results)
+            return shown if request.several else shown[0]
+        return results if request.several else results[0]
+
+    def _read(self, name: str, value: Any) -> NDArray[Any]:
+        dtype = self._request.dtype
+        if type(value) is np.ndarray and value.dtype == dtype:
+            return value
+        x = as_array(name, value)
+        with np.errstate(over="ignore"):
+            made = x.astype(dtype, copy=False)
+        if dtype == np.float32 and not np.isfinite(made[np.isfinite(x)]).all():
+            raise NonFiniteError(f"{name} holds {abs(x[np.isfinite(x)]).max()}, expected the range of float32")
+        if name in self._driving and not made.all():
+            lost = (made == 0.0) & (x != 0.0)  # only exact zeros may give exact zeros
+            made = np.where(lost, np.copysign(float32_range.SMALLEST, made), made)
+        return made
+
+    def _outs(self, out: Any, shapes: list[tuple[int, ...]], inputs: list[NDArray[Any]]) -> tuple[NDArray[Any], ...]:
+        """``out`` as a tuple, checked. Raises ShapeError."""
+        dtype = self._request.dtype
+        outs = out if self._request.several else (out,)
+        if not isinstance(outs, (tuple, list)) or len(outs) != len(shapes):
+            raise ShapeError(f"out is {type(out).__name__}, expected a tuple of {len(shapes)} arrays")
+        for x, shape in zip(outs, shapes, strict=True):
+            if not isinstance(x, np.ndarray) or masked(x) or x.dtype != dtype or x.shape != shape:
+                what = f"shape {x.shape}, {x.dtype}" if isinstance(x, np.ndarray) else type(x).__name__
+                raise ShapeError(f"out is {what}, expected an array of shape {shape}, {dtype}")
+            if not (x.flags.c_contiguous and x.flags.writeable):
+                raise ShapeError("out is not a writable array in C order")
+        for k, x in enumerate(outs):
+            others = [("another out", y) for y in outs[:k]]
+            others += [(i.name, y) for i, y in zip(self._inputs, inputs, strict=True)]
+            for name, y in others:
+                if np.may_share_memory(x, y):
+                    raise ShapeError(f"out overlaps {name} in memory, expected an array of its own")
+        return tuple(outs)
+
+
+def _lead(wanted: Array, x: NDArray[Any]) -> tuple[int, ...]:
+    """Leading axes of an input. Raises ShapeError if the last axes are not the shape of one sample."""
+    rank = len(wanted.shape)
+    if x.ndim < rank or x.shape[x.ndim - rank :] != wanted.shape:
+        raise ShapeError(f"{wanted.name} has shape {x.shape}, expected ({', '.join(['...', *map(str, wanted.shape)])})")
+    return x.shape[: x.ndim - rank]
