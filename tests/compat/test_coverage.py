@@ -59,8 +59,6 @@ def test_hasattr_of_a_name_out_of_scope_is_false() -> None:
             "from spatialdyn.compat.pinocchio import rnea, MeshLoader as G",
             "MeshLoader is not supported: .*coal",
         ),
-        ("import spatialdyn.compat.pinocchio.casadi as cpin", "casadi is not supported: .*specialize"),
-        ("from spatialdyn.compat.pinocchio import casadi", "casadi is not supported: .*specialize"),
         ("import spatialdyn.compat.pinocchio.serialization", "serialization is not supported: .*pickle"),
     ],
 )
@@ -88,7 +86,6 @@ def test_every_pattern_of_what_is_out_of_scope_is_needed() -> None:
     from fnmatch import fnmatchcase
 
     beside = {
-        "casadi",
         "coal",
         "romeo_wrapper",
         "windows_dll_manager",

@@ -62,11 +62,6 @@ INSTEAD: tuple[tuple[str, str], ...] = (
     ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
     ("sharedMemory", "a switch of the binding's arrays: results are copies, fields of Data are written in place"),
     ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
-    (
-        "casadi",
-        "graphs of calls: spatialdyn.specialize(model, spatialdyn.aba).to_casadi(), a casadi.Function; symbols: "
-        "spatialdyn.SymbolicManipulator",
-    ),
     ("romeo_wrapper windows_dll_manager derivative", "internals of the wheel"),
     (
         "inspect sys numpy pin pinocchio_pywrap_default submodules module_info",
@@ -154,6 +149,8 @@ def entry(name: str) -> Entry:
     """Status of one name; dotted for a member of a module or class."""
     first, *rest = name.split(".")
     package = compat_package()
+    if first == "casadi":  # imported apart, as in Pinocchio
+        importlib.import_module(f"{package.__name__}.casadi")
     if first in vars(package):
         at = getattr(package, first)
         for k, member in enumerate(rest):
