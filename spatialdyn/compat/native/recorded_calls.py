@@ -24,7 +24,7 @@ from ...engines.object_layout import DATA
 from ...recursions import SPECS, kinematics
 from ...recursions.kinematics import classical_acceleration, express_in
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
-from . import operator_kernels, operators
+from . import operator_kernels
 from .edited_table import GRAVITY
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
@@ -200,10 +200,8 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, 
 
 
 _PARAMETERS = ["X", "placement", "v", "a", "classical", "reference", "out"]
-write_frame_motion = operator_kernels.deferred(
-    lambda: operator_kernels.compiled_text(
-        "frame_motion", _PARAMETERS, [f"operator({', '.join(_PARAMETERS)})"], _write_frame_motion
-    )
+write_frame_motion = operator_kernels.compiled_text(
+    "frame_motion", _PARAMETERS, [f"write({', '.join(_PARAMETERS)})"], write=_write_frame_motion
 )
 
 
@@ -341,22 +339,19 @@ def frame_jacobian_at() -> Builtin:
 # --- rows -----------------------------------------------------------------------------------------------
 
 
-def on_rows(name: str, operator: Callable[..., Any], kinds: str) -> Callable[..., None]:
-    """``(a, places, b, out)``: out[k] = operator(a[places[k]], b[k]), a kernel on rows."""
-    first, second, _, output = kinds.split()
+def on_rows(function: str, a: str, b: str, output: str) -> Callable[..., None]:
+    """``(a, places, b, out)``: out[k] = function(a[places[k]], b[k]), a kernel on rows of these kinds."""
     body = [
         "for k in range(len(places)):",
-        f"    write_{output}(out[k], operator(read_{first}(a[places[k]]), read_{second}(b[k])))",
+        f"    write_{output}(out[k], {function}(read_{a}(a[places[k]]), read_{b}(b[k])))",
     ]
-    return operator_kernels.deferred(
-        lambda: operator_kernels.compiled_text(f"listed_{name}", ["a", "places", "b", "out"], body, operator)
-    )
+    return operator_kernels.compiled_text(f"rows_{function}", ["a", "places", "b", "out"], body)
 
 
-compose_all = on_rows("compose", spatial.compose, "pose pose -> pose")
-relative_all = on_rows("relative", operators.relative_pose, "pose pose -> pose")
-motions_to_parent = on_rows("motions_to_parent", spatial.motion_to_parent, "pose motion -> motion")
-motions_to_child = on_rows("motions_to_child", spatial.motion_to_child, "pose motion -> motion")
-forces_to_parent = on_rows("forces_to_parent", spatial.force_to_parent, "pose force -> force")
-bodies_to_parent = on_rows("bodies_to_parent", operators.body_to_parent, "pose body -> body")
-momenta = on_rows("momenta", operators.body_momentum, "body motion -> force")
+compose_all = on_rows("compose", "pose", "pose", "pose")
+relative_all = on_rows("relative_pose", "pose", "pose", "pose")
+motions_to_parent = on_rows("motion_to_parent", "pose", "motion", "motion")
+motions_to_child = on_rows("motion_to_child", "pose", "motion", "motion")
+forces_to_parent = on_rows("force_to_parent", "pose", "force", "force")
+bodies_to_parent = on_rows("body_to_parent", "pose", "body", "body")
+momenta = on_rows("body_momentum", "body", "motion", "force")

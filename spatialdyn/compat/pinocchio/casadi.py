@@ -75,6 +75,6 @@ def _pose(X: Any) -> Any:
 def log3(R: Any) -> Any:
     """The rotation vector (3, 1) [rad], of length up to π, of a rotation (3, 3)."""
     casadi, tape = framework("casadi"), Tape()
-    x, log = casadi.SX.sym("R", 3, 3), operators.log_rotation(Mat3(*map(tape.input, range(9))))
+    x, log = casadi.SX.sym("R", 3, 3), operators.log_matrix(Mat3(*map(tape.input, range(9))))
     lines = walk(casadi, Program(tape, log, 9), [x[k // 3, k % 3] for k in range(9)])
     return casadi.Function("log3", [x], [casadi.vertcat(*lines)])(R)

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import lie
 from ...errors import ShapeError, SpatialDynError
-from ..native import operators
 from .types.arguments import ArgumentError, described, expected
 from .types.motion import Motion
 from .types.rotations import Quaternion
@@ -53,29 +51,31 @@ def log(x: Any) -> Any:
 
 # --- rotations -------------------------------------------------------------------------------------------
 
-exp3 = on_values("exp3(w: vec) -> rot", operators.exp_rotation, "The rotation (3, 3) by |w| about w (3,) [rad].")
+exp3 = on_values(
+    "exp3(w: vec) -> rot", "rotation_matrix(exp_rotation(w))", "The rotation (3, 3) by |w| about w (3,) [rad]."
+)
 exp3_quat = on_values(
     "exp3_quat(w: vec) -> quat",
-    lie.exp_rotation,
+    "exp_rotation(w)",
     "The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].",
 )
 Jexp3 = on_values(
     "Jexp3(w: vec) -> rot",
-    operators.exp_rotation_jacobian,
+    "exp_jacobian(Motion(w, zero())).J",
     "The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.",
 )
 Jlog3 = on_values(
     "Jlog3(R: rot) -> rot",
-    operators.log_rotation_jacobian,
+    "log_jacobian(Motion(log_matrix(R), zero()), 1.0).J",
     "The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.",
 )
 Hlog3 = on_values(
     "Hlog3(R: rot, v: vec) -> rot",
-    operators.log_rotation_jacobian_derivative,
+    "log_matrix_jacobian_derivative(R, v)",
     "The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.",
 )
-_log_of_matrix = on_values("log3(R: rot) -> vec", operators.log_rotation)
-_log_of_quaternion = on_values("log3(quat: Quat|quat) -> vec", lie.log_rotation)
+_log_of_matrix = on_values("log3(R: rot) -> vec", "log_matrix(R)")
+_log_of_quaternion = on_values("log3(quat: Quat|quat) -> vec", "log_rotation(quat)")
 
 
 def log3(R: Any, theta: Array | None = None) -> Array:
@@ -96,30 +96,32 @@ def log3(R: Any, theta: Array | None = None) -> Array:
 
 exp6 = on_values(
     "exp6(v: Motion|motion) -> Pose",
-    operators.exp_pose,
+    "exp_pose(v)",
     "The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.",
 )
 exp6_quat = on_values(
     "exp6_quat(v: motion) -> seven",
-    operators.exp_xyzquat,
+    "Placed(exp_travel(v), exp_rotation(v.w))",
     "``exp6`` of an array (6,) as x y z and quaternion x y z w (7,).",
 )
 log6 = on_values(
     "log6(M: Pose|pose) -> Motion",
-    operators.log_pose,
+    "log_pose(M)",
     "The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.",
 )
 log6_quat = on_values(
-    "log6_quat(q: seven) -> Motion", operators.log_xyzquat, "``log6`` of x y z and quaternion x y z w (7,)."
+    "log6_quat(q: seven) -> Motion",
+    "log_placed(q.p, log_rotation(q.q))",
+    "``log6`` of x y z, quaternion x y z w (7,).",
 )
 Jexp6 = on_values(
     "Jexp6(v: Motion|motion) -> tangent",
-    lie.exp_jacobian,
+    "exp_jacobian(v)",
     "The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).",
 )
 Jlog6 = on_values(
     "Jlog6(M: Pose) -> tangent",
-    operators.log_pose_jacobian,
+    "log_jacobian(log_pose(M), 1.0)",
     "The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.",
 )
 
@@ -128,10 +130,10 @@ Jlog6 = on_values(
 
 SE3ToXYZQUAT = on_values(
     "SE3ToXYZQUAT(M: Pose) -> seven",
-    operators.pose_to_xyzquat,
+    "Placed(M.p, quaternion_of_matrix(M.R))",
     "Translation x y z and quaternion x y z w (7,) of an SE3.",
 )
-_pose_of_seven = on_values("XYZQUATToSE3(x: seven) -> Pose", operators.pose_from_xyzquat)
+_pose_of_seven = on_values("XYZQUATToSE3(x: seven) -> Pose", "Pose(rotation_matrix(x.q), x.p)")
 
 
 def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:

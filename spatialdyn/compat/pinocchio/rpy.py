@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
-from ..native import operators
 from .types.arguments import array
 from .types.frame import LOCAL, ReferenceFrame
 from .types.value import on_values
@@ -21,17 +20,19 @@ __all__ = [
     "rpyToMatrix",
 ]  # fmt: skip
 
-_of_array = on_values("rpyToMatrix(rpy: vec) -> rot", operators.rotation_of_rpy)
-_of_angles = on_values("rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot", operators.rotation_of_angles)
+_of_array = on_values("rpyToMatrix(rpy: vec) -> rot", "rotation_of_angles(rpy.x, rpy.y, rpy.z)")
+_of_angles = on_values(
+    "rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot", "rotation_of_angles(roll, pitch, yaw)"
+)
 _ABOUT = {
-    "x": on_values("rotate(angle: number) -> rot", operators.rotation_about_x),
-    "y": on_values("rotate(angle: number) -> rot", operators.rotation_about_y),
-    "z": on_values("rotate(angle: number) -> rot", operators.rotation_about_z),
+    "x": on_values("rotate(angle: number) -> rot", "rotation_of_angles(angle, 0.0, 0.0)"),
+    "y": on_values("rotate(angle: number) -> rot", "rotation_of_angles(0.0, angle, 0.0)"),
+    "z": on_values("rotate(angle: number) -> rot", "rotation_of_angles(0.0, 0.0, angle)"),
 }
 
 matrixToRpy = on_values(
     "matrixToRpy(R: rot) -> vec",
-    operators.rpy_of_rotation,
+    "rpy_of_rotation(R)",
     "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).",
 )
 

@@ -24,11 +24,18 @@ __all__ = ["Inertia"]
 Array = NDArray[np.float64]
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
-_body_of = on_values("body_of(mass: number, lever: vec, inertia: rot) -> body", operators.body_of_parts)
-_fault = on_values("fault(inertia: rot) -> number", operators.fault_of_inertia)
+_body_of = on_values(
+    "body_of(mass: number, lever: vec, inertia: rot) -> body", "Body(mass, lever, lower_triangle(inertia))"
+)
+_fault = on_values("fault(inertia: rot) -> number", "fault_of_inertia(inertia)")
 
 
-class Inertia(Summable, InFrames, kind="Body"):
+class Inertia(
+    Summable,
+    InFrames,
+    kind="Body",
+    near="near(self_in[:1], other_in[:1], prec) * near(self.c, other.c, prec) * near(self_in[4:], other_in[4:], prec)",
+):
     """A rigid body: ``Inertia(mass [kg], lever (3,) [m], inertia (3, 3) [kg m²])``, lever the centre of mass and
     inertia the rotational inertia about it; ``Inertia(other)``.
 
@@ -38,7 +45,6 @@ class Inertia(Summable, InFrames, kind="Body"):
 
     __slots__ = ()
     _arguments = ("mass", "lever", "inertia")
-    _compared = (np.s_[:1], np.s_[1:4], np.s_[4:])
 
     def __init__(self, mass: Any = None, lever: Any = None, inertia: Any = None, *, clone: Any = None) -> None:
         if lever is not None and inertia is not None:
@@ -129,17 +135,19 @@ class Inertia(Summable, InFrames, kind="Body"):
 
     # --- sums and products ---------------------------------------------------------------------------------
 
-    __add__ = on_values("__add__(self: Body, other: Body) -> Body", operators.add_bodies)
-    __sub__ = on_values("__sub__(self: Body, other: Body) -> Body", operators.subtract_bodies)
-    __mul__ = on_values("__mul__(self: Body, v: Motion) -> Force", operators.body_momentum)
-    _to_parent = on_values("act(self: Pose, I: Body) -> Body", operators.body_to_parent)
-    _to_child = on_values("actInv(self: Pose, I: Body) -> Body", operators.body_to_child)
+    __add__ = on_values("__add__(self: Body, other: Body) -> Body", "add_bodies(self, other)")
+    __sub__ = on_values("__sub__(self: Body, other: Body) -> Body", "combined(self, other, -1.0)")
+    __mul__ = on_values("__mul__(self: Body, v: Motion) -> Force", "body_momentum(self, v)")
+    _to_parent = on_values("act(self: Pose, I: Body) -> Body", "body_to_parent(self, I)")
+    _to_child = on_values("actInv(self: Pose, I: Body) -> Body", "body_to_child(self, I)")
     vxiv = on_values(
-        "vxiv(self: Body, v: Motion) -> Force", operators.bias_force, "v ×* I v: the bias force of a body."
+        "vxiv(self: Body, v: Motion) -> Force",
+        "cross_force(v, body_momentum(self, v))",
+        "The bias force v ×* I v.",
     )
     vtiv = on_values(
         "vtiv(self: Body, v: Motion) -> number",
-        operators.twice_kinetic_energy,
+        "power(v, body_momentum(self, v))",
         "vᵀ I v: twice the kinetic energy [J].",
     )
 
@@ -159,7 +167,7 @@ class Inertia(Summable, InFrames, kind="Body"):
 
     matrix = on_values(
         "matrix(self: Body) -> inertia",
-        operators.inertia_about_origin,
+        "inertia_about_origin(self)",
         "The matrix (6, 6) that maps motions to momenta, about the origin.",
     )
     np = property(matrix)

@@ -8,8 +8,6 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ....algebra import spatial
-from ...native import operators
 from .arguments import ArgumentError, array, described, row
 from .random import uniform
 from .value import InFrames, Summable, on_values, part, preset
@@ -20,7 +18,7 @@ Array = NDArray[np.float64]
 Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)
-_joined = on_values("joined(linear: vec, angular: vec) -> motion", operators.motion_of_parts)
+_joined = on_values("joined(linear: vec, angular: vec) -> motion", "Motion(angular, linear)")
 
 
 class Spatial(Summable, InFrames):
@@ -77,15 +75,15 @@ class Force(Spatial, kind="Force"):
 
     __slots__ = ()
     _letters = ("  f", "tau")
-    __add__ = on_values("__add__(self: Force, other: Force) -> Force", spatial.add_force)
-    __sub__ = on_values("__sub__(self: Force, other: Force) -> Force", spatial.sub_force)
-    __neg__ = on_values("__neg__(self: Force) -> Force", operators.negated_force)
-    _scaled = on_values("scaled(self: Force, scale: number) -> Force", operators.scaled_force)
-    _divided = on_values("divided(self: Force, scale: number) -> Force", operators.divided_force)
-    _to_parent = on_values("act(self: Pose, f: Force) -> Force", spatial.force_to_parent)
-    _to_child = on_values("actInv(self: Pose, f: Force) -> Force", spatial.force_to_child)
-    Zero = staticmethod(on_values("Zero() -> Force", spatial.zero_force, "Zero."))
-    dot = on_values("dot(self: Force, m: Motion) -> number", operators.power_of_force, "The power along a Motion [W].")
+    __add__ = on_values("__add__(self: Force, other: Force) -> Force", "add_force(self, other)")
+    __sub__ = on_values("__sub__(self: Force, other: Force) -> Force", "sub_force(self, other)")
+    __neg__ = on_values("__neg__(self: Force) -> Force", "Force(neg(self.n), neg(self.f))")
+    _scaled = on_values("scaled(self: Force, scale: number) -> Force", "scale_force(scale, self)")
+    _divided = on_values("divided(self: Force, s: number) -> Force", "Force(divide(self.n, s), divide(self.f, s))")
+    _to_parent = on_values("act(self: Pose, f: Force) -> Force", "force_to_parent(self, f)")
+    _to_child = on_values("actInv(self: Pose, f: Force) -> Force", "force_to_child(self, f)")
+    Zero = staticmethod(on_values("Zero() -> Force", "zero_force()", "Zero."))
+    dot = on_values("dot(self: Force, m: Motion) -> number", "power(m, self)", "The power along a Motion [W].")
 
 
 class Motion(Spatial, kind="Motion"):
@@ -96,15 +94,15 @@ class Motion(Spatial, kind="Motion"):
 
     __slots__ = ()
     _letters = ("  v", "  w")
-    __add__ = on_values("__add__(self: Motion, other: Motion) -> Motion", spatial.add_motion)
-    __sub__ = on_values("__sub__(self: Motion, other: Motion) -> Motion", spatial.sub_motion)
-    __neg__ = on_values("__neg__(self: Motion) -> Motion", operators.negated_motion)
-    _scaled = on_values("scaled(self: Motion, scale: number) -> Motion", operators.scaled_motion)
-    _divided = on_values("divided(self: Motion, scale: number) -> Motion", operators.divided_motion)
-    _to_parent = on_values("act(self: Pose, m: Motion) -> Motion", spatial.motion_to_parent)
-    _to_child = on_values("actInv(self: Pose, m: Motion) -> Motion", spatial.motion_to_child)
-    Zero = staticmethod(on_values("Zero() -> Motion", spatial.zero_motion, "Zero."))
-    dot = on_values("dot(self: Motion, f: Force) -> number", spatial.power, "The power of a Force along it [W].")
+    __add__ = on_values("__add__(self: Motion, other: Motion) -> Motion", "add_motion(self, other)")
+    __sub__ = on_values("__sub__(self: Motion, other: Motion) -> Motion", "sub_motion(self, other)")
+    __neg__ = on_values("__neg__(self: Motion) -> Motion", "Motion(neg(self.w), neg(self.v))")
+    _scaled = on_values("scaled(self: Motion, scale: number) -> Motion", "scale_motion(scale, self)")
+    _divided = on_values("divided(self: Motion, s: number) -> Motion", "Motion(divide(self.w, s), divide(self.v, s))")
+    _to_parent = on_values("act(self: Pose, m: Motion) -> Motion", "motion_to_parent(self, m)")
+    _to_child = on_values("actInv(self: Pose, m: Motion) -> Motion", "motion_to_child(self, m)")
+    Zero = staticmethod(on_values("Zero() -> Motion", "zero_motion()", "Zero."))
+    dot = on_values("dot(self: Motion, f: Force) -> number", "power(self, f)", "The power of a Force along it [W].")
 
     def __xor__(self, other: Any) -> Any:
         return _cross_motion(self, other) if isinstance(other, Motion) else _cross_force(self, other)
@@ -119,7 +117,7 @@ class Motion(Spatial, kind="Motion"):
     action = property(
         on_values(
             "action(self: Motion) -> tangent",
-            operators.cross_motion_matrix,
+            "Tangent(skew(self.w), skew(self.v))",
             "The matrix (6, 6) of self × on Motion vectors.",
         )
     )
@@ -132,5 +130,5 @@ class Motion(Spatial, kind="Motion"):
         return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz], [0.0, 0.0, 0.0, 0.0]])
 
 
-_cross_motion = on_values("__xor__(self: Motion, other: Motion) -> Motion", spatial.cross_motion)
-_cross_force = on_values("__xor__(self: Motion, other: Force) -> Force", spatial.cross_force)
+_cross_motion = on_values("__xor__(self: Motion, other: Motion) -> Motion", "cross_motion(self, other)")
+_cross_force = on_values("__xor__(self: Motion, other: Force) -> Force", "cross_force(self, other)")

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....algebra import lie
 from ....algebra.euclidean import Vec, cross
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
-from ...native import operators
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, number, row
 from .value import Value, on_values, part, preset
 
@@ -22,16 +20,16 @@ Array = NDArray[np.float64]
 OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
-skew = on_values("skew(u: vec) -> rot", operators.skew, "The matrix (3, 3) of u × for u (3,).")
+skew = on_values("skew(u: vec) -> rot", "skew(u)", "The matrix (3, 3) of u × for u (3,).")
 unSkew = on_values(
     "unSkew(U: rot) -> vec",
-    operators.unskew,
+    "scale(0.5, Vec(U.zy - U.yz, U.xz - U.zx, U.yx - U.xy))",
     "The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).",
 )
 skewSquare = on_values(
-    "skewSquare(u: vec, v: vec) -> rot", operators.skew_square, "The matrix (3, 3) of u × (v × ·) for u, v (3,)."
+    "skewSquare(u: vec, v: vec) -> rot", "matmul(skew(u), skew(v))", "The matrix (3, 3) of u × (v × ·) for u, v (3,)."
 )
-_of_matrix = on_values("coefficients(rotation: rot) -> quat", operators.quaternion_of_matrix)
+_of_matrix = on_values("coefficients(rotation: rot) -> quat", "quaternion_of_matrix(rotation)")
 
 
 class Rotation(Value):
@@ -133,7 +131,9 @@ class Quaternion(Rotation, kind="Quat"):
         return self._x[:3].copy()
 
     matrix = toRotationMatrix = on_values(
-        "matrix(self: Quat) -> rot", lie.matrix, "The rotation matrix (3, 3); a rotation only if the norm is 1."
+        "matrix(self: Quat) -> rot",
+        "rotation_matrix(self)",
+        "The rotation matrix (3, 3); a rotation only if the norm is 1.",
     )
 
     # --- products ------------------------------------------------------------------------------------------
@@ -200,7 +200,7 @@ class Quaternion(Rotation, kind="Quat"):
         return f"(x,y,z,w) = {row(self._x)}\n"
 
 
-_product = on_values("__mul__(self: Quat, other: Quat) -> Quat", lie.product)
+_product = on_values("__mul__(self: Quat, other: Quat) -> Quat", "product(self, other)")
 
 
 class AngleAxis(Rotation):
