@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .arguments import ArgumentError, array, described, row
 from .random import uniform
-from .value import InFrames, Summable, on_values, part, preset
+from .value import InFrames, Summable, on_table, on_values, part, preset
 
 __all__ = ["Force", "Motion"]
 
@@ -70,19 +70,28 @@ class Spatial(Summable, InFrames):
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
 
 
+# of Motion (T, t, with parts a and l) and Force alike
+_COMMON = """
+__add__(self: {T}, other: {T}) -> {T} = add_{t}(self, other)
+__sub__(self: {T}, other: {T}) -> {T} = sub_{t}(self, other)
+__neg__(self: {T}) -> {T} = {T}(neg(self.{a}), neg(self.{l}))
+scaled(self: {T}, s: number) -> {T} = scale_{t}(s, self)
+divided(self: {T}, s: number) -> {T} = {T}(divide(self.{a}, s), divide(self.{l}, s))
+act(self: Pose, x: {T}) -> {T} = {t}_to_parent(self, x)
+actInv(self: Pose, x: {T}) -> {T} = {t}_to_child(self, x)
+Zero() -> {T} = zero_{t}()
+    Zero.
+"""
+
+
 class Force(Spatial, kind="Force"):
     """A spatial force: ``Force(linear (3,), angular (3,))`` or ``Force(vector (6,))`` [N, N m about the origin]."""
 
     __slots__ = ()
     _letters = ("  f", "tau")
-    __add__ = on_values("__add__(self: Force, other: Force) -> Force", "add_force(self, other)")
-    __sub__ = on_values("__sub__(self: Force, other: Force) -> Force", "sub_force(self, other)")
-    __neg__ = on_values("__neg__(self: Force) -> Force", "Force(neg(self.n), neg(self.f))")
-    _scaled = on_values("scaled(self: Force, scale: number) -> Force", "scale_force(scale, self)")
-    _divided = on_values("divided(self: Force, s: number) -> Force", "Force(divide(self.n, s), divide(self.f, s))")
-    _to_parent = on_values("act(self: Pose, f: Force) -> Force", "force_to_parent(self, f)")
-    _to_child = on_values("actInv(self: Pose, f: Force) -> Force", "force_to_child(self, f)")
-    Zero = staticmethod(on_values("Zero() -> Force", "zero_force()", "Zero."))
+    _names = {"T": "Force", "t": "force", "a": "n", "l": "f"}
+    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = on_table(_COMMON.format(**_names))
+    Zero = staticmethod(Zero)
     dot = on_values("dot(self: Force, m: Motion) -> number", "power(m, self)", "The power along a Motion [W].")
 
 
@@ -94,15 +103,13 @@ class Motion(Spatial, kind="Motion"):
 
     __slots__ = ()
     _letters = ("  v", "  w")
-    __add__ = on_values("__add__(self: Motion, other: Motion) -> Motion", "add_motion(self, other)")
-    __sub__ = on_values("__sub__(self: Motion, other: Motion) -> Motion", "sub_motion(self, other)")
-    __neg__ = on_values("__neg__(self: Motion) -> Motion", "Motion(neg(self.w), neg(self.v))")
-    _scaled = on_values("scaled(self: Motion, scale: number) -> Motion", "scale_motion(scale, self)")
-    _divided = on_values("divided(self: Motion, s: number) -> Motion", "Motion(divide(self.w, s), divide(self.v, s))")
-    _to_parent = on_values("act(self: Pose, m: Motion) -> Motion", "motion_to_parent(self, m)")
-    _to_child = on_values("actInv(self: Pose, m: Motion) -> Motion", "motion_to_child(self, m)")
-    Zero = staticmethod(on_values("Zero() -> Motion", "zero_motion()", "Zero."))
+    _names = {"T": "Motion", "t": "motion", "a": "w", "l": "v"}
+    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = on_table(_COMMON.format(**_names))
+    Zero = staticmethod(Zero)
     dot = on_values("dot(self: Motion, f: Force) -> number", "power(self, f)", "The power of a Force along it [W].")
+    _action = on_values("action(self: Motion) -> tangent", "Tangent(skew(self.w), skew(self.v))")
+    action = property(_action, doc="The matrix (6, 6) of self × on Motion vectors.")
+    dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
 
     def __xor__(self, other: Any) -> Any:
         return _cross_motion(self, other) if isinstance(other, Motion) else _cross_force(self, other)
@@ -114,15 +121,6 @@ class Motion(Spatial, kind="Motion"):
             raise ArgumentError(f"other is {described(other)}, expected Motion or Force")
         return made
 
-    action = property(
-        on_values(
-            "action(self: Motion) -> tangent",
-            "Tangent(skew(self.w), skew(self.v))",
-            "The matrix (6, 6) of self × on Motion vectors.",
-        )
-    )
-    dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
-
     @property
     def homogeneous(self) -> Array:
         """[ω̃ v; 0 0] (4, 4)."""
@@ -130,5 +128,7 @@ class Motion(Spatial, kind="Motion"):
         return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz], [0.0, 0.0, 0.0, 0.0]])
 
 
-_cross_motion = on_values("__xor__(self: Motion, other: Motion) -> Motion", "cross_motion(self, other)")
-_cross_force = on_values("__xor__(self: Motion, other: Force) -> Force", "cross_force(self, other)")
+_cross_motion, _cross_force = on_table("""
+__xor__(self: Motion, other: Motion) -> Motion = cross_motion(self, other)
+__xor__(self: Motion, other: Force) -> Force = cross_force(self, other)
+""")

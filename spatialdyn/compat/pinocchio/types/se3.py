@@ -10,26 +10,21 @@ from numpy.typing import NDArray
 from .arguments import ArgumentError, array, described, row, rows
 from .random import GENERATOR, uniform
 from .rotations import Quaternion
-from .value import Value, as_array, on_values, part, preset
+from .value import Value, as_array, on_table, part, preset
 
 __all__ = ["SE3"]
 
 Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
-_point_to_parent = on_values("act(self: Pose, point: vec) -> vec", "point_to_parent(self, point)")
-_point_to_child = on_values("actInv(self: Pose, point: vec) -> vec", "point_to_child(self, point)")
-_pose_of = on_values("pose_of(rotation: rot, translation: vec) -> pose", "Pose(rotation, translation)")
-_pose_of_quaternion = on_values(
-    "pose_of(quat: Quat, translation: vec) -> pose", "Pose(rotation_matrix(quat), translation)"
-)
-_fraction = on_values(
-    "fraction(A: Pose, B: Pose, alpha: number) -> Pose",
-    "compose(A, exp_pose(scale_motion(alpha, log_pose(relative_pose(A, B)))))",
-)
-_random = on_values(
-    "random(u: vec, translation: vec) -> Pose", "Pose(rotation_matrix(random_rotation(u)), translation)"
-)
+_point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _fraction, _random = on_table("""
+act(self: Pose, point: vec) -> vec = point_to_parent(self, point)
+actInv(self: Pose, point: vec) -> vec = point_to_child(self, point)
+pose_of(rotation: rot, translation: vec) -> pose = Pose(rotation, translation)
+pose_of(quat: Quat, translation: vec) -> pose = Pose(rotation_matrix(quat), translation)
+Interpolate(A: Pose, B: Pose, s: number) -> Pose = compose(A, exp_pose(scale_motion(s, log_pose(relative_pose(A, B)))))
+Random(u: vec, translation: vec) -> Pose = Pose(rotation_matrix(random_rotation(u)), translation)
+""")
 
 
 class SE3(
@@ -64,8 +59,26 @@ class SE3(
         else:
             self._x = (_pose_of_quaternion if isinstance(rotation, Quaternion) else _pose_of)(rotation, translation)
 
-    Identity = staticmethod(on_values("Identity() -> Pose", "identity_pose()", "The identity."))
-    _, setIdentity = preset(lambda: IDENTITY, "the identity")
+    rotation = part("rotation", np.s_[:3, :3], "The rotation matrix (3, 3), a view.")
+    translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
+    homogeneous = np = property(lambda self: self._x.copy(), doc="The homogeneous matrix (4, 4), a copy.")
+    __array__ = as_array(lambda self: self._x.copy())
+
+    inverse, toActionMatrix, toActionMatrixInverse, _to_parent, _to_child, Identity = on_table("""
+inverse(self: Pose) -> Pose = inverse(self)
+    The pose of the reference frame in the frame.
+toActionMatrix(self: Pose) -> tangent = Tangent(self.R, matmul(skew(self.p), self.R))
+    The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.
+toActionMatrixInverse(self: Pose) -> tangent = Tangent(transpose(self.R), transpose(matmul(skew(self.p), self.R)))
+    The inverse of ``toActionMatrix``.
+act(self: Pose, other: Pose) -> Pose = compose(self, other)
+actInv(self: Pose, other: Pose) -> Pose = relative_pose(self, other)
+Identity() -> Pose = identity_pose()
+    The identity.
+""")  # the other classes that an SE3 moves have _to_parent and _to_child too
+    Identity, __invert__ = staticmethod(Identity), inverse
+
+    setIdentity = preset(lambda: IDENTITY, "the identity")[1]
     setRandom = preset(lambda: SE3.Random()._x, "a uniform random rotation and a translation within ±1 m")[1]
 
     @staticmethod
@@ -78,24 +91,6 @@ class SE3(
         """A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion."""
         return _fraction(A, B, alpha)  # type: ignore[no-any-return]
 
-    # --- parts ---------------------------------------------------------------------------------------------
-
-    rotation = part("rotation", np.s_[:3, :3], "The rotation matrix (3, 3), a view.")
-    translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
-    homogeneous = np = property(lambda self: self._x.copy(), doc="The homogeneous matrix (4, 4), a copy.")
-    __array__ = as_array(lambda self: self._x.copy())
-
-    toActionMatrix = on_values(
-        "toActionMatrix(self: Pose) -> tangent",
-        "Tangent(self.R, matmul(skew(self.p), self.R))",
-        "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.",
-    )
-    toActionMatrixInverse = on_values(
-        "toActionMatrixInverse(self: Pose) -> tangent",
-        "Tangent(transpose(self.R), transpose(matmul(skew(self.p), self.R)))",
-        "The inverse of ``toActionMatrix``.",
-    )
-
     def toDualActionMatrix(self) -> Array:
         """The matrix (6, 6) that takes Force vectors from the frame to the reference frame."""
         return self.toActionMatrixInverse().T.copy()  # type: ignore[no-any-return]
@@ -103,12 +98,6 @@ class SE3(
     action = property(toActionMatrix)
     actionInverse = property(toActionMatrixInverse)
     dualAction = property(toDualActionMatrix)
-
-    # --- products ------------------------------------------------------------------------------------------
-
-    # The other classes that an SE3 moves have such functions too.
-    _to_parent = on_values("act(self: Pose, other: Pose) -> Pose", "compose(self, other)")
-    _to_child = on_values("actInv(self: Pose, other: Pose) -> Pose", "relative_pose(self, other)")
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, np.ndarray):
@@ -123,12 +112,6 @@ class SE3(
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
         return getattr(type(other), "_to_child", _point_to_child)(self, other)
-
-    inverse = __invert__ = on_values(
-        "inverse(self: Pose) -> Pose", "inverse(self)", "The pose of the reference frame in the frame."
-    )
-
-    # --- the whole -----------------------------------------------------------------------------------------
 
     def isIdentity(self, prec: float = 1e-12) -> bool:
         """Whether no entry differs from the identity's by more than prec."""

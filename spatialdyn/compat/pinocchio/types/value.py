@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from inspect import cleandoc
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -182,7 +184,15 @@ def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
 # --- compiled functions ------------------------------------------------------------------------------------
 
 
-def on_values(signature: str, text: str, doc: str | None = "") -> Callable[..., Any]:
+def on_table(rows: str) -> list[Callable[..., Any]]:
+    """``on_values`` for each row "signature = formula", documented by the indented lines that follow it."""
+    module = module_of_caller()
+    entries = [row.split("\n", 1) for row in re.split(r"\n(?! )", rows.strip())]
+    split = [(*row.split(" = ", 1), cleandoc("".join(doc))) for row, *doc in entries]
+    return [on_values(signature, text, doc, module) for signature, text, doc in split]
+
+
+def on_values(signature: str, text: str, doc: str | None = "", module: str = "") -> Callable[..., Any]:
     """A function with a signature such as "dot(self: Motion, f: Force) -> number", given as a formula in text.
 
     See ``operator_kernels.Formula``. Arguments of other types, as lists or arrays of integers, are converted, or raise
@@ -217,7 +227,7 @@ def on_values(signature: str, text: str, doc: str | None = "") -> Callable[..., 
     names, found = ", ".join(inputs), "result == 1.0" if output == "truth" else "result"
     lines = [f"def {name}({formula.parameters}):", f"    result = call({names})"]
     lines.append(f"    return {found} if result is not None else convert({names})" if inputs else "    return result")
-    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module_of_caller()}
+    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module or module_of_caller()}
     function = function_from_text(name, lines, scope, f"value_{formula.label}")
     function.__doc__ = doc
     return function
