@@ -70,18 +70,20 @@ class Spatial(Summable, InFrames):
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
 
 
-# of Motion (T, t, with parts a and l) and Force alike
-_COMMON = """
-__add__(self: {T}, other: {T}) -> {T} = add_{t}(self, other)
-__sub__(self: {T}, other: {T}) -> {T} = sub_{t}(self, other)
-__neg__(self: {T}) -> {T} = {T}(neg(self.{a}), neg(self.{l}))
-scaled(self: {T}, s: number) -> {T} = scale_{t}(s, self)
-divided(self: {T}, s: number) -> {T} = {T}(divide(self.{a}, s), divide(self.{l}, s))
-act(self: Pose, x: {T}) -> {T} = {t}_to_parent(self, x)
-actInv(self: Pose, x: {T}) -> {T} = {t}_to_child(self, x)
-Zero() -> {T} = zero_{t}()
+def _vector_space(kind: str, a: str, l: str) -> list[Callable[..., Any]]:
+    """Sums, multiples, changes of frame and zero of Motion or Force, whose angular and linear parts are a and l."""
+    space = kind.lower()
+    return on_table(f"""
+__add__(self: {kind}, other: {kind}) -> {kind} = add_{space}(self, other)
+__sub__(self: {kind}, other: {kind}) -> {kind} = sub_{space}(self, other)
+__neg__(self: {kind}) -> {kind} = {kind}(neg(self.{a}), neg(self.{l}))
+scaled(self: {kind}, s: number) -> {kind} = scale_{space}(s, self)
+divided(self: {kind}, s: number) -> {kind} = {kind}(divide(self.{a}, s), divide(self.{l}, s))
+act(self: Pose, x: {kind}) -> {kind} = {space}_to_parent(self, x)
+actInv(self: Pose, x: {kind}) -> {kind} = {space}_to_child(self, x)
+Zero() -> {kind} = zero_{space}()
     Zero.
-"""
+""")
 
 
 class Force(Spatial, kind="Force"):
@@ -89,8 +91,7 @@ class Force(Spatial, kind="Force"):
 
     __slots__ = ()
     _letters = ("  f", "tau")
-    _names = {"T": "Force", "t": "force", "a": "n", "l": "f"}
-    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = on_table(_COMMON.format(**_names))
+    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Force", "n", "f")
     Zero = staticmethod(Zero)
     dot = on_values("dot(self: Force, m: Motion) -> number", "power(m, self)", "The power along a Motion [W].")
 
@@ -103,8 +104,7 @@ class Motion(Spatial, kind="Motion"):
 
     __slots__ = ()
     _letters = ("  v", "  w")
-    _names = {"T": "Motion", "t": "motion", "a": "w", "l": "v"}
-    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = on_table(_COMMON.format(**_names))
+    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Motion", "w", "v")
     Zero = staticmethod(Zero)
     dot = on_values("dot(self: Motion, f: Force) -> number", "power(self, f)", "The power of a Force along it [W].")
     _action = on_values("action(self: Motion) -> tangent", "Tangent(skew(self.w), skew(self.v))")

@@ -66,6 +66,7 @@ class PseudoInertia(Parameters):
             self.mass, self.h, self.sigma = mass, h, sigma
 
     mass = part("mass", (3, 3), "The mass [kg].")
+    sigma = part("sigma", np.s_[:3, :3], "The second moment Σ (3, 3) [kg m²], a copy.", copied=True)
 
     @property
     def h(self) -> Array:
@@ -75,15 +76,6 @@ class PseudoInertia(Parameters):
     @h.setter
     def h(self, value: Any) -> None:
         self._x[:3, 3] = self._x[3, :3] = array(value, (3,), "h")
-
-    @property
-    def sigma(self) -> Array:
-        """The second moment Σ (3, 3) [kg m²]."""
-        return self._x[:3, :3].copy()
-
-    @sigma.setter
-    def sigma(self, value: Any) -> None:
-        self._x[:3, :3] = array(value, (3, 3), "sigma")
 
     @staticmethod
     def FromMatrix(pseudo_inertia_matrix: Any) -> PseudoInertia:

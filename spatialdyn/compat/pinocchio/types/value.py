@@ -139,12 +139,15 @@ class InFrames(Value):
 # --- attributes --------------------------------------------------------------------------------------------
 
 
-def part(name: str, at: Any, doc: str) -> Any:
-    """An attribute that is a writable view of the numbers ``_x[at]``, or a number if ``at`` names one."""
+def part(name: str, at: Any, doc: str, copied: bool = False) -> Any:
+    """An attribute that is a writable view or a copy of the numbers ``_x[at]``, or a number if ``at`` names one."""
 
     def read(self: Value) -> Any:
         x = self._x[at]
         return x if self._owner is None else tracked(x, self._owner)
+
+    def read_copy(self: Value) -> Any:
+        return self._x[at].copy()
 
     def read_number(self: Value) -> float:
         return float(self._x[at])
@@ -156,7 +159,7 @@ def part(name: str, at: Any, doc: str) -> Any:
             self._owner.changed()
 
     single = isinstance(at, int) or (isinstance(at, tuple) and all(isinstance(k, int) for k in at))
-    return property(read_number if single else read, write, doc=doc)
+    return property(read_number if single else read_copy if copied else read, write, doc=doc)
 
 
 def preset(numbers: Callable[[], Any], what: str) -> tuple[Any, Any]:
