@@ -10,8 +10,7 @@ import ast
 from typing import NamedTuple
 
 from ....errors import SpatialDynError
-from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, raises
-from .pinocchio_names import NAMES
+from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, names, raises
 
 ROOT, FACE = "pinocchio", "spatialdyn.compat.pinocchio"
 MAKERS = {  # function -> class of its result
@@ -142,11 +141,11 @@ class _Reader(ast.NodeVisitor):
             return
         for alias in node.names:
             if alias.name == "*":
-                self.aliases |= {name: name for name in NAMES} if not inside else {}
+                self.aliases |= {name: name for name in names()} if not inside else {}
                 self.note(inside, node.lineno)
                 continue
             # a name in a submodule is the package's unless the package does not have it
-            own = alias.name if alias.name in NAMES or not inside else f"{inside}.{alias.name}"
+            own = alias.name if alias.name in names() or not inside else f"{inside}.{alias.name}"
             self.aliases[alias.asname or alias.name] = own
             self.note(own, node.lineno)
 
@@ -233,7 +232,7 @@ def _own(name: str) -> str:
     module, _, rest = name.partition(".")
     first = rest.partition(".")[0]
     there = vars(compat_package())
-    shown = first in NAMES and first in there and getattr(there.get(module), first, None) is there[first]
+    shown = first in names() and first in there and getattr(there.get(module), first, None) is there[first]
     return rest if shown else name
 
 
