@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,23 +61,12 @@ def buildSampleModelHumanoidRandom(using_free_flyer: bool = True, mimic: bool = 
     model.appendBodyToJoint(root, Inertia.Random(), SE3.Identity())
     model.addBodyFrame("root_body", root, SE3.Identity())
     leg = (JointModelRX, JointModelRY, JointModelRZ, JointModelRY, JointModelRY, JointModelRX)
-    chest = root
-    for limb, parent, kinds in (
-        ("lleg", 0, leg),
-        ("rleg", 0, leg),
-        ("torso", 0, (JointModelRY,)),
-        ("chest", 1, (JointModelRZ,)),
-        ("rarm", 2, leg),
-        ("larm", 2, leg),
-    ):
-        at = (root, model.njoints - 1, chest)[parent]
-        for k, kind in enumerate(kinds, start=1):
-            joint: JointModel = kind()
-            if mimic and limb == "larm" and k == len(kinds):
-                joint = JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
-            name = limb if limb == "chest" else f"{limb}{k}"
-            at = _random_link(model, at, joint, name)
-        chest = at if limb == "chest" else chest
+    _random_limb(model, root, "lleg", leg)
+    _random_limb(model, root, "rleg", leg)
+    torso = _random_limb(model, root, "torso", (JointModelRY,))
+    chest = _random_link(model, torso, JointModelRZ(), "chest")
+    _random_limb(model, chest, "rarm", leg)
+    _random_limb(model, chest, "larm", leg, mimic)
     return model
 
 
@@ -94,19 +85,24 @@ def _root(model: Model, free_flyer: bool) -> int:
 
 
 def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = False) -> None:
-    """Add a shoulder of three joints, an elbow, and a wrist of two."""
-    at = _link(model, parent, JointModelRX(), f"{prefix}shoulder1", placement, SMALL)
-    at = _link(model, at, JointModelRY(), f"{prefix}shoulder2", SE3.Identity(), SMALL)
-    at = _link(model, at, JointModelRZ(), f"{prefix}shoulder3", SE3.Identity(), None)
-    _bar(model, at, f"{prefix}upperarm")
-    at = _link(model, at, JointModelRY(), f"{prefix}elbow", _at(UP), None)
-    _bar(model, at, f"{prefix}lowerarm")
-    at = _link(model, at, JointModelRX(), f"{prefix}wrist1", _at(UP), SMALL)
-    last: JointModel = JointModelRY()
-    if mimic:
-        last = JointModelMimic.of(last, model.joints[at], SCALING, OFFSET)
-    at = _link(model, at, last, f"{prefix}wrist1_mimic" if mimic else f"{prefix}wrist2", SE3.Identity(), None)
-    _bar(model, at, f"{prefix}effector")
+    """Add a shoulder of three joints, an elbow, and a wrist of two; three of them carry a bar."""
+    at, here, up = parent, SE3.Identity(), _at(UP)
+    for kind, name, place, body, bar in (
+        (JointModelRX, "shoulder1", placement, SMALL, ""),
+        (JointModelRY, "shoulder2", here, SMALL, ""),
+        (JointModelRZ, "shoulder3", here, None, "upperarm"),
+        (JointModelRY, "elbow", up, None, "lowerarm"),
+        (JointModelRX, "wrist1", up, SMALL, ""),
+        (JointModelRY, "wrist1_mimic" if mimic else "wrist2", here, None, "effector"),
+    ):
+        joint: JointModel = kind()
+        if mimic and bar == "effector":
+            joint = JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
+        at = _link(model, at, joint, prefix + name, place, body)
+        if bar:  # a body of 1 kg along the joint's z axis, and its frame
+            model.appendBodyToJoint(at, _body(LARGE), here)
+            before = model.getFrameId(model.names[at])
+            model.addFrame(Frame(f"{prefix}{bar}_body", at, before, here, BODY))
 
 
 def _link(
@@ -122,11 +118,15 @@ def _link(
     return index
 
 
-def _bar(model: Model, joint: int, name: str) -> None:
-    """Add a body of 1 kg along a joint's z axis, and its frame."""
-    model.appendBodyToJoint(joint, _body(LARGE), SE3.Identity())
-    before = model.getFrameId(model.names[joint])
-    model.addFrame(Frame(f"{name}_body", joint, before, SE3.Identity(), BODY))
+def _random_limb(model: Model, parent: int, limb: str, kinds: Sequence[type], mimic: bool = False) -> int:
+    """Add joints one after the other, the last one with ``mimic`` following that before; returns the last."""
+    at = parent
+    for k, kind in enumerate(kinds, start=1):
+        joint: JointModel = kind()
+        if mimic and k == len(kinds):
+            joint = JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
+        at = _random_link(model, at, joint, f"{limb}{k}")
+    return at
 
 
 def _random_link(model: Model, parent: int, joint: JointModel, name: str) -> int:
