@@ -13,18 +13,13 @@ from ....errors import SpatialDynError
 from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, names, raises
 
 ROOT, FACE = "pinocchio", "spatialdyn.compat.pinocchio"
-MAKERS = {  # function -> class of its result
-    "buildModelFromUrdf": "Model",
-    "buildModelFromXML": "Model",
-    "buildReducedModel": "Model",
-    "buildSampleModelManipulator": "Model",
-    "buildSampleModelHumanoid": "Model",
-    "buildSampleModelHumanoidRandom": "Model",
-    "appendModel": "Model",
-    "createData": "Data",
-    "BuildFromURDF": "RobotWrapper",
-    "buildReducedRobot": "RobotWrapper",
+_MADE = {  # class -> functions that make an object of it
+    "Model": "buildModelFromUrdf buildModelFromXML buildReducedModel buildSampleModelManipulator appendModel "
+    "buildSampleModelHumanoid buildSampleModelHumanoidRandom",
+    "Data": "createData",
+    "RobotWrapper": "BuildFromURDF buildReducedRobot",
 }
+MAKERS = {function: kind for kind, functions in _MADE.items() for function in functions.split()}
 FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # function -> class of its first result
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
 STATIC = {"Identity", "Random", "Zero"}  # members of a class that return an object of it
@@ -207,10 +202,9 @@ class _Reader(ast.NodeVisitor):
         elif text in self.assigned:
             self.assigned.remove(text)
             del self.aliases[text]
+        self.kinds.pop(text, None)
         if kind is not None:
             self.kinds[text] = kind
-        else:
-            self.kinds.pop(text, None)
 
     def visit_Name(self, node: ast.Name) -> None:
         if isinstance(node.ctx, ast.Load):
