@@ -40,14 +40,10 @@ def _warn() -> None:
 
 
 class BaseVisualizer:
-    """A visualizer that shows nothing.
+    """A visualizer that shows nothing: its methods accept anything; images and videos raise OutOfScopeError.
 
-    model, collision_model, visual_model  the models
-    data, collision_data, visual_data     their data, made if not given
-    viewer                                the argument of ``initViewer``, None before
-
-    ``display`` and the other methods of Pinocchio's visualizers accept anything and do nothing. Images and videos
-    raise OutOfScopeError.
+    model, collision_model, visual_model; data, collision_data, visual_data, made if not given; viewer, that of
+    ``initViewer``, None before
     """
 
     _video_writer: ClassVar[Any] = None

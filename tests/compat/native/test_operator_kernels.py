@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spatialdyn.algebra import public_arrays
+from spatialdyn.algebra import euclidean, public_arrays
 from spatialdyn.compat.native import operator_kernels, operators
 from spatialdyn.engines import object_layout
 from spatialdyn.engines.compiled import numba_kernels
@@ -132,6 +132,27 @@ def test_a_signature_has_defaults_and_kinds() -> None:
     row = operator_kernels.Formula.parsed("near(A: Motion|motion, B: vec, prec: number = 1e-12) -> truth", "1.0")
     assert row.inputs == {"A": "Motion|motion", "B": "vec", "prec": "number"}
     assert (row.name, row.output, row.parameters) == ("near", "truth", "A, B, prec=1e-12")
+
+
+def test_random_rotations_are_uniform() -> None:
+    """Shoemake's map of a grid of the unit cube: all moments of degree two and four of a uniform unit quaternion."""
+    at = (np.arange(20) + 0.5) / 20
+    u = np.stack(np.meshgrid(at, at, at), axis=-1).reshape(-1, 3)
+    q = np.array([operators.random_rotation(euclidean.Vec(*x)) for x in u.tolist()])
+    np.testing.assert_allclose((q * q).sum(1), 1.0, rtol=0.0, atol=4 * EPS)
+    np.testing.assert_allclose(q.T @ q / len(q), np.eye(4) / 4.0, rtol=0.0, atol=1e-12)
+    fourth = np.einsum("ni,nj->ij", q * q, q * q) / len(q)
+    np.testing.assert_allclose(fourth, (1.0 + 2.0 * np.eye(4)) / 24.0, rtol=0.0, atol=1e-3)
+
+
+def test_near_and_same_count_each_entry() -> None:
+    a = np.array([3.0, 0.0, 4.0])
+    for k in range(3):
+        b = a.copy()
+        b[k] += 1e-3
+        assert (operators.same(a, b), operators.same(a, a)) == (0.0, 1.0)
+        assert (operators.near(a, b, 2.1e-4), operators.near(a, b, 1.9e-4)) == (1.0, 0.0)
+    assert operators.near(a, np.full(3, np.nan), 1.0) == operators.same(a, np.full(3, np.nan)) == 0.0
 
 
 # --- on objects --------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 _body_of, _fault = on_table("""
-body_of(m: number, lever: vec, inertia: rot) -> body = Body(m, lever, lower_triangle(inertia))
+body_of(mass: number, lever: vec, inertia: rot) -> body = Body(mass, lever, lower_triangle(inertia))
 fault(inertia: rot) -> number = fault_of_inertia(inertia)
 """)
 

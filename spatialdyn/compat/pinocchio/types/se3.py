@@ -10,21 +10,24 @@ from numpy.typing import NDArray
 from .arguments import ArgumentError, array, described, row, rows
 from .random import GENERATOR, uniform
 from .rotations import Quaternion
-from .value import Value, as_array, on_table, part, preset
+from .value import Value, as_array, on_table, on_values, part, preset
 
 __all__ = ["SE3"]
 
 Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
-_point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _fraction, _random = on_table("""
+_point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _random = on_table("""
 act(self: Pose, point: vec) -> vec = point_to_parent(self, point)
 actInv(self: Pose, point: vec) -> vec = point_to_child(self, point)
 pose_of(rotation: rot, translation: vec) -> pose = Pose(rotation, translation)
 pose_of(quat: Quat, translation: vec) -> pose = Pose(rotation_matrix(quat), translation)
-Interpolate(A: Pose, B: Pose, s: number) -> Pose = compose(A, exp_pose(scale_motion(s, log_pose(relative_pose(A, B)))))
 Random(u: vec, translation: vec) -> Pose = Pose(rotation_matrix(random_rotation(u)), translation)
 """)
+_fraction = on_values(
+    "Interpolate(A: Pose, B: Pose, alpha: number) -> Pose",
+    "compose(A, exp_pose(scale_motion(alpha, log_pose(relative_pose(A, B)))))",
+)
 
 
 class SE3(
