@@ -12,19 +12,14 @@ VARIABLE = "SPATIALDYN_STRICT"
 MODELS: weakref.WeakSet[Any] = weakref.WeakSet()  # models whose LibraryModel depends on the switch
 
 
-def _start() -> bool:
-    """Whether the environment turns strict mode on. Raises SpatialDynError unless it is empty, 0 or 1."""
-    word = os.environ.get(VARIABLE, "")
-    if word not in ("", "0", "1"):
-        raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
-    return word == "1"
-
-
-class Switch:
-    """Whether strict mode is on."""
+class _Switch:
+    """Whether strict mode is on. Raises SpatialDynError unless the environment variable is empty, 0 or 1."""
 
     def __init__(self) -> None:
-        self.on = _start()
+        word = os.environ.get(VARIABLE, "")
+        if word not in ("", "0", "1"):
+            raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
+        self.on = word == "1"
 
     def turn(self, on: bool) -> None:
         """Turn strict mode on or off; cached LibraryModels of the other mode are dropped."""
@@ -34,7 +29,7 @@ class Switch:
                 model._library = None
 
 
-_SWITCH = Switch()
+_SWITCH = _Switch()
 
 
 def strict(on: bool | None = None) -> bool:
