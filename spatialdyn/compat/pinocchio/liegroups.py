@@ -14,8 +14,7 @@ from ...errors import ShapeError
 from .algorithms import configuration
 from .algorithms.tangent_map import tangentMap, tangentMapProduct, tangentMapTransposeProduct
 from .model.joint import JointModel
-from .model.joints_compound import JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
-from .model.joints_one_axis import JointModelPX, JointModelRUBX
+from .model.joints import JointModelFreeFlyer, JointModelPlanar, JointModelPX, JointModelRUBX, JointModelSpherical
 from .model.model import Model
 from .types.arguments import ArgumentError, described, expected
 from .types.containers import StdVec_Index

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..data.data import Data, library_of
 from ..data.dispatch import compute, fast_call, last_call
 from ..data.field_recipes import subtree_masses, world_com
 from ..data.frame_arguments import frame_index, joint_index
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import ACCELERATION, KinematicLevel
 from ..types.inertia import Inertia
 from ..types.motion import Force
@@ -24,7 +23,6 @@ __all__ = [
     "getJacobianSubtreeCenterOfMass", "jacobianCenterOfMass", "jacobianSubtreeCenterOfMass",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
 # --- masses and their centre -----------------------------------------------------------------------------
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....engines.compiled.cpython import READY
@@ -19,7 +18,7 @@ from ..data.dispatch import vector
 from ..model.library_model import library_model
 from ..model.limits import NO_LIMIT
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described, expected, number
+from ..types.arguments import ArgumentError, Array, described, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
 
@@ -28,7 +27,6 @@ __all__ = [
     "isNormalized", "isSameConfiguration", "neutral", "normalize", "randomConfiguration", "squaredDistance",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 FAR = 1e30  # products of seven such numbers are finite
 
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....constraints.contact import Solved, inverse
 from ....constraints.contact import solve as solved
@@ -21,7 +20,7 @@ from ..data.data import Data, library_of
 from ..data.dispatch import vector
 from ..data.last_call import Run
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, described, number
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, number
 from ..types.frame import Convention
 from .dynamics import computeAllTerms, crba
 from .rigid_constraints import impulse_of_contacts
@@ -31,7 +30,6 @@ __all__ = [
     "impulseDynamics",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 CONSTRAINED, IMPACT, BORDERED = "constrained", "impact", "bordered"
 
 

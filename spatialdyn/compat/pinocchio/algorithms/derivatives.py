@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....errors import SpatialDynError
@@ -20,7 +19,7 @@ from ..data.dispatch import fast_call, last_call
 from ..data.frame_arguments import about_frame, joint_index, named, reference_code
 from ..data.last_call import Run
 from ..model.model import Model
-from ..types.arguments import ArgumentError, ValueRuntimeError, expected
+from ..types.arguments import ArgumentError, Array, ValueRuntimeError, expected
 from ..types.se3 import SE3
 from .dynamics import given_forces
 from .jacobians import call_about_frame
@@ -33,7 +32,6 @@ __all__ = [
     "getPointClassicAccelerationDerivatives", "getPointVelocityDerivatives",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
 # --- torques and accelerations -----------------------------------------------------------------------------
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_call
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import Convention
 
 __all__ = [
@@ -22,8 +21,6 @@ __all__ = [
     "computeMechanicalEnergy", "computeMinverse", "computePotentialEnergy", "computeStaticTorque", "crba",
     "getCoriolisMatrix", "nle", "nonLinearEffects", "rnea",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 def _kind(kind: str, convention: Any) -> str:

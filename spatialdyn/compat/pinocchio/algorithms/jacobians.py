@@ -7,7 +7,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....calls.arguments import core_shape
@@ -24,6 +23,7 @@ from ..data.frame_arguments import REFERENCES, about_frame, named, reference_cod
 from ..data.last_call import Run, clock
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
+from ..types.arguments import Array
 from ..types.frame import LOCAL
 from .kinematics import updateFramePlacements
 
@@ -33,7 +33,6 @@ __all__ = [
     "getJointJacobianTimeVariation",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 KIND_BY_CODE = {
     IN_FRAME: "frame_jacobian_local",
     IN_WORLD: "frame_jacobian_world",

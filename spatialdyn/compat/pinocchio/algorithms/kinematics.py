@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
@@ -25,7 +24,6 @@ __all__ = [
     "updateFramePlacement", "updateFramePlacements", "updateGlobalPlacements",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
 # --- places ----------------------------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....algebra.public_arrays import read_motion
 from ....errors import ModelError
@@ -20,7 +19,7 @@ from ..data.dispatch import fast_call
 from ..data.field_recipes import columns
 from ..data.frame_arguments import frame_index, joint_index, reference_code
 from ..model.model import Model
-from ..types.arguments import expected
+from ..types.arguments import Array, expected
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
@@ -29,8 +28,6 @@ __all__ = [
     "computeKineticEnergyRegressor", "computePotentialEnergyRegressor", "computeStaticRegressor",
     "frameBodyRegressor", "jointBodyRegressor",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 def _regressor(name: str, kind: str, doc: str) -> Any:

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....constraints.contact import Solved, inverse, solve
@@ -26,7 +25,7 @@ from ..data.last_call import Run
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described, expected, number
+from ..types.arguments import ArgumentError, Array, described, expected, number
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -38,8 +37,6 @@ __all__ = [
     "computeDelassusMatrix", "constraintDynamics", "getConstraintJacobian", "getConstraintsJacobian",
     "initConstraintDynamics",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 class Side(NamedTuple):

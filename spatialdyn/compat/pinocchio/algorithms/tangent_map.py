@@ -6,19 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ...native import operator_kernels
 from ..data.dispatch import vector
-from ..model.joint_mimic import Mimic
+from ..model.joints import Mimic
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, described, expected
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
 
 __all__ = ["compactTangentMap", "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct"]
 
-Array = NDArray[np.float64]
 COLUMNS = 6  # of compactTangentMap
 
 

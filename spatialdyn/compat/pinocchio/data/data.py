@@ -11,13 +11,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import ShapeError
 from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..model.serialization_format import Stored, fill, state
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.array_rows import Rows
 from ..types.inertia import Inertia
 from ..types.motion import Force, Motion
@@ -26,7 +25,6 @@ from .last_call import Run, clock
 
 __all__ = ["Data"]
 
-Array = NDArray[np.float64]
 
 # --- the fields ------------------------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....engines.compiled.generated import function_from_text
@@ -16,14 +15,12 @@ from ....errors import ShapeError
 from ....model.robot import masked
 from ..model.library_model import LibraryModel
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, ValueRuntimeError, described, module_of_caller
+from ..types.arguments import NUMBERS, ArgumentError, Array, ValueRuntimeError, described, module_of_caller
 from ..types.array_rows import Rows
 from ..types.motion import Force
 from .data import Data, library_of
 from .field_recipes import CALL_KINDS
 from .last_call import Run, clock
-
-Array = NDArray[np.float64]
 
 
 def vector(name: str, value: Any, size: int) -> Array:

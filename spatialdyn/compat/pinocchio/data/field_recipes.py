@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ...native import operator_kernels, recorded_calls
+from ..types.arguments import Array
 
-Array = NDArray[np.float64]
 Recipe = Callable[[Any], Any]
 Fills = dict[str, Recipe]
 

@@ -21,9 +21,10 @@ from ..types.frame import BODY, FIXED_JOINT, Frame
 from ..types.inertia import Inertia
 from ..types.se3 import SE3
 from .joint import JointModel, Vector, X, Y, Z
-from .joint_mimic import JointModelMimic
-from .joints_compound import JointModelFreeFlyer, JointModelPlanar
-from .joints_one_axis import (
+from .joints import (
+    JointModelFreeFlyer,
+    JointModelMimic,
+    JointModelPlanar,
     JointModelPrismaticUnaligned,
     JointModelPX,
     JointModelPY,

@@ -16,10 +16,8 @@ from ..types.motion import Motion
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList, owned_copy
 from .joint import JointModel
-from .joint_mimic import Mimic
-from .joints_one_axis import JointModelRX
+from .joints import JointModelRX, Mimic
 
-Array = NDArray[np.float64]
 GRAVITY = (0.0, 0.0, -9.81)
 
 

@@ -27,11 +27,11 @@ from ....recursions import SPECS
 from ...native import recorded_calls
 from ...native.edited_table import GRAVITY, put_inertias
 from ..coverage.strictness import strict
+from ..types.arguments import Array
 from ..types.inertia import Inertia
-from .joint_mimic import Mimic as MimicJoint
+from .joints import Mimic as MimicJoint
 from .model import Model
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 ROOT = "universe"
 

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import ShapeError
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.tracked_array import tracked
 from .joint import JointModel
 
-Array = NDArray[np.float64]
 NO_LIMIT = float(np.finfo(float).max)  # Pinocchio's value for "no limit"
 
 # name -> default of addJoint, for each coordinate or velocity

@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import ModelError
 from ....model.model import missing
 from ..coverage.strictness import strict
-from ..types.arguments import ArgumentError, expected
+from ..types.arguments import ArgumentError, Array, expected
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
@@ -23,7 +22,6 @@ from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
 
-Array = NDArray[np.float64]
 FIXED = {  # attributes derived from others, and lists whose entries alone are assigned, with what they are
     **dict.fromkeys(("nq", "nv", "nvExtended", "nbodies"), "A number of the model."),
     **dict.fromkeys(("inertias", "joints", "names", "parents"), "A list with an entry for each joint, to write into."),

@@ -6,20 +6,17 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import ModelError, ShapeError
-from ..types.arguments import ArgumentError, described, expected
+from ..types.arguments import ArgumentError, Array, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
-from .joint_mimic import JointModelMimic, Mimic
+from .joints import JointModelMimic, Mimic
 from .limits import POSITIONS
 from .model import Model
 
 __all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]
-
-Array = NDArray[np.float64]
 
 
 def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
