@@ -167,3 +167,33 @@ def fast_call(
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function
+
+
+def frame_call(
+    name: str, of_joints: bool, doc: str, bound: str, guard: str, slow: Callable[..., Any], reference: Any = None
+) -> Callable[..., Any]:
+    """The function ``name(model, data, frame_id, reference_frame)``, or of a joint, ``name(model, data, joint_id,
+    placement, reference_frame)`` and like calls: a builtin bound for the model's frames as they are, else ``slow``.
+
+    bound      source text of the dict that holds the FramePlacements and the builtin by ``name``
+    guard      source text of what has to be true for the builtin
+    slow       ``(model, data, about)``, with the arguments of ``about_frame``; binds the builtin for later calls
+    reference  the reference frame by default
+    """
+    about = "frame_id, reference_frame, last, joint_id, placement"
+    text = [
+        f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
+        "    try:",
+        f"        frames, call = {bound}[{name!r}]",
+        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}{guard}:",
+        "            found = call(frame_id, reference_frame)",
+        "            if found is not None:",
+        "                return found",
+        "    except (AttributeError, KeyError):  # the fast path does not apply",
+        "        pass",
+        f"    return slow(model, data, ({about}))",
+    ]
+    scope = {"slow": slow, "reference": reference, "__name__": module_of_caller()}
+    function = function_from_text(name, text, scope, f"pinocchio {name}")
+    function.__doc__ = doc
+    return function

@@ -13,7 +13,7 @@ from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
 from .joints import JointModelMimic, Mimic
-from .limits import POSITIONS
+from .limits import ARRAYS
 from .model import Model
 
 __all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]
@@ -157,7 +157,7 @@ def _copy_joint(whole: Model, part: _Part, k: int, joint: JointModel | None = No
         leader = whole.joints[part.carriers[new.leader].joint]
         new = JointModelMimic.of(new, leader, new.scaling, new.offset)
     q, v = (slice(at, at + n) for at, n in ((given.idx_q, new.nq), (given.idx_v, new.nv)))
-    values = {name: x[q if name in POSITIONS else v] for name, x in model._arrays.items()}
+    values = {name: x[q if ARRAYS[name].of_q else v] for name, x in model._arrays.items()}
     index = whole._add(carrier.joint, new, carrier.placement * model.jointPlacements[k], model.names[k], values)
     whole.inertias[index] = model.inertias[k]
     part.carriers[k] = _Carrier(index, SE3.Identity())
