@@ -17,7 +17,7 @@ import llvmlite
 import numba
 from numba.core import compiler, serialize
 from numba.core.caching import _Cache
-from numba.core.runtime import rtsys
+from numba.core.runtime import rtsys  # type: ignore[attr-defined]
 
 from . import disk_cache
 

@@ -19,7 +19,7 @@ from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ...native import recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call, frame_call, last_call, vector
+from ..data.dispatch import fast_calls, frame_call, last_call, vector
 from ..data.frame_arguments import REFERENCES, about_frame, named, reference_code
 from ..data.last_call import clock
 from ..model.library_model import frame_placements, joints_as_frames
@@ -58,17 +58,12 @@ def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static:
 
 # --- at a configuration ----------------------------------------------------------------------------------
 
-computeJointJacobians = fast_call(
-    "computeJointJacobians",
-    "jacobians",
-    "Jacobians of all joints in the world (6, nv), also ``data.J``; without q at the last call's.",
-    last="oMi",
-)
-computeJointJacobiansTimeVariation = fast_call(
-    "computeJointJacobiansTimeVariation",
-    "jacobians_dot",
-    "Time derivatives of all joints' Jacobians in the world (6, nv), also ``data.dJ``.",
-)
+computeJointJacobians, computeJointJacobiansTimeVariation = fast_calls("""
+computeJointJacobians = jacobians; last: oMi
+    Jacobians of all joints in the world (6, nv), also ``data.J``; without q at the last call's.
+computeJointJacobiansTimeVariation = jacobians_dot
+    Time derivatives of all joints' Jacobians in the world (6, nv), also ``data.dJ``.
+""")
 
 
 def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:

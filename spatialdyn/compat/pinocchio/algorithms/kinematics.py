@@ -10,7 +10,7 @@ import numpy as np
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call, frame_call
+from ..data.dispatch import fast_calls, frame_call
 from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, reference_code
 from ..data.last_call import Run
 from ..model.library_model import frame_placements, joints_as_frames
@@ -29,19 +29,16 @@ __all__ = [
 
 # --- places ----------------------------------------------------------------------------------------------
 
-forwardKinematics = fast_call(
-    "forwardKinematics",
-    "kinematics0 kinematics1 kinematics2",
-    """Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.
+(forwardKinematics,) = fast_calls("""
+forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
+    Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.
 
     q     (nq,)  joint positions
     v, a  (nv,)  joint velocities and accelerations
 
     ``updateFramePlacements`` places the frames. Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a
     ValueError, for a wrong size.
-    """,
-    "None",
-)
+""")
 
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:

@@ -177,7 +177,7 @@ class Run:
             or (recipe.joints and library.joints is not None)
         ):
             return None
-        inputs = {name: getattr(self, name) for name in recipe.inputs}
+        inputs = {name: getattr(self, name) for name in recipe.inputs.split()}
         spec = SPECS[recipe.call]
         if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None
