@@ -298,7 +298,7 @@ def _path(**own: Recipe) -> Kind:
     return Kind("", "q", {"liMi": liMi, **own}, places_path=True)
 
 
-FACTORS: dict[str, Recipe] = {"D": lambda run: diagonal(run.contact.L), "U": lambda run: unit_upper(run.contact.L)}
+FACTORS: dict[str, Any] = {"D": lambda run: diagonal(run.contact.L), "U": lambda run: unit_upper(run.contact.L)}
 PLACES = "liMi oMi"
 MASSES = f"{PLACES} com mass"
 MAP, MAP_DOT = f"{PLACES} J com oYcrb", f"{PLACES} J com oYcrb dJ ov"
