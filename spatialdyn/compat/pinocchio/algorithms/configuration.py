@@ -195,10 +195,9 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
     library = library_model(expected(model, Model, "model"))
     lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
     upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
-    q: Array | None = operator_kernels.draw_between(GENERATOR)(lower, upper) if READY else None
+    q: Array | None = operator_kernels.draw_between(GENERATOR, library.units)(lower, upper) if READY else None
     if q is None:
         q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
-    for unit in library.unit_parts:
-        x = GENERATOR.standard_normal(unit.stop - unit.start)
-        q[unit] = x / math.sqrt(x @ x)
+        for first, size in library.units:
+            operators.put_direction(q, first, size, *GENERATOR.random(3).tolist())
     return q

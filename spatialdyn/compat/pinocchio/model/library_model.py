@@ -67,6 +67,7 @@ class LibraryModel:
         firsts = [(joint, model.bodies[joint.row - joint.nv + 1]) for joint in model.joints[1:]]
         parts = [unit_part(int(first["kind"]), joint.idx_q) for joint, first in firsts]
         self.unit_parts = [part for part in parts if part is not None]  # slices of q: quaternions and (cos, sin) pairs
+        self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
         self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
 
@@ -79,7 +80,7 @@ class LibraryModel:
 
     def _copy(self) -> LibraryModel:
         found = LibraryModel.__new__(LibraryModel)
-        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "has_builtins")
+        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins")
         found.__dict__.update({name: self.__dict__[name] for name in names})
         return found
 
