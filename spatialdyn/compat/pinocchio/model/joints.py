@@ -92,6 +92,9 @@ _AXIS = _axis("_axis", "The unit axis (3,), a copy: assign to change it.")
 _PITCH = _parameter("_pitch", "Travel along the axis per radian [m/rad].", check=lambda what, x: number(x, "pitch"))
 
 
+BY_AXIS: dict[str, list[Any]] = {}  # kind of the library's joint -> the classes about or along x, y, z, and any axis
+
+
 def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[Any]:
     """The classes of joints about or along x, y, z, and any axis."""
     own: dict[str, Any] = {"continuous": {"_nq": 2, "_unlimited": (0, 0)}, "helical": {"pitch": _PITCH}}.get(kind, {})
@@ -105,7 +108,8 @@ def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[
     ]  # fmt: skip
     given = f"``(x, y, z{pitch and ', '}{pitch})`` or ``(axis (3,){pitch and ', '}{pitch})``"
     name = f"JointModel{name}Unaligned"
-    return [*made, joint_kind(name, OneAxis, f"{doc.format('an axis')}: {given}.", axis=_AXIS, **own)]
+    BY_AXIS[kind] = [*made, joint_kind(name, OneAxis, f"{doc.format('an axis')}: {given}.", axis=_AXIS, **own)]
+    return BY_AXIS[kind]
 
 
 JointModelRX, JointModelRY, JointModelRZ, JointModelRevoluteUnaligned = _about(
