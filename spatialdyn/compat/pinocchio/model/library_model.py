@@ -78,23 +78,18 @@ class LibraryModel:
         self._at_gravity: dict[bytes, SdModel] = {}  # with the gravity of the last call that asked
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def _copy(self) -> LibraryModel:
+    def with_model(self, model: SdModel, numbers: ModelNumbers, table: Any = None) -> LibraryModel:
+        """The LibraryModel of the same tree, as a Model with other numbers; by default with that Model's table."""
         found = LibraryModel.__new__(LibraryModel)
         names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins")
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        return found
-
-    def with_model(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
-        """The LibraryModel of the same tree, as a Model with other numbers."""
-        found = self._copy()
-        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
+        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy() if table is None else table, numbers)
         return found
 
     def with_inertias(self, numbers: ModelNumbers) -> LibraryModel | None:
         """The LibraryModel with other inertias; None if they need checks. Its ``model`` is made at the first read."""
-        found, table = self._copy(), self.table.copy()
+        found = self.with_model(self._model, numbers, self.table.copy())
         given = self.numbers.inertias, numbers.inertias, self.row_numbers, np.empty((self._model.nv + 1, 3))
-        found._take(self._model, table, numbers)
         if table_kernels.kernel(put_inertias, 2, 2, 1, 2)(found.address, *given):
             return None
         found._model_numbers = self._model_numbers
