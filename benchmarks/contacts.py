@@ -4,7 +4,9 @@
 Both robots have the same inertias, joints, armature (none), joint PD, step (2 ms) and four spheres of 3 cm on a plane
 with a friction of 0.8; MuJoCo has Newton's method with pyramidal cones, and no limits. Before anything is timed the
 steps of the library are held to Coulomb's law (residual), the free motions of both are compared, and both robots have
-to stand on their weight. Needs ``pip install "spatialdyn[validate,bench]"``.
+to stand on their weight. With dry joints (MuJoCo's frictionloss) the torques that M, bias, PD and the feet's impulses
+leave over have to be within the friction's level, and against the motion of joints that move. Needs
+``pip install "spatialdyn[validate,bench]"``.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ STATES, STEPS = 256, 100
 WALK = 1000  # steps whose residual is looked at
 SOLVED, SHARE = 1e-4, 0.95  # [m/s] of at least this share of the steps
 ASKED = 20.0  # times as fast as MuJoCo
+DRY, FEW = 2.0, 3  # [N m] of every leg's joint; sweeps that are enough there
+SOLVED_DRY, WORST_DRY = 1e-3, 1e-1  # [m/s | rad/s] of SHARE of the steps on dry joints, and of all
 
 Array = np.ndarray
 
@@ -157,6 +161,61 @@ def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[
     return [float(x) for x in np.percentile(residual, [50, 95, 100])]
 
 
+def dry_joints(model: sd.Model) -> sd.Friction:
+    """Coulomb's friction of all joints but the base."""
+    return sd.Friction(np.r_[np.zeros(6), np.full(model.nv - 6, DRY)], 0.0)
+
+
+def left_to_friction(model: sd.Model, run: sd.Rollout, q0: Array, reference: Array) -> tuple[Array, Array]:
+    """Torque that the equations of motion leave over in each step, and by how much velocities miss its law."""
+    assert run.contacts is not None
+    q, v = np.vstack([q0, run.q[:-1]]), np.vstack([np.zeros(model.nv), run.v[:-1]])
+    tau = np.zeros_like(v)
+    tau[:, 6:] = KP * (reference - q)[:, 7:] - KD * v[:, 6:]
+    push = np.einsum("tij,tj->ti", sd.crba(model, q), run.v - v) + DT * (sd.nonlinear_effects(model, q, v) - tau)
+    for k, foot in enumerate(FEET):
+        J = sd.frame_jacobian(model, q, foot, "local_world_aligned")
+        J[:, 0] -= RADIUS * J[:, 4]  # at the lowest point of the sphere
+        J[:, 1] += RADIUS * J[:, 3]
+        push -= np.einsum("tij,ti->tj", J[:, :3], run.contacts.impulse[:, k])
+    weight = 1.0 / np.diagonal(np.linalg.inv(sd.crba(model, q)), axis1=1, axis2=2)
+    level = DT * dry_joints(model).coulomb
+    return push / DT, abs(push - np.clip(push - weight * run.v, -level, level)) / weight
+
+
+def fewer(model: sd.Model) -> sd.Contacts:
+    """The same feet by fewer sweeps, for dry joints."""
+    return sd.Contacts(model, dict.fromkeys(FEET, RADIUS), friction=MU, sweeps=FEW)
+
+
+def check_dry(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[float]:
+    """AssertionError unless a trot on dry joints obeys its laws. Returns percentiles of residuals."""
+    reference, friction = trot(model, q, WALK), dry_joints(model)
+    kept: dict[str, Any] = dict(contacts=contacts, friction=friction)
+    walk = sd.rollout(
+        model, q, np.zeros(model.nv), dt=DT, pd=law(model, reference), record_contacts=True, check=False, **kept
+    )  # fmt: skip
+    assert walk.contacts is not None
+    residual = walk.contacts.residual
+    assert (residual <= SOLVED_DRY).mean() >= SHARE, np.percentile(residual, [50, 95, 100])
+    assert residual.max() <= WORST_DRY, residual.max()
+    assert walk.q[:, 2].min() > 0.3
+    torque, off = left_to_friction(model, walk, q, reference)
+    torque = abs(torque)
+    assert (torque[:, 6:].max(axis=1) <= 1.01 * DRY).mean() >= SHARE
+    assert (torque[:, :6].max(axis=1) <= 0.01 * DRY).mean() >= SHARE  # nothing rubs at the base
+    assert (off.max(axis=1) <= SOLVED_DRY).mean() >= SHARE
+    assert (walk.v == 0.0).any()
+
+    high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
+    high[2] += 5.0
+    ours = sd.rollout(model, high, v, dt=DT, steps=50, pd=law(model, q), **kept)
+    theirs = peer.rollout(peer.states(high[None], v[None]), np.tile(q, (50, 1)))[0]
+    gap = abs(theirs[-1, 1:] - peer.states(ours.q, ours.v)[-1, 1:]).max()
+    assert gap < 0.05, gap  # frictionloss is regularised: its joints creep
+    return [float(x) for x in np.percentile(residual, [50, 95, 100])]
+
+
 def main() -> None:
     """Check, measure, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -167,6 +226,13 @@ def main() -> None:
     peer, q = Peer(model), stance(model, contacts)
     percentiles = check(model, contacts, peer, q)
     print("residual of a trot [m/s], 50, 95 and 100 %: {:.1e} {:.1e} {:.1e}".format(*percentiles))
+
+    rough = Peer(model)
+    rough.made.dof_frictionloss[6:] = DRY
+    for given in (contacts, fewer(model)):
+        dry = check_dry(model, given, rough, q)
+        text = "residual on dry joints by {} sweeps [m/s], 50, 95 and 100 %: {:.1e} {:.1e} {:.1e}"
+        print(text.format(given.sweeps, *dry))
 
     rng = np.random.default_rng(0)
     reference = trot(model, q, STEPS)
@@ -181,10 +247,17 @@ def main() -> None:
         "no contact": ours(), "contact": ours(contacts=contacts),
         "contact, float32": ours(np.float32, contacts=contacts),
         "contact and limits": ours(contacts=contacts, limits=True), "mujoco": lambda: peer.rollout(state, reference),
+        "contact and dry joints": ours(contacts=contacts, friction=dry_joints(model)),
+        f"the same by {FEW} sweeps": ours(contacts=fewer(model), friction=dry_joints(model)),
+        "mujoco, frictionloss": lambda: rough.rollout(state, reference),
     }  # fmt: skip
     times = interleaved(contestants, rounds, seconds)
-    each = {name: 1e9 * x / (STEPS * (len(state) if name == "mujoco" else STATES)) for name, x in times.items()}
-    rows = [[name, f"{x:.0f}", f"{1e3 / x:.2f}", f"{each['mujoco'] / x:.1f}"] for name, x in each.items()]
+    each = {name: 1e9 * x / (STEPS * (len(state) if "mujoco" in name else STATES)) for name, x in times.items()}
+    theirs = {
+        name: each["mujoco, frictionloss" if any(x in name for x in ("dry", "same", "loss")) else "mujoco"]
+        for name in each
+    }
+    rows = [[name, f"{x:.0f}", f"{1e3 / x:.2f}", f"{theirs[name] / x:.1f}"] for name, x in each.items()]
     draw("contacts", ["a step", "ns", "million/s", "times mujoco"], rows)
     print(f"asked for: {ASKED:g} times, of {each['mujoco'] / each['contact']:.1f}")
 

@@ -6,7 +6,7 @@ import ast
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
@@ -107,23 +107,39 @@ HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package 
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}
 
 
-def modules() -> dict[str, ast.Module]:
-    """Syntax tree of every module, by its dotted name below the package."""
-    found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
-        found[".".join(parts)] = ast.parse(path.read_text(encoding="utf-8"))
-    return found
+FILES = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in sorted(PACKAGE.rglob("*.py"))}
+NAMES = sorted(FILES)
 
 
-MODULES = modules()
-NAMES = sorted(MODULES)
+@cache
+def tree_of(name: str) -> ast.Module:
+    """Syntax tree of a module, of its dotted name below the package."""
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
+
+
+def holds_for(names: list[str]) -> Callable[[Callable[[str], None]], Callable[[], None]]:
+    """A test of every one of these modules; fails with those that fail."""
+
+    def over(test: Callable[[str], None]) -> Callable[[], None]:
+        def of_all() -> None:
+            wrong = {}
+            for name in names:
+                try:
+                    test(name)
+                except AssertionError as error:
+                    wrong[name] = str(error)
+            assert names
+            assert wrong == {}
+
+        return of_all
+
+    return over
 
 
 @cache
 def nodes(name: str) -> list[ast.AST]:
     """Every node of a module's syntax tree."""
-    return list(ast.walk(MODULES[name]))
+    return list(ast.walk(tree_of(name)))
 
 
 def room_of(name: str) -> str:
@@ -165,7 +181,7 @@ def is_own(source: str) -> bool:
 
 def is_module(name: str) -> bool:
     """Whether a dotted name below the package is a module or a folder of them."""
-    return name in MODULES or f"{name}.__init__" in MODULES
+    return name in FILES or f"{name}.__init__" in FILES
 
 
 def foreign_imports(name: str) -> set[str]:
@@ -201,7 +217,7 @@ def test_the_table_has_no_circle_and_no_unknown_room() -> None:
     assert set(order) == set(BELOW)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@holds_for(NAMES)
 def test_no_module_imports_one_above_or_beside_it(name: str) -> None:
     room = room_of(name)
     exempt = {above for below, above in UPWARD if below == room}
@@ -214,14 +230,14 @@ def test_every_exempt_import_is_still_made_and_by_a_function() -> None:
         names = [name for name in NAMES if room_of(name) == below]
         assert above in {room_of(imported) for name in names for imported in own_imports(name)}
         for name in names:
-            top = {(node.module or "") for node in MODULES[name].body if isinstance(node, ast.ImportFrom)}
+            top = {(node.module or "") for node in tree_of(name).body if isinstance(node, ast.ImportFrom)}
             assert above not in {part for module in top for part in module.split(".")}
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if "pictures" not in everything_below(room_of(name))])
+@holds_for([name for name in NAMES if "pictures" not in everything_below(room_of(name))])
 def test_what_draws_below_pictures_is_one_late_import_and_one_call(name: str) -> None:
     found = set()
-    for function in ast.walk(MODULES[name]):
+    for function in ast.walk(tree_of(name)):
         if isinstance(function, ast.FunctionDef) and any(_imports_pictures(node) for node in ast.walk(function)):
             found.add(function.name)
             body = function.body[1:] if ast.get_docstring(function) else function.body
@@ -238,7 +254,7 @@ def test_modules_of_one_room_import_each_other_in_no_circle() -> None:
     list(TopologicalSorter(graph).static_order())  # raises CycleError
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "recursions"])
+@holds_for([name for name in NAMES if room_of(name) == "recursions"])
 def test_recursions_know_tables_and_numbers_only(name: str) -> None:
     own = set(own_imports(name))
     assert {room_of(m) for m in own} <= {"recursions", *everything_below("bodies")}
@@ -249,7 +265,7 @@ def test_recursions_know_tables_and_numbers_only(name: str) -> None:
     assert foreign_imports(name) & {"numpy", "numba", "llvmlite", "scipy"} <= arrays
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "recursions"])
+@holds_for([name for name in NAMES if room_of(name) == "recursions"])
 def test_signatures_of_recursions_name_what_they_take(name: str) -> None:
     """``bodies: Bodies``, not ``bodies: Any``."""
     for node in nodes(name):
@@ -258,7 +274,7 @@ def test_signatures_of_recursions_name_what_they_take(name: str) -> None:
             assert "Any" not in kinds, node.name
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) == "engines"])
+@holds_for([name for name in NAMES if room_of(name) == "engines"])
 def test_engines_know_recursions_by_their_specs_only(name: str) -> None:
     seen = {m for m in own_imports(name) if room_of(m) == "recursions"}
     assert seen <= {"recursions", "recursions.spec"}
@@ -295,7 +311,7 @@ def test_no_room_has_the_name_of_a_public_call() -> None:
 # --- files and output -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if room_of(name) not in TOUCH_FILES and name not in SAVE])
+@holds_for([name for name in NAMES if room_of(name) not in TOUCH_FILES and name not in SAVE])
 def test_only_some_rooms_touch_files(name: str) -> None:
     assert {f for _, f in called(name)} & FILE_CALLS == set()
     assert {f for of, f in called(name) if of in ("np", "numpy", "pickle", "json")} & {"load", "save", "dump"} == set()
@@ -303,7 +319,7 @@ def test_only_some_rooms_touch_files(name: str) -> None:
         assert foreign_imports(name) & FILE_MODULES == set()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@holds_for(NAMES)
 def test_only_commands_and_examples_print_and_no_module_logs(name: str) -> None:
     assert "logging" not in foreign_imports(name)
     if room_of(name) not in PRINT:
@@ -315,10 +331,10 @@ def test_only_commands_and_examples_print_and_no_module_logs(name: str) -> None:
 # --- what may not be in any module ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", NAMES)
+@holds_for(NAMES)
 def test_slow_and_optional_packages_are_imported_when_needed(name: str) -> None:
     late: set[str] = set()
-    stack: list[ast.AST] = [MODULES[name]]
+    stack: list[ast.AST] = [tree_of(name)]
     while stack:
         node = stack.pop()
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
@@ -361,7 +377,7 @@ print(*sorted(name for name in sys.modules if name in heavy))
 
 def test_public_names_that_are_imported_late_are_declared_for_type_checkers() -> None:
     """Under ``if TYPE_CHECKING``, from the module that has them."""
-    branch = next(node for node in MODULES["__init__"].body if isinstance(node, ast.If))
+    branch = next(node for node in tree_of("__init__").body if isinstance(node, ast.If))
     lines = [node for node in branch.body if isinstance(node, ast.ImportFrom)]
     assert ast.unparse(branch.test) == "TYPE_CHECKING"
     declared = {alias.name: line.module for line in lines for alias in line.names}
@@ -392,9 +408,7 @@ def compiles(name: str) -> bool:
     return bool(imported & makers) or bool({"numba", "llvmlite"} & foreign_imports(name))
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in NAMES if home_of(name) not in COMPILED and name not in COMPILES_ITS_OWN]
-)
+@holds_for([name for name in NAMES if home_of(name) not in COMPILED and name not in COMPILES_ITS_OWN])
 def test_what_the_stamp_leaves_out_compiles_nothing(name: str) -> None:
     assert not compiles(name)
 
@@ -409,7 +423,7 @@ def test_the_stamp_names_rooms_that_compile() -> None:
     assert {home_of(name) for name in compiling - COMPILES_ITS_OWN} | {"bodies"} == set(COMPILED)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if home_of(name) in COMPILED])
+@holds_for([name for name in NAMES if home_of(name) in COMPILED])
 def test_compiled_code_takes_no_constant_from_a_room_that_the_stamp_leaves_out(name: str) -> None:
     taken = set()
     for node in nodes(name):
@@ -419,7 +433,7 @@ def test_compiled_code_takes_no_constant_from_a_room_that_the_stamp_leaves_out(n
     assert taken == set()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@holds_for(NAMES)
 def test_no_module_sets_fastmath_true(name: str) -> None:
     """``fastmath=True`` deletes checks for NaN."""
     asked = [node.value for node in nodes(name) if isinstance(node, ast.keyword) and node.arg == "fastmath"]
@@ -436,9 +450,9 @@ def test_every_recursion_is_written_once() -> None:
     """Under its own name; the Pinocchio names are other functions, some of the same name."""
     written = Counter(
         node.name
-        for name, tree in MODULES.items()
+        for name in NAMES
         if room_of(name) != "compat"
-        for node in ast.walk(tree)
+        for node in nodes(name)
         if isinstance(node, ast.FunctionDef)
     )
     assert {name: written[name] for name in {"rnea", "crba", "aba"}} == {"rnea": 1, "crba": 1, "aba": 1}
@@ -448,19 +462,19 @@ def test_every_recursion_is_written_once() -> None:
 def test_facts_are_written_once() -> None:
     """The unit of rounding, and the velocity of a body from its parent's."""
     numbers = [
-        name for name, tree in MODULES.items() for node in ast.walk(tree)
+        name for name in NAMES for node in nodes(name)
         if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value in (2.0**-52, 4e-16, 2e-6)
     ]  # fmt: skip
     assert sorted(numbers) == ["algebra.rotations", "algebra.scalars", "urdf.strict_xml"]  # the last: of an angle
     velocities = "motion_to_child(pose_of(here.X), motion_of(parent.v))", "motion_to_child(X, motion_of(parent.v))"
-    lines = {name: ast.unparse(tree) for name, tree in MODULES.items() if room_of(name) == "recursions"}
+    lines = {name: ast.unparse(tree_of(name)) for name in NAMES if room_of(name) == "recursions"}
     assert {name for name, text in lines.items() if any(line in text for line in velocities)} == {"recursions.steps"}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@holds_for(NAMES)
 def test_no_function_changes_what_its_module_holds(name: str) -> None:
     """Not by ``global``, nor by writing into a module's table, list or dict."""
-    tree = MODULES[name]
+    tree = tree_of(name)
     assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
     held = {
         target.id

@@ -10,9 +10,10 @@ is p_i θ^i and
 the same Ω and bracket as in any chart, written in another frame. A map of (q, p) is symplectic if it preserves this Ω,
 not if it preserves Σ θ^i ∧ dp_i alone.
 
-Rotor inertia (armature) on a floating or planar joint is an exception. It is added to M and nothing else, so the
-equation of motion M q̈ + C v + g = τ lacks the term by which the frame's rotation changes the rotor's momentum: p = M v
-and ṗ are those of that equation and the energy is conserved, but H does not generate ṗ. On every other joint it does.
+Rotor inertia (armature) on a floating or planar joint, or differing by axis on a spherical one, is an exception. It is
+added to M and nothing else, so the equation of motion M q̈ + C v + g = τ lacks the term by which the frame's rotation
+changes the rotor's momentum: p = M v and ṗ are those of that equation and the energy is conserved, but H does not
+generate ṗ, and no method preserves Ω. On every other joint it does.
 """
 
 from __future__ import annotations

@@ -152,22 +152,14 @@ def contact_step(
             release(bodies, contacts, row, -1, 3, x, Z, after, force, a, e, s, g)
 
     for p in range(points):
-        f = force_of_point(force, p)
-        residual[p] = point_residual(B[p], velocity_of_point(Y, b, after, p), mu[p], f)
-        energy[p] = 0.0
-        for k in range(3 * p, 3 * p + 3):
-            energy[p] = energy[p] + 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
-        if heights is not None:
-            f = untilted(T[p], f)
-        f = unrotate(mat3_of(contacts[0].axes), f)
-        impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
+        write_point(contacts, heights, Y, b, before, after, force, B[p], T, mu, p, impulse, residual, energy)
     for l in range(limits):
         k = 3 * points + l
         pushed = A[l, l] * force[k]
         wanted = stopping(contacts[1 + points + l], q, dt, velocity(Y, b, after, k) - pushed)
         residual[points + l] = magnitude(pushed - wanted)
         stop[l] = force[k]
-        energy[points + l] = 0.5 * force[k] * (before[k] + velocity(Y, before, after, k))
+        energy[points + l] = work_of_row(Y, before, after, k, force[k])
     solve_outward(bodies, L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
@@ -300,6 +292,29 @@ def force_of_point(force: Vector, p: int) -> Vec:
 
 
 @inline
+def work_of_row(Y: Matrix, before: Vector, w: Vector, k: int, impulse: Scalar) -> Scalar:
+    """½ λ (u⁻ + u⁺) of a row's velocities before and after a step."""
+    return 0.5 * impulse * (before[k] + velocity(Y, before, w, k))
+
+
+@inline
+def write_point(
+    contacts: Record, heights: Record, Y: Matrix, b: Vector, before: Vector, w: Vector, force: Vector, B: Matrix,
+    T: Array, mu: Vector, p: int, impulse: Vector, residual: Vector, energy: Vector,
+) -> None:  # fmt: skip
+    """What a step makes of a point, with its own block B of G: impulse in the world's axes, residual, energy."""
+    f = force_of_point(force, p)
+    residual[p] = point_residual(B, velocity_of_point(Y, b, w, p), mu[p], f)
+    energy[p] = 0.0
+    for k in range(3 * p, 3 * p + 3):
+        energy[p] = energy[p] + work_of_row(Y, before, w, k, force[k])
+    if heights is not None:
+        f = untilted(T[p], f)
+    f = unrotate(mat3_of(contacts[0].axes), f)
+    impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
+
+
+@inline
 def push(Z: Matrix, k: int, change: Scalar, w: Vector) -> None:
     """w += D⁻¹ Yᵀ of a change of λ_k."""
     for i in range(len(w)):
@@ -365,7 +380,7 @@ def lock(
     """Take joints that are stopped, and carry a row's body, out of ``count`` equations there, by Gaussian elimination.
 
     The ground then feels the whole robot through a leg that is at its limits: in turn with its joints' limits it would
-    feel the leg alone, and hundreds of sweeps would pass the weight on.
+    feel the leg alone, and pass the weight on in ever more sweeps.
 
     own      the joint whose equation it is, -1 for a point's
     x        (5, 3), written: the equations' block of G, then in row 3 their velocities

@@ -39,7 +39,10 @@ def check_carrying(control: Control | None, work: bool, method: str) -> None:
     what = "control" if control is not None else 'record="work"' if work else None
     if what is not None and method not in (*EXPLICIT_METHODS, *ADAPTIVE):
         known = ", ".join((*EXPLICIT_METHODS, *ADAPTIVE))
-        raise SimulationError(f'{what} is given with method="{method}", expected a method that carries states: {known}')
+        cure = "" if control is None else "; a torque function acts with every method"
+        raise SimulationError(
+            f'{what} is given with method="{method}", expected a method that carries states: {known}{cure}'
+        )
     if control is not None and method in ADAPTIVE:
         ends = len(control.spec.states) - len(moved_states(control.spec))
         if control.held or ends:

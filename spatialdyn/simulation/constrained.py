@@ -8,7 +8,8 @@ a program rejects the sample, and the step done by calls raises the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ Array = NDArray[np.float64]
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization")
 RANK = Argument("rank", (), "1", "independent equations at the beginning")
 START = 1e-6  # largest |φ| [m | rad], and |J v| of its terms, of a state to start from
-START_SOLVED = 1e-3  # the same of |J v| where steps find velocities with impulses: of (h v)², h v the way of a step
+START_SOLVED = 1e-3  # the same of |J v| where steps find velocities with impulses: see ``impulse_step.meet``
 LEAST_STEPS = 3.0  # of a time of stabilization; at 1 explicit methods diverge
 
 
@@ -72,7 +73,8 @@ def held_by(
 ) -> Held | None:  # fmt: skip
     """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there.
 
-    solved  whether its steps find velocities with impulses, which then miss J v = 0 by the order of dt²
+    solved  whether its steps find velocities with impulses, which then miss J v = 0 by the order of dt³, or dt² in
+            an impact
     """
     if constraints is None:
         if stabilization is not None:
@@ -91,6 +93,8 @@ def held_by(
     raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
     J = constraint_jacobian(model, constraints, q)
     Jv, terms = (J @ v[..., None])[..., 0], (abs(J) @ abs(v)[..., None])[..., 0]
+    for first, count in owned(constraints):  # one equation of several may be nothing but rounding
+        terms[..., first : first + count] = terms[..., first : first + count].max(axis=-1, keepdims=True)
     bad = np.argwhere(abs(Jv) > (START_SOLVED if solved else START) * terms)
     if len(bad):
         index, k = tuple(int(x) for x in bad[0, :-1]), int(bad[0, -1])
@@ -101,6 +105,15 @@ def held_by(
         )
     rank = np.asarray(response(model, constraints, q, np.zeros(phi.shape), check=False)[3], np.intp)
     return Held(constraints, rate, rank.reshape(-1))
+
+
+def owned(constraints: Constraints) -> Iterator[tuple[int, int]]:
+    """Of each constraint its first equation and how many it has."""
+    first = 0
+    for _, of_one in groupby(constraints.equations, key=lambda x: id(x.constraint)):
+        count = len([*of_one])
+        yield first, count
+        first += count
 
 
 # --- steps by calls --------------------------------------------------------------------------------------
@@ -142,7 +155,8 @@ def check_rank(held: Held, rank: int, known: int) -> None:
 def project(held: Held, model: Model, q: Array, v: Array, velocities: bool = True) -> None:
     """Write the projected state to q and v, by calls; to q alone where the step has found velocities with impulses.
 
-    Those keep J v⁺ + h J̇ v = 0, which the next J meets to the order of h²; a projection would move joints that stick.
+    Those meet J v⁺ = 0 there to the order of h³, in an impact h² (``impulse_step.meet``); a projection would move
+    joints and points that stick.
     """
     if held.rate is None:
         constraints = held.constraints

@@ -41,7 +41,7 @@ def held_variational(held: Held, model: Model) -> Callable[..., None]:
 
     def step(system: System, t: float, h: float, state: State) -> None:
         k, q, p = system.kernels, state.q.copy(), state.w.copy()
-        rotor, g, left, change = (np.zeros(n) for _ in range(4))
+        g, left, change = (np.zeros(n) for _ in range(3))
         J = constraint_jacobian(model, constraints, q)
         set_status(system, k.load(system, q, g), t)
 
@@ -50,7 +50,7 @@ def held_variational(held: Held, model: Model) -> Callable[..., None]:
             before: Any = math.inf
             for _ in range(SWEEPS):
                 system.torque(system, t, q, xi / h)
-                set_status(system, k.before(system.table, q, xi, state.by_row, rotor, left), t)
+                set_status(system, k.before(system.table, q, xi, state.by_row, left), t)
                 rest = left / h - p - 0.5 * h * (system.tau - g) - J.T @ impulse
                 set_status(system, k.velocity(system.table, q, rest, change), t)
                 xi[:] -= h * change
@@ -69,8 +69,8 @@ def held_variational(held: Held, model: Model) -> Callable[..., None]:
         ahead = closed(held, model, system, t, q, settle, add)
         if system.status[0] != 0:
             return
-        set_status(system, k.before(system.table, q, xi, state.by_row, rotor, left), t)
-        set_status(system, k.after(system.table, ahead, xi, state.by_row, rotor, left), t + h)
+        set_status(system, k.before(system.table, q, xi, state.by_row, left), t)
+        set_status(system, k.after(system.table, ahead, xi, state.by_row, left), t + h)
         set_status(system, k.load(system, ahead, g), t + h)
         system.torque(system, t + h, ahead, xi / h)
         state.q[:] = ahead

@@ -30,10 +30,10 @@ from .friction_steps import IMPLICIT, LUGRE, STEPPED, Rubbing
 
 Array = NDArray[Any]
 MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robot, and its program is long
-MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: 1e5 operations of a sweep's tableaus
+MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: a sweep's tableaus cost rows cubed
 START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond a limit
 UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
-UNSOLVED_DRY = 1e-1  # the same beside dry joints: one of a thousand steps of a trot on strong ones is left at 1e-2
+UNSOLVED_DRY = 1e-1  # the same beside dry joints: the worst of a trot's steps may be left at 1e-2 and more
 WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
 
 SOLVED = Argument(

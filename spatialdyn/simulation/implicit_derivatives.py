@@ -37,8 +37,8 @@ from ..recursions.hamilton import hamilton_rows, momentum_rate
 from ..recursions.spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec
 from .canonical_coordinates import chart_rate, from_canonical
 from .compiled_loop import compile_loop, drive
+from .fixed_steps import failure_message
 from .methods import DISCRETE, Method
-from .runs import failure_message
 from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from .system import State, System, held_torque, units
 from .variational import momenta_after, sum_before
@@ -92,18 +92,18 @@ def chart_map(bodies: Any, z: Any, v: Any, dp: Any, centres: Any, dz: Any, q: An
 
 @inline
 def momenta_at_both_ends(
-    bodies: Any, work: Any, q: Any, xi: Any, tau: Any, fext: Any, dt: Any, out: Any, q1: Any, moved: Any, rotor: Any,
-    force: Any, still: Any,
+    bodies: Any, work: Any, q: Any, xi: Any, tau: Any, fext: Any, dt: Any, out: Any, q1: Any, moved: Any, force: Any,
+    still: Any,
 ) -> None:  # fmt: skip
     """p⁻ and p⁺ of a step of ``variational``, whose torque is held over it."""
     h = dt[0]
     still[:] = 0.0
-    sum_before(bodies, work, q, xi, moved, rotor, out[0])
+    sum_before(bodies, work, q, xi, moved, out[0])
     momentum_rate(bodies, work, q, still, tau, fext, force)
     for i in range(len(xi)):
         out[0, i] = out[0, i] / h - 0.5 * h * force[i]
     integrate(bodies, q, xi, q1)
-    momenta_after(bodies, work, q1, xi, moved, rotor, out[1])
+    momenta_after(bodies, work, q1, xi, moved, out[1])
     momentum_rate(bodies, work, q1, still, tau, fext, force)
     for i in range(len(xi)):
         out[1, i] = out[1, i] / h + 0.5 * h * force[i]
@@ -123,7 +123,7 @@ MOMENTA = Spec(
     "momenta_at_both_ends", momenta_at_both_ends, WORK_MOMENTA, (Q, XI, TAU, FEXT_OPTIONAL, DT),
     Argument("p", (2, "nv"), "kg m²/s | kg m/s", "momenta before and after the step"),
     "Discrete Legendre transforms of ``variational``.", "see ``simulation.variational``",
-    scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",), ("nv",)),
+    scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",)),
 )  # fmt: skip
 
 

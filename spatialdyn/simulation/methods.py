@@ -39,7 +39,8 @@ class Method:
     evaluations  of forward dynamics per step; of implicit methods per sweep, 5 to 20 of which make a step
     preserves    up to rounding: Ω, the symplectic form; "time reversal", a step of -dt undoes one of dt; "momenta of
                  symmetries", such as those of a free-floating robot. No method preserves the energy itself; the energy
-                 error of one that preserves Ω stays bounded over very long times
+                 error of one that preserves Ω stays bounded over very long times. With armatures on planar or floating
+                 joints, whose equations no Lagrangian has (``lagrangian.hamiltonian``), only time reversal
     note         advice in a few words
     """
 

@@ -443,7 +443,7 @@ def _reason(
                 projected(EXPLICIT_METHODS[method], own, model)(system, 0.0, h, space)
             else:
                 before = dict(zip([touch.own.name, BRISTLES.name], state[2:], strict=False))
-                solver(touch, None, found, own, has_springs(model))(system, 0.0, h, space, before)
+                solver(touch, None, found, own, has_springs(model), once=True)(system, 0.0, h, space, before)
     except ConstraintError as error:
         return str(error)
     return ""

@@ -1,17 +1,16 @@
-"""``simulate`` and ``hamilton_simulation``: they check arguments, run the time loop in slices, return a Trajectory.
+"""``simulate`` and ``hamilton_simulation``: they check arguments, run the time loop, return a Trajectory.
 
-Between slices they handle Ctrl-C, report progress, and turn a failure status into an error that carries what has been
-recorded.
+Ctrl-C and errors carry what has been recorded. The loop of methods with a fixed step is ``fixed_steps``; SciPy's is
+``adaptive``.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,9 +20,7 @@ from ..actuation.motors import Motor
 from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
-from ..engines.compiled import numba_kernels
 from ..errors import (
-    ConstraintError,
     ModelError,
     NonFiniteError,
     ShapeError,
@@ -32,35 +29,27 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
-from ..recursions.spec import Argument
-from . import constrained_variational, explicit, rattle
+from . import rattle
 from .adaptive import run_adaptive
 from .carried import carried
 from .carried_runs import beside as rates_beside
-from .carried_runs import carrying, check_carrying
-from .compiled_loop import compile_loop, drive
-from .constrained import Held, accelerate, held_by, projected
-from .contact_steps import Touching, touching, unsolved
+from .carried_runs import check_carrying
+from .constrained import held_by
+from .contact_steps import touching
 from .control_laws import Control, check_control
-from .energy import FAST, exploded, scale_of
-from .friction_steps import IMPLICIT, OWN, SMOOTH, UNSOLVED, VIOLATION, Rubbing, rubbing, rubbing_kernels, smooth_kernel
-from .ledger import work_states
+from .energy import exploded, scale_of
+from .fixed_steps import FREE, HELD_SYMPLECTIC, Effects, run_fixed
+from .friction_steps import IMPLICIT, rubbing, smooth_kernel
 from .methods import Method, integrators
-from .program_steps import program, slice_of
 from .recorder import Recorder, Steps
-from .springs import check_springs, has_springs, sprung
-from .symplectic import SETTLED, SWEEPS
-from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
-from .torques import Torque, torque_of
-from .traced_steps import EXPLICIT_METHODS, carried_by
+from .springs import check_springs, has_springs
+from .torques import torque_of
+from .traced_steps import EXPLICIT_METHODS
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")
 SAMPLES = 10_000  # recorded by default, at most
-HELD_SYMPLECTIC = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.held_variational}
-SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
-STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
 
 def simulate(
@@ -113,9 +102,10 @@ def simulate(
               position is one number
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
               with a projection onto the constraints: one Newton step of q, then v, the nearest in the metric of M.
-              Beside implicit friction, contacts or limits v is not projected, which would move joints that stick: J v
-              is 0 to the order of (dt v)². A branch point is seen in a step that begins or ends near one; a motion that
-              passes it within a step goes on by one of the branches
+              Beside implicit friction, contacts or limits v is not projected, which would move joints that stick: the
+              impulses of the step meet J v = 0 at its end to the order of dt³, in an impact dt², whatever was left
+              before. A branch point is seen in a step that begins or ends near one; a motion that passes it within a
+              step goes on by one of the branches
     friction  friction and damping of the joints: True for that of the URDF, or a ``Friction``. With None none acts, and
                a warning says so where the URDF has some; with False none acts
     friction_method  how it acts:
@@ -240,51 +230,6 @@ def hamilton_simulation(
     return _run(model, q, v, momenta, chosen, duration, dt, torque, forces, record, progress, rtol, atol)
 
 
-class Effects(NamedTuple):
-    """What acts in a run beside torques: constraints, friction, a control law; and whether work is recorded.
-
-    pushed   whether external forces act
-    springs  whether springs between rotors and joints do
-    """
-
-    held: Held | None = None
-    found: Rubbing | None = None
-    control: Control | None = None
-    works: bool = False
-    pushed: bool = False
-    springs: bool = False
-    touch: Touching | None = None
-
-    @property
-    def work(self) -> tuple[Argument, ...]:
-        """The states of the work that is recorded."""
-        held = self.held
-        if not self.works:
-            return ()
-        projects = held is not None and held.rate is None
-        touches = self.touch is not None and self.touch.touches
-        return work_states(self.found is not None, self.pushed, held is not None, projects, self.springs, touches)
-
-    @property
-    def static(self) -> tuple[Any, ...]:
-        """Static tables that give sizes of states."""
-        return (
-            *(() if self.held is None else (self.held.constraints.table,)),
-            *(() if self.touch is None else self.touch.tables),
-            *(() if self.control is None else self.control.static),
-        )
-
-    @property
-    def carried(self) -> tuple[Argument, ...]:
-        """The states that the run carries."""
-        spec = None if self.control is None else self.control.spec
-        touch = () if self.touch is None else self.touch.arguments
-        return carried_by(None if self.found is None else self.found.way, spec, self.work, touch)
-
-
-FREE = Effects()
-
-
 # --- arguments -------------------------------------------------------------------------------------------
 
 
@@ -365,7 +310,7 @@ def _run(
                 acts = rates_beside(recorder, acting.control, acting.work, resist, fext)
                 run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), acts)
             else:
-                _run_fixed(recorder, (q, v, p), asked, fext, report, acting)
+                run_fixed(recorder, (q, v, p), asked, fext, report, acting)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(acting.control, interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
@@ -389,147 +334,3 @@ def _run(
             diverged.trajectory = trajectory
             raise diverged
     return trajectory
-
-
-def _run_fixed(
-    recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None], acting: Effects,
-) -> None:  # fmt: skip
-    """All steps of a method with a fixed step, in slices of about SLICE seconds."""
-    model, method, steps, own = recorder.model, recorder.method, recorder.steps, recorder.own
-    held, found, control, work, touch = acting.held, acting.found, acting.control, acting.work, acting.touch
-    family = method.family
-    assert family is not None
-    assert method.advance is not None
-    advance = method.advance
-    if held is not None:
-        symplectic = HELD_SYMPLECTIC.get(method.name)
-        advance = projected(method.advance, held, model) if symplectic is None else symplectic(held, model)
-    (q, v, p), n, rows = start, model.nv, len(model.bodies)
-    status = np.zeros(3)
-    forces = np.zeros((0, 6)) if fext is None else fext
-    data = (
-        getattr(model, numba_kernels.TABLE),
-        torque.held,
-        forces,
-        units(model.bodies),
-        np.zeros(n),
-        np.zeros(n),
-        status,
-    )
-    scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
-    state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
-    asks, springs = held_torque if torque.user is None else user_torque, acting.springs
-    bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
-
-    @functools.cache
-    def kernels() -> tuple[Any, Callable[..., None]]:
-        """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
-        if held is not None and not recorder.moves_p:
-            own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
-        else:
-            own_kernels = family.kernels(fext is not None)
-        solved = touch is not None or (found is not None and found.way in OWN)
-        if control is not None or work or solved:
-            return carrying(recorder, own_kernels, found, held, control, work, fext, springs, touch)
-        own_kernels = sprung(own_kernels) if springs else own_kernels
-        if found is not None and found.way == SMOOTH:
-            own_kernels = rubbing_kernels(own_kernels, smooth_kernel(found))
-        return own_kernels, advance
-
-    def system() -> System:
-        return bare._replace(kernels=kernels()[0])
-
-    at_once = program(recorder, method, torque, fext, state, held, found, control, work, touch)
-    if at_once is None:
-        family.start(system(), state)
-    now = (*state, recorder.at, own)
-    marked = [x.copy() for x in now]
-
-    def mark() -> None:
-        """Save the state: Ctrl-C may come while a step changes it."""
-        for kept, x in zip(marked, now, strict=True):
-            kept[...] = x
-
-    def marking(system: System, t: float, h: float, state: State) -> None:
-        mark()
-        kernels()[1](system, t, h, state)
-
-    def observing(system: System, t: float, state: State) -> None:
-        family.observe(system, t, state)
-        recorder.own_rows[recorder.at[1]] = own
-
-    def run(first: int, count: int, h: float) -> None:
-        times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled and acting._replace(pushed=False) == FREE:
-            compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
-        else:
-            try:
-                with np.errstate(all="ignore"):
-                    drive(marking, observing, system(), state, *times)
-            except ConstraintError as error:
-                raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
-        if status[0] != OK:
-            raise SimulationError(failure_message(status, recorder.method, recorder.model, h, state))
-
-    try:
-        count, odd = 1 if at_once is None else STEPS, 0
-        while (first := int(recorder.at[0])) < steps.total:
-            began = time.perf_counter()
-            h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
-            if at_once is not None:
-                count = slice_of(first, max(1, (odd - first) // 2) if odd else count, recorder.every)
-                if not at_once(first, count, h):
-                    odd = first + count  # the program has no answer to one of these steps: bisect for it
-                    at_once = at_once if count > 1 else None
-                    continue
-            else:
-                run(first, count, h)
-            mark()
-            if touch is None and found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
-                raise SimulationError(
-                    f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
-                    f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"
-                )
-            if touch is not None and (reason := unsolved(touch, own, steps.dt)):
-                raise SimulationError(reason)
-            report(int(recorder.at[0]), steps.total)
-            spent = max(time.perf_counter() - began, 1e-6)
-            count = max(1, int(min(10.0 * count, count * SLICE / spent)))
-    except KeyboardInterrupt:
-        for x, kept in zip(now, marked, strict=True):
-            x[...] = kept
-        done = int(recorder.at[0])
-        with np.errstate(all="ignore"):
-            family.observe(system() if at_once is None else bare, steps.time(done), state)
-        recorder.end(steps.time(done), state.q, state.w, torque.unasked(done))
-        raise
-
-
-def failure_message(status: Array, method: Method, model: Model, h: float, state: State) -> str:
-    """The message of a failure status."""
-    code, t, size = int(status[0]), status[1], status[2]
-    if code == TORQUE:
-        return f"torque is not finite at t = {t:.9g} s, expected finite numbers"
-    if code == STALLED:
-        return (
-            f"{method.name} does not converge at t = {t:.9g} s: the residual is {size:.2g} of the step, expected "
-            f"less than {SETTLED:g} within {SWEEPS} sweeps; try dt = {h / 4:g} instead of {h:g}"
-        )
-    if code == TURNED:
-        return (
-            f"a body turns too far in the step at t = {t:.9g} s for {method.name}; try dt = {h / 4:g} instead of {h:g}"
-        )
-    if code == PIVOT and np.isfinite(state.q).all() and np.isfinite(state.w).all():
-        v = state.v if method.family is not None and method.family.moves == "p" else state.w
-        fastest = float((units(model.bodies)[: model.nv] * abs(v)).max() * h)
-        if fastest <= FAST:
-            return f'a joint of robot "{model.name}" has zero articulated inertia at t = {t:.9g} s, expected some'
-        return (
-            f"{method.name} diverged at t = {t:.9g} s: joints move by {fastest:.2g} rad, or lengths of the robot, "
-            f"in a step; reduce dt, to {h / 4:g} s say instead of {h:g}"
-        )
-    return (
-        f"{method.name} diverged at t = {t:.9g} s: the state is not finite; reduce dt, to {h / 4:g} s say "
-        f"instead of {h:g}"
-    )

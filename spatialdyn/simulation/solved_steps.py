@@ -35,7 +35,7 @@ from .system import State, System, set_status
 
 Array = NDArray[Any]
 Solved = tuple[Any, dict[str, Any], dict[str, Any]]
-CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree, whose velocities are h² off
+CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree, whose velocities are h³ off
 
 
 def spec_of(way: str | None, over: bool, held: bool, steadied: bool, pushed: bool = False) -> Spec:
@@ -144,23 +144,24 @@ def external(model: Model, q: Array, fext: Array) -> Array:
 
 
 def solver(
-    found: Touching, fext: Array | None, rubs: Rubbing | None, held: Held | None, springs: bool
+    found: Touching, fext: Array | None, rubs: Rubbing | None, held: Held | None, springs: bool, once: bool = False
 ) -> Callable[..., Solved]:
     """``(system, t, h, state, own) -> v⁺, states after by name, forces that do work``, as ``traced``.
 
-    own  states at the beginning by name. It raises ConstraintError.
+    own   states at the beginning by name. It raises ConstraintError.
+    once  whether it is for one step, which the recursion takes in plain Python rather than compile its kernel
     """
     contacts, model, way = found.contacts, found.contacts.model, found.way
     general = way is not None or held is not None
     rate = None if held is None else held.rate
     spec = spec_of(way, len(found.tables) > 1, held is not None, rate is not None, general and fext is not None)
-    kernel = numba_kernels.sample_kernel(spec)
+    kernel = None if once else numba_kernels.sample_kernel(spec)
     tables = {CONTACTS_ARGUMENT.name: found.table, HEIGHTS_ARGUMENT.name: found.tables[-1]}
     sizes: dict[str, int] = {"nv": model.nv, **found.table.sizes}
     if held is not None:
         tables[CONSTRAINTS_ARGUMENT.name] = held.constraints.table
         sizes |= held.constraints.table.sizes
-    fixed: dict[str, Any] = {name: getattr(x, run.STATIC) for name, x in tables.items()}
+    fixed: dict[str, Any] = {name: x.rows if once else getattr(x, run.STATIC) for name, x in tables.items()}
     fixed |= {MU.name: contacts.friction, RESTITUTION.name: contacts.restitution, "rate": rate, "fext": fext}
     if rubs is not None:
         fixed |= dict(zip(rubs.inputs, rubs.values, strict=True))
@@ -171,8 +172,14 @@ def solver(
     def solve(system: System, t: float, h: float, state: State, own: Mapping[str, Any]) -> Solved:
         def answer(inputs: dict[str, Any]) -> dict[str, Any]:
             out = np.empty(width)
-            set_status(system, kernel(system.table, *(inputs[x.name] for x in spec.present), out), t)
-            return dict(zip((x.name for x in spec.parts), spec.split(out, sizes), strict=True))
+            parts = dict(zip((x.name for x in spec.parts), spec.split(out, sizes), strict=True))
+            if kernel is not None:
+                set_status(system, kernel(system.table, *(inputs[x.name] for x in spec.present), out), t)
+            else:
+                more = [np.empty(shape) for shape in spec.extra_outputs({"nq": model.nq, **sizes})]
+                taken = [None if x is None else inputs[x.name] for x in spec.inputs]
+                spec.recursion(model.bodies, np.zeros(model.nv + 1, spec.work), *taken, *parts.values(), *more)
+            return parts
 
         torques = {}
         if resist is not None:

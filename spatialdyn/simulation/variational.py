@@ -11,6 +11,11 @@ q⁺ = q ∘ exp(ξ), and sets p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺), with f th
 symplectic, symmetric without torques, and preserves the momentum of a free robot whatever its joints do. ξ changes by
 -h M⁻¹ r, with r the residual, until it changes no longer; ``anderson_step`` accelerates slow iterations.
 
+Armatures add armature ξ to both momenta, so that the step solves M a + C v + g = τ with armatures on the diagonal of M,
+as all methods do. On joints of one freedom, and on balls with one armature for all their axes, that is the discrete
+mechanics of ½ armature v². On other joints with armatures no Lagrangian has these equations
+(``lagrangian.hamiltonian``): the step is of order 2 and symmetric, but preserves neither Ω nor momenta of symmetries.
+
 Displacements of bodies are stored as (quaternion, translation): both keep their relative accuracy however small the
 step, so the rounding error of a momentum is 1e-16 of it, not 1e-16 / h.
 
@@ -42,12 +47,11 @@ from ..bodies.kinds import CONTINUED
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..recursions import SPECS
-from ..recursions.configuration import put_twist, twist
 from ..recursions.rotors import of_other
 from .symplectic import LARGEST, SLOW, SWEEPS, anderson_step, converged, relative
 from .system import OK, TURNED, State, System, copy, set_status
 
-ROWS = 18
+ROWS = 17
 TURN = 0.5  # cosine of half the angle by which a body may turn in one step, 120°
 WORK_BEFORE = table_dtype(X=Pose, x=float, y=float, z=float, w=float, d=Vec, p=Force)
 WORK_AFTER = table_dtype(X=Pose, p=Force)
@@ -71,8 +75,8 @@ def kernels(loaded: bool) -> VariationalKernels:
         numba_kernels.sample_kernel(SPECS["static_torque" if loaded else "generalized_gravity"]),
         numba_kernels.sample_kernel(SPECS["velocity_from_momentum"]),
         numba_kernels.sample_kernel(SPECS["integrate"]),
-        kernel(momenta_before, 1, 1, 2, 1, 1, work=WORK_BEFORE),
-        kernel(momenta_after, 1, 1, 2, 1, 1, work=WORK_AFTER),
+        kernel(momenta_before, 1, 1, 2, 1, work=WORK_BEFORE),
+        kernel(momenta_after, 1, 1, 2, 1, work=WORK_AFTER),
     )
 
 
@@ -90,17 +94,16 @@ def _loaded(system: System, q: Any, g: Any) -> int:
 
 
 @inline
-def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> int:
+def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
     """h J(q)ᵀ μ⁻: the momenta at the beginning of a step of unit length.
 
     q      (nq)         coordinates at the beginning of the step
     xi     (nv)         displacement of the joints
     moved  (rows + 1, 6)  written: the twist log(T⁻¹ T⁺) = h V of every body, angular first
-    rotor  (nv)         scratch
     out    (nv)         written
     Returns TURNED where a body turns by more than 120°, else OK.
     """
-    sum_before(bodies, work, q, xi, moved, rotor, out)
+    sum_before(bodies, work, q, xi, moved, out)
     status = OK
     for i in range(1, len(bodies)):
         if bodies[i].joint > 0 and not work[i].w > TURN:
@@ -109,7 +112,7 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: A
 
 
 @inline
-def sum_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> None:
+def sum_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> None:
     """``momenta_before`` without looking at the turns: cosines of half of them are in the scratch."""
     _put_displacement(work[0], Quat(0.0, 0.0, 0.0, 1.0), zero())
     put_force(work[0].p, zero_force())
@@ -132,12 +135,12 @@ def sum_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, 
         if b.geared:
             _add_spin(bodies, work, i, moved, xi, -1.0)
     _sum_inward(bodies, work, out)
-    _add_rotors(bodies, xi, rotor, -1.0, out)
+    _add_rotors(bodies, xi, out)
     _add_along(bodies, moved, out)
 
 
 @inline
-def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: Any, out: Any) -> int:
+def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
     """h J(q⁺)ᵀ μ⁺, the momenta at the end of a step of unit length; q is q⁺, and ``moved`` is read."""
     put_force(work[0].p, zero_force())
     for i in range(1, len(bodies)):
@@ -150,7 +153,7 @@ def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, rotor: An
         if b.geared:
             _add_spin(bodies, work, i, moved, xi, 1.0)
     _sum_inward(bodies, work, out)
-    _add_rotors(bodies, xi, rotor, 1.0, out)
+    _add_rotors(bodies, xi, out)
     _add_along(bodies, moved, out)
     return OK
 
@@ -183,22 +186,14 @@ def _sum_inward(bodies: Any, work: Any, out: Any) -> None:
 
 
 @inline
-def _add_rotors(bodies: Any, xi: Any, rotor: Any, side: float, out: Any) -> None:
-    """out += momenta of the rotors, whose energy is ½ armature v²."""
+def _add_rotors(bodies: Any, xi: Any, out: Any) -> None:
+    """out += armature ξ, and what motors of two joints add: the same at both ends of a step, on every joint.
+
+    As in M a + C v, where an armature multiplies the acceleration only. On a joint that turns its own axes a Lagrangian
+    ½ armature v² would have the momentum's rate ω × p beside it, by the dual of dexp⁻¹.
+    """
     for i in range(1, len(bodies)):
-        rotor[i - 1] = bodies[i].armature * xi[i - 1] + of_other(bodies, i, xi)
-    for i in range(1, len(bodies)):
-        b, r = bodies[i], i - 1
-        if b.kind == CONTINUED or b.armature == 0.0:
-            continue
-        if b.dofs == 1:
-            out[r] += rotor[r]
-        else:
-            m = twist(b, r, rotor)
-            F = _dual(log_jacobian(twist(b, r, xi), side), side, Force(m.w, m.v))
-            put_twist(b, r, Motion(F.n, F.f), rotor)
-            for k in range(r, r + b.dofs):
-                out[k] += rotor[k]
+        out[i - 1] += bodies[i].armature * xi[i - 1] + of_other(bodies, i, xi)
 
 
 @inline
@@ -261,8 +256,8 @@ def variational(system: System, t: float, h: float, state: State) -> None:
     """One step; the torques at both ends are those of the average velocity ξ/h, which keeps the order at 2."""
     n, k = len(system.tau), system.kernels
     xi, old, older = state.work[0], state.work[1], state.work[2]
-    mean, g, left, change, rotor = state.work[3], state.work[4], state.work[5], state.work[6], state.work[7]
-    F, U = state.work[8:13], state.work[13:18]
+    mean, g, left, change = state.work[3], state.work[4], state.work[5], state.work[6]
+    F, U = state.work[7:12], state.work[12:17]
     straight = 0.0  # 1 once two displacements are known: the guess extrapolates them
     for i in range(n):
         straight = 1.0 if old[i] != 0.0 else straight
@@ -274,7 +269,7 @@ def variational(system: System, t: float, h: float, state: State) -> None:
         for i in range(n):
             mean[i] = xi[i] / h
         system.torque(system, t, state.q, mean)
-        set_status(system, k.before(system.table, state.q, xi, state.by_row, rotor, left), t)
+        set_status(system, k.before(system.table, state.q, xi, state.by_row, left), t)
         for i in range(n):
             left[i] = left[i] / h - state.w[i] - 0.5 * h * (system.tau[i] - g[i])
         set_status(system, k.velocity(system.table, state.q, left, change), t)
@@ -296,8 +291,8 @@ def variational(system: System, t: float, h: float, state: State) -> None:
         before = moved
     copy(state.stage, state.q)
     set_status(system, k.integrate(system.table, state.stage, xi, state.q), t + h)
-    set_status(system, k.before(system.table, state.stage, xi, state.by_row, rotor, left), t)
-    set_status(system, k.after(system.table, state.q, xi, state.by_row, rotor, left), t + h)
+    set_status(system, k.before(system.table, state.stage, xi, state.by_row, left), t)
+    set_status(system, k.after(system.table, state.q, xi, state.by_row, left), t + h)
     set_status(system, k.load(system, state.q, g), t + h)
     for i in range(n):
         mean[i] = xi[i] / h

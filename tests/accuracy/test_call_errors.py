@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robots import ROBOTS
 from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.urdf.load import example_robots, robot_names
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 if not (BENCHMARKS / "accuracy.py").exists():
@@ -41,7 +41,7 @@ ROUNDED = 4.0  # times the change by an ulp of the inputs, where that is more: o
 RARELY = 20.0  # the same in one state of a hundred: of 600, 3.0 and 5.0 by two compilations of the same recursion
 ROOTS = 1e-13  # whatever the tip, of a hundred states; measured 3e-14, where an ulp of the inputs moves 5e-14
 LIGHTER = 1e-13  # the scaled condition number stays small
-NAMES = [n for n, path in robot_names().items() if path in set(example_robots()) and n != accuracy.WRONG_NAME]
+NAMES = [name for name in ROBOTS if name != accuracy.WRONG_NAME]
 
 
 EPS32 = float(np.finfo(np.float32).eps)
@@ -145,12 +145,12 @@ def test_forward_dynamics_with_light_links(name: str) -> None:
 
 
 @compiled
-@pytest.mark.parametrize("name", slow_but({*NAMES[::5]} - LONG, NAMES))
+@pytest.mark.parametrize("name", slow_but({*NAMES[::15]} - LONG, NAMES))
 def test_float32_on_lanes_answers_every_state_of_a_robot_or_says_which_joint_it_cannot(name: str) -> None:
     """A pivot that float32 loses is judged in float64: there is an acceleration, or an InertiaError, never NaN."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # inertias that no body has
-        model = sd.load_urdf(robot_names()[name])
+        model = sd.load_urdf(ROBOTS[name])
     rng = np.random.default_rng(0)
     states = [state(model, rng) for _ in range(BATCH)]
     q, v, tau = (np.array([getattr(s, x) for s in states], np.float32) for x in ("q", "v", "tau"))

@@ -546,6 +546,7 @@ def test_without_programs_there_is_the_untraced_option() -> None:
     assert all(x.error < 1e-6 for x in found.options)
 
 
+@pytest.mark.slow(quick="simulation/test_integrators.py::test_order_of_convergence")
 @compiled
 def test_halving_the_step_of_rk4_shows_its_order() -> None:
     found = sd.trade(sd.load_urdf("two_link"), "simulate", methods="rk4", duration=0.5, states=2)

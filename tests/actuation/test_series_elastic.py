@@ -54,7 +54,7 @@ def test_batches_agree_with_samples_and_the_gradient_of_the_energy() -> None:
         np.testing.assert_allclose(-slope, tau[:, k], rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("method", slow_but(["rk4", "gauss4"], ["rk4", "gauss4", "velocity_verlet", "dop853", "radau"]))
+@pytest.mark.parametrize("method", slow_but(["rk4"], ["rk4", "gauss4", "velocity_verlet", "dop853", "radau"]))
 def test_a_free_arm_swings_against_its_rotor_at_their_common_frequency(method: str) -> None:
     model, w = arm(), frequency()
     period = 2.0 * np.pi / w

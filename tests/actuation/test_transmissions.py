@@ -125,6 +125,7 @@ def test_calls_that_solve_invert_it(wrists: tuple[sd.Model, sd.Model, np.ndarray
         close(found[k], -np.linalg.solve(M, by[k]), 10 * cond)
 
 
+@pytest.mark.slow(quick="test_the_inertias_add_a_block_to_the_mass_matrix")
 def test_programs_table_kernels_and_runs_have_it(wrists: tuple[sd.Model, sd.Model, np.ndarray]) -> None:
     _, geared, _ = wrists
     x = states(geared, count=9)
@@ -140,7 +141,7 @@ def test_programs_table_kernels_and_runs_have_it(wrists: tuple[sd.Model, sd.Mode
     close(rubbed.v, after.v, 1e-11)
 
 
-@pytest.mark.slow(quick="test_programs_table_kernels_and_runs_have_it")
+@pytest.mark.slow(quick="test_the_inertias_add_a_block_to_the_mass_matrix")
 def test_energy_is_kept_with_it() -> None:
     geared = arm().with_(transmissions=[WRIST])
     x = states(geared, 2)

@@ -286,6 +286,7 @@ def test_symbols_of_a_screw_are_the_textbooks() -> None:
     assert sympy.simplify(s.M()[0] - (m / 100 + sympy.Rational(1, 2) + m / 16)) == 0
 
 
+@pytest.mark.slow(quick="test_every_kind_moves_alike_by_every_family_of_integrators")
 @COMPILED
 @pytest.mark.parametrize(
     "method", slow_but(["rk4", "gauss4"], ["rk4", "variational", "gauss4", "stormer_verlet", "implicit_midpoint"])
@@ -301,8 +302,10 @@ def test_every_family_of_integrators_keeps_a_screws_energy(method: str) -> None:
 
 
 @COMPILED
-@pytest.mark.parametrize("continuous", LAYOUTS)
-@pytest.mark.parametrize("method", ["dop853", "gauss4"])
+@pytest.mark.parametrize(
+    ("method", "continuous"),
+    slow_but([("gauss4", LAYOUTS[-1])], [(x, layout) for x in ("dop853", "gauss4") for layout in LAYOUTS]),
+)
 def test_every_kind_moves_alike_by_every_family_of_integrators(method: str, continuous: str) -> None:
     """Rates of q (dop853) and canonical coordinates (gauss4) know every kind that ``integrate`` (rk4) knows."""
     builder = sd.ModelBuilder()

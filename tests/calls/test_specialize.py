@@ -92,7 +92,7 @@ CALLS: dict[str, tuple[Callable[..., Any], tuple[str, ...], float]] = {
 # --- the plain calls, without options ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("name", slow_but([*CALLS][::2], CALLS))
 def test_a_program_answers_as_the_plain_call_does(model: sd.Model, name: str) -> None:
     call, inputs, bound = CALLS[name]
     s = State(model, (21,))

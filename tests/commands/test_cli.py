@@ -165,6 +165,7 @@ def test_a_reader_that_closes_early_is_no_traceback(argv: list[str]) -> None:
 # --- compare ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="test_compare_of_some_calls_has_their_rows_alone")
 def test_compare_of_one_robot_has_a_row_per_call(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "compare", "two_link", "--samples", "3")
     assert status == 0
@@ -409,6 +410,7 @@ def test_simulate_says_how_far_energy_went(method: str, warned: bool, capsys: py
     assert (f"warning energy changes by {share:.2g} % of its scale though nothing drives the robot" in out) == warned
 
 
+@pytest.mark.slow(quick="simulation/test_simulate.py::test_a_motion_that_diverges_is_not_blamed_on_the_robot")
 def test_a_simulation_that_diverges_is_no_result(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, "simulate", "panda", "--dt", "0.03", "--duration", "10")
     assert (status, out) == (2, "")

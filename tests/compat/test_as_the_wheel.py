@@ -189,6 +189,7 @@ def test_an_impossible_inertia_is_refused_at_the_next_call_as_before() -> None:
 # --- contacts --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="compat/test_rigid_constraints.py::test_constraint_dynamics_is_pinocchios")
 @pytest.mark.parametrize("kind", ["CONTACT_3D", "CONTACT_6D"])
 def test_contacts_that_are_edited_take_effect_at_the_next_call(kind: str) -> None:
     """The third call is by the builtin that reads the contacts' own numbers, the first by Python."""
@@ -218,6 +219,7 @@ def test_contacts_that_are_edited_take_effect_at_the_next_call(kind: str) -> Non
         close(x, y, 1e-9)  # K has a condition of some 1e5
 
 
+@pytest.mark.slow(quick="compat/test_rigid_constraints.py::test_constraint_dynamics_is_pinocchios")
 def test_the_builtin_of_contacts_gives_what_python_gives() -> None:
     model = tree(ours)
     q = ours.integrate(model, ours.neutral(model), np.linspace(-0.4, 0.4, model.nv))

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robots import ROBOTS as ALL_ROBOTS
 from slow import slow_but
 
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.compat.pinocchio.data.data import FIELDS, SCRATCH
 from spatialdyn.errors import InertiaError, SpatialDynError
-from spatialdyn.urdf.load import example_robots, robot_names
 from spatialdyn.validate.measures import VALUE_BOUND, WELL_CONDITIONED, unit_diagonal
 
 from .calls import CALLS, Row
 
 theirs = pytest.importorskip("pinocchio")
 
-ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots()) and name != "ur3"}
+ROBOTS = {name: path for name, path in ALL_ROBOTS.items() if name != "ur3"}
 LONG = {"tiago_dual", "romeo"}  # ten times as long as the others; "tiago" and "romeo_laas_small" are their like
 ROOTS = ("fixed", "floating")
 MASSLESS_ENDS = {"romeo", "romeo_laas_small"}  # Pinocchio gives nan and inf where M is singular
@@ -145,7 +145,7 @@ def faults(row: Row, left: Side, right: Side, name: str, condition: float) -> li
 
 
 # each robot at once under one root, the other one in turn
-AT_ONCE = {(name, ROOTS[k % 2]) for k, name in enumerate(ROBOTS) if name not in LONG and k % 3 == 0}
+AT_ONCE = {(name, ROOTS[k % 2]) for k, name in enumerate(ROBOTS) if name not in LONG and k % 6 == 0}
 
 
 @pytest.mark.parametrize(("name", "root"), slow_but(AT_ONCE, [(name, root) for name in ROBOTS for root in ROOTS]))

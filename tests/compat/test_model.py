@@ -12,18 +12,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robots import ROBOTS as ALL_ROBOTS
+from slow import slow_but
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.compat.pinocchio.model.library_model import frame_placements, library_model
-from spatialdyn.urdf.load import example_robots, find_robot, robot_names
+from spatialdyn.urdf.load import find_robot
 
 from .same import assert_close, assert_same_model
 
 theirs = pytest.importorskip("pinocchio")
 
 ORACLE = 1e-11  # relative to the largest entry, the bound of the library for robots
-ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots()) and name != "ur3"}
+ROBOTS = {name: path for name, path in ALL_ROBOTS.items() if name != "ur3"}
 MIMICS = ("panda", "baxter_simple", "pr2", "tiago_pro")
 UNPHYSICAL = pytest.mark.filterwarnings("ignore:.*principal moments")  # some robots have such inertias
 
@@ -71,8 +73,13 @@ def assert_same_torques(mine: Any, other: Any) -> None:
 
 
 @UNPHYSICAL
-@pytest.mark.parametrize("floating", [False, True])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(
+    ("name", "floating"),
+    slow_but(
+        [(name, k % 2 == 1) for k, name in enumerate(ROBOTS)],
+        [(name, floating) for name in ROBOTS for floating in (False, True)],
+    ),
+)
 def test_a_robot_is_the_same_model(name: str, floating: bool) -> None:
     def build(pin: Any) -> Any:
         root = (pin.JointModelFreeFlyer(),) if floating else ()

@@ -121,6 +121,14 @@ def test_a_four_bar_accelerates_by_lagranges_equation(kind: str) -> None:
     assert found.residual <= 1e-14
 
 
+def test_a_four_bar_has_the_angles_rates_and_inertia_of_its_one_freedom() -> None:
+    """Coupler at 26.6184°, rocker at 83.2514°; they turn by -0.189 and 0.329 of the crank."""
+    model, (q, v) = four_bar(), four_bar_state()
+    assert np.degrees([q[0] + q[1], q[2]]) == pytest.approx([26.61844771, 83.25143474], abs=1e-8)
+    assert (v[0] + v[1], v[2]) == pytest.approx((-0.18907259 * v[0], 0.32940326 * v[0]), abs=2e-8)
+    assert v @ sd.crba(model, q) @ v / v[0] ** 2 == pytest.approx(0.018576973, abs=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_plane_askew_to_all_axes_changes_nothing(seed: int) -> None:
     """Out of plane J is rounding, not 0; one equation is kept that would be dropped by its own size alone."""
@@ -548,6 +556,7 @@ def test_no_constraints_leave_forward_dynamics() -> None:
     assert found.rank == 0
 
 
+@pytest.mark.slow(quick="test_batches_broadcast_and_have_the_bits_of_single_calls")
 def test_nan_stays_in_its_sample() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     given = np.tile(q, (9, 1))

@@ -426,6 +426,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     np.testing.assert_allclose(python, program[3], rtol=0.0, atol=1e4 * SAME)
 
 
+@pytest.mark.slow(quick="simulation/test_contact_runs.py::test_nan_reaches_the_state_and_no_other_sample")
 def test_batches_broadcast_and_nan_stays_in_its_sample() -> None:
     model, feet = quadruped()
     contacts = sd.Contacts(model, feet)

@@ -42,6 +42,7 @@ def test_exercise_4_equals_lagranges_method() -> None:
         assert difference < 1e-14 * 100
 
 
+@pytest.mark.slow(quick="simulation/test_integrators.py::test_energy_of_symplectic_methods_stays_bounded")
 @compiled
 def test_exercise_5_verlets_error_stays_and_rk4s_is_smaller_and_grows() -> None:
     found = run("exercise_5_hamilton")
@@ -182,6 +183,7 @@ def test_the_controller_gains_energy_with_the_other_c_alone() -> None:
     assert rates["another C"] > 0.0
 
 
+@pytest.mark.slow(quick="simulation/test_integrators.py::test_energy_of_the_others_drifts")
 @compiled
 def test_a_slope_of_energy_stands_out_of_its_error_unless_symplectic() -> None:
     _, reports = made("energy_drifts")

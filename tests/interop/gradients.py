@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import importlib
+import importlib.util
+from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from trees import random_tree
 
 import spatialdyn as sd
 
 CLOSE = 1e-12  # of the largest entry: the sums are a few dozen long
+
+
+class Late:
+    """A framework, imported when a test first uses it: torch takes 2.5 s, in every process that collects the tests."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        if importlib.util.find_spec(name) is None:
+            pytest.skip(f"{name} is not installed", allow_module_level=True)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(importlib.import_module(self._name), name)
 
 
 class Case(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gradients import Late
 from inputs import random_inputs
 from trees import random_tree
 
@@ -17,7 +18,7 @@ import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
 
-casadi = pytest.importorskip("casadi")
+casadi = Late("casadi")
 
 compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
 CLOSE = 1e-12  # of the largest entry

@@ -8,13 +8,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from gradients import Case, arm, by_mass_and_place, close
+from gradients import Case, Late, arm, by_mass_and_place, close
 from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 
-jax = pytest.importorskip("jax")
+jax = Late("jax")
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
 
 

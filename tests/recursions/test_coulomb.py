@@ -183,7 +183,8 @@ def test_the_weights_are_those_of_the_inverse_mass_matrix() -> None:
 # --- engines --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("floating", slow_but([False], [False, True]))
+@pytest.mark.slow(quick="test_torques_agree_in_every_engine")
+@pytest.mark.parametrize("floating", [False, True])
 def test_programs_kernels_and_the_exact_engine_agree(floating: bool) -> None:
     model = random_tree(3, 5, floating=floating).model
     s, spec = states(model, 40, 1.0), STEP

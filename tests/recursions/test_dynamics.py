@@ -135,7 +135,7 @@ def test_call_equals_the_dense_oracle(case: Any, name: str) -> None:
     close(ours(model, state), theirs(made.tree, state))
 
 
-@pytest.mark.parametrize("reference", REFERENCES)
+@pytest.mark.parametrize("reference", slow_but(["local_world_aligned"], REFERENCES))
 def test_frames_equal_the_dense_oracle(case: Any, reference: str) -> None:
     made, model, s = case
     tree = made.tree

@@ -131,6 +131,43 @@ def test_rattle_keeps_energy_within_bounds(h: float, steps: int, wanted: float) 
     assert Jv <= 1e-13
 
 
+def bead() -> tuple[sd.Model, sd.Constraints, Array, float]:
+    """A pendulum of 1 m as a particle on a rod, let go at 1 rad, and its period."""
+    made = sd.ModelBuilder("bead").add_body("x", None, "prismatic", (1, 0, 0))
+    made.add_body("bob", "x", "prismatic", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.zeros((3, 3))))
+    model = made.build(gravity=(0, 0, -G))
+    held = sd.Constraints(model, [sd.DistanceConstraint("bob", length=1.0)])
+    return model, held, np.array([math.sin(1.0), -math.cos(1.0)]), 2.139137600558689
+
+
+def test_a_pendulum_as_a_particle_swings_in_its_period() -> None:
+    model, held, q, period = bead()
+    end = sd.simulate(model, q, np.zeros(2), period, period / 2000, constraints=held)
+    assert abs(end.q[-1] - q).max() <= 1e-12
+    assert abs(end.v[-1]).max() <= 1e-10
+
+
+@pytest.mark.parametrize(("steps", "wanted"), [(1e6, 3.51e-3), (10, 8.70e-7), (5, 3.12e-6)])
+def test_a_pendulum_drifts_least_where_errors_die_in_ten_steps(steps: float, wanted: float) -> None:
+    """Largest |φ| of 20 periods in steps of a hundredth, by a time of so many steps; in 1e6 it is as without."""
+    model, held, q, period = bead()
+    dt = period / 100
+    run = sd.simulate(model, q, np.zeros(2), 20 * period, dt, constraints=held, stabilization=steps * dt)
+    assert abs(sd.constraint_error(model, held, run.q)).max() == pytest.approx(wanted, rel=3e-3)
+
+
+def test_a_pendulums_energy_errs_by_6e_3_joule_in_both_symplectic_methods() -> None:
+    """6.2e-3 J in steps of a hundredth of the period, a quarter of it in half of them."""
+    model, held, q, period = bead()
+    for steps, method, wanted in (
+        (100, "stormer_verlet", 6.2e-3),
+        (100, "variational", 6.2e-3),
+        (200, "variational", 1.56e-3),
+    ):
+        run = sd.simulate(model, q, np.zeros(2), period, period / steps, method, constraints=held)
+        assert np.ptp(run.energy) == pytest.approx(wanted, rel=5e-3)
+
+
 def test_rattle_is_of_order_two_and_reversible() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
@@ -187,6 +224,23 @@ def test_the_variational_integrator_keeps_a_loop_closed_and_energy_bounded() -> 
     off = abs(long.energy - long.energy[0])
     assert off.max() <= 1.01 * off[:500].max()
     assert off.max() <= 3e-3
+
+
+@pytest.mark.parametrize("method", ["variational", "stormer_verlet"])
+def test_symplectic_methods_under_constraints_have_the_armatures_of_forward_dynamics(method: str) -> None:
+    """A planar body with an armature on a rod, for RATTLE a four-bar: the limit of two runs is rk4's."""
+    made = sd.ModelBuilder("tied")
+    made.add_body("sled", None, "planar", (0, 1, 0), inertia=(1.0, (0.1, 0, 0.2), np.diag([0.02, 0.03, 0.02])))
+    model = made.build().with_(armature={"sled_joint": 0.3})
+    held = sd.Constraints(model, [sd.DistanceConstraint("sled", length=0.5, at_a=(0.2, 0, 0.1))])
+    q = sd.project_configuration(model, held, [0.2, 0.4, 0.3])
+    v = sd.project_velocity(model, held, q, [1.0, -0.5, 2.0])
+    if method == "stormer_verlet":
+        model, (q, v) = four_bar().with_(armature={"crank_joint": 0.01, "rocker_joint": 0.02}), four_bar_state()
+        held = pin_of(model)
+    exact = sd.simulate(model, q, v, 0.1, 5e-4, constraints=held)
+    coarse, fine = (sd.simulate(model, q, v, 0.1, h, method, constraints=held) for h in (4e-3, 2e-3))
+    assert abs((4.0 * fine.q[-1] - coarse.q[-1]) / 3.0 - exact.q[-1]).max() <= 1e-8
 
 
 def test_the_variational_integrator_takes_quaternions() -> None:

@@ -16,7 +16,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
-from spatialdyn.simulation import program_steps, rollouts, runs
+from spatialdyn.simulation import fixed_steps, program_steps, rollouts
 from spatialdyn.simulation.friction_steps import WAYS
 from spatialdyn.simulation.traced_steps import step_specs
 
@@ -226,7 +226,7 @@ def test_a_step_without_a_program_runs_all_the_same(arm: sd.Model, monkeypatch: 
         np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e2 * SAME)
 
 
-@pytest.mark.parametrize("method", [STEPPED, "rk4"])
+@pytest.mark.parametrize("method", slow_but([STEPPED], [STEPPED, "rk4"]))
 def test_external_forces_act_beside_friction(arm: sd.Model, method: str) -> None:
     """A force that cancels gravity on every body leaves the arm to its friction."""
     weightless, way = arm.with_(gravity=(0.0, 0.0, 0.0)), "implicit" if method == STEPPED else "smooth"
@@ -367,7 +367,7 @@ def test_the_stability_limit_of_smooth_friction_is_the_one_named(method: str, fa
 
 
 def test_a_step_that_is_not_solved_is_an_error_with_its_sample(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (rollouts, runs):
+    for module in (rollouts, fixed_steps):
         monkeypatch.setattr(module, "UNSOLVED", -1.0)  # any step is then beyond it
     with pytest.raises(sd.SimulationError, match=r"friction of sample 0 violates Coulomb's law by \S+ rad/s or m/s"):
         sd.rollout(arm, np.zeros((2, 3)), np.zeros((2, 3)), dt=1e-3, steps=3, friction=ARM)

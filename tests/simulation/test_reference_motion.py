@@ -21,6 +21,7 @@ KEPT = 64 * EPS  # energies of a few bodies, added up in float64
 FOLLOWED = 1e-11  # gauss6 at dt 1e-3 in float64, over half a second
 
 
+@pytest.mark.slow(quick="test_weights_integrate_polynomials_to_the_last_digit_of_a_pair")
 def test_a_body_that_falls_falls_as_galileo_says() -> None:
     builder = sd.ModelBuilder("slide")
     builder.add_body("stone", None, "prismatic", (0, 0, 1), None, (2.0, (0.0, 0.0, 0.0), np.eye(3)))
@@ -40,6 +41,7 @@ def test_weights_integrate_polynomials_to_the_last_digit_of_a_pair() -> None:
     assert abs(A[:STAGES] @ c**5 - c**6 / 6).max() < 1e-17
 
 
+@pytest.mark.slow(quick="test_weights_integrate_polynomials_to_the_last_digit_of_a_pair")
 @pytest.mark.parametrize(("seed", "options"), [(0, {}), (1, {"floating": True, "continuous": "cos_sin"})])
 def test_energy_and_unit_norms_are_kept_to_rounding(seed: int, options: dict[str, Any]) -> None:
     tree = random_tree(seed, 4, **options)
@@ -51,6 +53,7 @@ def test_energy_and_unit_norms_are_kept_to_rounding(seed: int, options: dict[str
     assert abs(sd.normalize(model, q) - q).max() <= ROUNDED
 
 
+@pytest.mark.slow(quick="test_weights_integrate_polynomials_to_the_last_digit_of_a_pair")
 def test_several_motions_at_once_are_the_same_as_one_by_one() -> None:
     model = sd.load_urdf("two_link")
     q0, v0 = np.random.default_rng(4).normal(size=(2, 6, 2))  # more stages in all than are worked on at once
@@ -61,6 +64,7 @@ def test_several_motions_at_once_are_the_same_as_one_by_one() -> None:
         assert abs(one.q[:, 0] - whole.q[:, k]).max() <= ROUNDED * abs(one.q).max()
 
 
+@pytest.mark.slow(quick="test_weights_integrate_polynomials_to_the_last_digit_of_a_pair")
 def test_gauss6_follows_it_to_what_float64_can() -> None:
     model = sd.load_urdf("two_link")
     motion = exact_motion(model, np.array([[0.6, 1.0]]), np.zeros((1, 2)), np.array([0.0, 0.5]))
@@ -69,6 +73,7 @@ def test_gauss6_follows_it_to_what_float64_can() -> None:
     assert abs(run.v[-1] - motion.v[-1, 0]).max() <= FOLLOWED
 
 
+@pytest.mark.slow(quick="test_weights_integrate_polynomials_to_the_last_digit_of_a_pair")
 def test_its_error_is_what_a_run_with_fewer_steps_is_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error of a chaotic motion after two runs is large, not hidden."""
     monkeypatch.setattr(reference_motion, "HALVINGS", 1)

@@ -16,7 +16,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.simulation import integrators, program_steps, runs
+from spatialdyn.simulation import fixed_steps, integrators, program_steps
 from spatialdyn.simulation.compiled_loop import compile_loop
 from spatialdyn.simulation.energy import exploded, scale_of
 
@@ -270,6 +270,7 @@ def test_a_torque_that_is_not_finite_stops_with_its_time(arm: sd.Model, name: st
     assert np.isfinite(kept.q).all()
 
 
+@pytest.mark.slow(quick="test_a_torque_that_is_not_finite_stops_with_its_time")
 @COMPILED
 def test_a_compiled_torque_that_is_not_finite_stops_with_its_time(arm: sd.Model) -> None:
     with pytest.raises(sd.SimulationError, match=r"torque is not finite at t = 0\.6 s") as caught:
@@ -455,7 +456,7 @@ def test_ctrl_c_is_heard_between_slices_of_the_compiled_loop(arm: sd.Model, name
     assert wanted.t[-1] == run.t[-1]
     np.testing.assert_array_equal(run.q[-1], wanted.q[-1])
     np.testing.assert_array_equal(run.v[-1], wanted.v[-1])
-    assert runs.SLICE <= 0.1  # seconds until Ctrl-C takes effect
+    assert fixed_steps.SLICE <= 0.1  # seconds until Ctrl-C takes effect
 
 
 def test_progress_is_reported(arm: sd.Model) -> None:
@@ -506,8 +507,8 @@ def test_slices_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch, slice_: flo
     for name in METHODS:
         wanted = sd.simulate(model, q0, v0, 0.3005, 1e-3, name, torque=torque, record=7)
         with monkeypatch.context() as patch:
-            patch.setattr(runs, "SLICE", slice_)
-            patch.setattr(runs, "STEPS", 3)
+            patch.setattr(fixed_steps, "SLICE", slice_)
+            patch.setattr(fixed_steps, "STEPS", 3)
             same_bits(sd.simulate(model, q0, v0, 0.3005, 1e-3, name, torque=torque, record=7), wanted, len(wanted))
 
 
@@ -521,7 +522,7 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
     torque = 0.1 * rng.standard_normal((101, model.nv))
     given: dict[str, Any] = {"method": method, "torque": torque, "record": record}
     found = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
-    monkeypatch.setattr(runs, "program", lambda *_: None)
+    monkeypatch.setattr(fixed_steps, "program", lambda *_: None)
     wanted = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
     for name in ("t", "tau"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
@@ -548,7 +549,7 @@ def test_from_the_first_step_without_an_answer_on_it_is_the_table(
     """An angle that passes the program's range in the middle: bits are the same however the run is cut and sliced."""
     q0, v0 = [far - 5.0, 0.6], [100.0, 0.0]
     tables: list[int] = []
-    right = runs.compile_loop
+    right = fixed_steps.compile_loop
 
     def counted(*arguments: Any) -> Any:
         def loop(*passed: Any) -> None:
@@ -557,13 +558,13 @@ def test_from_the_first_step_without_an_answer_on_it_is_the_table(
 
         return loop
 
-    monkeypatch.setattr(runs, "compile_loop", counted)
+    monkeypatch.setattr(fixed_steps, "compile_loop", counted)
     long = sd.simulate(arm, q0, v0, 0.4, 1e-3, method)
     first = min(tables)
     assert 5 < first < 350
     for count in (first - 1, first, first + 1, 300):
         same_bits(sd.simulate(arm, q0, v0, count * 1e-3, 1e-3, method), long, count + 1)
-    monkeypatch.setattr(runs, "SLICE", 0.0)
+    monkeypatch.setattr(fixed_steps, "SLICE", 0.0)
     tables.clear()
     same_bits(sd.simulate(arm, q0, v0, 0.4, 1e-3, method), long, 401)
     assert min(tables) == first

@@ -140,8 +140,13 @@ def differences(model: Any, q: Array, v: Array, tau: Array, h: float, method: st
     return np.array(found).T
 
 
-@pytest.mark.parametrize("name", ["two_link", "floating", "spherical", "planar"])
-@pytest.mark.parametrize("method", EXPLICIT)
+@pytest.mark.parametrize(
+    ("method", "name"),
+    slow_but(
+        [("explicit_euler", "planar"), ("rk4", "spherical"), *((x, "floating") for x in EXPLICIT)],
+        [(x, name) for x in EXPLICIT for name in ("two_link", "floating", "spherical", "planar")],
+    ),
+)
 def test_explicit_steps_have_the_derivatives_of_240_bits(method: str, name: str) -> None:
     """The joints of several freedoms turn by 1.3 rad: beyond the series."""
     pytest.importorskip("mpmath")
@@ -363,7 +368,7 @@ def test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_cal
         assert (B[k] == one[1]).all()
 
 
-@pytest.mark.slow(quick="test_what_is_not_finite_stays_in_its_sample")
+@pytest.mark.slow(quick="test_lanes_are_used_from_the_first_sample_on_and_give_the_bits_of_single_calls")
 def test_the_table_kernel_agrees_with_the_program() -> None:
     """It runs robots too long for a program, and samples beyond a program's range."""
     model = joints_of("planar")
@@ -374,6 +379,7 @@ def test_the_table_kernel_agrees_with_the_program() -> None:
         np.testing.assert_allclose(one, other, rtol=0, atol=EXACT * abs(one).max())
 
 
+@pytest.mark.slow(quick="test_a_batch_is_its_samples")
 def test_what_is_not_finite_stays_in_its_sample() -> None:
     model = sd.load_urdf("two_link")
     q, v, tau = np.random.default_rng(0).normal(size=(3, 5, 2))
@@ -430,6 +436,7 @@ def test_a_turn_beyond_pi_is_named_with_its_sample(method: str) -> None:
     sd.step_derivatives(model, q, v, np.zeros(3), 0.1, "semi_implicit_euler")
 
 
+@pytest.mark.slow(quick="test_what_cannot_be_is_named")
 def test_mimic_joints_springs_and_joints_without_inertia_are_named() -> None:
     builder = sd.ModelBuilder("pair")
     for name in "ab":
@@ -469,6 +476,7 @@ def test_friction_of_the_urdf_is_left_out_with_a_warning_unless_that_is_meant() 
         sd.linearize(model, [0.1], [0.2], [0.0], friction=False)
 
 
+@pytest.mark.slow(quick="test_what_cannot_be_is_named")
 def test_a_robot_without_joints_has_none() -> None:
     model = sd.ModelBuilder("stone").build()
     for method in ("semi_implicit_euler", "gauss4"):

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robots import ROBOTS
 from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.urdf.load import example_robots, find_robot, robot_names
+from spatialdyn.urdf.load import example_robots, find_robot
 from spatialdyn.validate import (
     BOUND,
     OMITTED,
@@ -33,11 +34,10 @@ from spatialdyn.validate import (
 )
 
 pytest.importorskip("pinocchio")
-if not example_robots():
+if not ROBOTS:
     pytest.skip("example-robot-data is not installed", allow_module_level=True)
 
 ROOTS = ("fixed", "floating")
-ROBOTS = {name: path for name, path in robot_names().items() if path in set(example_robots())}
 RECORDED = 14  # freedoms: larger robots by the table kernel, which programs of every robot are held to elsewhere
 REFUSED = "ur3"  # its <robot> has no name
 AT_ONCE = {  # robots of every kind of joint and root, small enough to be recorded; their like and the larger ones wait
@@ -45,6 +45,7 @@ AT_ONCE = {  # robots of every kind of joint and root, small enough to be record
     "double_pendulum_continuous", "finger_edu", "quadrotor_base", "iris", "iris_simple", "panda",
     "ur5_robot",
 }  # fmt: skip
+OTHERS = [name for name in ROBOTS if name not in {*AT_ONCE, REFUSED}]
 MAIN = ("rnea", "crba", "aba", "coriolis_matrix", "frame_jacobian", "center_of_mass", "kinetic_energy")
 FEW, MANY = (4, 20) if not numba_kernels.PLAIN else (1, 1)  # states of a robot
 FREEDOMS = math.inf if not numba_kernels.PLAIN else 9  # of a robot that plain Python gets through in some seconds
@@ -61,6 +62,11 @@ ILL_CONDITIONED = {"human", "icub"}
 NO_PEER = "Pinocchio has no such call"  # an identity is checked, which the row names
 
 
+def in_turn(names: list[str]) -> list[tuple[str, str]]:
+    """Each robot under one root, fixed and floating in turn."""
+    return [(name, ROOTS[k % 2]) for k, name in enumerate(names)]
+
+
 def test_69_robots_of_which_68_load() -> None:
     assert len(ROBOTS) == len(example_robots()) == 69
     assert len([name for name in ROBOTS if name != REFUSED]) == 68
@@ -73,14 +79,17 @@ def test_ur3_is_refused_here_and_by_pinocchio() -> None:
         pinocchio_model(ROBOTS[REFUSED])
 
 
-@pytest.mark.parametrize("root", ROOTS)
-@pytest.mark.parametrize("name", slow_but(AT_ONCE, [name for name in ROBOTS if name != REFUSED]))
+@pytest.mark.parametrize(
+    ("name", "root"),
+    slow_but(in_turn(sorted(AT_ONCE)), [(name, root) for name in ROBOTS if name != REFUSED for root in ROOTS]),
+)
 def test_every_call_equals_pinocchio(name: str, root: str) -> None:
     hold_every_call(name, root, FEW)
 
 
-@pytest.mark.parametrize("root", ROOTS)
-@pytest.mark.parametrize("name", [name for name in ROBOTS if name not in {*AT_ONCE, REFUSED}])
+@pytest.mark.parametrize(
+    ("name", "root"), slow_but(in_turn(OTHERS), [(name, root) for name in OTHERS for root in ROOTS])
+)
 def test_the_main_calls_equal_pinocchio(name: str, root: str) -> None:
     """Of the robots whose every call waits, by the table kernel."""
     if numba_kernels.PLAIN and load(ROBOTS[name], root=root).nv > FREEDOMS:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -80,10 +81,11 @@ OVERRIDDEN = {  # methods and attributes of Numba's classes that ours override
 }  # fmt: skip
 
 
-def own_names(trees: list[ast.Module]) -> set[str]:
-    """Names that these modules define: functions, classes, arguments, variables, attributes of self, slots."""
+@cache
+def own_names() -> set[str]:
+    """Names that the modules define: functions, classes, arguments, variables, attributes of self, slots."""
     found = set()
-    for tree in trees:
+    for tree in trees().values():
         for node in ast.walk(tree):
             if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
                 found.add(node.name)
@@ -101,8 +103,16 @@ def own_names(trees: list[ast.Module]) -> set[str]:
     return found
 
 
+def root_of(node: ast.expr) -> str:
+    """The first name of ``a.b.c``; "" of another expression."""
+    while isinstance(node, ast.Attribute):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
+
+
 def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
     """The private names of other packages that a module uses."""
+    known = own | OF_TUPLES
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").split(".")[0] in FOREIGN:
             for alias in node.names:
@@ -111,28 +121,33 @@ def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
         elif isinstance(node, ast.Import):
             yield from (a.name for a in node.names if a.name.split(".")[0] in FOREIGN and a.name not in PUBLIC)
         elif isinstance(node, ast.Attribute):
-            name = ast.unparse(node)
+            name = ast.unparse(node) if root_of(node) in ("ctypes", "numba", "np") else ""
             if name == "ctypes.pythonapi" or name.startswith(("numba.core", "numba.np", "np.core", "np._core")):
                 yield name
-            if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in own | OF_TUPLES:
+            if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in known:
                 yield node.attr
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "setattr") and len(node.args) > 1:
+        elif (
+            isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("getattr", "setattr") and len(node.args) > 1
+        ):
             name = getattr(node.args[1], "value", "")
             if isinstance(name, str) and name.startswith("_") and not name.startswith("__") and name not in own:
                 yield name
 
 
-TREES = {
-    path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
-    for path in sorted(PACKAGE.rglob("*.py"))
-}
-OWN = own_names(list(TREES.values()))
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Syntax tree of every module, by its path in the package."""
+    return {
+        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
 
 
 def test_private_parts_of_other_packages_stand_in_the_files_named_for_them() -> None:
     found: dict[str, set[str]] = {}
-    for file, tree in TREES.items():
-        for name in borrowed(tree, OWN):
+    own = own_names()
+    for file, tree in trees().items():
+        for name in borrowed(tree, own):
             found.setdefault(name, set()).add(file)
     assert found == BORROWED
 
@@ -141,7 +156,7 @@ def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
     for name, file in OVERRIDDEN.items():
         assert {
             f
-            for f, tree in TREES.items()
+            for f, tree in trees().items()
             if any(name in (getattr(n, "name", ""), getattr(n, "attr", "")) for n in ast.walk(tree))
         } == {file}
 
@@ -163,4 +178,4 @@ def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
     ],
 )
 def test_another_borrowed_name_is_found(line: str, name: str) -> None:
-    assert name in set(borrowed(ast.parse(line), OWN))
+    assert name in set(borrowed(ast.parse(line), own_names()))

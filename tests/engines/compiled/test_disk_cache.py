@@ -315,7 +315,10 @@ PLANTED: dict[str, tuple[Callable[[Path], None], str]] = {
     "a link": (linked, "is a link, expected none; remove it"),
     "a link to nothing": (dangling, "is a link"),
 }
-planted = pytest.mark.parametrize(("plant", "fault"), PLANTED.values(), ids=PLANTED)
+CASES = {f"{way}-{fault}": (*WAYS[way], *PLANTED[fault]) for fault in PLANTED for way in WAYS}
+planted = pytest.mark.parametrize(
+    ("run", "kind", "plant", "fault"), slow_but([*CASES.values()][:: len(WAYS) + 1], CASES.values()), ids=CASES
+)
 
 
 def assert_one_warning(caught: Any, path: Path, fault: str) -> None:
@@ -329,7 +332,6 @@ def assert_one_warning(caught: Any, path: Path, fault: str) -> None:
 
 
 @owned
-@ways
 @planted
 def test_code_in_a_folder_of_another_is_not_run(
     arm: sd.Model, folder: Path, run: Any, kind: str, plant: Any, fault: str
@@ -347,7 +349,6 @@ def test_code_in_a_folder_of_another_is_not_run(
 
 
 @owned
-@ways
 @planted
 def test_a_file_of_another_is_not_run(arm: sd.Model, folder: Path, run: Any, kind: str, plant: Any, fault: str) -> None:
     """Also where the folder is safe; the file is left for its owner."""

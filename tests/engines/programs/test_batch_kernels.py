@@ -514,6 +514,7 @@ def test_a_product_beyond_the_range_is_named_with_its_sample(arm: sd.Model) -> N
 # --- cached programs --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="engines/compiled/test_disk_cache.py::test_what_is_whole_is_read")
 def test_a_second_process_records_and_compiles_nothing(arm: sd.Model, tmp_path: Path) -> None:
     (q,) = random_inputs(arm, SPECS["crba"], batch=(B,))
     (tmp_path / "task").write_bytes(pickle.dumps((arm, q)))

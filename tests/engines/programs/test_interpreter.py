@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from inputs import EPS, options, random_inputs, sorted_inputs
 from numpy.typing import NDArray
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -182,7 +183,7 @@ TRACED = [name for name, spec in SPECS.items() if spec.traceable]
 ROBOTS = ("floating", "cos_sin", "planar", "screws")
 
 
-@pytest.mark.parametrize("call", TRACED)
+@pytest.mark.parametrize("call", slow_but(TRACED[::3], TRACED))
 def test_every_call_has_the_bits_of_compiled_code(call: str) -> None:
     check("two_link", call, [(True, 0), (False, 1)])
 

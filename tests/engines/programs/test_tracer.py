@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from inputs import EPS, MAIN_CALLS, kernel_inputs, options, public, random_inputs, sorted_inputs
 from numpy.typing import NDArray
+from robots import ROBOTS
 from slow import slow_but
 from trees import random_tree
 
@@ -25,7 +26,6 @@ from spatialdyn.engines.programs.program import Program
 from spatialdyn.engines.programs.tracer import Number, Tape
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
-from spatialdyn.urdf.load import example_robots, robot_names
 
 Array = NDArray[np.float64]
 ROUNDING = 64 * EPS  # of the largest entry: both round the same equations, one with fused products
@@ -324,7 +324,7 @@ def test_what_a_recursion_branches_on_is_no_recorded_value(model: sd.Model) -> N
 OPERATIONS = {("ur5", "crba"): 170, ("ur5", "rnea"): 280, ("ur5", "aba"): 700, ("panda", "rnea"): 720}  # mul + add
 
 
-@pytest.mark.skipif(not example_robots(), reason="example-robot-data is not installed")
+@pytest.mark.skipif(not ROBOTS, reason="example-robot-data is not installed")
 @pytest.mark.parametrize(("robot", "name"), OPERATIONS)
 def test_programs_have_no_more_operations_than(robot: str, name: str) -> None:
     program = recording.record((numba_kernels.variant(SPECS[name], frozenset()),), sd.load_urdf(robot).bodies).program
@@ -345,7 +345,7 @@ def test_the_pendulum_needs_what_its_equation_needs() -> None:
     assert tau == pytest.approx(0.6 * 2.0 + 2.0 * 9.81 * 0.5 * math.sin(0.3), rel=8 * EPS, abs=0.0)
 
 
-CORPUS = {name: path for name, path in robot_names().items() if path in set(example_robots()) and name != "ur3"}
+CORPUS = {name: path for name, path in ROBOTS.items() if name != "ur3"}
 FLOATING_TOO = ("anymal", "solo12", "iris_simple", "ur5")
 SINGULAR = {"romeo", "romeo_laas_small"}  # their aba raises
 
