@@ -5,28 +5,74 @@ it may be an input. Arrays have to be float64, C-ordered, writable and of the ri
 ``value_builtin`` makes functions of Python's own calling convention that check their arguments and make the result.
 
 A call takes 0.1 to 0.2 µs; the operator takes 1 to 6 in plain Python. Each is compiled at its first call and cached on
-disk.
+disk under its text.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...algebra import lie, public_arrays, spatial
+from ...algebra import euclidean, lie, public_arrays, spatial
 from ...engines.compiled import numba_kernels
 from ...engines.object_layout import DATA, RANK, SHAPE, TYPE
 from . import operators
 
 Operation = Callable[..., Any]
+SCOPE: dict[str, Any] = {**vars(euclidean), **vars(spatial), **vars(lie), **vars(operators), **vars(public_arrays)}
+SCOPE["rotation_matrix"] = SCOPE.pop("matrix")  # of a quaternion; builtins have another ``matrix``
 SHAPES: dict[str, tuple[int, ...]] = {
     "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
-    "body": (10,), "inertia": (6, 6), "tangent": (6, 6), "number": (),
+    "body": (10,), "inertia": (6, 6), "tangent": (6, 6), "number": (), "truth": (),
 }  # fmt: skip
+
+
+class Formula(NamedTuple):
+    """A function of values: its name, its arguments with their kinds, the kind of its result, and how to compute it.
+
+    A kind in lower case is an array, or a float for "number". A capitalized kind is an object of one class whose slot
+    holds the array; "Motion|motion" is either. A "truth" is 1.0 or 0.0.
+
+    parameters  of a function of Python, with defaults
+    text        an expression of the arguments and functions of the algebra; ``x_in`` is the array of the argument x
+    """
+
+    name: str
+    inputs: dict[str, str]
+    output: str
+    text: str
+    parameters: str
+
+    @classmethod
+    def parsed(cls, signature: str, text: str) -> Formula:
+        """From a signature such as "near(self: Motion, other: Motion, prec: number = 1e-12) -> truth"."""
+        name, arguments, output = re.split(r"\(|\) -> ", signature)
+        inputs = dict(re.findall(r"(\w+): ([\w|]+)", arguments))
+        return cls(name, inputs, output, text, re.sub(r": [\w|]+(?: (=) )?", r"\1", arguments))
+
+    @property
+    def label(self) -> str:
+        """Its name and kinds."""
+        return "_".join([self.name, *self.inputs.values(), self.output]).replace("|", "_or_")
+
+    def statements(self) -> list[str]:
+        """Statements that compute ``result`` from arrays and numbers ``x_in``."""
+        reads = [f"{x} = {_read(array_kind(kind), f'{x}_in')}" for x, kind in self.inputs.items()]
+        return [*reads, f"result = {self.text}"]
+
+
+def array_kind(kind: str) -> str:
+    """The kind of the array of an argument."""
+    return kind.lower().partition("|")[0]
+
+
+def _read(kind: str, x: str) -> str:
+    return f"read_{kind}({x})" if SHAPES[kind] else x
 
 
 # --- on arrays ---------------------------------------------------------------------------------------------
@@ -44,78 +90,69 @@ def deferred(make: Callable[[], Operation]) -> Operation:
     return call
 
 
-def on_arrays(name: str, operator: Operation, kinds: str) -> Operation:
-    """A kernel ``(*inputs, out)`` for an operator of these kinds, as "pose vec -> vec"; a "number" is returned."""
-    inputs, (output,) = (part.split() for part in kinds.split("->"))
-    names = [f"x{k}" for k in range(len(inputs))]
-    result = f"operator({', '.join(_read(kind, x) for x, kind in zip(names, inputs, strict=True))})"
-    statement = f"return {result}" if output == "number" else f"write_{output}(out, {result})"
-    return deferred(
-        lambda: compiled_text(f"algebra_{name}", names + ["out"] * (output != "number"), [statement], operator)
+def on_arrays(formula: Formula) -> Operation:
+    """A kernel ``(*inputs, out)`` of a formula; a number is returned."""
+    output, parameters = formula.output.lower(), [f"{x}_in" for x in formula.inputs]
+    if not SHAPES[output]:
+        return compiled_text(formula.label, parameters, [*formula.statements(), "return result"])
+    return compiled_text(formula.label, [*parameters, "out"], [*formula.statements(), f"write_{output}(out, result)"])
+
+
+def compiled_text(name: str, parameters: Sequence[str], body: Sequence[str], **scope: Any) -> Operation:
+    """A kernel of statements that name functions of the algebra and of ``scope``, made at its first call."""
+
+    def make() -> Operation:
+        from ...engines.compiled import jit
+
+        made = numba_kernels.kernel_from_text(f"algebra_{name}", list(parameters), ["stamp", *body], {**SCOPE, **scope})
+        return jit.numba_jit(made, nogil=False)  # releasing the GIL costs 0.03 µs
+
+    return deferred(make)
+
+
+compose, motion_to_parent, force_to_parent, force_to_child, body_to_parent, add_body = (
+    on_arrays(Formula.parsed(f"{name}(A: {kinds[0]}, B: {kinds[1]}) -> {kinds[1]}", f"{name}(A, B)"))
+    for name, *kinds in (
+        ("compose", "pose", "pose"), ("motion_to_parent", "pose", "motion"), ("force_to_parent", "pose", "force"),
+        ("force_to_child", "pose", "force"), ("body_to_parent", "pose", "body"), ("add_bodies", "body", "body"),
     )
-
-
-def compiled_text(name: str, parameters: list[str], body: list[str], operator: Operation) -> Operation:
-    """A kernel of statements that call ``operator`` and the readers and writers of ``public_arrays``."""
-    from ...engines.compiled import jit
-
-    scope = {**vars(public_arrays), "operator": operator}
-    function = numba_kernels.kernel_from_text(name, parameters, ["stamp", *body], scope)
-    return jit.numba_jit(function, nogil=False)  # releasing the GIL costs 0.03 µs
-
-
-def _read(kind: str, x: str) -> str:
-    return x if kind == "number" else f"read_{kind}({x})"
-
-
-compose = on_arrays("compose", spatial.compose, "pose pose -> pose")
-motion_to_parent = on_arrays("motion_to_parent", spatial.motion_to_parent, "pose motion -> motion")
-force_to_parent = on_arrays("force_to_parent", spatial.force_to_parent, "pose force -> force")
-force_to_child = on_arrays("force_to_child", spatial.force_to_child, "pose force -> force")
-body_to_parent = on_arrays("body_to_parent", operators.body_to_parent, "pose body -> body")
-add_body = on_arrays("add_body", operators.add_bodies, "body body -> body")
-quat_matrix = on_arrays("quat_matrix", lie.matrix, "quat -> rot")
+)  # fmt: skip
+quat_matrix = on_arrays(Formula.parsed("matrix(q: quat) -> rot", "rotation_matrix(q)"))
 
 
 # --- on objects --------------------------------------------------------------------------------------------
 
 
-@cache
-def value_builtin(label: str, operator: Operation, inputs: tuple[str, ...], output: str) -> Any:
-    """A builtin ``(*inputs) -> output`` that returns None if not applicable.
+def value_builtin(formula: Formula) -> Any:
+    """A builtin ``(*inputs) -> output`` of a formula that returns None if not applicable.
 
-    A kind in lower case is a new array, as an input a float64 array of any strides, or a float for "number". A
-    capitalized kind is an object of one class whose slot holds the array, and "Motion|motion" is either.
-
-    Words: ``slot``, the offset of the slot; ``class0``, ... the classes of the inputs, 0 for arrays; ``made``, that of
-    the output; ``extent0``, ... the axes of its array.
+    Inputs that are arrays may have any strides, results are new. Words: ``slot``, the offset of the slot; ``class0``,
+    ... the classes of the inputs, 0 for arrays; ``made``, that of the output; ``extent0``, ... the axes of its array.
     """
     from ...engines.compiled.cpython import Builtin, dims
 
-    names = [f"x{k}" for k in range(len(inputs))]
-    extents = SHAPES[output.lower()]
-    words = ["slot", *(f"class{k}" for k in range(len(inputs))), "made", *(f"extent{k}" for k in range(len(extents)))]
-    body = [line for k, kind in enumerate(inputs) for line in _input_statements(k, kind)]
-    passed = (_read(kind.lower().partition("|")[0], f"{x}_in") for x, kind in zip(names, inputs, strict=True))
-    result = f"operator({', '.join(passed)})"
-    if output == "number":
-        body.append(f"return new_real(plan, {result})")
+    output, extents = formula.output.lower(), SHAPES[formula.output.lower()]
+    words = ["slot", *(f"class{k}" for k in range(len(formula.inputs))), "made"]
+    words += [f"extent{k}" for k in range(len(extents))]
+    body = [line for k, (x, kind) in enumerate(formula.inputs.items()) for line in _check_and_view(k, x, kind)]
+    body += formula.statements()
+    if not extents:
+        body.append("return new_real(plan, result)")
     else:
         body += [
-            f"result = {result}",
             f"answer = new_array(plan, {len(extents)}, {dims(words, 'extent0')})",
             "if answer == 0: return 0",
-            f"write_{output.lower()}(at(word(answer, {DATA}), {extents}), result)",
-            "return new_object(plan, made, slot, answer)" if output[0].isupper() else "return answer",
+            f"write_{output}(at(word(answer, {DATA}), {extents}), result)",
+            "return new_object(plan, made, slot, answer)" if formula.output[0].isupper() else "return answer",
         ]
-    return Builtin(f"value_{label}", names, words, body, {**vars(public_arrays), "operator": operator})
+    return Builtin(f"value_{formula.label}", [f"{x}_object" for x in formula.inputs], words, body, SCOPE)
 
 
-def _input_statements(k: int, kind: str) -> list[str]:
-    """Statements that check the argument object ``xk`` and read it as an array or number ``xk_in``."""
-    x, shape = f"x{k}", SHAPES[kind.lower().partition("|")[0]]
+def _check_and_view(k: int, name: str, kind: str) -> list[str]:
+    """Statements that check the argument object k and view it as an array or number ``name_in``."""
+    x, shape, out = f"{name}_object", SHAPES[array_kind(kind)], f"{name}_in"
     if kind == "number":
-        return [f"if not is_real(plan, {x}): return return_none(plan)", f"{x}_in = real({x})"]
+        return [f"if not is_real(plan, {x}): return return_none(plan)", f"{out} = real({x})"]
     lines = []
     if kind[0].isupper():
         if "|" not in kind:
@@ -126,18 +163,18 @@ def _input_statements(k: int, kind: str) -> list[str]:
         fits, view = f"is_vector(plan, {x}, {shape[0]})", f"vector({x}, {shape[0]})"
     else:
         fits, view = f"is_matrix(plan, {x}, {shape[1]}) and word(word({x}, {SHAPE}), 0) == {shape[0]}", f"matrix({x})"
-    return [*lines, f"if not ({fits}): return return_none(plan)", f"{x}_in = {view}"]
+    return [*lines, f"if not ({fits}): return return_none(plan)", f"{out} = {view}"]
 
 
-def bind_values(builtin: Any, slot: int, classes: Mapping[str, type], inputs: tuple[str, ...], output: str) -> Any:
+def bind_values(builtin: Any, formula: Formula, slot: int, classes: Mapping[str, type]) -> Any:
     """A ``value_builtin`` bound to the classes of its kinds and the offset of their slot."""
 
     def address(kind: str) -> int:
         return id(classes[kind.partition("|")[0]]) if kind[0].isupper() else 0
 
-    words = {f"class{k}": address(kind) for k, kind in enumerate(inputs)}
-    words |= {f"extent{k}": n for k, n in enumerate(SHAPES[output.lower()])}
-    return builtin.bind(*classes.values(), slot=slot, made=address(output), **words)
+    words = {f"class{k}": address(kind) for k, kind in enumerate(formula.inputs.values())}
+    words |= {f"extent{k}": n for k, n in enumerate(SHAPES[formula.output.lower()])}
+    return builtin.bind(*classes.values(), slot=slot, made=address(formula.output), **words)
 
 
 @cache

@@ -14,7 +14,6 @@ from ...algebra.euclidean import (
     apply_sym,
     congruence,
     matmul,
-    neg,
     parallel_axis,
     rotate,
     scale,
@@ -23,23 +22,19 @@ from ...algebra.euclidean import (
     unrotate,
     zero,
 )
-from ...algebra.public_arrays import Body, Placed
+from ...algebra.public_arrays import Body
 from ...algebra.scalars import EPS, Scalar, atan2, cos, inline, select, sin, sqrt
 from ...algebra.spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
-    compose,
-    cross_force,
     force_at_parent,
     inertia_at_parent,
     motion_at_child,
-    power,
-    scale_force,
-    scale_motion,
 )
 
+PI = 3.141592653589793
 NO_LIMIT = 1.7976931348623157e308  # the largest number: a limit of that size is none
 TURN = 6.283185307179586  # [rad]
 SOUND, NEGATIVE, ASYMMETRIC = 0.0, 1.0, 2.0  # faults of a rotational inertia
@@ -56,48 +51,15 @@ def skew(a: Vec) -> Mat3:
 
 
 @inline
-def unskew(A: Mat3) -> Vec:
-    """The vector whose ``skew`` is the antisymmetric part of a matrix."""
-    return Vec(0.5 * (A.zy - A.yz), 0.5 * (A.xz - A.zx), 0.5 * (A.yx - A.xy))
-
-
-@inline
-def skew_square(a: Vec, b: Vec) -> Mat3:
-    """The matrix of a × (b × ·)."""
-    return matmul(skew(a), skew(b))
-
-
-@inline
-def rotation_about_x(angle: Scalar) -> Mat3:
-    """The rotation by an angle about x."""
-    s, c = sin(angle), cos(angle)
-    return Mat3(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c)
-
-
-@inline
-def rotation_about_y(angle: Scalar) -> Mat3:
-    """The rotation by an angle about y."""
-    s, c = sin(angle), cos(angle)
-    return Mat3(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
-
-
-@inline
-def rotation_about_z(angle: Scalar) -> Mat3:
-    """The rotation by an angle about z."""
-    s, c = sin(angle), cos(angle)
-    return Mat3(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
-
-
-@inline
 def rotation_of_angles(roll: Scalar, pitch: Scalar, yaw: Scalar) -> Mat3:
     """R_z(yaw) R_y(pitch) R_x(roll)."""
-    return matmul(matmul(rotation_about_z(yaw), rotation_about_y(pitch)), rotation_about_x(roll))
-
-
-@inline
-def rotation_of_rpy(rpy: Vec) -> Mat3:
-    """``rotation_of_angles`` of a vector of them."""
-    return rotation_of_angles(rpy.x, rpy.y, rpy.z)
+    a, b, c = cos(roll), cos(pitch), cos(yaw)
+    s, t, u = sin(roll), sin(pitch), sin(yaw)
+    return Mat3(
+        c * b, c * t * s - u * a, c * t * a + u * s,
+        u * b, u * t * s + c * a, u * t * a - c * s,
+        -t, b * s, b * a,
+    )  # fmt: skip
 
 
 @inline
@@ -117,64 +79,9 @@ def rpy_of_rotation(R: Mat3) -> Vec:
 
 
 @inline
-def motion_of_parts(linear: Vec, angular: Vec) -> Motion:
-    """A motion by its two parts."""
-    return Motion(angular, linear)
-
-
-@inline
-def negated_motion(m: Motion) -> Motion:
-    """-m."""
-    return Motion(neg(m.w), neg(m.v))
-
-
-@inline
-def negated_force(f: Force) -> Force:
-    """-f."""
-    return Force(neg(f.n), neg(f.f))
-
-
-@inline
-def scaled_motion(m: Motion, s: Scalar) -> Motion:
-    """``scale_motion`` with its arguments exchanged."""
-    return scale_motion(s, m)
-
-
-@inline
-def scaled_force(f: Force, s: Scalar) -> Force:
-    """``scale_force`` with its arguments exchanged."""
-    return scale_force(s, f)
-
-
-@inline
-def divided_motion(m: Motion, s: Scalar) -> Motion:
-    """m / s."""
-    return Motion(Vec(m.w.x / s, m.w.y / s, m.w.z / s), Vec(m.v.x / s, m.v.y / s, m.v.z / s))
-
-
-@inline
-def divided_force(f: Force, s: Scalar) -> Force:
-    """f / s."""
-    return Force(Vec(f.n.x / s, f.n.y / s, f.n.z / s), Vec(f.f.x / s, f.f.y / s, f.f.z / s))
-
-
-@inline
-def power_of_force(f: Force, v: Motion) -> Scalar:
-    """``power`` with its arguments exchanged."""
-    return power(v, f)
-
-
-@inline
-def pose_of_quaternion(q: lie.Quat, p: Vec) -> Pose:
-    """A pose by its quaternion and origin."""
-    return Pose(lie.matrix(q), p)
-
-
-@inline
-def interpolated(A: Pose, B: Pose, alpha: Scalar) -> Pose:
-    """A exp(alpha log(A⁻¹ B))."""
-    m = log_pose(relative_pose(A, B))
-    return compose(A, exp_pose(Motion(scale(alpha, m.w), scale(alpha, m.v))))
+def divide(a: Vec, s: Scalar) -> Vec:
+    """a / s."""
+    return Vec(a.x / s, a.y / s, a.z / s)
 
 
 @inline
@@ -199,9 +106,9 @@ def point_to_child(X: Pose, a: Vec) -> Vec:
 
 
 @inline
-def body_of_parts(m: Scalar, c: Vec, J: Mat3) -> Body:
-    """A body by its mass, its centre of mass, and its inertia there, of which the lower triangle is read."""
-    return Body(m, c, Sym(J.xx, J.yx, J.zx, J.yy, J.zy, J.zz))
+def lower_triangle(J: Mat3) -> Sym:
+    """The symmetric matrix whose lower triangle is J's."""
+    return Sym(J.xx, J.yx, J.zx, J.yy, J.zy, J.zz)
 
 
 @inline
@@ -228,21 +135,9 @@ def body_momentum(B: Body, v: Motion) -> Force:
 
 
 @inline
-def twice_kinetic_energy(B: Body, v: Motion) -> Scalar:
-    """v · I v of a body, twice its kinetic energy."""
-    return power(v, body_momentum(B, v))
-
-
-@inline
 def inertia_about_origin(B: Body) -> Inertia:
     """Spatial inertia of a body about the origin."""
     return inertia_at_parent(B.c, Inertia(B.m, zero(), B.I))
-
-
-@inline
-def bias_force(B: Body, v: Motion) -> Force:
-    """v ×* I v of a body, its bias force."""
-    return cross_force(v, body_momentum(B, v))
 
 
 @inline
@@ -258,7 +153,7 @@ def body_to_child(X: Pose, B: Body) -> Body:
 
 
 @inline
-def _combined(A: Body, B: Body, sign: Scalar) -> Body:
+def combined(A: Body, B: Body, sign: Scalar) -> Body:
     """A and B as one body (sign 1), or A without B (sign -1); the centre of zero mass is 0."""
     n = sign * B.m
     m = A.m + n
@@ -274,13 +169,7 @@ def _combined(A: Body, B: Body, sign: Scalar) -> Body:
 @inline
 def add_bodies(A: Body, B: Body) -> Body:
     """A and B as one body."""
-    return _combined(A, B, 1.0)
-
-
-@inline
-def subtract_bodies(A: Body, B: Body) -> Body:
-    """A without its part B."""
-    return _combined(A, B, -1.0)
+    return combined(A, B, 1.0)
 
 
 @inline
@@ -312,37 +201,13 @@ def quaternion_of_matrix(R: Mat3) -> lie.Quat:
 
 
 @inline
-def action_matrix(X: Pose) -> lie.Tangent:
-    """The matrix that takes motions in child coordinates to parent coordinates."""
-    return lie.Tangent(X.R, matmul(skew(X.p), X.R))
-
-
-@inline
-def inverse_action_matrix(X: Pose) -> lie.Tangent:
-    """The matrix that takes motions in parent coordinates to child coordinates."""
-    return lie.Tangent(transpose(X.R), transpose(matmul(skew(X.p), X.R)))
-
-
-@inline
-def cross_motion_matrix(m: Motion) -> lie.Tangent:
-    """The matrix of m × on motions."""
-    return lie.Tangent(skew(m.w), skew(m.v))
-
-
-@inline
-def exp_rotation(w: Vec) -> Mat3:
-    """exp of a rotation vector, a rotation matrix."""
-    return lie.matrix(lie.exp_rotation(w))
-
-
-@inline
 def exp_pose(m: Motion) -> Pose:
     """exp of a motion, a pose."""
     return Pose(lie.matrix(lie.exp_rotation(m.w)), lie.exp_travel(m))
 
 
 @inline
-def log_rotation(R: Mat3) -> Vec:
+def log_matrix(R: Mat3) -> Vec:
     """log of a rotation matrix."""
     return lie.log_rotation(quaternion_of_matrix(R))
 
@@ -350,68 +215,51 @@ def log_rotation(R: Mat3) -> Vec:
 @inline
 def log_pose(X: Pose) -> Motion:
     """log of a pose."""
-    w = log_rotation(X.R)
-    return Motion(w, lie.log_travel(w, X.p))
+    return log_placed(X.p, log_matrix(X.R))
 
 
 @inline
-def pose_from_xyzquat(X: Placed) -> Pose:
-    """Pose of an origin and a unit quaternion."""
-    return Pose(lie.matrix(X.q), X.p)
+def log_placed(p: Vec, w: Vec) -> Motion:
+    """log of an origin and a rotation vector."""
+    return Motion(w, lie.log_travel(w, p))
 
 
 @inline
-def pose_to_xyzquat(X: Pose) -> Placed:
-    """Origin and quaternion of a pose."""
-    return Placed(X.p, quaternion_of_matrix(X.R))
-
-
-@inline
-def exp_xyzquat(m: Motion) -> Placed:
-    """exp of a motion, as origin and quaternion."""
-    return Placed(lie.exp_travel(m), lie.exp_rotation(m.w))
-
-
-@inline
-def log_xyzquat(X: Placed) -> Motion:
-    """log of an origin and a quaternion."""
-    w = lie.log_rotation(X.q)
-    return Motion(w, lie.log_travel(w, X.p))
-
-
-@inline
-def exp_rotation_jacobian(w: Vec) -> Mat3:
-    """Right Jacobian of exp at a rotation vector."""
-    return lie.exp_jacobian(Motion(w, zero())).J
-
-
-@inline
-def log_rotation_jacobian(R: Mat3) -> Mat3:
-    """Inverse of the right Jacobian of exp, at log R."""
-    return lie.log_jacobian(Motion(log_rotation(R), zero()), 1.0).J
-
-
-@inline
-def log_pose_jacobian(X: Pose) -> lie.Tangent:
-    """Inverse of the right Jacobian of exp, at log X."""
-    return lie.log_jacobian(log_pose(X), 1.0)
-
-
-@inline
-def log_rotation_jacobian_derivative(R: Mat3, v: Vec) -> Mat3:
-    """Derivative of ``log_rotation_jacobian(R exp(s v))`` by s, at s = 0."""
-    w = log_rotation(R)
+def log_matrix_jacobian_derivative(R: Mat3, v: Vec) -> Mat3:
+    """Derivative of the inverse right Jacobian of exp at log(R exp(s v)) by s, at s = 0."""
+    w = log_matrix(R)
     rate = rotate(lie.log_jacobian(Motion(w, zero()), 1.0).J, v)
     return lie.log_jacobian(Motion(w, rate), 1.0).K
+
+
+@inline
+def random_rotation(u: Vec) -> lie.Quat:
+    """A quaternion, uniform over rotations if u is uniform over the unit cube (Shoemake, Uniform random rotations)."""
+    r, s, a, b = sqrt(1.0 - u.x), sqrt(u.x), 2.0 * PI * u.y, 2.0 * PI * u.z
+    return lie.Quat(r * sin(a), r * cos(a), s * sin(b), s * cos(b))
 
 
 # --- numbers -----------------------------------------------------------------------------------------------
 
 
 @inline
-def same(x: Any) -> Any:
-    """The argument, of any kind."""
-    return x
+def same(a: Any, b: Any) -> Scalar:
+    """1 if two vectors or tuples agree in each entry, else 0."""
+    for i in range(len(a)):
+        if a[i] != b[i]:
+            return 0.0
+    return 1.0
+
+
+@inline
+def near(a: Any, b: Any, precision: Scalar) -> Scalar:
+    """1 if |a - b| <= precision min(|a|, |b|) in the Euclidean norm of vectors or tuples, else 0."""
+    apart = first = second = 0.0
+    for i in range(len(a)):
+        apart += (a[i] - b[i]) * (a[i] - b[i])
+        first += a[i] * a[i]
+        second += b[i] * b[i]
+    return 1.0 if apart <= precision * precision * min(first, second) else 0.0
 
 
 @inline

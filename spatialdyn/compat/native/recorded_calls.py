@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,10 @@ from ...engines.object_layout import DATA
 from ...recursions import SPECS, kinematics
 from ...recursions.kinematics import classical_acceleration, express_in
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
-from . import operator_kernels, operators
+from . import operator_kernels
 from .edited_table import GRAVITY
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
-RECORD_GRAVITY = f"copy(at(table + {GRAVITY}, (3,)), at(memory, (3,)))"  # after the inputs
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
 
 
@@ -46,6 +46,17 @@ def _check_arguments(inputs: Sequence[Argument]) -> list[str]:
     ]
 
 
+def make_answer(words: Sequence[str], first: str, rank: int) -> list[str]:
+    """Statements that make the array ``answer``, whose axes are words from ``first`` on."""
+    return [f"answer = new_array(plan, {rank}, {dims(words, first)})", "if answer == 0: return 0"]
+
+
+def record(**sizes: str) -> list[str]:
+    """Statements that copy inputs ``x_in`` of these sizes, one after the other, and then the gravity to ``memory``."""
+    lines = [(f"copy({x}_in, at(memory, ({size},)))", f"memory += 8 * {size}") for x, size in sizes.items()]
+    return [*chain.from_iterable(lines), f"copy(at(table + {GRAVITY}, (3,)), at(memory, (3,)))"]
+
+
 @cache
 def call_builtin(name: str) -> Builtin:
     """``(*inputs) -> result`` of a public call for one sample. Words: table, sizes, axes of the result."""
@@ -54,8 +65,7 @@ def call_builtin(name: str) -> Builtin:
     words = ["table", *SIZES, *axes]
     body = [
         *_check_arguments(spec.present),
-        f"answer = new_array(plan, {len(axes)}, {dims(words, axes[0])})",
-        "if answer == 0: return 0",
+        *make_answer(words, axes[0], len(axes)),
         f"out = at(word(answer, {DATA}), ({', '.join(axes)},))",
         f"if sample_kernel(table, {''.join(f'{x.name}_in, ' for x in spec.present)}out) != {numba_kernels.OK}:",
         "    return discard(plan, answer)",
@@ -90,8 +100,7 @@ def recorded_call(name: str, unused: tuple[str, ...] = (), new_result: bool = Tr
         ]
     if new_result:
         body += [
-            f"answer = new_array(plan, {len(axes)}, {dims(words, axes[0])})",
-            "if answer == 0: return 0",
+            *make_answer(words, axes[0], len(axes)),
             f"if sample_kernel(table, {passed}at(word(answer, {DATA}), {shape})) != {numba_kernels.OK}:",
             "    return discard(plan, answer)",
         ]
@@ -99,9 +108,7 @@ def recorded_call(name: str, unused: tuple[str, ...] = (), new_result: bool = Tr
         body += [f"if not no_overlap({x.name}, {x.shape[0]}, result, count): return return_none(plan)" for x in inputs]
         run = f"sample_kernel(table, {passed}at(result, {shape}))"
         body.append(f"if {run} != {numba_kernels.OK}: return return_none(plan)")
-    for x in inputs:  # before the result, which may share memory with an input
-        body += [f"copy({x.name}_in, at(memory, ({x.shape[0]},)))", f"memory += 8 * {x.shape[0]}"]
-    body.append(RECORD_GRAVITY)
+    body += record(**{x.name: str(x.shape[0]) for x in inputs})  # before the result, which may share their memory
     if new_result:
         body.append(f"copy(at(word(answer, {DATA}), (count,)), at(result, (count,)))")
     body.append("return answer" if new_result else "return return_true(plan)")
@@ -150,21 +157,12 @@ def place_frames(joints_too: bool) -> Builtin:
     spec = SPECS["forward_kinematics"]
     body = ["X = at(poses, (njoints, 4, 4))"]
     if joints_too:
-        body = [
-            *_check_arguments(spec.present),
-            *body,
-            f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)",
-        ]
-        body += ["copy(q_in, at(memory, (nq,)))", "memory += 8 * nq", RECORD_GRAVITY]
+        run = f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)"
+        body = [*_check_arguments(spec.present), *body, run, *record(q="nq")]
     body.append(f"place_all(X, places(joints, frames), at(placements, {STACK}), at(result, {STACK}))")
     scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "place_all": _place_all, "copy": copy}
-    return Builtin(
-        "place_joints_and_frames" if joints_too else "place_frames",
-        ["q"] * joints_too,
-        words,
-        [*body, "return return_true(plan)"],
-        scope,
-    )
+    label = "place_joints_and_frames" if joints_too else "place_frames"
+    return Builtin(label, ["q"] * joints_too, words, [*body, "return return_true(plan)"], scope)
 
 
 @cache
@@ -200,10 +198,8 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, 
 
 
 _PARAMETERS = ["X", "placement", "v", "a", "classical", "reference", "out"]
-write_frame_motion = operator_kernels.deferred(
-    lambda: operator_kernels.compiled_text(
-        "frame_motion", _PARAMETERS, [f"operator({', '.join(_PARAMETERS)})"], _write_frame_motion
-    )
+write_frame_motion = operator_kernels.compiled_text(
+    "frame_motion", _PARAMETERS, [f"write({', '.join(_PARAMETERS)})"], write=_write_frame_motion
 )
 
 
@@ -228,17 +224,15 @@ def frame_motion(classical: bool) -> Builtin:
         "k, code = index(plan, frame, frames), 0",
         "if n > 1: code = coded(reference, in_frame, in_world, aligned)",
         "if k < 0 or code < 0: return return_none(plan)",
-        f"answer = new_array(plan, 1, {dims(words, 'six')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "six", 1),
         "i, p = places(joints, frames)[k], at(placements + 128 * k, (4, 4))",
         "X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))",
         f"write(X, p, v, m, {int(classical)}, code, at(word(answer, {DATA}), (6,)))",
         "return new_object(plan, made, slot, answer)",
     ]
     label = "frame_classical_motion" if classical else "frame_motion"
-    return Builtin(
-        label, ["frame", "reference"], words, body, {"write": _write_frame_motion, "coded": _reference_code}, optional=1
-    )
+    scope = {"write": _write_frame_motion, "coded": _reference_code}
+    return Builtin(label, ["frame", "reference"], words, body, scope, optional=1)
 
 
 @cache
@@ -254,8 +248,7 @@ def frame_jacobian(name: str) -> Builtin:
     body = [
         "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
         "if k < 0 or code < 0: return return_none(plan)",
-        f"answer = new_array(plan, 2, {dims(words, 'six')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "six", 2),
         "p, out = at(placements + 128 * k, (4, 4)), " + f"at(word(answer, {DATA}), (6, nv))",
         f"if sample_kernel(table, {passed}places(joints, frames)[k], p, code, out) != {numba_kernels.OK}:",
         "    return discard(plan, answer)",
@@ -306,8 +299,7 @@ def frame_jacobian_at() -> Builtin:
         *_check_arguments(SPECS["frame_jacobian"].present[:1]),
         "k, bodies = index(plan, frame, frames), table_at(table)",
         "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
-        f"answer = new_array(plan, 2, {dims(words, 'six')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "six", 2),
         f"p, out = at(placements + 128 * k, (4, 4)), at(word(answer, {DATA}), (6, nv))",
         "work = empty(len(bodies), WORK)",
         "jacobian(bodies, work, q_in, places(joints, frames)[k], p, code, out)",
@@ -317,9 +309,7 @@ def frame_jacobian_at() -> Builtin:
         "    path, poses, local = empty(len(bodies), intp), at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4))",
         "    X = place_path(bodies, work, path, places(joints, frames)[k], poses, local, held)",
         "    if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(X, read_pose(p)))",
-        "copy(q_in, at(memory, (nq,)))",
-        "memory += 8 * nq",
-        RECORD_GRAVITY,
+        *record(q="nq"),
         "return answer",
     ]
     scope = {
@@ -333,22 +323,19 @@ def frame_jacobian_at() -> Builtin:
 # --- rows -----------------------------------------------------------------------------------------------
 
 
-def on_rows(name: str, operator: Callable[..., Any], kinds: str) -> Callable[..., None]:
-    """``(a, places, b, out)``: out[k] = operator(a[places[k]], b[k]), a kernel on rows."""
-    first, second, _, output = kinds.split()
+def on_rows(function: str, a: str, b: str, output: str) -> Callable[..., None]:
+    """``(a, places, b, out)``: out[k] = function(a[places[k]], b[k]), a kernel on rows of these kinds."""
     body = [
         "for k in range(len(places)):",
-        f"    write_{output}(out[k], operator(read_{first}(a[places[k]]), read_{second}(b[k])))",
+        f"    write_{output}(out[k], {function}(read_{a}(a[places[k]]), read_{b}(b[k])))",
     ]
-    return operator_kernels.deferred(
-        lambda: operator_kernels.compiled_text(f"listed_{name}", ["a", "places", "b", "out"], body, operator)
-    )
+    return operator_kernels.compiled_text(f"rows_{function}", ["a", "places", "b", "out"], body)
 
 
-compose_all = on_rows("compose", spatial.compose, "pose pose -> pose")
-relative_all = on_rows("relative", operators.relative_pose, "pose pose -> pose")
-motions_to_parent = on_rows("motions_to_parent", spatial.motion_to_parent, "pose motion -> motion")
-motions_to_child = on_rows("motions_to_child", spatial.motion_to_child, "pose motion -> motion")
-forces_to_parent = on_rows("forces_to_parent", spatial.force_to_parent, "pose force -> force")
-bodies_to_parent = on_rows("bodies_to_parent", operators.body_to_parent, "pose body -> body")
-momenta = on_rows("momenta", operators.body_momentum, "body motion -> force")
+compose_all = on_rows("compose", "pose", "pose", "pose")
+relative_all = on_rows("relative_pose", "pose", "pose", "pose")
+motions_to_parent = on_rows("motion_to_parent", "pose", "motion", "motion")
+motions_to_child = on_rows("motion_to_child", "pose", "motion", "motion")
+forces_to_parent = on_rows("force_to_parent", "pose", "force", "force")
+bodies_to_parent = on_rows("body_to_parent", "pose", "body", "body")
+momenta = on_rows("body_momentum", "body", "motion", "force")

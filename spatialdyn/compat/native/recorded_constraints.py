@@ -9,11 +9,11 @@ import numpy as np
 
 from ...algebra.scalars import inline
 from ...engines.compiled import jit, numba_kernels
-from ...engines.compiled.cpython import Builtin, dims
+from ...engines.compiled.cpython import Builtin
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.kkt import bordered_inverse, constrained
-from .recorded_calls import RECORD_GRAVITY, SIZES, copy
+from .recorded_calls import SIZES, copy, make_answer, record
 
 FACTORS = ("L", "Y", "C", "force")  # words of a plan: addresses of the factors that ``recursions.kkt`` computes
 CHECK_AND_COMPUTE_M = [
@@ -29,8 +29,7 @@ SOLVE = [
     "bodies = table_at(table)",
     "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return return_none(plan)",
 ]
-RECORD = [
-    "copy(q_in, at(memory, (nq,)))",
+RECORD = [  # the factors
     "copy2(L_in, at(L, (nv, nv)))",
     "copy2(Y_in, at(Y, (m, nv)))",
     "copy2(C_in, at(C, (m, m)))",
@@ -74,13 +73,10 @@ def dynamics() -> Builtin:
         f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return return_none(plan)",
         "for i in range(nv): x_in[i] = tau_in[i] - b_in[i]",
         *SOLVE,
-        f"answer = new_array(plan, 1, {dims(words, 'nv')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "nv", 1),
         f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
         *RECORD,
-        "copy(v_in, at(memory + 8 * nq, (nv,)))",
-        "memory += 8 * (nq + nv)",
-        RECORD_GRAVITY,
+        *record(q="nq", v="nv"),
         "copy(b_in, at(bias, (nv,)))",
         "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
         "return answer",
@@ -107,11 +103,11 @@ def impact() -> Builtin:
         "    for i in range(nv): g_in[k] += (1.0 + e) * J_in[k, i] * v_in[i]",
         "for i in range(nv): x_in[i] = 0.0",
         *SOLVE,
-        f"answer = new_array(plan, 1, {dims(words, 'nv')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "nv", 1),
         f"after = at(word(answer, {DATA}), (nv,))",
         "for i in range(nv): after[i] = v_in[i] + x_in[i]",
         "copy2(M_in, at(M, (nv, nv)))",
+        "copy(q_in, at(memory, (nq,)))",
         *RECORD,
         "copy(after, at(result, (nv,)))",
         "return answer",
@@ -133,11 +129,11 @@ def inverse() -> Builtin:
         "for k in range(m): g_in[k] = 0.0",
         "for i in range(nv): x_in[i] = 0.0",
         *SOLVE,
-        f"answer = new_array(plan, 2, {dims(words, 'rows')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "rows", 2),
         "copy(force_in, at(force, (m,)))",
         f"inverse(bodies, L_in, Y_in, C_in, g_in, x_in, force_in, at(word(answer, {DATA}), (rows, columns)))",
         "copy2(M_in, at(M, (nv, nv)))",
+        "copy(q_in, at(memory, (nq,)))",
         *RECORD,
         "return answer",
     ]

@@ -23,13 +23,13 @@ from ...algebra.public_arrays import (
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, add_motion, cross_motion, motion_to_parent, scale_motion, sub_motion, zero_motion
 from ...engines.compiled import numba_kernels
-from ...engines.compiled.cpython import Builtin, dims
+from ...engines.compiled.cpython import Builtin
 from ...engines.object_layout import DATA
 from ...recursions.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
 from ...recursions.kkt import solve_factored
 from ...recursions.spec import LOCAL
 from .operators import log_pose, relative_pose
-from .recorded_calls import RECORD_GRAVITY, SIZES, copy
+from .recorded_calls import SIZES, copy, make_answer, record
 from .recorded_constraints import FACTORS, RECORD, scope_of_constraints
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
@@ -158,8 +158,7 @@ def contact_dynamics() -> Builtin:
         f"if solve(bodies, M_in, J_in, r_in, g_in, s[{MU}], L_in, Y_in, C_in, x_in, force_in) != m: "
         "return return_none(plan)",
         "proximally(bodies, J_in, r_in, g_in, s, L_in, Y_in, C_in, x_in, force_in)",
-        f"answer = new_array(plan, 1, {dims(words, 'nv')})",
-        "if answer == 0: return 0",
+        *make_answer(words, "nv", 1),
         f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
         "first = 0",
         "for k in range(count):",
@@ -167,9 +166,7 @@ def contact_dynamics() -> Builtin:
         "    for i in range(rows_of): own[i] = force_in[first + i]",
         "    first += rows_of",
         *RECORD,
-        "copy(v_in, at(memory + 8 * nq, (nv,)))",
-        "memory += 8 * (nq + nv)",
-        RECORD_GRAVITY,
+        *record(q="nq", v="nv"),
         "copy(b_in, at(bias, (nv,)))",
         "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
         "return answer",

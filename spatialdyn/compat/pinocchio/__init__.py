@@ -33,7 +33,6 @@ from .algorithms.tangent_map import *
 from .coverage.coverage import coverage as coverage
 from .coverage.coverage import missing
 from .coverage.differences import differences as differences
-from .coverage.pinocchio_names import NAMES
 from .coverage.strictness import strict as strict
 from .coverage.versions import *
 from .data.data import *
@@ -67,8 +66,10 @@ from .types.rotations import *
 from .types.se3 import *
 from .types.symmetric import *
 
+_OWN = "Any TYPE_CHECKING algorithms annotations data deprecation missing model types visualize"  # not Pinocchio's
+
 if not TYPE_CHECKING:  # with a module __getattr__ type checkers would accept every name
-    __all__ = sorted({*NAMES} & {*globals()} | {"coverage", "differences", "strict"})
+    __all__ = sorted(name for name in globals() if name[0] != "_" and name not in _OWN.split())
 
     def __getattr__(name: str) -> Any:
         """Raise an error that says what to use instead of a name of Pinocchio's that is out of scope."""

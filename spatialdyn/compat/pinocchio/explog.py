@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import lie
 from ...errors import ShapeError, SpatialDynError
-from ..native import operators
 from .types.arguments import ArgumentError, described, expected
 from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
-from .types.value import on_values
+from .types.value import on_table, on_values
 
 __all__ = [
     "Hlog3", "Jexp3", "Jexp6", "Jlog3", "Jlog6", "SE3ToXYZQUAT", "SE3ToXYZQUATtuple", "XYZQUATToSE3",
@@ -25,57 +23,54 @@ __all__ = [
 Array = NDArray[np.float64]
 
 
+exp3, exp3_quat, Jexp3, Jlog3, Hlog3, exp6, exp6_quat, log6, log6_quat, Jexp6, Jlog6, SE3ToXYZQUAT = on_table("""
+exp3(w: vec) -> rot = rotation_matrix(exp_rotation(w))
+    The rotation (3, 3) by |w| about w (3,) [rad].
+exp3_quat(w: vec) -> quat = exp_rotation(w)
+    The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].
+Jexp3(w: vec) -> rot = exp_jacobian(Motion(w, zero())).J
+    The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.
+Jlog3(R: rot) -> rot = log_jacobian(Motion(log_matrix(R), zero()), 1.0).J
+    The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.
+Hlog3(R: rot, v: vec) -> rot = log_matrix_jacobian_derivative(R, v)
+    The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.
+exp6(v: Motion|motion) -> Pose = exp_pose(v)
+    The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.
+exp6_quat(v: motion) -> seven = Placed(exp_travel(v), exp_rotation(v.w))
+    ``exp6`` of an array (6,) as x y z and quaternion x y z w (7,).
+log6(M: Pose|pose) -> Motion = log_pose(M)
+    The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.
+log6_quat(q: seven) -> Motion = log_placed(q.p, log_rotation(q.q))
+    ``log6`` of x y z and quaternion x y z w (7,).
+Jexp6(v: Motion|motion) -> tangent = exp_jacobian(v)
+    The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).
+Jlog6(M: Pose) -> tangent = log_jacobian(log_pose(M), 1.0)
+    The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.
+SE3ToXYZQUAT(M: Pose) -> seven = Placed(M.p, quaternion_of_matrix(M.R))
+    Translation x y z and quaternion x y z w (7,) of an SE3.
+""")
+_log_of_matrix = on_values("log3(R: rot) -> vec", "log_matrix(R)")
+_log_of_quaternion = on_values("log3(quat: Quat|quat) -> vec", "log_rotation(quat)")
+_pose_of_seven = on_values("XYZQUATToSE3(x: seven) -> Pose", "Pose(rotation_matrix(x.q), x.p)")
+
+
 def exp(x: Any) -> Any:
     """``exp6`` of a Motion or an array (6,), ``exp3`` of an array (3,), the exponential of a number."""
-    if isinstance(x, Motion):
-        return exp6(x)
-    if np.isscalar(x):
-        return math.exp(x)  # type: ignore[arg-type]
-    if isinstance(x, np.ndarray) and x.shape in ((6,), (6, 1)):
-        return exp6(x)
-    if isinstance(x, np.ndarray) and x.shape in ((3,), (3, 1)):
-        return exp3(x)
-    raise SpatialDynError(f"x is {described(x)}, expected a number, an array of shape (3,) or (6,), or a Motion")
+    kinds = {Motion: exp6, (6,): exp6, (6, 1): exp6, (3,): exp3, (3, 1): exp3, float: math.exp}
+    return _by_kind(x, kinds, Motion, "shape (3,) or (6,), or a Motion")
 
 
 def log(x: Any) -> Any:
     """``log6`` of an SE3 or an array (4, 4), ``log3`` of an array (3, 3), the logarithm of a number."""
-    if isinstance(x, SE3):
-        return log6(x)
-    if np.isscalar(x):
-        return math.log(x)  # type: ignore[arg-type]
-    if isinstance(x, np.ndarray) and x.shape == (4, 4):
-        return log6(x)
-    if isinstance(x, np.ndarray) and x.shape == (3, 3):
-        return log3(x)
-    raise SpatialDynError(f"x is {described(x)}, expected a number, an array of shape (3, 3) or (4, 4), or an SE3")
+    kinds = {SE3: log6, (4, 4): log6, (3, 3): log3, float: math.log}
+    return _by_kind(x, kinds, SE3, "shape (3, 3) or (4, 4), or an SE3")
 
 
-# --- rotations -------------------------------------------------------------------------------------------
-
-exp3 = on_values("exp3(w: vec) -> rot", operators.exp_rotation, "The rotation (3, 3) by |w| about w (3,) [rad].")
-exp3_quat = on_values(
-    "exp3_quat(w: vec) -> quat",
-    lie.exp_rotation,
-    "The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].",
-)
-Jexp3 = on_values(
-    "Jexp3(w: vec) -> rot",
-    operators.exp_rotation_jacobian,
-    "The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.",
-)
-Jlog3 = on_values(
-    "Jlog3(R: rot) -> rot",
-    operators.log_rotation_jacobian,
-    "The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.",
-)
-Hlog3 = on_values(
-    "Hlog3(R: rot, v: vec) -> rot",
-    operators.log_rotation_jacobian_derivative,
-    "The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.",
-)
-_log_of_matrix = on_values("log3(R: rot) -> vec", operators.log_rotation)
-_log_of_quaternion = on_values("log3(quat: Quat|quat) -> vec", lie.log_rotation)
+def _by_kind(x: Any, kinds: dict[Any, Any], value: type, arrays: str) -> Any:
+    kind = value if isinstance(x, value) else float if np.isscalar(x) else getattr(x, "shape", None)
+    if kind not in kinds:
+        raise SpatialDynError(f"x is {described(x)}, expected a number, an array of {arrays}")
+    return kinds[kind](x)
 
 
 def log3(R: Any, theta: Array | None = None) -> Array:
@@ -92,48 +87,6 @@ def log3(R: Any, theta: Array | None = None) -> Array:
     return out
 
 
-# --- displacements ---------------------------------------------------------------------------------------
-
-exp6 = on_values(
-    "exp6(v: Motion|motion) -> Pose",
-    operators.exp_pose,
-    "The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.",
-)
-exp6_quat = on_values(
-    "exp6_quat(v: motion) -> seven",
-    operators.exp_xyzquat,
-    "``exp6`` of an array (6,) as x y z and quaternion x y z w (7,).",
-)
-log6 = on_values(
-    "log6(M: Pose|pose) -> Motion",
-    operators.log_pose,
-    "The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.",
-)
-log6_quat = on_values(
-    "log6_quat(q: seven) -> Motion", operators.log_xyzquat, "``log6`` of x y z and quaternion x y z w (7,)."
-)
-Jexp6 = on_values(
-    "Jexp6(v: Motion|motion) -> tangent",
-    lie.exp_jacobian,
-    "The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).",
-)
-Jlog6 = on_values(
-    "Jlog6(M: Pose) -> tangent",
-    operators.log_pose_jacobian,
-    "The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.",
-)
-
-
-# --- seven numbers ---------------------------------------------------------------------------------------
-
-SE3ToXYZQUAT = on_values(
-    "SE3ToXYZQUAT(M: Pose) -> seven",
-    operators.pose_to_xyzquat,
-    "Translation x y z and quaternion x y z w (7,) of an SE3.",
-)
-_pose_of_seven = on_values("XYZQUATToSE3(x: seven) -> Pose", operators.pose_from_xyzquat)
-
-
 def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:
     """``SE3ToXYZQUAT`` as a tuple."""
     return tuple(SE3ToXYZQUAT(M).tolist())
@@ -144,7 +97,7 @@ def XYZQUATToSE3(x: Any) -> SE3:
     if not isinstance(x, (np.ndarray, list, tuple)):
         raise ArgumentError(f"x is {described(x)}, expected seven numbers")
     seven = np.asarray(x, float).ravel()
-    if seven.shape != (7,):
+    if seven.size != 7:
         raise ShapeError(f"x has {seven.size} numbers, expected 7")
     return _pose_of_seven(seven)  # type: ignore[no-any-return]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ...bodies.kinds import kind_of
 from ...errors import ShapeError
-from .algorithms import configuration
-from .algorithms.tangent_map import tangentMap, tangentMapProduct, tangentMapTransposeProduct
+from .algorithms import configuration, tangent_map
 from .model.joint import JointModel
 from .model.joints import JointModelFreeFlyer, JointModelPlanar, JointModelPX, JointModelRUBX, JointModelSpherical
 from .model.model import Model
@@ -43,14 +42,17 @@ def _chain(parts: tuple[str, ...]) -> Model:
     return model
 
 
-def _forward(function: Callable[..., Any], doc: str) -> Callable[..., Any]:
-    """A method that calls a function of a Model with the group's own."""
+def _forwarded(rows: str) -> Iterator[Callable[..., Any]]:
+    """Methods that call functions of a Model with the group's own, from rows "name: docstring"."""
+    for row in rows.strip().split("\n"):
+        name, doc = row.split(": ", 1)
+        function = vars(tangent_map).get(name) or vars(configuration)[name]
 
-    def method(self: LieGroup, *arguments: Any, **named: Any) -> Any:
-        return function(self._model, *arguments, **named)
+        def method(self: LieGroup, *arguments: Any, _function: Any = function, **named: Any) -> Any:
+            return _function(self._model, *arguments, **named)
 
-    method.__name__, method.__doc__ = function.__name__, doc
-    return method
+        method.__name__, method.__doc__ = name, doc
+        yield method
 
 
 class LieGroup:
@@ -71,14 +73,25 @@ class LieGroup:
     def _model(self) -> Model:
         return _chain(self._parts) if self._whole is None else self._whole
 
-    @property
-    def name(self) -> str:
-        """The names of the factors."""
-        return " x ".join(self._parts)
-
+    name = property(lambda self: " x ".join(self._parts), doc="The names of the factors.")
     nq = property(lambda self: int(self._model.nq), doc="Number of coordinates.")
     nv = property(lambda self: int(self._model.nv), doc="Number of tangent directions.")
-    neutral = property(_forward(configuration.neutral, "The neutral element (nq,)."))
+    (
+        _neutral, integrate, difference, interpolate, randomConfiguration, dIntegrate, dIntegrateTransport, tangentMap,
+        tangentMapProduct, tangentMapTransposeProduct,
+    ) = _forwarded("""
+neutral: The neutral element (nq,).
+integrate: The element (nq,) reached from q (nq,) by v (nv,).
+difference: The v (nv,) with integrate(q0, v) = q1.
+interpolate: ``(q0, q1, u)``: the element (nq,) at the fraction u of the way from q0 to q1.
+randomConfiguration: ``(lower, upper)``: a random element (nq,), positions between the bounds (nq,), rotations uniform.
+dIntegrate: ``(q, v, position)``: derivative (nv, nv) of integrate by q (ARG0) or v (ARG1).
+dIntegrateTransport: ``(q, v, J, position)``: derivative of integrate by q (ARG0) or v (ARG1), times J (nv, n).
+tangentMap: ``(q)``: the matrix T (nq, nv) from velocities to coordinate rates: q̇ = T v.
+tangentMapProduct: ``(q, mat)``: T times a matrix (nv, n).
+tangentMapTransposeProduct: ``(q, mat)``: Tᵀ times a matrix (nq, n).
+""")  # fmt: skip
+    neutral = property(_neutral)
 
     def __mul__(self, other: Any) -> LieGroup:
         return LieGroup(self._parts + other._parts) if isinstance(other, LieGroup) else NotImplemented
@@ -94,16 +107,6 @@ class LieGroup:
         return f"LieGroup({self.name})"
 
     # --- elements ------------------------------------------------------------------------------------------
-
-    integrate = _forward(configuration.integrate, "The element (nq,) reached from q (nq,) by v (nv,).")
-    difference = _forward(configuration.difference, "The v (nv,) with integrate(q0, v) = q1.")
-    interpolate = _forward(
-        configuration.interpolate, "``(q0, q1, u)``: the element (nq,) at the fraction u of the way from q0 to q1."
-    )
-    randomConfiguration = _forward(
-        configuration.randomConfiguration,
-        "``(lower, upper)``: a random element (nq,), positions between the bounds (nq,), rotations uniform.",
-    )
 
     def squaredDistance(self, q0: Any, q1: Any) -> float:
         """The square of the norm of the difference."""
@@ -122,19 +125,6 @@ class LieGroup:
         """A random element (nq,): positions within ±1, rotations uniform."""
         bound = np.ones(self.nq)
         return configuration.randomConfiguration(self._model, -bound, bound)
-
-    # --- derivatives ---------------------------------------------------------------------------------------
-
-    dIntegrate = _forward(
-        configuration.dIntegrate, "``(q, v, position)``: derivative (nv, nv) of integrate by q (ARG0) or v (ARG1)."
-    )
-    dIntegrateTransport = _forward(
-        configuration.dIntegrateTransport,
-        "``(q, v, J, position)``: derivative of integrate by q (ARG0) or v (ARG1), times J (nv, n).",
-    )
-    tangentMap = _forward(tangentMap, "``(q)``: the matrix T (nq, nv) from velocities to coordinate rates: q̇ = T v.")
-    tangentMapProduct = _forward(tangentMapProduct, "``(q, mat)``: T times a matrix (nv, n).")
-    tangentMapTransposeProduct = _forward(tangentMapTransposeProduct, "``(q, mat)``: Tᵀ times a matrix (nq, n).")
 
     def dIntegrate_dq(self, q: Any, v: Any, *product: Any) -> Array:
         """The derivative D (nv, nv) of integrate by q; ``(q, v, J, self)`` gives J D, ``(q, v, self, J)`` D J."""
@@ -156,20 +146,15 @@ def _product(D: Array, product: tuple[Any, ...]) -> Array:
     """D alone, J D for (J, number), D J for (number, J)."""
     if not product:
         return D
-    if len(product) == 2 and isinstance(product[0], np.ndarray):
-        return _fitting(product[0], -1, len(D)) @ D
-    if len(product) == 2 and isinstance(product[1], np.ndarray):
-        return D @ _fitting(product[1], 0, len(D))
-    given = ", ".join(described(x) for x in product)
-    raise ArgumentError(f"got {given}, expected a matrix and a number, or a number and a matrix")
-
-
-def _fitting(J: Any, axis: int, size: int) -> Array:
-    if not isinstance(J, np.ndarray):
-        raise ArgumentError(f"matrix is {described(J)}, expected an array")
-    if J.ndim not in (1, 2) or J.shape[axis] != size:
-        raise ShapeError(f"matrix has shape {J.shape}, expected {size} {'rows' if axis == 0 else 'columns'}")
-    return np.asarray(J, dtype=float)
+    place = [isinstance(x, np.ndarray) for x in product]
+    if len(place) != 2 or not any(place):
+        given = ", ".join(described(x) for x in product)
+        raise ArgumentError(f"got {given}, expected a matrix and a number, or a number and a matrix")
+    J, before = product[0 if place[0] else 1], place[0]
+    if J.ndim not in (1, 2) or J.shape[-1 if before else 0] != len(D):
+        raise ShapeError(f"matrix has shape {J.shape}, expected {len(D)} {'columns' if before else 'rows'}")
+    J = np.asarray(J, dtype=float)
+    return np.asarray(J @ D if before else D @ J)
 
 
 def _group(name: str, what: str) -> Callable[[], LieGroup]:
@@ -180,7 +165,7 @@ def _group(name: str, what: str) -> Callable[[], LieGroup]:
     return make
 
 
-R1, R2, R3 = (_group(f"R^{k}", what) for k, what in ((1, "The real numbers"), (2, "The plane"), (3, "Space")))
+R1, R2, R3 = _group("R^1", "The real numbers"), _group("R^2", "The plane"), _group("R^3", "Space")
 SO2 = _group("SO(2)", "Rotations of the plane, as cos and sin")
 SO3 = _group("SO(3)", "Rotations of space, as quaternions x y z w")
 SE2 = _group("SE(2)", "Displacements of the plane, as x y cos sin")

@@ -15,29 +15,23 @@ Array = NDArray[np.float64]
 __all__ = ["computeLargestEigenvector", "inv", "retrieveLargestEigenvalue"]
 
 
-def _array(value: Any, what: str, rank: int) -> Array:
+def _array(value: Any, what: str, rank: int, square: bool = False) -> Array:
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
         raise ArgumentError(f"{what} is {described(value)}, expected an array of numbers")
-    if value.ndim != rank:
-        raise ShapeError(f"{what} has shape {value.shape}, expected {rank} axes")
+    if value.ndim != rank or (square and value.shape[0] != value.shape[1]):
+        expected = "a square matrix" if square else f"{rank} axes"
+        raise ShapeError(f"{what} has shape {value.shape}, expected {expected}")
     return np.asarray(value, dtype=np.float64)
-
-
-def _square(value: Any, what: str) -> Array:
-    M = _array(value, what, 2)
-    if M.shape[0] != M.shape[1]:
-        raise ShapeError(f"{what} has shape {M.shape}, expected a square matrix")
-    return M
 
 
 def inv(mat: Any) -> Array:
     """The inverse of a square matrix. Raises numpy.linalg.LinAlgError if it has none."""
-    return np.asarray(np.linalg.inv(_square(mat, "mat")), dtype=np.float64)
+    return np.asarray(np.linalg.inv(_array(mat, "mat", 2, square=True)), dtype=np.float64)
 
 
 def computeLargestEigenvector(mat: Any, max_it: int = 10, rel_tol: float = 1e-8) -> Array:
     """An eigenvector (n,) of the eigenvalue of largest magnitude, whose norm is that magnitude, by power iteration."""
-    M = _square(mat, "mat")
+    M = _array(mat, "mat", 2, square=True)
     x = np.ones(len(M)) / np.sqrt(max(len(M), 1))
     for _ in range(max_it):
         before = np.linalg.norm(x)

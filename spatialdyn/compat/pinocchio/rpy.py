@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
-from ..native import operators
 from .types.arguments import array
 from .types.frame import LOCAL, ReferenceFrame
-from .types.value import on_values
+from .types.value import on_table
 
 Array = NDArray[np.float64]
 
@@ -21,19 +20,17 @@ __all__ = [
     "rpyToMatrix",
 ]  # fmt: skip
 
-_of_array = on_values("rpyToMatrix(rpy: vec) -> rot", operators.rotation_of_rpy)
-_of_angles = on_values("rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot", operators.rotation_of_angles)
-_ABOUT = {
-    "x": on_values("rotate(angle: number) -> rot", operators.rotation_about_x),
-    "y": on_values("rotate(angle: number) -> rot", operators.rotation_about_y),
-    "z": on_values("rotate(angle: number) -> rot", operators.rotation_about_z),
-}
-
-matrixToRpy = on_values(
-    "matrixToRpy(R: rot) -> vec",
-    operators.rpy_of_rotation,
-    "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).",
-)
+_ABOUT = dict(zip("xyz", on_table("""
+rotate(angle: number) -> rot = rotation_of_angles(angle, 0.0, 0.0)
+rotate(angle: number) -> rot = rotation_of_angles(0.0, angle, 0.0)
+rotate(angle: number) -> rot = rotation_of_angles(0.0, 0.0, angle)
+"""), strict=True))  # fmt: skip
+matrixToRpy, _of_array, _of_angles = on_table("""
+matrixToRpy(R: rot) -> vec = rpy_of_rotation(R)
+    Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).
+rpyToMatrix(rpy: vec) -> rot = rotation_of_angles(rpy.x, rpy.y, rpy.z)
+rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot = rotation_of_angles(roll, pitch, yaw)
+""")
 
 
 def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
@@ -49,11 +46,6 @@ def rotate(axis: str, angle: float) -> Array:
     if about is None:
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
     return about(angle)  # type: ignore[no-any-return]
-
-
-def _trigonometry(rpy: Any) -> tuple[float, float, float, float, float, float]:
-    roll, pitch, yaw = array(rpy, (3,), "rpy").tolist()
-    return math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch), math.sin(yaw), math.cos(yaw)
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
@@ -78,17 +70,12 @@ def computeRpyJacobianTimeDerivative(rpy: Any, rpydot: Any, reference_frame: Ref
     sr, cr, sp, cp, sy, cy = _trigonometry(rpy)
     dr, dp, dy = array(rpydot, (3,), "rpydot").tolist()
     if reference_frame == LOCAL:
-        return np.array(
-            [
-                [0.0, 0.0, -cp * dp],
-                [0.0, -sr * dr, cr * cp * dr - sr * sp * dp],
-                [0.0, -cr * dr, -sr * cp * dr - cr * sp * dp],
-            ]
-        )
-    return np.array(
-        [
-            [-sy * cp * dy - cy * sp * dp, -cy * dy, 0.0],
-            [cy * cp * dy - sy * sp * dp, -sy * dy, 0.0],
-            [-cp * dp, 0.0, 0.0],
-        ]
-    )
+        sr_cp, cr_cp = cr * cp * dr - sr * sp * dp, -sr * cp * dr - cr * sp * dp  # their rates
+        return np.array([[0.0, 0.0, -cp * dp], [0.0, -sr * dr, sr_cp], [0.0, -cr * dr, cr_cp]])
+    cy_cp, sy_cp = -sy * cp * dy - cy * sp * dp, cy * cp * dy - sy * sp * dp
+    return np.array([[cy_cp, -cy * dy, 0.0], [sy_cp, -sy * dy, 0.0], [-cp * dp, 0.0, 0.0]])
+
+
+def _trigonometry(rpy: Any) -> tuple[float, ...]:
+    """Sine and cosine of each angle."""
+    return tuple(f(x) for x in array(rpy, (3,), "rpy").tolist() for f in (math.sin, math.cos))

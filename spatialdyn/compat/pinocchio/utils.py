@@ -18,14 +18,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-def eye(n: int) -> Any:
-    """The identity (n, n)."""
-    return np.eye(n)
-
-
-def zero(n: Any) -> Any:
-    """An array of zeros of size or shape n."""
-    return np.zeros(n)
+eye, zero = np.eye, np.zeros
 
 
 def rand(n: Any) -> Any:

@@ -1,16 +1,15 @@
 """``pinocchio.visualize``: ViserVisualizer and MeshcatVisualizer draw in viser; the other classes show nothing.
 
-Geometry is read by ``spatialdyn.pictures`` from the file given to ``buildModelsFromUrdf``; objects added to a
-GeometryModel are drawn too, if they are mesh files, boxes, cylinders or spheres. Without any, the joints' inertias are
-drawn as boxes. Where viser is not installed, and for the other viewers, the classes construct, their methods do
-nothing, and the first one warns.
+They read geometry by ``spatialdyn.pictures`` from the file given to ``buildModelsFromUrdf``, and objects added to a
+GeometryModel that are mesh files, boxes, cylinders or spheres; without any they draw boxes of the inertias.
+Where nothing can be drawn the classes construct, their methods do nothing, and the first one warns.
 """
 
 from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
@@ -145,10 +144,14 @@ def _nothing(*arguments: Any, **named: Any) -> None:
     """Do nothing."""
 
 
-class _Drawing(BaseVisualizer):
-    """A visualizer that draws in viser where that is installed, and else shows nothing."""
+class ViserVisualizer(BaseVisualizer):
+    """A visualizer that draws in viser; ``viewer`` is the viser.ViserServer. Without viser it shows nothing."""
 
-    _stage: Stage | None = None  # made by loadViewerModel
+    _stage: Stage | None = None  # made by initViewer
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._shown: dict[str, list[Any]] = {}  # what was drawn, by layer
 
     @classmethod
     def _draws(cls) -> bool:
@@ -180,7 +183,7 @@ class _Drawing(BaseVisualizer):
         if server is not None and not isinstance(server, ViserServer):
             raise ValueRuntimeError(f"viewer is a {type(viewer).__name__}, expected None or a viser.ViserServer")
         self._stage = Stage(list(self.model.names), host, int(port), server)
-        self._shown: dict[str, list[Any]] = {}
+        self._shown = {}
         self.viewer = self._window(self._stage.server)
         if open and has_screen():
             self._stage.open_tab()
@@ -188,7 +191,6 @@ class _Drawing(BaseVisualizer):
             self.loadViewerModel()
 
     def _window(self, server: Any) -> Any:
-        """What ``viewer`` is to be."""
         return server
 
     def _scene(self) -> Stage:
@@ -205,34 +207,30 @@ class _Drawing(BaseVisualizer):
             return
         stage = self._scene()
         self.viewerRootNodeName = rootNodeName
-        self._shown = {}
         kinematics.forwardKinematics(self.model, self.data, configuration.neutral(self.model))
         with stage.at_once():
-            self._load("visuals", self.visual_model, "visual")
-            if not self._shown["visuals"]:
-                self._shown["visuals"] = self._inertias()
+            self._shown = {"visuals": self._geometry(self.visual_model, "visual") or self._inertias()}
             self.display()
             box = stage.bounds(stage.shown)
             stage.look_at(box, float(box[0, 2]))
 
-    def _load(self, layer: str, given: GeometryModel | None, kind: str) -> None:
+    def _add(self, at: Any, shape: Shape) -> Any:
+        """Draw a shape at a frame or geometry object."""
+        return self._scene().add_shape(at.parentJoint, at.placement.homogeneous, shape)
+
+    def _geometry(self, given: GeometryModel | None, kind: str) -> list[Any]:
         """Draw the shapes of a GeometryModel: those of its file, and the objects added to it."""
         made, missing = [], []
-        if given is not None:
-            if given._file is not None:
-                geometry = urdf_shapes(given._file[0], kind, given._file[1])
-                missing += geometry.missing
-                bodies = {frame.name: frame for frame in self.model.frames if frame.type == BODY}
-                for shape in geometry.shapes:
-                    if shape.link in bodies:
-                        frame = bodies[shape.link]
-                        made.append(self._scene().add_shape(frame.parentJoint, frame.placement.homogeneous, shape))
-            for added in given.geometryObjects:
-                for shape in _shapes_of(added, missing):
-                    made.append(self._scene().add_shape(added.parentJoint, added.placement.homogeneous, shape))
+        if given is not None and given._file is not None:
+            geometry = urdf_shapes(given._file[0], kind, given._file[1])
+            missing += geometry.missing
+            bodies = {frame.name: frame for frame in self.model.frames if frame.type == BODY}
+            made += [self._add(bodies[shape.link], shape) for shape in geometry.shapes if shape.link in bodies]
+        for added in given.geometryObjects if given is not None else ():
+            made += [self._add(added, shape) for shape in _shapes_of(added, missing)]
         if missing:
             warn_missing(self.model.name, missing)
-        self._shown[layer] = made
+        return made
 
     def _inertias(self) -> list[Any]:
         """Boxes of the joints' inertias."""
@@ -254,53 +252,51 @@ class _Drawing(BaseVisualizer):
         with self._stage.at_once():
             self._stage.pose(np.array([X.homogeneous for X in self.data.oMi]))
 
-    def _switch(self, layer: str, visibility: bool) -> None:
+    def _switch(self, layer: str, visibility: bool, draw: Callable[[Stage], list[Any]] = lambda stage: []) -> None:
+        """Show or hide a layer, drawn when it is first shown."""
+        if self._stage is None:
+            return
+        if visibility and layer not in self._shown:
+            self._shown[layer] = draw(self._stage)
         for handle in self._shown.get(layer, []):
             handle.visible = bool(visibility)
 
     def displayVisuals(self, visibility: bool) -> None:
         """Show or hide the visual geometry."""
-        if self._stage is not None:
-            self._switch("visuals", visibility)
+        self._switch("visuals", visibility)
 
     def displayCollisions(self, visibility: bool) -> None:
         """Show or hide the collision geometry, which is read when it is first shown."""
-        if self._stage is not None:
-            if visibility and "collisions" not in self._shown:
-                self._load("collisions", self.collision_model, "collision")
-            self._switch("collisions", visibility)
+        self._switch("collisions", visibility, lambda stage: self._geometry(self.collision_model, "collision"))
 
     def displayFrames(self, visibility: bool, *arguments: Any, **named: Any) -> None:
         """Show or hide the axes of all frames."""
-        if self._stage is not None:
-            if visibility and "frames" not in self._shown:
-                self._shown["frames"] = [
-                    self._stage.add_axes(frame.parentJoint, frame.placement.homogeneous, frame.name, 0.2)
-                    for frame in self.model.frames
-                ]
-            self._switch("frames", visibility)
+
+        def draw(stage: Stage) -> list[Any]:
+            frames = self.model.frames
+            return [stage.add_axes(x.parentJoint, x.placement.homogeneous, x.name, 0.2) for x in frames]
+
+        self._switch("frames", visibility, draw)
 
     def clean(self) -> None:
         """Remove what was drawn."""
-        for handle in [handle for layer in getattr(self, "_shown", {}).values() for handle in layer]:
+        for handle in [handle for layer in self._shown.values() for handle in layer]:
             handle.remove()
         self._shown = {}
 
     def setCameraTarget(self, target: Any) -> None:
         """Point the camera at a position (3,)."""
-        self._camera(look_at=target)
+        self._camera("look_at", target)
 
     def setCameraPosition(self, position: Any) -> None:
         """Put the camera at a position (3,)."""
-        self._camera(position=position)
+        self._camera("position", position)
 
-    def _camera(self, **given: Any) -> None:
-        if self._stage is None:
-            return
-        cameras = [self._stage.server.initial_camera]
-        cameras += [client.camera for client in self._stage.server.get_clients().values()]
-        for camera in cameras:
-            for name, value in given.items():
+    def _camera(self, name: str, value: Any) -> None:
+        """Set an attribute of the camera of each client, and of those to come."""
+        if self._stage is not None:
+            clients = self._stage.server.get_clients().values()
+            for camera in (self._stage.server.initial_camera, *(client.camera for client in clients)):
                 setattr(camera, name, np.asarray(value, float))
 
     def captureImage(
@@ -345,13 +341,9 @@ def _shapes_of(added: GeometryObject, missing: list[str]) -> list[Shape]:
 
 
 class MeshcatWindow:
-    """What ``MeshcatVisualizer.viewer`` is: viser's server under MeshCat's names.
-
-    server  viser's server
-    """
+    """What ``MeshcatVisualizer.viewer`` is: viser's ``server``, which shows a stage, under MeshCat's names."""
 
     def __init__(self, server: Any, stage: Stage) -> None:
-        """``stage``: what the server shows."""
         self.server, self._stage = server, stage
 
     def url(self) -> str:
@@ -380,28 +372,20 @@ class MeshcatWindow:
         )
 
 
-class MeshcatVisualizer(_Drawing):
+class MeshcatVisualizer(ViserVisualizer):
     """A visualizer that draws in viser, its window under MeshCat's names; without viser it shows nothing."""
 
     def _window(self, server: Any) -> Any:
         return MeshcatWindow(server, self._scene())
 
 
-class ViserVisualizer(_Drawing):
-    """A visualizer that draws in viser; ``viewer`` is the viser.ViserServer. Without viser it shows nothing."""
+def _idle(name: str) -> type[BaseVisualizer]:
+    return type(name, (BaseVisualizer,), {"__doc__": "A visualizer that shows nothing.", "__module__": __name__})
 
 
-class GepettoVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing."""
-
-
-class RVizVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing."""
-
-
-class Panda3dVisualizer(BaseVisualizer):
-    """A visualizer that shows nothing."""
-
+GepettoVisualizer, RVizVisualizer, Panda3dVisualizer = map(
+    _idle, ("GepettoVisualizer", "RVizVisualizer", "Panda3dVisualizer")
+)
 
 __all__ = [
     "BaseVisualizer", "GepettoVisualizer", "MeshcatVisualizer", "Panda3dVisualizer", "RVizVisualizer",

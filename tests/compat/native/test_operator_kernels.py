@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spatialdyn.algebra import lie, public_arrays, spatial
+from spatialdyn.algebra import public_arrays
 from spatialdyn.compat.native import operator_kernels, operators
 from spatialdyn.engines import object_layout
 from spatialdyn.engines.compiled import numba_kernels
@@ -19,38 +19,40 @@ MOST = float(np.finfo(float).max)  # the wheel's limit where there is none
 FUSED = 32 * EPS  # compiled code may fuse a product and a sum, plain Python does not; entries are of order one
 
 OPERATIONS = {
-    "compose": (spatial.compose, "pose pose -> pose"),
-    "inverse": (spatial.inverse, "pose -> pose"),
-    "relative": (operators.relative_pose, "pose pose -> pose"),
-    "motion_to_parent": (spatial.motion_to_parent, "pose motion -> motion"),
-    "motion_to_child": (spatial.motion_to_child, "pose motion -> motion"),
-    "force_to_parent": (spatial.force_to_parent, "pose force -> force"),
-    "force_to_child": (spatial.force_to_child, "pose force -> force"),
-    "body_to_parent": (operators.body_to_parent, "pose body -> body"),
-    "body_to_child": (operators.body_to_child, "pose body -> body"),
-    "cross_motion": (spatial.cross_motion, "motion motion -> motion"),
-    "cross_force": (spatial.cross_force, "motion force -> force"),
-    "momentum": (operators.body_momentum, "body motion -> force"),
-    "add_body": (operators.add_bodies, "body body -> body"),
-    "sub_body": (operators.subtract_bodies, "body body -> body"),
-    "from_xyzquat": (operators.pose_from_xyzquat, "seven -> pose"),
-    "to_xyzquat": (operators.pose_to_xyzquat, "pose -> seven"),
-    "exp6": (operators.exp_pose, "motion -> pose"),
-    "log6": (operators.log_pose, "pose -> motion"),
-    "log6_jacobian": (operators.log_pose_jacobian, "pose -> tangent"),
-    "quat_matrix": (lie.matrix, "quat -> rot"),
-    "matrix_quat": (operators.quaternion_of_matrix, "rot -> quat"),
-    "quat_product": (lie.product, "quat quat -> quat"),
+    "compose": "(A: pose, B: pose) -> pose = compose(A, B)",
+    "inverse": "(A: pose) -> pose = inverse(A)",
+    "relative": "(A: pose, B: pose) -> pose = relative_pose(A, B)",
+    "motion_to_parent": "(A: pose, m: motion) -> motion = motion_to_parent(A, m)",
+    "motion_to_child": "(A: pose, m: motion) -> motion = motion_to_child(A, m)",
+    "force_to_parent": "(A: pose, f: force) -> force = force_to_parent(A, f)",
+    "force_to_child": "(A: pose, f: force) -> force = force_to_child(A, f)",
+    "body_to_parent": "(A: pose, B: body) -> body = body_to_parent(A, B)",
+    "body_to_child": "(A: pose, B: body) -> body = body_to_child(A, B)",
+    "cross_motion": "(v: motion, m: motion) -> motion = cross_motion(v, m)",
+    "cross_force": "(v: motion, f: force) -> force = cross_force(v, f)",
+    "momentum": "(B: body, v: motion) -> force = body_momentum(B, v)",
+    "add_body": "(A: body, B: body) -> body = add_bodies(A, B)",
+    "sub_body": "(A: body, B: body) -> body = combined(A, B, -1.0)",
+    "from_xyzquat": "(x: seven) -> pose = Pose(rotation_matrix(x.q), x.p)",
+    "to_xyzquat": "(A: pose) -> seven = Placed(A.p, quaternion_of_matrix(A.R))",
+    "exp6": "(v: motion) -> pose = exp_pose(v)",
+    "log6": "(A: pose) -> motion = log_pose(A)",
+    "log6_jacobian": "(A: pose) -> tangent = log_jacobian(log_pose(A), 1.0)",
+    "quat_matrix": "(q: quat) -> rot = rotation_matrix(q)",
+    "matrix_quat": "(R: rot) -> quat = quaternion_of_matrix(R)",
+    "quat_product": "(p: quat, q: quat) -> quat = product(p, q)",
 }
-SHAPES = {
-    "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
-    "body": (10,), "inertia": (6, 6), "tangent": (6, 6),
-}  # fmt: skip
+SHAPES = operator_kernels.SHAPES
+
+
+def formula(name: str) -> Any:
+    """The formula of that row."""
+    return operator_kernels.Formula.parsed(*f"{name}{OPERATIONS[name]}".split(" = "))
 
 
 def kernel(name: str) -> Any:
     """The compiled operator of that row."""
-    return operator_kernels.on_arrays(name, *OPERATIONS[name])
+    return operator_kernels.on_arrays(formula(name))
 
 
 def given(kind: str, rng: np.random.Generator) -> Any:
@@ -69,19 +71,20 @@ def given(kind: str, rng: np.random.Generator) -> Any:
 
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_compiled_operators_give_what_their_source_gives(name: str) -> None:
-    operator, kinds = OPERATIONS[name]
-    takes, made = (part.split() for part in kinds.split("->"))
+    row = formula(name)
+    takes, made = row.inputs.values(), row.output
+    operator = eval(f"lambda {row.parameters}: {row.text}", operator_kernels.SCOPE)
     for seed in range(5):
         rng = np.random.default_rng(seed)
         inputs = [given(kind, rng) for kind in takes]
         before = [x.copy() for x in inputs]
-        out, plain = np.full(SHAPES[made[0]], np.nan), np.full(SHAPES[made[0]], np.nan)
+        out, plain = np.full(SHAPES[made], np.nan), np.full(SHAPES[made], np.nan)
         kernel(name)(*inputs, out)
         arguments = [
             getattr(public_arrays, f"read_{kind}")(x.tolist() if x.ndim == 1 else x)
             for kind, x in zip(takes, inputs, strict=True)
         ]
-        getattr(public_arrays, f"write_{made[0]}")(plain, operator(*arguments))
+        getattr(public_arrays, f"write_{made}")(plain, operator(*arguments))
         assert np.abs(out - plain).max() <= FUSED * max(1.0, np.abs(plain).max())
         assert all(np.array_equal(x, y) for x, y in zip(inputs, before, strict=True))
 
@@ -125,6 +128,12 @@ def test_a_rotational_inertia_is_judged() -> None:
         assert operators.fault_of_inertia(public_arrays.read_rot(J)) == fault
 
 
+def test_a_signature_has_defaults_and_kinds() -> None:
+    row = operator_kernels.Formula.parsed("near(A: Motion|motion, B: vec, prec: number = 1e-12) -> truth", "1.0")
+    assert row.inputs == {"A": "Motion|motion", "B": "vec", "prec": "number"}
+    assert (row.name, row.output, row.parameters) == ("near", "truth", "A, B, prec=1e-12")
+
+
 # --- on objects --------------------------------------------------------------------------------------------
 
 
@@ -146,17 +155,17 @@ class Other(Box):
 compiled = pytest.mark.skipif(not object_layout.READY or numba_kernels.PLAIN, reason="nothing is compiled")
 
 
-def bound(operator: Any, inputs: tuple[str, ...], output: str) -> Any:
-    builtin = operator_kernels.value_builtin(f"test_{operator.__name__}", operator, inputs, output)
-    classes = {"Pose": Box, "Motion": Box}
-    return operator_kernels.bind_values(builtin, object_layout.slot_offset(Box, "x"), classes, inputs, output)
+def bound(signature: str, text: str) -> Any:
+    row = operator_kernels.Formula.parsed(signature, text)
+    builtin, slot = operator_kernels.value_builtin(row), object_layout.slot_offset(Box, "x")
+    return operator_kernels.bind_values(builtin, row, slot, {"Pose": Box, "Motion": Box})
 
 
 @compiled
 def test_objects_are_read_and_made() -> None:
     rng = np.random.default_rng(0)
     A, B, out = given("pose", rng), given("pose", rng), np.empty((4, 4))
-    compose = bound(spatial.compose, ("Pose", "Pose|pose"), "Pose")
+    compose = bound("compose(A: Pose, B: Pose|pose) -> Pose", "compose(A, B)")
     kernel("compose")(A, B, out)
     for other in (Box(B), B, np.asfortranarray(B), np.repeat(B, 2, axis=1)[:, ::2]):
         made = compose(Box(A), other)
@@ -165,14 +174,14 @@ def test_objects_are_read_and_made() -> None:
         made.note = 1
         assert made.x.flags.writeable
         assert made.x.flags.owndata
-    power = bound(spatial.power, ("motion", "force"), "number")
+    power = bound("power(v: motion, f: force) -> number", "power(v, f)")
     assert power(np.ones(6), np.arange(6.0)) == 15.0
     assert type(power(np.ones(6), np.arange(6.0))) is float
 
 
 @compiled
 def test_an_object_that_does_not_apply_gives_none() -> None:
-    A, compose = Box(np.eye(4)), bound(spatial.compose, ("Pose", "Pose|pose"), "Pose")
+    A, compose = Box(np.eye(4)), bound("compose(A: Pose, B: Pose|pose) -> Pose", "compose(A, B)")
     wrong = (
         Other(np.eye(4)),
         1,
@@ -215,7 +224,7 @@ def test_draws_are_those_of_the_generator() -> None:
 @compiled
 def test_objects_and_arrays_are_freed() -> None:
     """A result holds the one reference to its array, and no call holds one to its arguments."""
-    compose = bound(spatial.compose, ("Pose", "Pose|pose"), "Pose")
+    compose = bound("compose(A: Pose, B: Pose|pose) -> Pose", "compose(A, B)")
     A = Box(np.eye(4))
     made = compose(A, A)
     counts = sys.getrefcount(A), sys.getrefcount(A.x), sys.getrefcount(Box)

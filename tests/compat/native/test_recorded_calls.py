@@ -10,7 +10,7 @@ from trees import random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls.dynamics import table_call
-from spatialdyn.compat.native import operator_kernels, operators, recorded_calls, recorded_constraints
+from spatialdyn.compat.native import operator_kernels, recorded_calls, recorded_constraints
 from spatialdyn.constraints.contact import solve
 from spatialdyn.engines.compiled import cpython
 
@@ -141,8 +141,9 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
 def test_a_listed_operator_is_the_operator_row_by_row() -> None:
     rng = np.random.default_rng(1)
     a, b = np.empty((3, 4, 4)), rng.normal(size=(5, 6))
+    exp6 = operator_kernels.on_arrays(operator_kernels.Formula.parsed("exp6(v: motion) -> pose", "exp_pose(v)"))
     for X in a:
-        operator_kernels.on_arrays("exp6", operators.exp_pose, "motion -> pose")(rng.normal(size=6), X)
+        exp6(rng.normal(size=6), X)
     places, out, one = np.array([2, 0, 0, 1, 2]), np.empty((5, 6)), np.empty(6)
     recorded_calls.motions_to_parent(a, places, b, out)
     for k, place in enumerate(places):

@@ -12,68 +12,18 @@ import importlib
 import re
 import sys
 import types
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from functools import cache
 from typing import Any, NamedTuple, NoReturn
 
 from ....errors import SpatialDynError
 from .differences import DIFFERENCES
-from .pinocchio_names import NAMES
+from .pinocchio_names import INSTEAD
+from .pinocchio_names import OUT_OF_SCOPE as ABSENT
 
 SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a difference", "out of scope", "unknown"
 
-INSTEAD: tuple[tuple[str, str], ...] = (
-    (
-        "ADMM* PGS* Lanczos* Tridiagonal* Delassus* computeDampedDelassusMatrixInverse Constraint* Contact "
-        "*ConstraintModel *ConstraintData PointContact* FrameAnchor* PointAnchor* JointFriction* JointLimit* "
-        "*FrictionCone FrictionCoefficientMatrix getFrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone "
-        "NonNegativeOrthantCone lcaba computeImpulseDynamicsDerivatives contactInverseDynamics AUTOMATIC MANUAL "
-        "computeInverseDynamicsConstraintForces convertToRigidConstraintModel computeJointMinimalOrdering "
-        "StdVec_Contact CONSTANT LINEAR OSQP SPECTRAL",
-        "other constraints and solvers: constraintDynamics of RigidConstraintModel, forwardDynamics and "
-        "impulseDynamics with a Jacobian, spatialdyn.Constraints",
-    ),
-    (
-        "buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*",
-        "MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF",
-    ),
-    (
-        "JointModelEllipsoid JointDataEllipsoid",
-        "a joint that URDF does not have: JointModelComposite of those there are",
-    ),
-    (
-        "BroadPhase* TreeBroadPhase* StdVec_TreeBroadPhase* StdVec_BroadPhase* Distance* CollisionC* CollisionG* "
-        "CollisionO* CollisionR* StdVec_Collision* StdVec_Distance* StdVec_Compute* StdVec_coal* StdVec_Geometry* "
-        "Compute* GeometryPool Mesh* CachedMeshLoader Physics* buildGeom* buildSampleGeometry* computeCollision* "
-        "computeDistance computeDistances computeContactPatch* computeBodyRadius removeCollision* "
-        "updateGeometryPlacements coal hppfcl CONCRETE ICE METAL PLASTIC WOOD",
-        "geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements",
-    ),
-    (
-        "*KinematicHessian *KinematicHessians",
-        "second derivatives of kinematics: finite differences of getJointJacobian",
-    ),
-    ("JointData?*", "one class for all kinds: JointData"),
-    (
-        "StdVec_Data StdVec_Model StdVec_JointDataVector StdVec_JointModelVector boost_type_index std_type_index "
-        "map_indexing_suite_*",
-        "a container of C++: a list or dict of Python",
-    ),
-    ("serialization", "archives: pickle, Model.saveToText, saveToXML and saveToBinary"),
-    ("sharedMemory", "a switch of the binding's arrays: results are copies, fields of Data are written in place"),
-    ("graph", "building models as graphs: Model.addJoint, spatialdyn.ModelBuilder"),
-    (
-        "casadi",
-        "graphs of calls: spatialdyn.specialize(model, spatialdyn.aba).to_casadi(), a casadi.Function; symbols: "
-        "spatialdyn.SymbolicManipulator",
-    ),
-    ("romeo_wrapper windows_dll_manager derivative", "internals of the wheel"),
-    (
-        "inspect sys numpy pin pinocchio_pywrap_default submodules module_info",
-        "a foreign module in the wheel's namespace: import it by its own name",
-    ),
-    ("DeprecatedBool LogLevel Exception", "a detail of the binding"),
-)
 _DEPENDENT = "where constraints depend on each other, undamped: give a damping, or mu in ProximalSettings"
 _FOREIGN = "for files that Pinocchio wrote, and its StreamBuffer: pickle, or build the model from its URDF"
 RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arguments that scripts usually pass
@@ -88,8 +38,6 @@ RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arg
     ("forwardDynamics impulseDynamics constraintDynamics", _DEPENDENT),
     ("*.loadFromText *.loadFromXML *.loadFromBinary *.loadFromString", _FOREIGN),
 )
-
-
 MEMBERS = {"saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit", "visualize"}
 
 
@@ -121,6 +69,12 @@ def compat_package() -> types.ModuleType:
     return importlib.import_module(__package__.rpartition(".")[0])
 
 
+@cache
+def names() -> frozenset[str]:
+    """The public names of Pinocchio 4.1's Python module: those that are here, and those out of scope."""
+    return ABSENT | {*compat_package().__all__} - {"coverage", "differences", "strict"}
+
+
 def instead(name: str) -> str:
     """Advice for a name that is out of scope; "" for other names."""
     return _matching(INSTEAD, name)
@@ -128,14 +82,11 @@ def instead(name: str) -> str:
 
 def raises(name: str) -> str:
     """When a name that is there raises on arguments that scripts usually pass, and what to do; "" for others."""
-    return _matching(RAISES, name)
+    return _matching(((names.split(), what) for names, what in RAISES), name)
 
 
-def _matching(table: tuple[tuple[str, str], ...], name: str) -> str:
-    for patterns, what in table:
-        if any(fnmatchcase(name, pattern) for pattern in patterns.split()):
-            return what
-    return ""
+def _matching(table: Iterable[tuple[Iterable[str], str]], name: str) -> str:
+    return next((what for patterns, what in table if any(fnmatchcase(name, x) for x in patterns)), "")
 
 
 def coverage() -> dict[str, Entry]:
@@ -147,13 +98,15 @@ def coverage() -> dict[str, Entry]:
     >>> print(pin.coverage()["computeCollisions"].note)
     geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements
     """
-    return {name: entry(name) for name in sorted(NAMES)}
+    return {name: entry(name) for name in sorted(names())}
 
 
 def entry(name: str) -> Entry:
     """Status of one name; dotted for a member of a module or class."""
     first, *rest = name.split(".")
     package = compat_package()
+    if first == "casadi":  # imported apart, as in Pinocchio
+        importlib.import_module(f"{package.__name__}.casadi")
     if first in vars(package):
         at = getattr(package, first)
         for k, member in enumerate(rest):
@@ -167,8 +120,6 @@ def entry(name: str) -> Entry:
     note = instead(first)
     if note:
         return Entry(name, OUT_OF_SCOPE, note)
-    if first in NAMES:
-        return Entry(name, OUT_OF_SCOPE, "not implemented yet")
     return Entry(name, UNKNOWN, "Pinocchio 4.1 has no such name" + _suggestion(first))
 
 
@@ -187,7 +138,7 @@ def missing(name: str) -> NoReturn:
 
     Raises OutOfScopeError for a name of Pinocchio's, AttributeError for any other
     """
-    if name in NAMES or instead(name):
+    if instead(name):
         kind = OutOfScopeImportError if _imported() else OutOfScopeAttributeError
         raise kind(f"pinocchio.{name} is not supported: {entry(name).note}")
     raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_suggestion(name)}")
@@ -206,7 +157,7 @@ def _imported() -> bool:
 
 
 def _suggestion(name: str) -> str:
-    near = difflib.get_close_matches(name, NAMES, n=1)
+    near = difflib.get_close_matches(name, names(), n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
@@ -224,6 +175,6 @@ def _differences() -> dict[str, str]:
             continue
         subject = re.split(r" (?:after|before|with) ", x.what)[0]
         for name in dict.fromkeys(re.findall(r"[\w.]+", subject)):
-            if name.split(".")[0] in NAMES | MEMBERS:
+            if name.split(".")[0] in names() | MEMBERS:
                 found.setdefault(name, []).append(f"{x.what}: {x.here}, in Pinocchio {x.pinocchio}")
     return {name: "; ".join(notes) for name, notes in found.items()}

@@ -1,91 +1,73 @@
-"""The public names of Pinocchio 4.1's Python module."""
+"""The public names of Pinocchio 4.1's Python module that are out of scope, with what to use instead."""
 
 from __future__ import annotations
 
-_TEXT = """
-ACCELERATION ADMMConstraintSolver ADMMProximalRule ADMMSolverResult ADMMSolverSettings ADMMSolverStats
-ADMMUpdateRule ARG0 ARG1 ARG2 ARG3 ARG4 AUTOMATIC AngleAxis ArgumentPosition BODY BaumgarteCorrectorParameters
-BoxSet BroadPhaseManagerPool_DynamicAABBTreeCollisionManager BroadPhaseManager_DynamicAABBTreeArrayCollisionManager
-BroadPhaseManager_DynamicAABBTreeCollisionManager BroadPhaseManager_IntervalTreeCollisionManager
-BroadPhaseManager_NaiveCollisionManager BroadPhaseManager_SSaPCollisionManager BroadPhaseManager_SaPCollisionManager
-COLLISION CONCRETE CONSTANT CachedMeshLoader CollisionCallBackBase CollisionCallBackCollect CollisionCallBackDefault
-CollisionGeometry CollisionObject CollisionPair CollisionResult ComputeCollision ComputeDistance
-ConstraintCholeskyDecomposition ConstraintData ConstraintModel ConstraintSelectionType Contact
-ContactCholeskyDecomposition ContactType Convention CoulombFrictionCone Data DelassusCholeskyExpression
-DelassusOperatorCholeskyExpression DelassusOperatorDense DelassusOperatorSparse DeprecatedBool DistanceResult
-DualCoulombFrictionCone Exception FIXED_JOINT Force Frame FrameAnchorConstraintData FrameAnchorConstraintModel
-FrameType FrictionCoefficientMatrix FullSpaceCone GeometryData GeometryModel GeometryNoMaterial GeometryObject
-GeometryPhongMaterial GeometryPool GeometryType Hlog3 ICE Inertia JOINT Jexp3 Jexp6 Jlog3 Jlog6 JointData
-JointDataComposite JointDataEllipsoid JointDataFreeFlyer JointDataHX JointDataHY JointDataHZ
-JointDataHelicalUnaligned JointDataMimic JointDataPX JointDataPY JointDataPZ JointDataPlanar
-JointDataPrismaticUnaligned JointDataRUBX JointDataRUBY JointDataRUBZ JointDataRX JointDataRY JointDataRZ
-JointDataRevoluteUnaligned JointDataRevoluteUnboundedUnalignedTpl JointDataSpherical JointDataSphericalZYX
-JointDataTranslation JointDataUniversal JointFrictionConstraintData JointFrictionConstraintModel
-JointLimitConstraintData JointLimitConstraintModel JointModel JointModelComposite JointModelEllipsoid
-JointModelFreeFlyer JointModelHX JointModelHY JointModelHZ JointModelHelicalUnaligned JointModelMimic JointModelPX
-JointModelPY JointModelPZ JointModelPlanar JointModelPrismaticUnaligned JointModelRUBX JointModelRUBY JointModelRUBZ
-JointModelRX JointModelRY JointModelRZ JointModelRevoluteUnaligned JointModelRevoluteUnboundedUnaligned
-JointModelSpherical JointModelSphericalZYX JointModelTranslation JointModelUniversal KinematicLevel LINEAR LOCAL
-LOCAL_WORLD_ALIGNED LanczosDecomposition LieGroup LogCholeskyParameters LogLevel MANUAL METAL MeshLoader Model
-ModelPool Motion NonNegativeOrthantCone OP_FRAME OSQP PGSConstraintSolver PGSSolverResult PGSSolverSettings
-PGSSolverStats PINOCCHIO_MAJOR_VERSION PINOCCHIO_MINOR_VERSION PINOCCHIO_PATCH_VERSION PLASTIC POSITION
-PhysicsMaterial PhysicsMaterialType PointAnchorConstraintData PointAnchorConstraintModel PointContactConstraintData
-PointContactConstraintModel ProximalSettings PseudoInertia Quaternion ReferenceFrame RigidConstraintData
-RigidConstraintModel RobotWrapper SE3 SE3ToXYZQUAT SE3ToXYZQUATtuple SENSOR SPECTRAL ScalarType
-StdMap_String_VectorXd StdVec_Bool StdVec_BooleanVector StdVec_BroadPhaseManager_DynamicAABBTreeCollisionManager
-StdVec_CollisionObject StdVec_CollisionPair StdVec_CollisionResult StdVec_ComputeCollision StdVec_ComputeDistance
-StdVec_ConstraintData StdVec_ConstraintModel StdVec_Contact StdVec_Data StdVec_DistanceResult StdVec_Double
-StdVec_EigenIndex StdVec_EigenIndexVector StdVec_Force StdVec_Frame StdVec_FrameAnchorConstraintData
-StdVec_FrameAnchorConstraintModel StdVec_GeometryData StdVec_GeometryModel StdVec_GeometryObject StdVec_Index
-StdVec_IndexVector StdVec_Inertia StdVec_JointDataVector StdVec_JointFrictionConstraintData
-StdVec_JointFrictionConstraintModel StdVec_JointLimitConstraintData StdVec_JointLimitConstraintModel
-StdVec_JointModelVector StdVec_Matrix6 StdVec_Matrix6x StdVec_MatrixXs StdVec_Model StdVec_Motion
-StdVec_PointAnchorConstraintData StdVec_PointAnchorConstraintModel StdVec_PointContactConstraintData
-StdVec_PointContactConstraintModel StdVec_RigidConstraintData StdVec_RigidConstraintModel StdVec_SE3 StdVec_Scalar
-StdVec_StdString StdVec_StdVec_Int StdVec_Symmetric3 StdVec_TreeBroadPhaseManager_DynamicAABBTreeCollisionManager
-StdVec_Vec3s StdVec_Vector3 StdVec_coal_CollisionObjectPointer StdVec_int Symmetric3
-TreeBroadPhaseManagerPool_DynamicAABBTreeCollisionManager TreeBroadPhaseManager_DynamicAABBTreeArrayCollisionManager
-TreeBroadPhaseManager_DynamicAABBTreeCollisionManager TreeBroadPhaseManager_IntervalTreeCollisionManager
-TreeBroadPhaseManager_NaiveCollisionManager TreeBroadPhaseManager_SSaPCollisionManager
-TreeBroadPhaseManager_SaPCollisionManager TridiagonalSymmetricMatrix VELOCITY VISUAL WITH_COLLISION WITH_CPPAD
-WITH_HPP_FCL WITH_HPP_FCL_BINDINGS WITH_OPENMP WITH_SDFORMAT WITH_URDFDOM WOOD WORLD XAxis XYZQUATToSE3 YAxis ZAxis
-ZeroCone aba abaInParallel appendModel bodyRegressor boost_type_index buildGeomFromMJCF buildGeomFromUrdf
-buildGeomFromUrdfString buildModelAndConstraintsFromMJCF buildModelAndLegacyConstraintsFromMJCF buildModelFromMJCF
-buildModelFromMJCFAndRootJoint buildModelFromUrdf buildModelFromXML buildModelsAndConstraintsFromMJCF
-buildModelsAndConstraintsFromSdf buildModelsFromMJCF buildModelsFromSdf buildModelsFromUrdf buildReducedModel
-buildSampleGeometryModelHumanoid buildSampleGeometryModelManipulator buildSampleModelHumanoid
-buildSampleModelHumanoidRandom buildSampleModelManipulator ccrba centerOfMass checkVersionAtLeast cholesky
-classicAcceleration coal compactTangentMap computeABADerivatives computeAllTerms computeBodyRadius
-computeCentroidalDynamicsDerivatives computeCentroidalMap computeCentroidalMapTimeVariation
-computeCentroidalMomentum computeCentroidalMomentumTimeVariation computeCollision computeCollisions
-computeCollisionsInParallel computeConstraintDynamicsDerivatives computeContactPatch computeContactPatches
-computeCoriolisMatrix computeDampedDelassusMatrixInverse computeDelassusMatrix computeDistance computeDistances
-computeForwardKinematicsDerivatives computeFrameJacobian computeFrameKinematicRegressor computeGeneralizedGravity
-computeGeneralizedGravityDerivatives computeImpulseDynamicsDerivatives computeInverseDynamicsConstraintForces
-computeJointJacobian computeJointJacobians computeJointJacobiansTimeVariation computeJointKinematicHessians
-computeJointKinematicRegressor computeJointMinimalOrdering computeJointTorqueRegressor
-computeKKTContactDynamicMatrixInverse computeKineticEnergy computeKineticEnergyRegressor computeMechanicalEnergy
-computeMinverse computePotentialEnergy computePotentialEnergyRegressor computeRNEADerivatives computeStaticRegressor
-computeStaticTorque computeStaticTorqueDerivatives computeSubtreeMasses computeSupportedForceByFrame
-computeSupportedInertiaByFrame computeTotalMass constraintDynamics contactInverseDynamics
-convertToRigidConstraintModel crba createDatas dDifference dIntegrate dIntegrateTransport dccrba deprecated
-difference distance exp exp3 exp3_quat exp6 exp6_quat explog findCommonAncestor forwardDynamics forwardKinematics
-frameBodyRegressor frameJacobianTimeVariation framesForwardKinematics getAcceleration
-getCenterOfMassVelocityDerivatives getCentroidalDynamicsDerivatives getClassicalAcceleration getConstraintJacobian
-getConstraintsJacobian getCoriolisMatrix getFrameAcceleration getFrameAccelerationDerivatives
-getFrameClassicalAcceleration getFrameJacobian getFrameJacobianTimeVariation getFrameKinematicHessian
-getFrameVelocity getFrameVelocityDerivatives getFrictionCoefficientMatrix getJacobianSubtreeCenterOfMass
-getJointAccelerationDerivatives getJointJacobian getJointJacobianTimeVariation getJointKinematicHessian
-getJointVelocityDerivatives getKKTContactDynamicMatrixInverse getPointClassicAccelerationDerivatives
-getPointVelocityDerivatives getTangentToConfigurationSparsitySegment getVelocity graph hppfcl impulseDynamics
-initConstraintDynamics inspect integrate interpolate isNormalized isOrthonormal isSameConfiguration
-jacobianCenterOfMass jacobianSubtreeCenterOfMass jointBodyRegressor lcaba lieGroup liegroups linalg
-loadReferenceConfigurations loadReferenceConfigurationsFromXML loadRotorParameters log log3 log6 log6_quat
-map_indexing_suite_StdMap_String_VectorXd_entry module_info neutral nle nonLinearEffects normalize numpy
-omp_get_max_threads orthogonalization orthonormalization pin pinocchio_pywrap_default printVersion
-randomConfiguration removeCollisionPairs removeCollisionPairsFromXML rnea rneaInParallel robot_wrapper rpy seed
-serialization sharedMemory shortcuts skew skewSquare squaredDistance std_type_index submodules sys tangentMap
-tangentMapProduct tangentMapTransposeProduct transformJointIntoMimic unSkew updateFramePlacement
-updateFramePlacements updateGeometryPlacements updateGlobalPlacements utils
+import itertools
+import re
+
+# what to use instead; indented lines name what for, with choices in braces, and * for names of other versions too
+_TABLE = """
+other constraints and solvers: constraintDynamics of RigidConstraintModel, forwardDynamics and impulseDynamics with a
+Jacobian, spatialdyn.Constraints
+    ADMM* ADMMConstraintSolver ADMMProximalRule ADMMSolver{Result,Settings,Stats} ADMMUpdateRule PGS*
+    PGSConstraintSolver PGSSolver{Result,Settings,Stats} Lanczos* LanczosDecomposition Tridiagonal*
+    TridiagonalSymmetricMatrix Delassus* DelassusCholeskyExpression DelassusOperator{CholeskyExpression,Dense,Sparse}
+    Constraint* {,StdVec_}Constraint{Data,Model} ConstraintSelectionType {,StdVec_}Contact *ConstraintModel
+    *ConstraintData {FrameAnchor,PointAnchor,PointContact,JointFriction,JointLimit}*
+    {,StdVec_}{FrameAnchor,PointAnchor,PointContact,JointFriction,JointLimit}Constraint{Data,Model} *FrictionCone
+    {,Dual}CoulombFrictionCone {,get}FrictionCoefficientMatrix BoxSet FullSpaceCone ZeroCone NonNegativeOrthantCone
+    lcaba computeImpulseDynamicsDerivatives contactInverseDynamics computeInverseDynamicsConstraintForces
+    computeDampedDelassusMatrixInverse computeJointMinimalOrdering convertToRigidConstraintModel AUTOMATIC MANUAL
+    CONSTANT LINEAR OSQP SPECTRAL
+MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF
+    buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*
+    buildModelAnd{,Legacy}ConstraintsFromMJCF buildModel{,s}FromMJCF buildModelFromMJCFAndRootJoint
+    buildModelsAndConstraintsFrom{MJCF,Sdf} buildModelsFromSdf
+a joint that URDF does not have: JointModelComposite of those there are
+    Joint{Data,Model}Ellipsoid
+geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements
+    {,StdVec_}{,Tree}BroadPhase* {,Tree}BroadPhaseManagerPool_DynamicAABBTreeCollisionManager
+    {,Tree}BroadPhaseManager_{DynamicAABBTree,DynamicAABBTreeArray,IntervalTree,Naive,SSaP,SaP}CollisionManager
+    StdVec_{,Tree}BroadPhaseManager_DynamicAABBTreeCollisionManager {,StdVec_}Distance* {,StdVec_}DistanceResult
+    Collision{C,G,O,R}* CollisionCallBack{Base,Collect,Default} CollisionGeometry {,StdVec_}Collision{Object,Result}
+    {,StdVec_}Compute* {,StdVec_}Compute{Collision,Distance} StdVec_{Collision,coal,Geometry}* StdVec_CollisionPair
+    StdVec_coal_CollisionObjectPointer StdVec_Geometry{Data,Model,Object} GeometryPool Mesh* {,Cached}MeshLoader
+    Physics* PhysicsMaterial{,Type} buildGeom* buildGeomFrom{MJCF,Urdf,UrdfString} buildSampleGeometry*
+    buildSampleGeometryModel{Humanoid,Manipulator} computeCollision* computeCollision{,s,sInParallel}
+    computeDistance{,s} computeContactPatch* computeContactPatch{,es} computeBodyRadius removeCollision*
+    removeCollisionPairs{,FromXML} updateGeometryPlacements coal hppfcl CONCRETE ICE METAL PLASTIC WOOD
+second derivatives of kinematics: finite differences of getJointJacobian
+    *KinematicHessian{,s} computeJointKinematicHessians get{Frame,Joint}KinematicHessian
+one class for all kinds: JointData
+    JointData?* JointData{Composite,FreeFlyer,HX,HY,HZ,HelicalUnaligned,Mimic,PX,PY,PZ,Planar,PrismaticUnaligned}
+    JointData{RUBX,RUBY,RUBZ,RX,RY,RZ,RevoluteUnaligned,RevoluteUnboundedUnalignedTpl,Spherical,SphericalZYX}
+    JointData{Translation,Universal}
+a container of C++: a list or dict of Python
+    StdVec_{Data,Model,JointDataVector,JointModelVector} {boost,std}_type_index map_indexing_suite_*
+    map_indexing_suite_StdMap_String_VectorXd_entry
+archives: pickle, Model.saveToText, saveToXML and saveToBinary
+    serialization
+a switch of the binding's arrays: results are copies, fields of Data are written in place
+    sharedMemory
+building models as graphs: Model.addJoint, spatialdyn.ModelBuilder
+    graph
+internals of the wheel
+    romeo_wrapper* windows_dll_manager* derivative*
+a foreign module in the wheel's namespace: import it by its own name
+    inspect sys numpy pin pinocchio_pywrap_default submodules module_info
+a detail of the binding
+    DeprecatedBool LogLevel Exception
 """
-NAMES = frozenset(_TEXT.split())
+
+
+def _words(text: str) -> list[str]:
+    """Its words, each choice in braces made: ``a{b,c}`` is ``ab`` and ``ac``."""
+    choices = ([part.split(",") for part in re.split("[{}]", word)] for word in text.split())
+    return ["".join(x) for parts in choices for x in itertools.product(*parts)]
+
+
+INSTEAD = tuple(
+    (tuple(_words(names)), " ".join(what.split()))
+    for what, names in re.findall(r"((?:^\S.*\n)+)((?:^ .*\n)+)", _TABLE, re.MULTILINE)
+)
+OUT_OF_SCOPE = frozenset(word for words, _ in INSTEAD for word in words if "*" not in word)

@@ -10,22 +10,16 @@ import ast
 from typing import NamedTuple
 
 from ....errors import SpatialDynError
-from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, raises
-from .pinocchio_names import NAMES
+from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, names, raises
 
 ROOT, FACE = "pinocchio", "spatialdyn.compat.pinocchio"
-MAKERS = {  # function -> class of its result
-    "buildModelFromUrdf": "Model",
-    "buildModelFromXML": "Model",
-    "buildReducedModel": "Model",
-    "buildSampleModelManipulator": "Model",
-    "buildSampleModelHumanoid": "Model",
-    "buildSampleModelHumanoidRandom": "Model",
-    "appendModel": "Model",
-    "createData": "Data",
-    "BuildFromURDF": "RobotWrapper",
-    "buildReducedRobot": "RobotWrapper",
+_MADE = {  # class -> functions that make an object of it
+    "Model": "buildModelFromUrdf buildModelFromXML buildReducedModel buildSampleModelManipulator appendModel "
+    "buildSampleModelHumanoid buildSampleModelHumanoidRandom",
+    "Data": "createData",
+    "RobotWrapper": "BuildFromURDF buildReducedRobot",
 }
+MAKERS = {function: kind for kind, functions in _MADE.items() for function in functions.split()}
 FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # function -> class of its first result
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
 STATIC = {"Identity", "Random", "Zero"}  # members of a class that return an object of it
@@ -142,11 +136,11 @@ class _Reader(ast.NodeVisitor):
             return
         for alias in node.names:
             if alias.name == "*":
-                self.aliases |= {name: name for name in NAMES} if not inside else {}
+                self.aliases |= {name: name for name in names()} if not inside else {}
                 self.note(inside, node.lineno)
                 continue
             # a name in a submodule is the package's unless the package does not have it
-            own = alias.name if alias.name in NAMES or not inside else f"{inside}.{alias.name}"
+            own = alias.name if alias.name in names() or not inside else f"{inside}.{alias.name}"
             self.aliases[alias.asname or alias.name] = own
             self.note(own, node.lineno)
 
@@ -208,10 +202,9 @@ class _Reader(ast.NodeVisitor):
         elif text in self.assigned:
             self.assigned.remove(text)
             del self.aliases[text]
+        self.kinds.pop(text, None)
         if kind is not None:
             self.kinds[text] = kind
-        else:
-            self.kinds.pop(text, None)
 
     def visit_Name(self, node: ast.Name) -> None:
         if isinstance(node.ctx, ast.Load):
@@ -233,7 +226,7 @@ def _own(name: str) -> str:
     module, _, rest = name.partition(".")
     first = rest.partition(".")[0]
     there = vars(compat_package())
-    shown = first in NAMES and first in there and getattr(there.get(module), first, None) is there[first]
+    shown = first in names() and first in there and getattr(there.get(module), first, None) is there[first]
     return rest if shown else name
 
 

@@ -12,29 +12,17 @@ VARIABLE = "SPATIALDYN_STRICT"
 MODELS: weakref.WeakSet[Any] = weakref.WeakSet()  # models whose LibraryModel depends on the switch
 
 
-def _start() -> bool:
-    """Whether the environment turns strict mode on. Raises SpatialDynError unless it is empty, 0 or 1."""
-    word = os.environ.get(VARIABLE, "")
-    if word not in ("", "0", "1"):
-        raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
-    return word == "1"
-
-
-class Switch:
-    """Whether strict mode is on."""
+class _Switch:
+    """Whether strict mode is on. Raises SpatialDynError unless the environment variable is empty, 0 or 1."""
 
     def __init__(self) -> None:
-        self.on = _start()
-
-    def turn(self, on: bool) -> None:
-        """Turn strict mode on or off; cached LibraryModels of the other mode are dropped."""
-        if on is not self.on:
-            self.on = on
-            for model in list(MODELS):
-                model._library = None
+        word = os.environ.get(VARIABLE, "")
+        if word not in ("", "0", "1"):
+            raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
+        self.on = word == "1"
 
 
-_SWITCH = Switch()
+_SWITCH = _Switch()
 
 
 def strict(on: bool | None = None) -> bool:
@@ -59,5 +47,8 @@ def strict(on: bool | None = None) -> bool:
     if on is not None:
         if not isinstance(on, bool):
             raise SpatialDynError(f"strict is {on!r}, expected True, False or None")
-        _SWITCH.turn(on)
+        if on is not before:
+            _SWITCH.on = on
+            for model in list(MODELS):
+                model._library = None  # of the other mode
     return before

@@ -135,12 +135,9 @@ class CollisionPair:
 
 
 class GeometryModel(_Bookkeeping):
-    """Shapes on a model's joints, and the pairs that may collide; empty as buildModelsFromUrdf returns it.
+    """Shapes on a model's joints, geometryObjects, and the pairs of them that may collide, collisionPairs.
 
-    Visualizers read the shapes of the file that buildModelsFromUrdf was given.
-
-    geometryObjects  list of GeometryObject
-    collisionPairs   list of CollisionPair
+    Empty as buildModelsFromUrdf returns it; visualizers read the shapes of its file.
     """
 
     _beyond = f"collisionPairMapping setCollisionPairs {_FILES}"
@@ -152,10 +149,7 @@ class GeometryModel(_Bookkeeping):
         if other is not None:
             self.__dict__.update(deepcopy(expected(other, GeometryModel, "other")).__dict__)
 
-    @property
-    def ngeoms(self) -> int:
-        """Number of geometry objects."""
-        return len(self.geometryObjects)
+    ngeoms = property(lambda self: len(self.geometryObjects), doc="Number of geometry objects.")
 
     def createData(self) -> GeometryData:
         """A GeometryData."""
@@ -167,7 +161,7 @@ class GeometryModel(_Bookkeeping):
         if model is not None and given.parentFrame < model.nframes:
             given.parentJoint = model.frames[given.parentFrame].parentJoint
         self.geometryObjects.append(given)
-        return self.ngeoms - 1
+        return len(self.geometryObjects) - 1
 
     def removeGeometryObject(self, name: str) -> None:
         """Remove an object and its pairs; later indices decrease. Raises ModelError if there is none."""
@@ -180,11 +174,11 @@ class GeometryModel(_Bookkeeping):
 
     def getGeometryId(self, name: str) -> int:
         """Index of the object of that name; ngeoms if there is none."""
-        return next((k for k, x in enumerate(self.geometryObjects) if x.name == name), self.ngeoms)
+        return next((k for k, x in enumerate(self.geometryObjects) if x.name == name), len(self.geometryObjects))
 
     def existGeometryName(self, name: str) -> bool:
         """Whether an object has that name."""
-        return self.getGeometryId(name) < self.ngeoms
+        return self.getGeometryId(name) < len(self.geometryObjects)
 
     def addCollisionPair(self, pair: CollisionPair) -> None:
         """Add a pair unless it exists. Raises ModelError for an index out of range."""

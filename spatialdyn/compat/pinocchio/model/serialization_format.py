@@ -29,35 +29,23 @@ FORMAT = "spatialdyn.compat.pinocchio model 1"
 
 def state(model: Any) -> dict[str, Any]:
     """A model as lists of numbers and names."""
+    joints = zip(model.names, model.parents, model.joints, model.jointPlacements, model.inertias, strict=True)
     return {
-        "format": FORMAT,
-        "name": model.name,
-        "nbodies": model.nbodies,
-        "gravity": _numbers(model.gravity),
+        "format": FORMAT, "name": model.name, "nbodies": model.nbodies, "gravity": _numbers(model.gravity),
         "joints": [
-            {
-                "name": model.names[k],
-                "parent": int(model.parents[k]),
-                "joint": model.joints[k].state(),
-                "placement": _numbers(model.jointPlacements[k]),
-                "inertia": _numbers(model.inertias[k]),
-            }
-            for k in range(model.njoints)
+            {"name": name, "parent": int(parent), "joint": x.state(), "placement": _numbers(X), "inertia": _numbers(I)}
+            for name, parent, x, X, I in joints
         ],
         "frames": [
             {
-                "name": frame.name,
-                "joint": frame.parentJoint,
-                "before": frame.parentFrame,
-                "placement": _numbers(frame.placement),
-                "type": frame.type.name,
-                "inertia": _numbers(frame.inertia),
+                "name": x.name, "joint": x.parentJoint, "before": x.parentFrame, "placement": _numbers(x.placement),
+                "type": x.type.name, "inertia": _numbers(x.inertia),
             }
-            for frame in model.frames
+            for x in model.frames
         ],
         "arrays": {name: x.tolist() for name, x in model._arrays.items()},
         "configurations": {name: np.asarray(q).tolist() for name, q in model.referenceConfigurations.items()},
-    }
+    }  # fmt: skip
 
 
 def fill(model: Any, given: Mapping[str, Any]) -> None:
@@ -66,11 +54,10 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
     model.name = given["name"]
     model.gravity = _value(Motion, given["gravity"])
     for k, entry in enumerate(given["joints"]):
+        placement = _value(SE3, entry["placement"])
         if k:
-            made = joint_of(entry["joint"])
-            model._append_joint(entry["parent"], made, _value(SE3, entry["placement"]), entry["name"])
-        model.names[k] = entry["name"]
-        model.jointPlacements[k] = _value(SE3, entry["placement"])
+            model._append_joint(entry["parent"], joint_of(entry["joint"]), placement, entry["name"])
+        model.names[k], model.jointPlacements[k] = entry["name"], placement
         model.inertias[k] = _value(Inertia, entry["inertia"])
     vars(model)["nbodies"] = given["nbodies"]
     del model.frames[:]
@@ -136,7 +123,7 @@ class Stored:
 
     def saveToBinary(self, filename: str | os.PathLike[str]) -> None:
         """Write the state to a binary file."""
-        Path(_path(filename)).write_bytes(zlib.compress(self.saveToString().encode()))
+        _path(filename).write_bytes(zlib.compress(self.saveToString().encode()))
 
     def loadFromBinary(self, filename: str | os.PathLike[str]) -> None:
         """Take over the state in a binary file. Raises SpatialDynError if it holds none of this kind."""
@@ -147,12 +134,12 @@ class Stored:
         _load(self, text, filename)
 
 
-def _path(filename: Any) -> Any:
+def _path(filename: Any) -> Path:
     if not isinstance(filename, (str, os.PathLike)):
         raise NotImplementedError(
             f"saveToBinary and loadFromBinary take files only, not a {type(filename).__name__}; give a path"
         )
-    return filename
+    return Path(filename)
 
 
 def _read(filename: Any) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,14 +25,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-class _NoOwner:
-    """The owner of lists without an owner."""
-
-    def changed(self) -> None:
-        """Do nothing."""
-
-
-NO_OWNER = _NoOwner()
+NO_OWNER = SimpleNamespace(changed=lambda: None)  # the owner of lists without an owner
 
 
 class StdVec(OwnedList[Any]):

@@ -47,44 +47,31 @@ class Enum(IntEnum, metaclass=_Members):
 class FrameType(Enum):
     """Kind of a frame; values combine to masks: ``FrameType.JOINT | FrameType.FIXED_JOINT``."""
 
-    OP_FRAME = 1
-    JOINT = 2
-    FIXED_JOINT = 4
-    BODY = 8
-    SENSOR = 16
+    OP_FRAME, JOINT, FIXED_JOINT, BODY, SENSOR = 1, 2, 4, 8, 16
 
 
 class ReferenceFrame(Enum):
     """The axes and the point in which a spatial vector is expressed."""
 
-    WORLD = 0
-    LOCAL = 1
-    LOCAL_WORLD_ALIGNED = 2
+    WORLD, LOCAL, LOCAL_WORLD_ALIGNED = range(3)
 
 
 class KinematicLevel(Enum):
     """Highest derivative of the position that is computed."""
 
-    POSITION = 0
-    VELOCITY = 1
-    ACCELERATION = 2
+    POSITION, VELOCITY, ACCELERATION = range(3)
 
 
 class Convention(Enum):
     """The frame in which Pinocchio runs a recursion; it does not change results."""
 
-    WORLD = 0
-    LOCAL = 1
+    WORLD, LOCAL = range(2)
 
 
 class ArgumentPosition(Enum):
     """An argument of a function, by position."""
 
-    ARG0 = 0
-    ARG1 = 1
-    ARG2 = 2
-    ARG3 = 3
-    ARG4 = 4
+    ARG0, ARG1, ARG2, ARG3, ARG4 = range(5)
 
 
 ANY_FRAME = 31  # all kinds of frames
@@ -104,28 +91,24 @@ def _field(name: str, own: Callable[[Any, Any], Any], doc: str) -> Any:
     return property(attrgetter(f"_{name}"), write, doc=doc)
 
 
+_FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
+    ("name", lambda x, frame: expected(x, str, "name"), "Name of the frame."),
+    ("parentJoint", lambda x, frame: int(x), "Index of the joint that carries the frame."),
+    ("parentFrame", lambda x, frame: int(x), "Index of the parent frame."),
+    ("placement", lambda x, frame: owned_copy(expected(x, SE3, "placement"), frame), "SE3 in the joint's frame."),
+    ("type", lambda x, frame: FrameType(x), "FrameType."),
+    ("inertia", lambda x, frame: owned_copy(expected(x, Inertia, "inertia"), frame), "Inertia of its body."),
+)
+
+
 class Frame:
     """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
 
-    _FIELDS = ("name", "parentJoint", "parentFrame", "placement", "type", "inertia")
-    __slots__ = ("_owner", *(f"_{name}" for name in _FIELDS))
+    __slots__ = ("_owner", *(f"_{row[0]}" for row in _FIELDS))
 
-    name = _field("name", lambda x, frame: expected(x, str, "name"), "Name of the frame.")
-    parentJoint = _field("parentJoint", lambda x, frame: int(x), "Index of the joint that carries the frame.")
-    parentFrame = _field("parentFrame", lambda x, frame: int(x), "Index of the parent frame.")
-    placement = _field(
-        "placement",
-        lambda x, frame: owned_copy(expected(x, SE3, "placement"), frame),
-        "SE3 in the parent joint's frame.",
-    )
-    type = _field("type", lambda x, frame: FrameType(x), "FrameType.")
-    inertia = _field(
-        "inertia",
-        lambda x, frame: owned_copy(expected(x, Inertia, "inertia"), frame),
-        "Inertia of the frame's body, in the frame.",
-    )
+    name, parentJoint, parentFrame, placement, type, inertia = (_field(*row) for row in _FIELDS)
     parent = parentJoint  # its name in Pinocchio 2 and 3
     previousFrame = property(attrgetter("_parentFrame"), doc="Index of the parent frame, by its name in Pinocchio 2.")
 
@@ -145,8 +128,8 @@ class Frame:
             raise ArgumentError(
                 f"Frame got ({got}), expected (name, parent joint, [parent frame,] placement, type, [inertia])"
             )
-        for name, value in zip(self._FIELDS, arguments, strict=True):
-            setattr(self, name, value)
+        for row, value in zip(_FIELDS, arguments, strict=True):
+            setattr(self, row[0], value)
 
     def changed(self) -> None:
         """Notify the model of a change."""
@@ -163,7 +146,7 @@ class Frame:
         return Frame(self)
 
     def _content(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, name) for name in self._FIELDS)
+        return tuple(getattr(self, row[0]) for row in _FIELDS)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Frame) and self._content() == other._content()

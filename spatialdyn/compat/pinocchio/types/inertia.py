@@ -12,23 +12,30 @@ from ...native import operators
 from ..coverage.strictness import strict
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, row, rows
 from .motion import Motion
-from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, body_of, parameters_of
+from .pseudo_inertia import LogCholeskyParameters, Parameters, PseudoInertia, body_of, parameters_of
 from .random import GENERATOR
 from .rotations import skew
 from .se3 import SE3
 from .symmetric import PLACES, six
-from .value import InFrames, Summable, as_array, on_values, part, preset
+from .value import InFrames, Summable, as_array, on_table, part, preset
 
 __all__ = ["Inertia"]
 
 Array = NDArray[np.float64]
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
-_body_of = on_values("body_of(mass: number, lever: vec, inertia: rot) -> body", operators.body_of_parts)
-_fault = on_values("fault(inertia: rot) -> number", operators.fault_of_inertia)
+_body_of, _fault = on_table("""
+body_of(m: number, lever: vec, inertia: rot) -> body = Body(m, lever, lower_triangle(inertia))
+fault(inertia: rot) -> number = fault_of_inertia(inertia)
+""")
 
 
-class Inertia(Summable, InFrames, kind="Body"):
+class Inertia(
+    Summable,
+    InFrames,
+    kind="Body",
+    near="near(self_in[:1], other_in[:1], prec) * near(self.c, other.c, prec) * near(self_in[4:], other_in[4:], prec)",
+):
     """A rigid body: ``Inertia(mass [kg], lever (3,) [m], inertia (3, 3) [kg m²])``, lever the centre of mass and
     inertia the rotational inertia about it; ``Inertia(other)``.
 
@@ -38,7 +45,6 @@ class Inertia(Summable, InFrames, kind="Body"):
 
     __slots__ = ()
     _arguments = ("mass", "lever", "inertia")
-    _compared = (np.s_[:1], np.s_[1:4], np.s_[4:])
 
     def __init__(self, mass: Any = None, lever: Any = None, inertia: Any = None, *, clone: Any = None) -> None:
         if lever is not None and inertia is not None:
@@ -57,14 +63,9 @@ class Inertia(Summable, InFrames, kind="Body"):
     Zero, setZero = preset(lambda: np.zeros(10), "zero: mass, lever and inertia")
     Identity, setIdentity = preset(lambda: UNIT, "mass 1 at the origin, with rotational inertia 1")
     Random, setRandom = preset(
-        lambda: Inertia._random()._x,
+        lambda: (SE3.Random() * Inertia.FromBox(1.0 + GENERATOR.random(), *(0.1 + 1.9 * GENERATOR.random(3))))._x,
         "a random physical body: a box of 1 to 2 kg and up to 2 m a side, centred within ±1 m, in any orientation",
     )
-
-    @classmethod
-    def _random(cls) -> Inertia:
-        box = Inertia.FromBox(1.0 + GENERATOR.random(), *(0.1 + 1.9 * GENERATOR.random(3)))
-        return SE3.Random() * box  # type: ignore[no-any-return]
 
     # --- shapes of even density ------------------------------------------------------------------------------
 
@@ -129,19 +130,21 @@ class Inertia(Summable, InFrames, kind="Body"):
 
     # --- sums and products ---------------------------------------------------------------------------------
 
-    __add__ = on_values("__add__(self: Body, other: Body) -> Body", operators.add_bodies)
-    __sub__ = on_values("__sub__(self: Body, other: Body) -> Body", operators.subtract_bodies)
-    __mul__ = on_values("__mul__(self: Body, v: Motion) -> Force", operators.body_momentum)
-    _to_parent = on_values("act(self: Pose, I: Body) -> Body", operators.body_to_parent)
-    _to_child = on_values("actInv(self: Pose, I: Body) -> Body", operators.body_to_child)
-    vxiv = on_values(
-        "vxiv(self: Body, v: Motion) -> Force", operators.bias_force, "v ×* I v: the bias force of a body."
-    )
-    vtiv = on_values(
-        "vtiv(self: Body, v: Motion) -> number",
-        operators.twice_kinetic_energy,
-        "vᵀ I v: twice the kinetic energy [J].",
-    )
+    __add__, __sub__, __mul__, _to_parent, _to_child, vxiv, vtiv, matrix = on_table("""
+__add__(self: Body, other: Body) -> Body = add_bodies(self, other)
+__sub__(self: Body, other: Body) -> Body = combined(self, other, -1.0)
+__mul__(self: Body, v: Motion) -> Force = body_momentum(self, v)
+act(self: Pose, I: Body) -> Body = body_to_parent(self, I)
+actInv(self: Pose, I: Body) -> Body = body_to_child(self, I)
+vxiv(self: Body, v: Motion) -> Force = cross_force(v, body_momentum(self, v))
+    v ×* I v: the bias force of a body.
+vtiv(self: Body, v: Motion) -> number = power(v, body_momentum(self, v))
+    vᵀ I v: twice the kinetic energy [J].
+matrix(self: Body) -> inertia = inertia_about_origin(self)
+    The matrix (6, 6) that maps motions to momenta, about the origin.
+""")
+    np = property(matrix)
+    __array__ = as_array(matrix)
 
     def vxi(self, v: Motion) -> Array:
         """The matrix (6, 6) of v ×* I ·."""
@@ -156,14 +159,6 @@ class Inertia(Summable, InFrames, kind="Body"):
         return self.vxi(v) - self.ivx(v)
 
     # --- other forms ---------------------------------------------------------------------------------------
-
-    matrix = on_values(
-        "matrix(self: Body) -> inertia",
-        operators.inertia_about_origin,
-        "The matrix (6, 6) that maps motions to momenta, about the origin.",
-    )
-    np = property(matrix)
-    __array__ = as_array(matrix)
 
     def inverse(self) -> Array:
         """The inverse (6, 6) of the matrix. Raises InertiaError if there is none."""
@@ -196,15 +191,12 @@ class Inertia(Summable, InFrames, kind="Body"):
     @staticmethod
     def FromPseudoInertia(pseudo_inertia: PseudoInertia) -> Inertia:
         """The body of a PseudoInertia."""
-        return Inertia.FromDynamicParameters(
-            expected(pseudo_inertia, PseudoInertia, "pseudo_inertia").toDynamicParameters()
-        )
+        return expected(pseudo_inertia, PseudoInertia, "pseudo_inertia").toInertia()  # type: ignore[no-any-return]
 
     @staticmethod
     def FromLogCholeskyParameters(log_cholesky: LogCholeskyParameters) -> Inertia:
         """The body of LogCholeskyParameters."""
-        given = expected(log_cholesky, LogCholeskyParameters, "log_cholesky")
-        return Inertia.FromDynamicParameters(given.toDynamicParameters())
+        return expected(log_cholesky, LogCholeskyParameters, "log_cholesky").toInertia()  # type: ignore[no-any-return]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self._x.copy(),)
@@ -213,7 +205,7 @@ class Inertia(Summable, InFrames, kind="Body"):
         return f"  m = {self.mass:g}\n  c = {row(self._x[1:4])}\n  I = \n{rows(self.inertia)}"
 
 
-PseudoInertia._body = LogCholeskyParameters._body = Inertia
+Parameters._body = Inertia
 
 
 def _restored(x: Array) -> Inertia:

@@ -8,11 +8,9 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ....algebra import spatial
-from ...native import operators
 from .arguments import ArgumentError, array, described, row
 from .random import uniform
-from .value import InFrames, Summable, on_values, part, preset
+from .value import InFrames, Summable, on_table, on_values, part, preset
 
 __all__ = ["Force", "Motion"]
 
@@ -20,7 +18,7 @@ Array = NDArray[np.float64]
 Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)
-_joined = on_values("joined(linear: vec, angular: vec) -> motion", operators.motion_of_parts)
+_joined = on_values("joined(linear: vec, angular: vec) -> motion", "Motion(angular, linear)")
 
 
 class Spatial(Summable, InFrames):
@@ -72,20 +70,30 @@ class Spatial(Summable, InFrames):
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
 
 
+def _vector_space(kind: str, a: str, l: str) -> list[Callable[..., Any]]:
+    """Sums, multiples, changes of frame and zero of Motion or Force, whose angular and linear parts are a and l."""
+    space = kind.lower()
+    return on_table(f"""
+__add__(self: {kind}, other: {kind}) -> {kind} = add_{space}(self, other)
+__sub__(self: {kind}, other: {kind}) -> {kind} = sub_{space}(self, other)
+__neg__(self: {kind}) -> {kind} = {kind}(neg(self.{a}), neg(self.{l}))
+scaled(self: {kind}, s: number) -> {kind} = scale_{space}(s, self)
+divided(self: {kind}, s: number) -> {kind} = {kind}(divide(self.{a}, s), divide(self.{l}, s))
+act(self: Pose, x: {kind}) -> {kind} = {space}_to_parent(self, x)
+actInv(self: Pose, x: {kind}) -> {kind} = {space}_to_child(self, x)
+Zero() -> {kind} = zero_{space}()
+    Zero.
+""")
+
+
 class Force(Spatial, kind="Force"):
     """A spatial force: ``Force(linear (3,), angular (3,))`` or ``Force(vector (6,))`` [N, N m about the origin]."""
 
     __slots__ = ()
     _letters = ("  f", "tau")
-    __add__ = on_values("__add__(self: Force, other: Force) -> Force", spatial.add_force)
-    __sub__ = on_values("__sub__(self: Force, other: Force) -> Force", spatial.sub_force)
-    __neg__ = on_values("__neg__(self: Force) -> Force", operators.negated_force)
-    _scaled = on_values("scaled(self: Force, scale: number) -> Force", operators.scaled_force)
-    _divided = on_values("divided(self: Force, scale: number) -> Force", operators.divided_force)
-    _to_parent = on_values("act(self: Pose, f: Force) -> Force", spatial.force_to_parent)
-    _to_child = on_values("actInv(self: Pose, f: Force) -> Force", spatial.force_to_child)
-    Zero = staticmethod(on_values("Zero() -> Force", spatial.zero_force, "Zero."))
-    dot = on_values("dot(self: Force, m: Motion) -> number", operators.power_of_force, "The power along a Motion [W].")
+    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Force", "n", "f")
+    Zero = staticmethod(Zero)
+    dot = on_values("dot(self: Force, m: Motion) -> number", "power(m, self)", "The power along a Motion [W].")
 
 
 class Motion(Spatial, kind="Motion"):
@@ -96,15 +104,12 @@ class Motion(Spatial, kind="Motion"):
 
     __slots__ = ()
     _letters = ("  v", "  w")
-    __add__ = on_values("__add__(self: Motion, other: Motion) -> Motion", spatial.add_motion)
-    __sub__ = on_values("__sub__(self: Motion, other: Motion) -> Motion", spatial.sub_motion)
-    __neg__ = on_values("__neg__(self: Motion) -> Motion", operators.negated_motion)
-    _scaled = on_values("scaled(self: Motion, scale: number) -> Motion", operators.scaled_motion)
-    _divided = on_values("divided(self: Motion, scale: number) -> Motion", operators.divided_motion)
-    _to_parent = on_values("act(self: Pose, m: Motion) -> Motion", spatial.motion_to_parent)
-    _to_child = on_values("actInv(self: Pose, m: Motion) -> Motion", spatial.motion_to_child)
-    Zero = staticmethod(on_values("Zero() -> Motion", spatial.zero_motion, "Zero."))
-    dot = on_values("dot(self: Motion, f: Force) -> number", spatial.power, "The power of a Force along it [W].")
+    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Motion", "w", "v")
+    Zero = staticmethod(Zero)
+    dot = on_values("dot(self: Motion, f: Force) -> number", "power(self, f)", "The power of a Force along it [W].")
+    _action = on_values("action(self: Motion) -> tangent", "Tangent(skew(self.w), skew(self.v))")
+    action = property(_action, doc="The matrix (6, 6) of self × on Motion vectors.")
+    dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
 
     def __xor__(self, other: Any) -> Any:
         return _cross_motion(self, other) if isinstance(other, Motion) else _cross_force(self, other)
@@ -116,15 +121,6 @@ class Motion(Spatial, kind="Motion"):
             raise ArgumentError(f"other is {described(other)}, expected Motion or Force")
         return made
 
-    action = property(
-        on_values(
-            "action(self: Motion) -> tangent",
-            operators.cross_motion_matrix,
-            "The matrix (6, 6) of self × on Motion vectors.",
-        )
-    )
-    dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
-
     @property
     def homogeneous(self) -> Array:
         """[ω̃ v; 0 0] (4, 4)."""
@@ -132,5 +128,7 @@ class Motion(Spatial, kind="Motion"):
         return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz], [0.0, 0.0, 0.0, 0.0]])
 
 
-_cross_motion = on_values("__xor__(self: Motion, other: Motion) -> Motion", spatial.cross_motion)
-_cross_force = on_values("__xor__(self: Motion, other: Force) -> Force", spatial.cross_force)
+_cross_motion, _cross_force = on_table("""
+__xor__(self: Motion, other: Motion) -> Motion = cross_motion(self, other)
+__xor__(self: Motion, other: Force) -> Force = cross_force(self, other)
+""")

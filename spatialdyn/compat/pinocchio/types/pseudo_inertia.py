@@ -39,7 +39,18 @@ def _ten(parameters: Any) -> Array:
     return array(parameters, (10,), "parameters")
 
 
-class PseudoInertia(Value):
+class Parameters(Value):
+    """Base of the forms of a rigid body that have ``toDynamicParameters``."""
+
+    __slots__ = ()
+    _body: ClassVar[Any]  # Inertia; set by its module, which imports this one
+
+    def toInertia(self) -> Any:
+        """The Inertia of these parameters."""
+        return self._body.FromDynamicParameters(self.toDynamicParameters())  # type: ignore[attr-defined]
+
+
+class PseudoInertia(Parameters):
     """The 4 x 4 matrix [Σ h; hᵀ m] of a body, Σ the integral of r rᵀ: ``PseudoInertia(mass, h (3,), sigma (3, 3))``.
 
     Source: Wensing, Kim and Slotine, Linear matrix inequalities for physically consistent inertial parameter
@@ -48,7 +59,6 @@ class PseudoInertia(Value):
 
     __slots__ = ()
     _arguments = ("mass", "h", "sigma")
-    _body: ClassVar[Any]  # Inertia; set by its module, which imports this one
 
     def __init__(self, mass: Any, h: Any = None, sigma: Any = None) -> None:
         self._x = mass._x.copy() if isinstance(mass, PseudoInertia) else np.empty((4, 4))
@@ -56,6 +66,7 @@ class PseudoInertia(Value):
             self.mass, self.h, self.sigma = mass, h, sigma
 
     mass = part("mass", (3, 3), "The mass [kg].")
+    sigma = part("sigma", np.s_[:3, :3], "The second moment Σ (3, 3) [kg m²], a copy.", copied=True)
 
     @property
     def h(self) -> Array:
@@ -65,15 +76,6 @@ class PseudoInertia(Value):
     @h.setter
     def h(self, value: Any) -> None:
         self._x[:3, 3] = self._x[3, :3] = array(value, (3,), "h")
-
-    @property
-    def sigma(self) -> Array:
-        """The second moment Σ (3, 3) [kg m²]."""
-        return self._x[:3, :3].copy()
-
-    @sigma.setter
-    def sigma(self, value: Any) -> None:
-        self._x[:3, :3] = array(value, (3, 3), "sigma")
 
     @staticmethod
     def FromMatrix(pseudo_inertia_matrix: Any) -> PseudoInertia:
@@ -105,15 +107,11 @@ class PseudoInertia(Value):
         S = self.sigma
         return np.concatenate([[self.mass], self.h, six(np.trace(S) * np.eye(3) - S)])
 
-    def toInertia(self) -> Any:
-        """The Inertia of these parameters."""
-        return self._body.FromPseudoInertia(self)
-
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  h = {row(self.h)}\n  sigma = \n{rows(self.sigma)}"
 
 
-class LogCholeskyParameters(Value):
+class LogCholeskyParameters(Parameters):
     """Ten unconstrained numbers of a physical body: α, d₁, d₂, d₃, s₁₂, s₂₃, s₁₃, t₁, t₂, t₃.
 
     The pseudo inertia is e^2α U Uᵀ with U = [e^d₁ s₁₂ s₁₃ t₁; 0 e^d₂ s₂₃ t₂; 0 0 e^d₃ t₃; 0 0 0 1].
@@ -122,7 +120,6 @@ class LogCholeskyParameters(Value):
 
     __slots__ = ()
     _arguments = ("parameters",)
-    _body: ClassVar[Any]
     _names = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 
     def __init__(self, log_cholesky_parameters: Any) -> None:
@@ -142,17 +139,16 @@ class LogCholeskyParameters(Value):
 
     __array__ = as_array(lambda self: self._x.copy())
 
-    def _factor(self) -> tuple[float, Array, list[Array]]:
+    def _factor(self) -> tuple[float, Array, Array]:
         """e^2α, U, and the derivatives of U by the other nine."""
         alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = self._x.tolist()
         e1, e2, e3 = np.exp([d1, d2, d3]).tolist()
         U = np.array([[e1, s12, s13, t1], [0.0, e2, s23, t2], [0.0, 0.0, e3, t3], [0.0, 0.0, 0.0, 1.0]])
-        places = ((0, 0, e1), (1, 1, e2), (2, 2, e3), (0, 1, 1.0), (1, 2, 1.0), (0, 2, 1.0))
-        turned = []
-        for i, j, value in (*places, (0, 3, 1.0), (1, 3, 1.0), (2, 3, 1.0)):
-            D = np.zeros((4, 4))
+        places = [(0, 0, e1), (1, 1, e2), (2, 2, e3), *((i, j, 1.0) for i, j in ((0, 1), (1, 2), (0, 2)))]
+        places += [(i, 3, 1.0) for i in range(3)]
+        turned = np.zeros((9, 4, 4))
+        for D, (i, j, value) in zip(turned, places, strict=True):
             D[i, j] = value
-            turned.append(D)
         return float(np.exp(2.0 * alpha)), U, turned
 
     def toPseudoInertia(self) -> PseudoInertia:
@@ -163,10 +159,6 @@ class LogCholeskyParameters(Value):
     def toDynamicParameters(self) -> Array:
         """The ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
         return self.toPseudoInertia().toDynamicParameters()
-
-    def toInertia(self) -> Any:
-        """The Inertia of these parameters."""
-        return self._body.FromDynamicParameters(self.toDynamicParameters())
 
     def calculateJacobian(self) -> Array:
         """Derivatives (10, 10) of the dynamic parameters by the ten numbers."""

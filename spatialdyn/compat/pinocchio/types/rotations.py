@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....algebra import lie
 from ....algebra.euclidean import Vec, cross
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
-from ...native import operators
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, number, row
-from .value import Value, on_values, part, preset
+from .value import Value, on_table, on_values, part, preset
 
 __all__ = ["AngleAxis", "Quaternion", "XAxis", "YAxis", "ZAxis", "skew", "skewSquare", "unSkew"]
 
@@ -22,16 +20,15 @@ Array = NDArray[np.float64]
 OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
-skew = on_values("skew(u: vec) -> rot", operators.skew, "The matrix (3, 3) of u × for u (3,).")
-unSkew = on_values(
-    "unSkew(U: rot) -> vec",
-    operators.unskew,
-    "The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).",
-)
-skewSquare = on_values(
-    "skewSquare(u: vec, v: vec) -> rot", operators.skew_square, "The matrix (3, 3) of u × (v × ·) for u, v (3,)."
-)
-_of_matrix = on_values("coefficients(rotation: rot) -> quat", operators.quaternion_of_matrix)
+skew, unSkew, skewSquare, _of_matrix = on_table("""
+skew(u: vec) -> rot = skew(u)
+    The matrix (3, 3) of u × for u (3,).
+unSkew(U: rot) -> vec = scale(0.5, Vec(U.zy - U.yz, U.xz - U.zx, U.yx - U.xy))
+    The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).
+skewSquare(u: vec, v: vec) -> rot = matmul(skew(u), skew(v))
+    The matrix (3, 3) of u × (v × ·) for u, v (3,).
+coefficients(rotation: rot) -> quat = quaternion_of_matrix(rotation)
+""")
 
 
 class Rotation(Value):
@@ -132,9 +129,19 @@ class Quaternion(Rotation, kind="Quat"):
         """The coefficients x y z (3,), a copy."""
         return self._x[:3].copy()
 
-    matrix = toRotationMatrix = on_values(
-        "matrix(self: Quat) -> rot", lie.matrix, "The rotation matrix (3, 3); a rotation only if the norm is 1."
-    )
+    matrix, conjugate, dot, squaredNorm, norm = on_table("""
+matrix(self: Quat) -> rot = rotation_matrix(self)
+    The rotation matrix (3, 3); a rotation only if the norm is 1.
+conjugate(self: Quat) -> Quat = conjugate(self)
+    The conjugate: the inverse rotation, of the same norm.
+dot(self: Quat, other: Quat) -> number = self.x * other.x + self.y * other.y + self.z * other.z + self.w * other.w
+    Dot product of the coefficients.
+squaredNorm(self: Quat) -> number = self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w
+    Squared norm.
+norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w)
+    Euclidean norm.
+""")
+    toRotationMatrix, __abs__ = matrix, norm
 
     # --- products ------------------------------------------------------------------------------------------
 
@@ -145,27 +152,9 @@ class Quaternion(Rotation, kind="Quat"):
         product = self * other
         return self._write(product._x) if isinstance(product, Quaternion) else NotImplemented
 
-    def conjugate(self) -> Quaternion:
-        """The conjugate: the inverse rotation, of the same norm."""
-        return Quaternion.over(self._x * (-1.0, -1.0, -1.0, 1.0))
-
     def inverse(self) -> Quaternion:
         """The inverse quaternion; zero for zero."""
         return Quaternion.over(self.conjugate()._x / (self.squaredNorm() or 1.0))
-
-    def dot(self, other: Quaternion) -> float:
-        """Dot product of the coefficients."""
-        return float(self._x @ expected(other, Quaternion, "other")._x)
-
-    def squaredNorm(self) -> float:
-        """Squared norm."""
-        return float(self._x @ self._x)
-
-    def norm(self) -> float:
-        """Euclidean norm."""
-        return math.sqrt(self._x @ self._x)
-
-    __abs__ = norm
 
     def normalize(self) -> Quaternion:
         """Set its norm to 1; returns self."""
@@ -200,7 +189,7 @@ class Quaternion(Rotation, kind="Quat"):
         return f"(x,y,z,w) = {row(self._x)}\n"
 
 
-_product = on_values("__mul__(self: Quat, other: Quat) -> Quat", lie.product)
+_product = on_values("__mul__(self: Quat, other: Quat) -> Quat", "product(self, other)")
 
 
 class AngleAxis(Rotation):

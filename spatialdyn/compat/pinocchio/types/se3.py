@@ -7,26 +7,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....algebra import spatial
-from ...native import operators
 from .arguments import ArgumentError, array, described, row, rows
-from .random import direction, uniform
+from .random import GENERATOR, uniform
 from .rotations import Quaternion
-from .value import Value, as_array, on_values, part, preset
+from .value import Value, as_array, on_table, part, preset
 
 __all__ = ["SE3"]
 
 Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
-_point_to_parent = on_values("act(self: Pose, point: vec) -> vec", operators.point_to_parent)
-_point_to_child = on_values("actInv(self: Pose, point: vec) -> vec", operators.point_to_child)
-_pose_of = on_values("pose_of(rotation: rot, translation: vec) -> pose", spatial.Pose)
-_pose_of_quaternion = on_values("pose_of(quat: Quat, translation: vec) -> pose", operators.pose_of_quaternion)
-_fraction = on_values("fraction(A: Pose, B: Pose, alpha: number) -> Pose", operators.interpolated)
+_point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _fraction, _random = on_table("""
+act(self: Pose, point: vec) -> vec = point_to_parent(self, point)
+actInv(self: Pose, point: vec) -> vec = point_to_child(self, point)
+pose_of(rotation: rot, translation: vec) -> pose = Pose(rotation, translation)
+pose_of(quat: Quat, translation: vec) -> pose = Pose(rotation_matrix(quat), translation)
+Interpolate(A: Pose, B: Pose, s: number) -> Pose = compose(A, exp_pose(scale_motion(s, log_pose(relative_pose(A, B)))))
+Random(u: vec, translation: vec) -> Pose = Pose(rotation_matrix(random_rotation(u)), translation)
+""")
 
 
-class SE3(Value, kind="Pose"):
+class SE3(
+    Value,
+    kind="Pose",
+    near="near(self.R, other.R, prec) * near(self.p, other.p, prec)",
+    same="same(self.R, other.R) * same(self.p, other.p)",
+):
     """The pose of a frame in a reference frame: ``SE3(rotation (3, 3), translation (3,))``,
     ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, ``SE3(1)`` for the identity.
 
@@ -36,7 +42,6 @@ class SE3(Value, kind="Pose"):
 
     __slots__ = ()
     _arguments = ("rotation", "translation")
-    _compared = (np.s_[:3, :3], np.s_[:3, 3])
 
     def __init__(
         self,
@@ -54,35 +59,37 @@ class SE3(Value, kind="Pose"):
         else:
             self._x = (_pose_of_quaternion if isinstance(rotation, Quaternion) else _pose_of)(rotation, translation)
 
-    Identity = staticmethod(on_values("Identity() -> Pose", spatial.identity_pose, "The identity."))
-    _, setIdentity = preset(lambda: IDENTITY, "the identity")
-    Random, setRandom = preset(
-        lambda: SE3(Quaternion(direction(4)), uniform(3))._x,
-        "a uniform random rotation and a random translation within ±1 m",
-    )
-
-    @staticmethod
-    def Interpolate(A: SE3, B: SE3, alpha: float) -> SE3:
-        """A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion."""
-        return _fraction(A, B, alpha)  # type: ignore[no-any-return]
-
-    # --- parts ---------------------------------------------------------------------------------------------
-
     rotation = part("rotation", np.s_[:3, :3], "The rotation matrix (3, 3), a view.")
     translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
     homogeneous = np = property(lambda self: self._x.copy(), doc="The homogeneous matrix (4, 4), a copy.")
     __array__ = as_array(lambda self: self._x.copy())
 
-    toActionMatrix = on_values(
-        "toActionMatrix(self: Pose) -> tangent",
-        operators.action_matrix,
-        "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.",
-    )
-    toActionMatrixInverse = on_values(
-        "toActionMatrixInverse(self: Pose) -> tangent",
-        operators.inverse_action_matrix,
-        "The inverse of ``toActionMatrix``.",
-    )
+    inverse, toActionMatrix, toActionMatrixInverse, _to_parent, _to_child, Identity = on_table("""
+inverse(self: Pose) -> Pose = inverse(self)
+    The pose of the reference frame in the frame.
+toActionMatrix(self: Pose) -> tangent = Tangent(self.R, matmul(skew(self.p), self.R))
+    The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.
+toActionMatrixInverse(self: Pose) -> tangent = Tangent(transpose(self.R), transpose(matmul(skew(self.p), self.R)))
+    The inverse of ``toActionMatrix``.
+act(self: Pose, other: Pose) -> Pose = compose(self, other)
+actInv(self: Pose, other: Pose) -> Pose = relative_pose(self, other)
+Identity() -> Pose = identity_pose()
+    The identity.
+""")  # the other classes that an SE3 moves have _to_parent and _to_child too
+    Identity, __invert__ = staticmethod(Identity), inverse
+
+    setIdentity = preset(lambda: IDENTITY, "the identity")[1]
+    setRandom = preset(lambda: SE3.Random()._x, "a uniform random rotation and a translation within ±1 m")[1]
+
+    @staticmethod
+    def Random() -> SE3:
+        """A uniform random rotation and a random translation within ±1 m."""
+        return _random(GENERATOR.random(3), uniform(3))  # type: ignore[no-any-return]
+
+    @staticmethod
+    def Interpolate(A: SE3, B: SE3, alpha: float) -> SE3:
+        """A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion."""
+        return _fraction(A, B, alpha)  # type: ignore[no-any-return]
 
     def toDualActionMatrix(self) -> Array:
         """The matrix (6, 6) that takes Force vectors from the frame to the reference frame."""
@@ -91,12 +98,6 @@ class SE3(Value, kind="Pose"):
     action = property(toActionMatrix)
     actionInverse = property(toActionMatrixInverse)
     dualAction = property(toDualActionMatrix)
-
-    # --- products ------------------------------------------------------------------------------------------
-
-    # The other classes that an SE3 moves have such functions too.
-    _to_parent = on_values("act(self: Pose, other: Pose) -> Pose", spatial.compose)
-    _to_child = on_values("actInv(self: Pose, other: Pose) -> Pose", operators.relative_pose)
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, np.ndarray):
@@ -111,12 +112,6 @@ class SE3(Value, kind="Pose"):
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
         return getattr(type(other), "_to_child", _point_to_child)(self, other)
-
-    inverse = __invert__ = on_values(
-        "inverse(self: Pose) -> Pose", spatial.inverse, "The pose of the reference frame in the frame."
-    )
-
-    # --- the whole -----------------------------------------------------------------------------------------
 
     def isIdentity(self, prec: float = 1e-12) -> bool:
         """Whether no entry differs from the identity's by more than prec."""

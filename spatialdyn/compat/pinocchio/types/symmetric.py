@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, number, row
 from .random import uniform
 from .rotations import skew
-from .value import Summable, preset
+from .value import Summable, part, preset
 
 __all__ = ["Symmetric3"]
 
@@ -55,14 +55,7 @@ class Symmetric3(Summable):
     Identity, setIdentity = preset(lambda: (1.0, 0.0, 1.0, 0.0, 0.0, 1.0), "the identity")
     Random, setRandom = preset(lambda: uniform(6), "six random numbers in ±1")
 
-    @property
-    def data(self) -> Array:
-        """The numbers xx xy yy xz yz zz (6,), a copy."""
-        return self._x.copy()
-
-    @data.setter
-    def data(self, value: Any) -> None:
-        self._write(array(value, (6,), "data"))
+    data = part("data", np.s_[:], "The numbers xx xy yy xz yz zz (6,), a copy.", copied=True)
 
     def matrix(self) -> Array:
         """The matrix (3, 3)."""

@@ -72,14 +72,6 @@ class TrackedArray(np.ndarray):
     def __repr__(self) -> str:
         return repr(plain(self))
 
-    def astype(self, *arguments: Any, **options: Any) -> Any:
-        """As ``numpy.ndarray.astype``, a plain array."""
-        return np.array(plain(self).astype(*arguments, **options))
-
-    def flatten(self, order: Any = "C") -> Any:
-        """As ``numpy.ndarray.flatten``, a plain array."""
-        return plain(self).flatten(order)
-
     def copy(self, order: Any = "C") -> Any:
         """A plain array of the same numbers."""
         return np.array(plain(self), order=order)
@@ -88,9 +80,6 @@ class TrackedArray(np.ndarray):
 
     def __deepcopy__(self, memo: Any) -> Any:
         return self.copy()
-
-    def __reduce__(self) -> Any:
-        return self.copy().__reduce__()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         return self.copy().__reduce_ex__(protocol)
@@ -107,21 +96,24 @@ class TrackedArray(np.ndarray):
         self._changed()
 
 
-def _writing(name: str) -> Any:
+def _method(name: str, writes: bool) -> Any:
+    """A method of ndarray that writes the array, or that gives a plain one."""
     method_of_ndarray = getattr(np.ndarray, name)
 
     def method(self: TrackedArray, *arguments: Any, **options: Any) -> Any:
+        if not writes:
+            return np.array(method_of_ndarray(plain(self), *arguments, **options))
         result = method_of_ndarray(_writable(self), *arguments, **options)
         self._changed()
         return result
 
     method.__name__ = method.__qualname__ = name
-    method.__doc__ = f"As ``numpy.ndarray.{name}``."
+    method.__doc__ = f"As ``numpy.ndarray.{name}``{'' if writes else ', a plain array'}."
     return method
 
 
-for _name in ("fill", "sort", "partition", "put", "setfield"):
-    setattr(TrackedArray, _name, _writing(_name))
+for _name in ("fill", "sort", "partition", "put", "setfield", "astype", "flatten"):
+    setattr(TrackedArray, _name, _method(_name, _name not in ("astype", "flatten")))
 
 
 def tracked(x: Array, owner: Any) -> Array:

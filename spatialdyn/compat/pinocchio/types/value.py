@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from inspect import cleandoc
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
-from ...native import operator_kernels, operators
+from ...native import operator_kernels
 from .arguments import ArgumentError, array, expected, module_of_caller, near, number
 from .tracked_array import tracked
 
@@ -32,12 +33,17 @@ class Value:
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
 
-    def __init_subclass__(cls, kind: str = "", **options: Any) -> None:
+    def __init_subclass__(cls, kind: str = "", near: str = "", same: str = "", **options: Any) -> None:
+        """``near`` and ``same`` are formulas of two objects, as of ``on_values``, by default of all their numbers."""
         super().__init_subclass__(**options)
-        if kind:
-            Value._classes[kind] = cls
-            copy = on_values(f"copy(self: {kind}) -> {kind}", operators.same, "An independent copy.")
-            cls.copy = copy  # type: ignore[method-assign]
+        if not kind:
+            return
+        Value._classes[kind] = cls
+        near, same = near or "near(self_in, other_in, prec)", same or "same(self_in, other_in)"
+        cls.copy = on_values(f"copy(self: {kind}) -> {kind}", "self", Value.copy.__doc__)  # type: ignore[method-assign]
+        cls.__eq__ = on_values(f"__eq__(self: {kind}, other: {kind}) -> truth", same)  # type: ignore[method-assign]
+        signature = f"isApprox(self: {kind}, other: {kind}, prec: number = 1e-12) -> truth"
+        cls.isApprox = on_values(signature, near, Value.isApprox.__doc__)  # type: ignore[method-assign]
 
     @classmethod
     def over(cls: type[Self], x: Array, owner: Any = None) -> Self:
@@ -87,14 +93,7 @@ class Value:
         return type(self), self.__getinitargs__()
 
     def __eq__(self, other: object) -> Any:
-        if type(other) is not type(self) and not isinstance(other, type(self)):
-            return NotImplemented
-        return self._x.tolist() == other._x.tolist()
-
-    def __ne__(self, other: object) -> Any:
-        if type(other) is not type(self) and not isinstance(other, type(self)):
-            return NotImplemented
-        return self._x.tolist() != other._x.tolist()
+        return self._x.tolist() == other._x.tolist() if isinstance(other, type(self)) else NotImplemented
 
     __hash__ = object.__hash__
 
@@ -105,12 +104,18 @@ class Summable(Value):
     __slots__ = ()
 
     def __iadd__(self, other: Any) -> Any:
-        total = self + other
-        return self._write(total._x) if isinstance(total, Value) else NotImplemented
+        return self._take(self + other)
 
     def __isub__(self, other: Any) -> Any:
-        total = self - other
-        return self._write(total._x) if isinstance(total, Value) else NotImplemented
+        return self._take(self - other)
+
+    def _take(self, total: Any) -> Any:
+        if total is NotImplemented:
+            return total
+        self._x[...] = total._x
+        if self._owner is not None:
+            self._owner.changed()
+        return self
 
     def isZero(self, prec: float = 1e-12) -> bool:
         """Whether no entry exceeds prec."""
@@ -134,12 +139,15 @@ class InFrames(Value):
 # --- attributes --------------------------------------------------------------------------------------------
 
 
-def part(name: str, at: Any, doc: str) -> Any:
-    """An attribute that is a writable view of the numbers ``_x[at]``, or a number if ``at`` names one."""
+def part(name: str, at: Any, doc: str, copied: bool = False) -> Any:
+    """An attribute that is a writable view or a copy of the numbers ``_x[at]``, or a number if ``at`` names one."""
 
     def read(self: Value) -> Any:
         x = self._x[at]
         return x if self._owner is None else tracked(x, self._owner)
+
+    def read_copy(self: Value) -> Any:
+        return self._x[at].copy()
 
     def read_number(self: Value) -> float:
         return float(self._x[at])
@@ -151,7 +159,7 @@ def part(name: str, at: Any, doc: str) -> Any:
             self._owner.changed()
 
     single = isinstance(at, int) or (isinstance(at, tuple) and all(isinstance(k, int) for k in at))
-    return property(read_number if single else read, write, doc=doc)
+    return property(read_number if single else read_copy if copied else read, write, doc=doc)
 
 
 def preset(numbers: Callable[[], Any], what: str) -> tuple[Any, Any]:
@@ -179,31 +187,32 @@ def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
 # --- compiled functions ------------------------------------------------------------------------------------
 
 
-def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Callable[..., Any]:
-    """A function with a signature such as "dot(self: Motion, f: Force) -> number" for an operator of such kinds.
+def on_table(rows: str) -> list[Callable[..., Any]]:
+    """``on_values`` for each row "signature = formula", documented by the indented lines that follow it."""
+    module = module_of_caller()
+    entries = [row.split("\n", 1) for row in re.split(r"\n(?! )", rows.strip())]
+    split = [(*row.split(" = ", 1), cleandoc("".join(doc))) for row, *doc in entries]
+    return [on_values(signature, text, doc, module) for signature, text, doc in split]
 
-    Kinds are those of ``operator_kernels.value_builtin``. Arguments of other types, as lists or arrays of integers,
-    are converted, or raise ArgumentError; where ``__name__`` is an operator of Python, it returns NotImplemented.
-    Compiled at its first call.
+
+def on_values(signature: str, text: str, doc: str | None = "", module: str = "") -> Callable[..., Any]:
+    """A function with a signature such as "dot(self: Motion, f: Force) -> number", given as a formula in text.
+
+    See ``operator_kernels.Formula``. Arguments of other types, as lists or arrays of integers, are converted, or raise
+    ArgumentError; where the name is an operator of Python, it returns NotImplemented. Compiled at its first call.
     """
-    match = re.fullmatch(r"(\w+)\((.*)\) -> (\w+)", signature)
-    name, arguments, output = match.groups() if match else ("", "", "")
-    inputs = dict(x.split(": ") for x in arguments.split(", ") if x)
-    kinds = tuple(inputs.values())
-    label = "_".join([operator.__module__.rpartition(".")[2], operator.__name__, *kinds, output]).replace("|", "_or_")
+    formula = operator_kernels.Formula.parsed(signature, text)
+    name, inputs, output = formula.name, formula.inputs, formula.output
+    kernel = operator_kernels.on_arrays(formula)
 
     def first(*given: Any) -> Any:
         from ....engines.compiled.cpython import READY, unavailable
 
         scope["call"] = unavailable if inputs else convert
         if READY:
-            builtin = operator_kernels.value_builtin(label, operator, kinds, output)
-            slot = slot_offset(Value, "_x")
-            scope["call"] = operator_kernels.bind_values(builtin, slot, Value._classes, kinds, output)
+            builtin = operator_kernels.value_builtin(formula)
+            scope["call"] = operator_kernels.bind_values(builtin, formula, slot_offset(Value, "_x"), Value._classes)
         return scope["call"](*given)
-
-    text = " ".join(_array_kind(kind) for kind in kinds)
-    kernel = operator_kernels.on_arrays(label, operator, f"{text} -> {output.lower()}")
 
     def convert(*given: Any) -> Any:
         try:
@@ -212,23 +221,19 @@ def on_values(signature: str, operator: Callable[..., Any], doc: str = "") -> Ca
             if name.startswith("__"):
                 return NotImplemented
             raise
-        if output == "number":
-            return kernel(*ready)
+        if output in ("number", "truth"):
+            return kernel(*ready) if output == "number" else kernel(*ready) == 1.0
         out = np.empty(operator_kernels.SHAPES[output.lower()])
         kernel(*ready, out)
         return Value._classes[output].over(out) if output in Value._classes else out
 
-    names = ", ".join(inputs)
-    lines = [f"def {name}({names}):", f"    result = call({names})"]
-    lines.append(f"    return result if result is not None else convert({names})" if inputs else "    return result")
-    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module_of_caller()}
-    function = function_from_text(name, lines, scope, label)
+    names, found = ", ".join(inputs), "result == 1.0" if output == "truth" else "result"
+    lines = [f"def {name}({formula.parameters}):", f"    result = call({names})"]
+    lines.append(f"    return {found} if result is not None else convert({names})" if inputs else "    return result")
+    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module or module_of_caller()}
+    function = function_from_text(name, lines, scope, f"value_{formula.label}")
     function.__doc__ = doc
     return function
-
-
-def _array_kind(kind: str) -> str:
-    return kind.lower().partition("|")[0]
 
 
 def _converted(x: Any, kind: str, what: str) -> Any:
@@ -238,4 +243,4 @@ def _converted(x: Any, kind: str, what: str) -> Any:
     first, _, other = kind.partition("|")
     if first in Value._classes and (not other or isinstance(x, Value._classes[first])):
         return expected(x, Value._classes[first], what)._x
-    return array(x, operator_kernels.SHAPES[_array_kind(kind)], what)
+    return array(x, operator_kernels.SHAPES[operator_kernels.array_kind(kind)], what)
