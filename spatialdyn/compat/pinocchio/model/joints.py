@@ -92,9 +92,6 @@ _AXIS = _axis("_axis", "The unit axis (3,), a copy: assign to change it.")
 _PITCH = _parameter("_pitch", "Travel along the axis per radian [m/rad].", check=lambda what, x: number(x, "pitch"))
 
 
-BY_AXIS: dict[str, list[Any]] = {}  # kind of the library's joint -> the classes about or along x, y, z, and any axis
-
-
 def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[Any]:
     """The classes of joints about or along x, y, z, and any axis."""
     own: dict[str, Any] = {"continuous": {"_nq": 2, "_unlimited": (0, 0)}, "helical": {"pitch": _PITCH}}.get(kind, {})
@@ -108,22 +105,20 @@ def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[
     ]  # fmt: skip
     given = f"``(x, y, z{pitch and ', '}{pitch})`` or ``(axis (3,){pitch and ', '}{pitch})``"
     name = f"JointModel{name}Unaligned"
-    BY_AXIS[kind] = [*made, joint_kind(name, OneAxis, f"{doc.format('an axis')}: {given}.", axis=_AXIS, **own)]
-    return BY_AXIS[kind]
+    return [*made, joint_kind(name, OneAxis, f"{doc.format('an axis')}: {given}.", axis=_AXIS, **own)]
 
 
-JointModelRX, JointModelRY, JointModelRZ, JointModelRevoluteUnaligned = _about(
-    "R", "Revolute", "revolute", "A rotation about {}"
+_ROWS = (
+    ("R", "Revolute", "revolute", "A rotation about {}"),
+    ("P", "Prismatic", "prismatic", "A translation along {}"),
+    ("RUB", "RevoluteUnbounded", "continuous", "A rotation without limits, q = [cos, sin], about {}"),
+    ("H", "Helical", "helical", "A screw, of a pitch in m/rad, about {}", "pitch"),
 )
-JointModelPX, JointModelPY, JointModelPZ, JointModelPrismaticUnaligned = _about(
-    "P", "Prismatic", "prismatic", "A translation along {}"
-)
-JointModelRUBX, JointModelRUBY, JointModelRUBZ, JointModelRevoluteUnboundedUnaligned = _about(
-    "RUB", "RevoluteUnbounded", "continuous", "A rotation without limits, q = [cos, sin], about {}"
-)
-JointModelHX, JointModelHY, JointModelHZ, JointModelHelicalUnaligned = _about(
-    "H", "Helical", "helical", "A screw, of a pitch in m/rad, about {}", "pitch"
-)
+BY_AXIS = {row[2]: _about(*row) for row in _ROWS}  # kind of the library's joint -> its classes
+JointModelRX, JointModelRY, JointModelRZ, JointModelRevoluteUnaligned = BY_AXIS["revolute"]
+JointModelPX, JointModelPY, JointModelPZ, JointModelPrismaticUnaligned = BY_AXIS["prismatic"]
+JointModelRUBX, JointModelRUBY, JointModelRUBZ, JointModelRevoluteUnboundedUnaligned = BY_AXIS["continuous"]
+JointModelHX, JointModelHY, JointModelHZ, JointModelHelicalUnaligned = BY_AXIS["helical"]
 
 
 # --- several velocities ----------------------------------------------------------------------------------

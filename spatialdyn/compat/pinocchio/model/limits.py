@@ -21,7 +21,6 @@ LIMITS = {  # limit arguments of addJoint, by their number
     9: (*BOTH, *FRICTION),
     10: (*BOTH, "config_limit_margin", *FRICTION),
 }
-ARRAYS: dict[str, Entries] = {}
 
 
 class Entries:
@@ -39,7 +38,6 @@ class Entries:
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = self.name or name  # the first of several
-        ARRAYS[self.name] = self
 
     def size(self, of: Any) -> int:
         """Number of entries of a model or a joint."""
@@ -87,6 +85,7 @@ class Arrays:
             self._arrays[name] = np.concatenate([self._arrays[name], new])
 
 
+ARRAYS = {x.name: x for x in vars(Arrays).values() if isinstance(x, Entries)}
 BY_LIMIT = {x.limit: x for x in ARRAYS.values()}
 
 
