@@ -392,7 +392,7 @@ def test_scratch_is_named_as_such() -> None:
     data = biped(ours).createData()
     with pytest.raises(AttributeError, match="scratch of Pinocchio"):
         data.Yaba
-    with pytest.raises(AttributeError, match="no field 'nothing'"):
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         data.nothing
 
 
