@@ -13,7 +13,7 @@ from ..bodies.static_table import StaticTable
 from ..engines.memory import empty as empty
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
-from ..model.robot import masked
+from ..model.robot_checks import masked
 from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, shape_in
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from ..engines.numbers import multiprecision as engine
 from ..engines.programs.tracer import evaluate, table
 from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
-from ..model.robot import masked
+from ..model.robot_checks import masked
 from ..recursions.spec import Argument, Spec, sizes_of
 from .arguments import batch_shape, broadcast, check_model, core_shape, from_full_tree, full_shape, to_full_tree
 from .failures import zero_inertia_message

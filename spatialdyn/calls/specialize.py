@@ -25,7 +25,7 @@ from ..engines.programs.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBE
 from ..engines.programs.source_code import PRINTERS
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
-from ..model.robot import masked
+from ..model.robot_checks import masked
 from . import specialize_fallback
 from .arguments import as_array, broadcast, empty, flatten_batch
 from .differentiable import Differentiable

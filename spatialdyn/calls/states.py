@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import ANGLE, KINDS, PAIR, QUATERNION
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
-from ..model.robot import masked
+from ..model.robot_checks import masked
 from ..recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
 from .arguments import as_array, batch_shape, broadcast, check_model, reference_code
 from .dynamics import calls

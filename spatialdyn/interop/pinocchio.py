@@ -13,7 +13,8 @@ from ..bodies.kinds import kind_of
 from ..errors import ModelError
 from ..model.assembly import IDENTITY
 from ..model.model import Model, assemble
-from ..model.robot import Link, RobotJoint, check_inertias, check_tree, clear_rounding, make_joint, make_link
+from ..model.robot import Link, RobotJoint
+from ..model.robot_checks import check_inertias, check_tree, clear_rounding, make_joint, make_link
 
 PINOCCHIO_KINDS = {
     **{f"JointModelR{a}": "revolute" for a in "XYZ"},

@@ -17,7 +17,7 @@ from ..bodies import kinds
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model
 from ..errors import ConfigurationError, SpatialDynError
 from ..model.model import Joint, Model
-from ..model.robot import quoted
+from ..model.robot_checks import quoted
 from ..recursions.spec import Argument, Q, V
 
 Array = NDArray[np.float64]

@@ -29,7 +29,8 @@ from ..errors import ModelError
 from ..model.assembly import walk
 from ..model.joint_rows import put_joint, subspace
 from ..model.model import Model
-from ..model.robot import WITH_AXIS, rpy_of
+from ..model.robot import WITH_AXIS
+from ..model.robot_checks import rpy_of
 
 Expr = Any  # sympy.Expr
 STEPS = 360  # per π: an angle within ANGLE of a multiple of half a degree is taken for it

@@ -11,20 +11,8 @@ from numpy.typing import ArrayLike
 from ..bodies.kinds import kind_of
 from ..errors import ModelError
 from .model import Model, assemble
-from .robot import (
-    Link,
-    Mimic,
-    Robot,
-    RobotJoint,
-    Rotor,
-    Spring,
-    check_inertias,
-    check_tree,
-    floats,
-    make_joint,
-    make_link,
-    pose_matrix,
-)
+from .robot import Link, Mimic, Robot, RobotJoint, Rotor, Spring
+from .robot_checks import check_inertias, check_tree, floats, make_joint, make_link, pose_matrix
 
 
 class ModelBuilder:

@@ -17,7 +17,8 @@ from ..errors import InertiaError, ModelError
 from .assembly import GRAVITY, IDENTITY, ROOT_JOINT, Frame, Options, Tables, tables
 from .joint_rows import Joint, frozen, joint_transform
 from .physical_inertia import inertia_defect, parallel_axis
-from .robot import Link, Robot, RobotJoint, Rotor, check_tree, floats, make_link, masked, with_rotor
+from .robot import Link, Robot, RobotJoint, Rotor
+from .robot_checks import check_tree, floats, make_link, masked, with_rotor
 from .transmission import Transmission
 
 Array = NDArray[np.float64]

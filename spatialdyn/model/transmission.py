@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError
-from .robot import floats, masked
+from .robot_checks import floats, masked
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
-from ..model.robot import quoted
+from ..model.robot_checks import quoted
 from .shapes import Color, Shape
 
 Array = NDArray[np.float64]

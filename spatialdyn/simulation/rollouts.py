@@ -28,7 +28,7 @@ from ..engines.programs.time_loop import StepInput
 from ..engines.programs.tracer import table
 from ..errors import ConstraintError, ModelError, ShapeError, SimulationError
 from ..model.model import Model
-from ..model.robot import masked
+from ..model.robot_checks import masked
 from ..recursions.friction import BRISTLES
 from ..recursions.spec import Argument, Spec
 from . import explicit
@@ -87,7 +87,7 @@ def rollout(
             stays
     constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
     stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
-                   with a projection: one Newton step of q, then v; a step then costs some three times as much
+                   with a projection: one Newton step of q, then v, as in ``simulate``
     friction, friction_method  as in ``simulate``; with None none acts, and a warning says so where the URDF has some
     motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors. Springs of series-elastic
              joints act as there

@@ -19,12 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InertiaError, ModelError, UrdfError
 from ..model.model import Model, options_of
 from ..model.physical_inertia import symmetric
-from ..model.robot import (
-    WITH_AXIS,
-    Link,
-    Mimic,
-    Robot,
-    RobotJoint,
+from ..model.robot import WITH_AXIS, Link, Mimic, Robot, RobotJoint
+from ..model.robot_checks import (
     check_inertias,
     check_tree,
     clear_rounding,

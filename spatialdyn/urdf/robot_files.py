@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import UrdfError
-from ..model.robot import quoted
+from ..model.robot_checks import quoted
 
 
 def _own_folder() -> Path:

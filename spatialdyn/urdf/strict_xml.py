@@ -15,7 +15,8 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple, NoReturn
 
 from ..errors import UrdfError
-from ..model.robot import WITH_AXIS, quoted
+from ..model.robot import WITH_AXIS
+from ..model.robot_checks import quoted
 
 URDF_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LIMITED = ("revolute", "prismatic")

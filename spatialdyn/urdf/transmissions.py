@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..model.robot import quoted
+from ..model.robot_checks import quoted
 from ..model.transmission import Transmission
 from .sources import bytes_of, is_yourdfpy
 from .strict_xml import StrictReader

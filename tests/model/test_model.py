@@ -19,7 +19,8 @@ import spatialdyn as sd
 from spatialdyn.errors import InertiaError, ModelError
 from spatialdyn.model.builder import ModelBuilder
 from spatialdyn.model.model import Frame, Joint, Model, Options, assemble
-from spatialdyn.model.robot import Robot, rpy_matrix
+from spatialdyn.model.robot import Robot
+from spatialdyn.model.robot_checks import rpy_matrix
 from spatialdyn.urdf.robot_files import find_robot
 
 Array = NDArray[np.float64]

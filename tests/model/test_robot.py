@@ -11,16 +11,8 @@ import pytest
 from spatialdyn.errors import InertiaError, ModelError
 from spatialdyn.model.builder import ModelBuilder
 from spatialdyn.model.physical_inertia import ROUNDING, inertia_defect, nearest_physical
-from spatialdyn.model.robot import (
-    Link,
-    RobotJoint,
-    check_tree,
-    make_joint,
-    make_link,
-    pose_matrix,
-    quoted,
-    rpy_matrix,
-)
+from spatialdyn.model.robot import Link, RobotJoint
+from spatialdyn.model.robot_checks import check_tree, make_joint, make_link, pose_matrix, quoted, rpy_matrix
 
 EYE = tuple(np.eye(4).ravel().tolist())
 FLOOR = 1e-12  # of the largest moment: rounding of an eigen decomposition, with room

@@ -9,7 +9,7 @@ import pytest
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.model.robot import make_link
+from spatialdyn.model.robot_checks import make_link
 from spatialdyn.model.update import edited
 
 

@@ -9,7 +9,8 @@ import pytest
 
 import spatialdyn as sd
 from spatialdyn.errors import InertiaError
-from spatialdyn.model.robot import Link, make_link
+from spatialdyn.model.robot import Link
+from spatialdyn.model.robot_checks import make_link
 from spatialdyn.pictures.inertia_shapes import BOX, WRONG, box_of, inertia_boxes, joint_axes, reach, turned_to
 from spatialdyn.pictures.shapes import find_mesh, mesh_shapes, primitive_shape, urdf_shapes
 

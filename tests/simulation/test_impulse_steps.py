@@ -456,41 +456,52 @@ def test_a_loop_that_its_constraints_lock_stays() -> None:
     assert abs(run.v).max() <= 1e-15
 
 
-@pytest.mark.slow(quick="test_a_loop_that_its_constraints_lock_stays")
-@compiled
-def test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_and_constraint() -> None:
-    """A mass on two rods in one line, of 1 and 2 m: they agree at rest only, and on no way from there.
+WRONG = r"step from t = 0 s: far rod contradicts the other constraints: 1 of 2 equations are independent"
+PARTED = r"step from t = 0.006 s: the rank of near rod, far rod is 2, at the beginning it was 1: a branch point"
 
-    Along it the circles part, so a run that starts at rest ends with another rank, in the step after it was pushed.
+
+def tied() -> tuple[sd.Model, dict[str, Any], Array, Array]:
+    """A mass on two rods in one line, of 1 and 2 m, with ground and limits: they agree at rest only, and on no way.
+
+    Also samples of v, one of which moves, and of torques, one of which pushes in step 5.
     """
     made = sd.ModelBuilder("tied").add_body("x", None, "prismatic", (1, 0, 0))
     made.add_body("z", "x", "prismatic", (0, 0, 1), inertia=(1.0, (0, 0, 0), 0.01 * np.eye(3)), limits=(-1.0, 2.0))
-    model = made.build()
-    rods = [
-        sd.DistanceConstraint("z", None, r, at_b=(-r, 0, 0), name=name)
-        for r, name in ((1.0, "near rod"), (2.0, "far rod"))
-    ]
-    kept: dict[str, Any] = dict(constraints=sd.Constraints(model, rods), contacts=sd.Contacts(model, {"z": 0.0}))
-    kept["limits"], q, v, tau = True, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 8, 2))
+    model, names = made.build(), {1.0: "near rod", 2.0: "far rod"}
+    rods = [sd.DistanceConstraint("z", None, r, at_b=(-r, 0, 0), name=name) for r, name in names.items()]
+    kept = dict(constraints=sd.Constraints(model, rods), contacts=sd.Contacts(model, {"z": 0.0}), limits=True)
+    v, tau = np.zeros((3, 2)), np.zeros((3, 8, 2))
     v[1, 1], tau[1, 5, 1] = 1.0, 2000.0
-    wrong = r"step from t = 0 s: far rod contradicts the other constraints: 1 of 2 equations are independent"
-    parted = r"step from t = 0.006 s: the rank of near rod, far rod is 2, at the beginning it was 1: a branch point"
+    return model, kept, v, tau
+
+
+@compiled
+def test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_and_constraint() -> None:
+    """From rest the circles part as soon as the mass moves: another rank, in the step after it was pushed."""
+    model, kept, v, tau = tied()
+    q = np.zeros((3, 2))
     assert not sd.rollout(model, q, 0.0 * v, dt=1e-3, steps=8, **kept).v.any()
-    with pytest.raises(sd.SimulationError, match="sample 1, " + parted):
+    with pytest.raises(sd.SimulationError, match="sample 1, " + PARTED):
         sd.rollout(model, q, 0.0 * v, tau, dt=1e-3, **kept)
-    with pytest.raises(sd.SimulationError, match="sample 1, " + wrong):
-        sd.rollout(model, q, v, dt=1e-3, steps=8, **kept)
-    kept["friction"] = sd.Friction(np.array([0.0, 0.1]), 0.0)
-    with pytest.raises(sd.SimulationError, match="sample 1, " + wrong):
-        sd.rollout(model, q, v, dt=1e-3, steps=8, **kept)
-    with pytest.raises(sd.SimulationError, match="^" + wrong):
-        sd.simulate(model, q[1], v[1], 8e-3, 1e-3, STEPPED, **kept)
-    with pytest.raises(sd.SimulationError, match="^" + parted) as caught:
-        sd.simulate(model, q[1], 0.0 * v[1], 8e-3, 1e-3, STEPPED, torque=tau[1], **kept)
+    for friction in (None, sd.Friction(np.array([0.0, 0.1]), 0.0)):
+        with pytest.raises(sd.SimulationError, match="sample 1, " + WRONG):
+            sd.rollout(model, q, v, dt=1e-3, steps=8, friction=friction, **kept)
+
+
+@pytest.mark.slow(quick="test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_and_constraint")
+@compiled
+def test_a_simulation_names_contradictions_beside_contacts_with_their_time() -> None:
+    """The table kernel takes the step that a program has no answer to."""
+    model, kept, v, tau = tied()
+    kept["friction"], q = sd.Friction(np.array([0.0, 0.1]), 0.0), np.zeros(2)
+    with pytest.raises(sd.SimulationError, match="^" + WRONG):
+        sd.simulate(model, q, v[1], 8e-3, 1e-3, STEPPED, **kept)
+    with pytest.raises(sd.SimulationError, match="^" + PARTED) as caught:
+        sd.simulate(model, q, 0.0 * v[1], 8e-3, 1e-3, STEPPED, torque=tau[1], **kept)
     assert caught.value.trajectory.t[-1] == pytest.approx(0.006)
 
 
-@pytest.mark.slow(quick="test_a_loop_that_its_constraints_lock_stays")
+@pytest.mark.slow(quick="test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_and_constraint")
 @compiled
 def test_a_branch_point_beside_dry_joints_is_named_with_its_time() -> None:
     model = four_bar(1.0, 1.0, 1.0, 1.0)

@@ -349,6 +349,19 @@ def test_methods_in_momenta_have_the_armatures_of_forward_dynamics(name: str) ->
         assert np.ptp(runs[0].energy) <= 1e-12 * abs(runs[0].energy).max()
 
 
+def test_rates_of_momenta_and_what_is_conserved_are_of_forward_dynamics_with_armatures() -> None:
+    """ṗ of Hamilton's form is the rate of M v along the motion of aba; energy is kept, momenta of symmetries not."""
+    model, q, v = with_armatures()
+    p, a, h = sd.momentum(model, q, v), sd.aba(model, q, v, np.zeros(model.nv)), 1e-4
+    found, dp = sd.hamilton_equations(model, q, p)
+    assert abs(found - v).max() <= 1e-12
+    ahead, behind = (sd.momentum(model, sd.integrate(model, q, s * v + 0.5 * s * s * a), v + s * a) for s in (h, -h))
+    assert abs((ahead - behind) / (2.0 * h) - dp).max() <= 1e-8 * abs(dp).max()  # differences of order h²
+    assert [x.name for x in sd.conserved_quantities(model)] == ["energy"]
+    bare = model.with_(armature=dict.fromkeys((x.name for x in model.joints[1:]), 0.0))
+    assert len(sd.conserved_quantities(bare)) > 1
+
+
 # --- the pieces -----------------------------------------------------------------------------------------
 
 

@@ -17,7 +17,8 @@ import spatialdyn as sd
 from spatialdyn.commands.cli import main
 from spatialdyn.errors import ModelError
 from spatialdyn.model.physical_inertia import nearest_physical, symmetric
-from spatialdyn.model.robot import Link, RobotJoint, check_tree, make_link
+from spatialdyn.model.robot import Link, RobotJoint
+from spatialdyn.model.robot_checks import check_tree, make_link
 from spatialdyn.model.update import edited
 
 # --- many links -------------------------------------------------------------------------------------------

@@ -80,7 +80,11 @@ def _parts(x: float) -> tuple[float, float, float]:
 def _fast_two_sum(high: float, low: float, off: float) -> Constant:
     """The sum of a float and a smaller one; the float alone if the sum is not finite."""
     total = high + low
-    return Constant(total, low - (total - high), off) if math.isfinite(total) else Constant(high, 0.0, off)
+    if total - total == 0.0:  # finite
+        made: Constant = _new(Constant, total)
+        made.high, made.low, made.off = total, low - (total - high), off
+        return made
+    return Constant(high, 0.0, off)
 
 
 def _two_product(a: float, b: float) -> tuple[float, float]:
@@ -103,11 +107,21 @@ def _sum(x: float, y: float) -> float:
 
 
 def _product(x: float, y: float) -> Constant:
-    (a, low, off), (b, other, more) = _parts(x), _parts(y)
-    p, lost = _two_product(a, b)
+    """With ``_two_product`` and ``_fast_two_sum`` written out: half of the time of recording a model's numbers."""
+    a, low, off = (x.high, x.low, x.off) if type(x) is Constant else (float(x), 0.0, 0.0)
+    b, other, more = (y.high, y.low, y.off) if type(y) is Constant else (float(y), 0.0, 0.0)
+    p, t, u = a * b, SPLITTER * a, SPLITTER * b
+    ah, bh = t - (t - a), u - (u - b)
+    al, bl = a - ah, b - bh
+    rest = ((ah * bh - p) + ah * bl + al * bh) + al * bl + (a * other + low * b)
     if off or more:
         off = _known(abs(a) * more + off * (abs(b) + more))
-    return _fast_two_sum(p, lost + (a * other + low * b), off)
+    total = p + rest
+    if total - total != 0.0:  # not finite
+        return Constant(p, 0.0, off)
+    made: Constant = _new(Constant, total)
+    made.high, made.low, made.off = total, rest - (total - p), off
+    return made
 
 
 def _quotient(x: float, y: float) -> Constant:

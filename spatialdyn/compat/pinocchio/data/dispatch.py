@@ -14,7 +14,7 @@ import numpy as np
 from ....calls import dynamics
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
-from ....model.robot import masked
+from ....model.robot_checks import masked
 from ..model.library_model import LibraryModel
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, ValueRuntimeError, described, module_of_caller

@@ -21,7 +21,8 @@ from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import Options
 from ....model.model import Model as SdModel
-from ....model.robot import Link, Mimic, Robot, RobotJoint, clear_rounding, make_joint, make_link
+from ....model.robot import Link, Mimic, Robot, RobotJoint
+from ....model.robot_checks import clear_rounding, make_joint, make_link
 from ....model.update import edited
 from ....recursions import SPECS
 from ...native import recorded_calls

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import SpatialDynError
-from ....model.robot import masked
+from ....model.robot_checks import masked
 
 Array = NDArray[np.float64]
 NUMBERS = "fiub"  # kinds of dtype that become float64
