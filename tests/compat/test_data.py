@@ -437,7 +437,7 @@ def test_random_configurations_are_finite_and_can_be_seeded() -> None:
 
 
 def test_random_rotations_are_uniform() -> None:
-    """E[u uᵀ] = 1 / size and E[u_i⁴] = 3 / (size (size + 2)) of unit vectors, for a quaternion and a (cos, sin) pair."""
+    """E[u uᵀ] = 1 / size, E[u_i⁴] = 3 / (size (size + 2)) of unit vectors: a quaternion and a (cos, sin) pair."""
     model = ours.Model()
     for joint in (ours.JointModelSpherical(), ours.JointModelRUBZ()):
         model.addJoint(model.njoints - 1, joint, ours.SE3.Identity(), joint.shortname())
