@@ -392,7 +392,7 @@ def test_scratch_is_named_as_such() -> None:
     data = biped(ours).createData()
     with pytest.raises(AttributeError, match="scratch of Pinocchio"):
         data.Yaba
-    with pytest.raises(AttributeError, match="no field 'nothing'"):
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         data.nothing
 
 
@@ -434,6 +434,21 @@ def test_random_configurations_are_finite_and_can_be_seeded() -> None:
     low, high = np.full(model.nq, 0.25), np.full(model.nq, 0.5)
     q = ours.randomConfiguration(model, low, high)
     assert ((q[[0, 1, 2, 7, 8]] >= 0.25) & (q[[0, 1, 2, 7, 8]] <= 0.5)).all()
+
+
+def test_random_rotations_are_uniform() -> None:
+    """E[u uᵀ] = 1 / size, E[u_i⁴] = 3 / (size (size + 2)) of unit vectors: a quaternion and a (cos, sin) pair."""
+    model = ours.Model()
+    for joint in (ours.JointModelSpherical(), ours.JointModelRUBZ()):
+        model.addJoint(model.njoints - 1, joint, ours.SE3.Identity(), joint.shortname())
+    ours.seed(0)
+    q = np.array([ours.randomConfiguration(model) for _ in range(20_000)])
+    for u in (q[:, :4], q[:, 4:]):
+        n = u.shape[1]
+        assert abs((u * u).sum(1) - 1.0).max() < 1e-14
+        assert abs(u.mean(0)).max() < 5.0 / np.sqrt(n * len(u))  # five standard deviations
+        assert abs(u.T @ u / len(u) - np.eye(n) / n).max() < 0.015
+        assert abs((u**4).mean(0) - 3.0 / (n * (n + 2))).max() < 0.015
 
 
 def test_what_is_stored_is_read_again(tmp_path: Path) -> None:

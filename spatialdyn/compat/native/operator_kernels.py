@@ -16,6 +16,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...algebra import euclidean, lie, public_arrays, spatial
 from ...engines.compiled import numba_kernels
 from ...engines.object_layout import DATA, RANK, SHAPE, TYPE
@@ -176,11 +178,22 @@ def bind_values(builtin: Any, formula: Formula, slot: int, classes: Mapping[str,
 
 
 @cache
-def draw_between(generator: Any) -> Any:
+def draw_between(generator: Any, units: tuple[tuple[int, int], ...] = ()) -> Any:
     """A builtin ``(lower, upper) -> (n,)`` of ``operators.between`` with draws of a generator of NumPy.
+
+    units  first index and size of parts of unit norm, drawn by ``operators.put_direction``
 
     Returns None if not applicable. A call of the generator takes Python 0.5 µs and more, a draw 2 ns.
     """
+    interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
+    address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
+    parts, builtin = np.array(units, np.int64).ravel(), _draw_between()
+    words = {"units": parts.ctypes.data, "count": len(units)}
+    return builtin.bind(generator, parts, next_double=address, state=interface.state_address, **words)
+
+
+@cache
+def _draw_between() -> Any:
     from ...engines.compiled.cpython import NDARRAY, Builtin, real_function
 
     body = [
@@ -192,10 +205,11 @@ def draw_between(generator: Any) -> Any:
         "if answer == 0: return 0",
         f"low, high, out = vector(lower, n), vector(upper, n), at(word(answer, {DATA}), (n,))",
         "for k in range(n): out[k] = between(low[k], high[k], draw(next_double, state))",
+        "for k in range(count):",
+        "    first, size = word(units, 2 * k), word(units, 2 * k + 1)",
+        "    share, one, two = draw(next_double, state), draw(next_double, state), draw(next_double, state)",
+        "    put_direction(out, first, size, share, one, two)",
         "return answer",
     ]
-    scope = {"between": operators.between, "draw": real_function}
-    interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
-    address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
-    builtin = Builtin("draw_between", ["lower", "upper"], ["next_double", "state"], body, scope)
-    return builtin.bind(generator, next_double=address, state=interface.state_address)
+    scope = {"between": operators.between, "put_direction": operators.put_direction, "draw": real_function}
+    return Builtin("draw_between", ["lower", "upper"], ["next_double", "state", "units", "count"], body, scope)

@@ -36,6 +36,7 @@ from ...algebra.spatial import (
 
 PI = 3.141592653589793
 NO_LIMIT = 1.7976931348623157e308  # the largest number: a limit of that size is none
+TURN = 6.283185307179586  # [rad]
 SOUND, NEGATIVE, ASYMMETRIC = 0.0, 1.0, 2.0  # faults of a rotational inertia
 ROUNDING = 1e-12  # relative: an asymmetry or a negative eigenvalue below it is a rounding error
 
@@ -270,3 +271,16 @@ def between(lower: Scalar, upper: Scalar, draw: Scalar) -> Scalar:
     if abs(upper) >= NO_LIMIT:
         high = 1.0 if abs(lower) >= NO_LIMIT else lower + 2.0
     return low + (high - low) * draw
+
+
+@inline
+def put_direction(out: Any, first: int, size: int, share: Scalar, one: Scalar, two: Scalar) -> None:
+    """Write a point of the unit circle (size 2) or of the unit sphere in four dimensions (4), by draws in [0, 1).
+
+    Uniform: on the sphere the square of the radius of the first two coordinates is uniform in [0, 1].
+    """
+    radius = sqrt(1.0 - share) if size == 4 else 1.0
+    out[first], out[first + 1] = radius * cos(TURN * one), radius * sin(TURN * one)
+    if size == 4:
+        radius = sqrt(share)
+        out[first + 2], out[first + 3] = radius * cos(TURN * two), radius * sin(TURN * two)

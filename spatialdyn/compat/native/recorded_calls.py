@@ -18,8 +18,8 @@ from ...algebra import public_arrays, spatial
 from ...algebra.records import pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
-from ...bodies.joints import place_joint
 from ...engines.compiled import jit, numba_kernels
+from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.cpython import Builtin, dims
 from ...engines.object_layout import DATA
 from ...recursions import SPECS, kinematics
@@ -215,11 +215,11 @@ def _reference_code(x: int, in_frame: int, in_world: int, aligned: int) -> int:
 
 @cache
 def frame_motion(classical: bool) -> Builtin:
-    """``(frame[, reference]) -> (6,)``: velocity or acceleration of a frame from that of its joint.
+    """``(frame[, reference]) -> Motion``: velocity or acceleration of a frame from that of its joint.
 
-    Words: six (6), sizes, poses, velocities, motions of the joints, reference ids, frames.
+    Words: six (6), class and slot of the Motion, poses, velocities, motions of the joints, reference ids, frames.
     """
-    words = ["six", *SIZES, "poses", "velocities", "motions", *REFERENCES, *FRAMES]
+    words = ["six", "made", "slot", "poses", "velocities", "motions", *REFERENCES, *FRAMES]
     body = [
         "k, code = index(plan, frame, frames), 0",
         "if n > 1: code = coded(reference, in_frame, in_world, aligned)",
@@ -228,7 +228,7 @@ def frame_motion(classical: bool) -> Builtin:
         "i, p = places(joints, frames)[k], at(placements + 128 * k, (4, 4))",
         "X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))",
         f"write(X, p, v, m, {int(classical)}, code, at(word(answer, {DATA}), (6,)))",
-        "return answer",
+        "return new_object(plan, made, slot, answer)",
     ]
     label = "frame_classical_motion" if classical else "frame_motion"
     scope = {"write": _write_frame_motion, "coded": _reference_code}
@@ -248,29 +248,25 @@ def frame_jacobian(name: str) -> Builtin:
     body = [
         "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
         "if k < 0 or code < 0: return return_none(plan)",
-        *_jacobian_statements(words, passed),
+        *make_answer(words, "six", 2),
+        "p, out = at(placements + 128 * k, (4, 4)), " + f"at(word(answer, {DATA}), (6, nv))",
+        f"if sample_kernel(table, {passed}places(joints, frames)[k], p, code, out) != {numba_kernels.OK}:",
+        "    return discard(plan, answer)",
         "return answer",
     ]
     scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code}
     return Builtin(name, ["frame", "reference"], words, body, scope)
 
 
-def _jacobian_statements(words: list[str], passed: str) -> list[str]:
-    """Statements that compute the Jacobian of frame k in the reference ``code``."""
-    return [
-        *make_answer(words, "six", 2),
-        "p, out = at(placements + 128 * k, (4, 4)), " + f"at(word(answer, {DATA}), (6, nv))",
-        f"if sample_kernel(table, {passed}places(joints, frames)[k], p, code, out) != {numba_kernels.OK}:",
-        "    return discard(plan, answer)",
-    ]
-
-
 HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
 
 
 @inline
-def _place_path(bodies: Any, work: Any, path: Any, q: Any, row: int, poses: Any, local: Any, held: int) -> Pose:
-    """Write the poses of the joints that carry a row, in the world (held 1, 3) and their parents (2, 3); the last."""
+def _place_path(bodies: Any, work: Any, path: Any, row: int, poses: Any, local: Any, held: int) -> Pose:
+    """Write the poses of the joints that carry a row, in the world (held 1, 3) and their parents (2, 3); the last.
+
+    work holds the poses of the rows in their parents.
+    """
     n, i = 0, row
     while i > 0:
         path[n] = i
@@ -279,7 +275,6 @@ def _place_path(bodies: Any, work: Any, path: Any, q: Any, row: int, poses: Any,
     X, last = identity_pose(), identity_pose()
     for k in range(n - 1, -1, -1):
         i = path[k]
-        place_joint(bodies, i, q, work[i].X)
         last = spatial.compose(last, pose_of(work[i].X))
         joint = bodies[i].joint
         if joint > 0:  # the last row of the joint
@@ -299,27 +294,28 @@ def frame_jacobian_at() -> Builtin:
     In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table, six
     (6), sizes, memory, code of the reference, addresses of held fields, frames; joints are rows of the table.
     """
-    spec = SPECS["frame_jacobian"]
     words = ["table", *SIZES[::2], "six", "nv", "memory", "code", *HELD, *FRAMES]
     body = [
-        *_check_arguments(spec.present[:1]),
-        "k = index(plan, frame, frames)",
-        "if k < 0: return return_none(plan)",
-        *_jacobian_statements(words, "q_in, "),
+        *_check_arguments(SPECS["frame_jacobian"].present[:1]),
+        "k, bodies = index(plan, frame, frames), table_at(table)",
+        "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
+        *make_answer(words, "six", 2),
+        f"p, out = at(placements + 128 * k, (4, 4)), at(word(answer, {DATA}), (6, nv))",
+        "work = empty(len(bodies), WORK)",
+        "jacobian(bodies, work, q_in, places(joints, frames)[k], p, code, out)",
+        "if not all_finite(out): return discard(plan, answer)",
         "held = (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
         "if held != 0 or oMf != 0:",
-        "    bodies = table_at(table)",
-        "    work, path = empty(len(bodies), WORK), empty(len(bodies), intp)",
-        "    poses, local = at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4))",
-        "    X = place_path(bodies, work, path, q_in, places(joints, frames)[k], poses, local, held)",
+        "    path, poses, local = empty(len(bodies), intp), at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4))",
+        "    X = place_path(bodies, work, path, places(joints, frames)[k], poses, local, held)",
         "    if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(X, read_pose(p)))",
         *record(q="nq"),
         "return answer",
     ]
     scope = {
-        **vars(public_arrays), "sample_kernel": numba_kernels.sample_kernel(spec), "copy": copy,
-        "place_path": _place_path, "compose": spatial.compose, "table_at": jit.table_at, "empty": np.empty,
-        "intp": np.intp, "WORK": kinematics.WORK,
+        **vars(public_arrays), "jacobian": kinematics.frame_jacobian, "unit_norm": unit_norm, "copy": copy,
+        "all_finite": all_finite, "place_path": _place_path, "compose": spatial.compose, "table_at": jit.table_at,
+        "empty": np.empty, "intp": np.intp, "WORK": kinematics.WORK,
     }  # fmt: skip
     return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
 

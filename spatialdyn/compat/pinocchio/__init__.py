@@ -50,9 +50,7 @@ from .model.from_urdf import *
 from .model.geometry import *
 from .model.joint import *
 from .model.joint_data import *
-from .model.joint_mimic import *
-from .model.joints_compound import *
-from .model.joints_one_axis import *
+from .model.joints import *
 from .model.model import *
 from .model.model_surgery import *
 from .model.sample_models import *

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...constraints.contact import factor, solve_factored
 from ...errors import InertiaError
@@ -13,8 +12,7 @@ from .data.data import Data, library_of
 from .data.dispatch import vector
 from .data.field_recipes import diagonal, unit_upper
 from .model.model import Model
-
-Array = NDArray[np.float64]
+from .types.arguments import Array
 
 
 def decompose(model: Model, data: Data) -> Array:

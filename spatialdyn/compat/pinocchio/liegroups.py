@@ -13,8 +13,7 @@ from ...bodies.kinds import kind_of
 from ...errors import ShapeError
 from .algorithms import configuration, tangent_map
 from .model.joint import JointModel
-from .model.joints_compound import JointModelFreeFlyer, JointModelPlanar, JointModelSpherical
-from .model.joints_one_axis import JointModelPX, JointModelRUBX
+from .model.joints import JointModelFreeFlyer, JointModelPlanar, JointModelPX, JointModelRUBX, JointModelSpherical
 from .model.model import Model
 from .types.arguments import ArgumentError, described, expected
 from .types.containers import StdVec_Index

@@ -42,6 +42,7 @@ BORROWED: dict[str, set[str]] = {
     # the cache of compiled functions
     "numba.core.caching._Cache": {COMPILED + "numba_cache.py"},
     "numba.core.compiler": {COMPILED + "numba_cache.py"},
+    "numba.core.runtime.rtsys": {COMPILED + "numba_cache.py"},
     "numba.core.serialize": {COMPILED + "numba_cache.py"},
     "_rebuild": {COMPILED + "numba_cache.py"},
     "_reduce": {COMPILED + "numba_cache.py"},

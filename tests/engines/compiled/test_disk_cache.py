@@ -515,6 +515,20 @@ def test_a_process_runs_where_files_can_only_be_begun(tmp_path: Path, energy: fl
     assert {file.suffix for file in files} <= {disk_cache.NUMBERS}  # the others are longer
 
 
+LOADED = """
+import sys
+import numpy as np
+from spatialdyn.compat.native import operator_kernels
+operator_kernels.quat_matrix(np.array([0.0, 0.0, 0.0, 1.0]), R := np.empty((3, 3)))
+print((R == np.eye(3)).all(), "numba.np.arraymath" in sys.modules)
+"""
+
+
+def test_a_kernel_is_loaded_without_the_registries_of_the_compiler() -> None:
+    run_python(LOADED)  # compiles it if no process did
+    assert run_python(LOADED).split() == ["True", "False"]
+
+
 @pytest.mark.slow(quick="test_a_damaged_file_is_made_anew")
 def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..data.data import Data, library_of
-from ..data.dispatch import compute, fast_call, last_call
+from ..data.dispatch import compute, fast_calls, last_call
 from ..data.field_recipes import subtree_masses, world_com
 from ..data.frame_arguments import frame_index, joint_index
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import ACCELERATION, KinematicLevel
 from ..types.inertia import Inertia
 from ..types.motion import Force
@@ -24,9 +23,8 @@ __all__ = [
     "getJacobianSubtreeCenterOfMass", "jacobianCenterOfMass", "jacobianSubtreeCenterOfMass",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
-# --- masses and their centre -----------------------------------------------------------------------------
+# --- masses, their centre, and momentum ------------------------------------------------------------------
 
 
 def computeTotalMass(model: Model, data: Data | None = None) -> float:
@@ -62,29 +60,34 @@ def _com_inputs(model: Model, data: Data, q: Any, v: Any, a: Any, level: Any, su
     return tuple(getattr(run, x).copy() if level >= k else None for k, (run, x) in enumerate(inputs))
 
 
-centerOfMass = fast_call(
-    "centerOfMass",
-    "com0 com1 com2",
-    """Centre of mass of all moving bodies (3,), also ``data.com[0]``; its velocity and acceleration in ``data``.
+_CALLS = """
+centerOfMass = com0 com1 com2; options: compute_subtree_coms=True, kinematic_level=None; optional: q, v, a;
+  slow: q, v, a = com_inputs(model, data, q, v, a, kinematic_level, compute_subtree_coms)
+    Centre of mass of all moving bodies (3,), also ``data.com[0]``; its velocity and acceleration in ``data``.
 
     ``(model, data, q[, v[, a]][, compute_subtree_coms])``; ``(model, data[, kinematic_level][, compute_subtree_coms])``
     at the inputs of the last forwardKinematics. ``data.com[k]`` is the centre of joint k's subtree, in its frame;
     vcom and acom likewise, whatever ``compute_subtree_coms``.
-    """,
-    options="compute_subtree_coms=True, kinematic_level=None",
-    slow="q, v, a = com_inputs(model, data, q, v, a, kinematic_level, compute_subtree_coms)",
-    optional=True,
-    com_inputs=_com_inputs,
-)
-jacobianCenterOfMass = fast_call(
-    "jacobianCenterOfMass",
-    "com_jacobian",
-    "Jacobian of the centre of mass (3, nv) in the world, also ``data.Jcom``; without q at the last call's.",
-    options="compute_subtree_coms=True",
-    slow="q = last_call(model, data, 'oMi').q.copy() if isinstance(q, (bool, np.bool_)) else q",
-    last="oMi",
-    np=np,
-)
+jacobianCenterOfMass = com_jacobian; options: compute_subtree_coms=True; last: oMi;
+  slow: q = last_call(model, data, 'oMi').q.copy() if isinstance(q, (bool, np.bool_)) else q
+    Jacobian of the centre of mass (3, nv) in the world, also ``data.Jcom``; without q at the last call's.
+ccrba = ccrba
+    Centroidal momentum matrix Ag (6, nv), also ``data.Ag``; the momentum is ``data.hg``.
+dccrba = dccrba
+    Time derivative of the centroidal momentum matrix (6, nv), also ``data.dAg``.
+computeCentroidalMap = map
+    Centroidal momentum matrix Ag (6, nv), also ``data.Ag``.
+computeCentroidalMapTimeVariation = map_dot
+    Time derivative of the centroidal momentum matrix (6, nv), also ``data.dAg``.
+computeCentroidalMomentum = momentum; returns: over(result); last: v
+    Momentum about the centre of mass, also ``data.hg``; without q, v at the last call's.
+computeCentroidalMomentumTimeVariation = momentum_dot; returns: over(result); last: a
+    Rate of the momentum about the centre of mass, also ``data.dhg``; without q, v, a at the last call's.
+"""
+(
+    centerOfMass, jacobianCenterOfMass, ccrba, dccrba, computeCentroidalMap, computeCentroidalMapTimeVariation,
+    computeCentroidalMomentum, computeCentroidalMomentumTimeVariation,
+) = fast_calls(_CALLS, com_inputs=_com_inputs, np=np, over=Force.over)  # fmt: skip
 
 
 def jacobianSubtreeCenterOfMass(model: Model, data: Data, *given: Any, **named: Any) -> Array:
@@ -116,38 +119,6 @@ def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_
         own = slice(model.idx_vs[k], model.idx_vs[k] + model.nvs[k])
         out[:, own] = m[moved] / m[root] * (J[:3, own] + np.cross(J[3:, own].T, c[moved]).T)
     return out
-
-
-# --- centroidal momentum ---------------------------------------------------------------------------------
-
-ccrba = fast_call(
-    "ccrba", "ccrba", "Centroidal momentum matrix Ag (6, nv), also ``data.Ag``; the momentum is ``data.hg``."
-)
-dccrba = fast_call("dccrba", "dccrba", "Time derivative of the centroidal momentum matrix (6, nv), also ``data.dAg``.")
-computeCentroidalMap = fast_call(
-    "computeCentroidalMap", "map", "Centroidal momentum matrix Ag (6, nv), also ``data.Ag``."
-)
-computeCentroidalMapTimeVariation = fast_call(
-    "computeCentroidalMapTimeVariation",
-    "map_dot",
-    "Time derivative of the centroidal momentum matrix (6, nv), also ``data.dAg``.",
-)
-computeCentroidalMomentum = fast_call(
-    "computeCentroidalMomentum",
-    "momentum",
-    "Momentum about the centre of mass, also ``data.hg``; without q, v at the last call's.",
-    "over(result)",
-    last="v",
-    over=Force.over,
-)
-computeCentroidalMomentumTimeVariation = fast_call(
-    "computeCentroidalMomentumTimeVariation",
-    "momentum_dot",
-    "Rate of the momentum about the centre of mass, also ``data.dhg``; without q, v, a at the last call's.",
-    "over(result)",
-    last="a",
-    over=Force.over,
-)
 
 
 # --- what a frame supports -------------------------------------------------------------------------------

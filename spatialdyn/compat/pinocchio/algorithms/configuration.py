@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....engines.compiled.cpython import READY
@@ -19,7 +18,7 @@ from ..data.dispatch import vector
 from ..model.library_model import library_model
 from ..model.limits import NO_LIMIT
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described, expected, number
+from ..types.arguments import ArgumentError, Array, described, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
 
@@ -28,7 +27,6 @@ __all__ = [
     "isNormalized", "isSameConfiguration", "neutral", "normalize", "randomConfiguration", "squaredDistance",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 FAR = 1e30  # products of seven such numbers are finite
 
 
@@ -197,10 +195,9 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
     library = library_model(expected(model, Model, "model"))
     lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
     upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
-    q: Array | None = operator_kernels.draw_between(GENERATOR)(lower, upper) if READY else None
+    q: Array | None = operator_kernels.draw_between(GENERATOR, library.units)(lower, upper) if READY else None
     if q is None:
         q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
-    for unit in library.unit_parts:
-        x = GENERATOR.standard_normal(unit.stop - unit.start)
-        q[unit] = x / math.sqrt(x @ x)
+        for first, size in library.units:
+            operators.put_direction(q, first, size, *GENERATOR.random(3).tolist())
     return q

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....constraints.contact import Solved, inverse
 from ....constraints.contact import solve as solved
@@ -21,7 +20,7 @@ from ..data.data import Data, library_of
 from ..data.dispatch import vector
 from ..data.last_call import Run
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, described, number
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, number
 from ..types.frame import Convention
 from .dynamics import computeAllTerms, crba
 from .rigid_constraints import impulse_of_contacts
@@ -31,7 +30,6 @@ __all__ = [
     "impulseDynamics",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 CONSTRAINED, IMPACT, BORDERED = "constrained", "impact", "bordered"
 
 
@@ -51,19 +49,11 @@ def forwardDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
     if found is not None:
         return found
     names = ("q", "v", "tau", "constraint_jacobian", "constraint_drift", "damping")
-    library = library_of(model, data)
-    given = _arguments("forwardDynamics", names, 2, 1, arguments, named)
-    tau = vector("tau", given["tau"], model.nv)
-    J = _jacobian(given["constraint_jacobian"], model.nv)
-    gamma = vector("constraint_drift", given["constraint_drift"], len(J))
-    mu = _damping(given.get("damping", 0.0))
+    given = _arguments("forwardDynamics", names, 2, 1, model, data, arguments, named)
     if "q" in given:
         computeAllTerms(model, data, given["q"], given["v"])
-    f = solved(library.model, data.array("M"), tau - data.array("nle"), J, gamma, mu)
-    run = _record(CONSTRAINED, model, data, f, f.x)
-    if "q" in given:
-        every = data._runs["all"]
-        _bind(CONSTRAINED, recorded_constraints.dynamics, data, every, run, bias=every.result.ctypes.data)
+    r, J = given["tau"] - data.array("nle"), given["constraint_jacobian"]
+    f = _solve(CONSTRAINED, model, data, r, J, given["constraint_drift"], given["damping"], "q" in given)
     return f.x
 
 
@@ -85,23 +75,15 @@ def impulseDynamics(model: Model, data: Data, *arguments: Any, **named: Any) -> 
     if found is not None:
         return found
     names = ("q", "v_before", "constraint_jacobian", "restitution_coefficient", "damping")
-    library = library_of(model, data)
-    given = _arguments("impulseDynamics", names, 1, 2, arguments, named)
-    v = vector("v_before", given["v_before"], model.nv)
-    J = _jacobian(given["constraint_jacobian"], model.nv)
-    e = number(given.get("restitution_coefficient", 0.0), "restitution_coefficient")
+    given = _arguments("impulseDynamics", names, 1, 2, model, data, arguments, named)
+    v, J, e = (given[name] for name in names[1:4])
     if not 0.0 <= e <= 1.0:
         raise ConstraintError(f"restitution_coefficient is {e}, expected 0 to 1")
-    mu = _damping(given.get("damping", 0.0))
     if "q" in given:
         crba(model, data, given["q"], Convention.WORLD)
-    f = solved(library.model, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), mu)
-    after: Array = v + f.x
-    run = _record(IMPACT, model, data, f, after)
-    if "q" in given:
-        masses = data._runs["crba_world"]
-        _bind(IMPACT, recorded_constraints.impact, data, masses, run, M=masses.result.ctypes.data)
-    return after
+    gamma = (1.0 + e) * (J @ v)
+    f = _solve(IMPACT, model, data, np.zeros(model.nv), J, gamma, given["damping"], "q" in given, v)
+    return np.asarray(v + f.x)
 
 
 def computeKKTContactDynamicMatrixInverse(
@@ -114,15 +96,9 @@ def computeKKTContactDynamicMatrixInverse(
     found = _fast_call(BORDERED, model, data, (q, constraint_jacobian, damping))
     if found is not None:
         return found
-    library = library_of(model, data)
-    J = _jacobian(constraint_jacobian, model.nv)
-    mu = _damping(damping)
+    library, J, mu = library_of(model, data), _jacobian(constraint_jacobian, model.nv), _damping(damping)
     crba(model, data, q, Convention.WORLD)
-    f = solved(library.model, data.array("M"), np.zeros(model.nv), J, np.zeros(len(J)), mu)
-    run = _record(BORDERED, model, data, f, np.empty(0))
-    masses, size = data._runs["crba_world"], model.nv + len(J)
-    words = {"M": masses.result.ctypes.data, "rows": size, "columns": size}
-    _bind(BORDERED, recorded_constraints.inverse, data, masses, run, **words)
+    f = _solve(BORDERED, model, data, np.zeros(model.nv), J, np.zeros(len(J)), mu, True)
     return inverse(library.model, f)
 
 
@@ -157,34 +133,49 @@ def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) 
     return found
 
 
-def _record(kind: str, model: Model, data: Data, f: Solved, result: Array) -> Run:
-    """Record a solved system and its result as the call of a kind."""
-    run: Run = data.run_of(kind, model, library_of(model, data), result.shape)
+def _solve(
+    kind: str, model: Model, data: Data, r: Array, J: Array, gamma: Array, mu: float, bind: bool, before: Any = 0.0
+) -> Solved:
+    """Solve M x = r + Jᵀ λ, J x + γ = -μ λ with the M of ``data``, and record it as a call whose result is before + x.
+
+    bind  its q is that of the call before: bind a builtin to the inputs of that, and to result and factors of this
+    """
+    library, (make, source, reads) = library_of(model, data), _BUILTINS[kind]
+    f = solved(library.model, data.array("M"), r, J, gamma, mu)
+    result = np.empty(0) if kind == BORDERED else before + f.x
+    run: Run = data.run_of(kind, model, library, result.shape)
     run.result[...], run.contact = result, f
     data.note_call(run)
     data.__dict__["_contact"] = f
-    return run
+    if bind and library.has_builtins:
+        call = data._runs[source]
+        places = {"memory": call.memory, reads: call.result, "result": run.result}
+        places |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
+        words = {**library.words, **{name: x.ctypes.data for name, x in places.items()}}
+        words |= {"m": len(f.C), "rows": model.nv + len(f.C), "columns": model.nv + len(f.C)}
+        builtin = make()
+        bound = builtin.bind(library, call, run, f, **{name: words[name] for name in builtin.words})
+        data._bound[kind] = library, call, run, bound
+    return f
 
 
-def _bind(kind: str, builtin: Callable[[], Builtin], data: Data, before: Run, run: Run, **words: int) -> None:
-    """Bind a builtin to the inputs of the call before, and to the result and factors of this kind, for later calls."""
-    library, f = run.library, run.contact
-    if not library.has_builtins:
-        return
-    places = {"memory": before.memory, "result": run.result, "L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
-    words |= {"m": len(f.C), **library.words, **{name: x.ctypes.data for name, x in places.items()}}
-    made = builtin()
-    call = made.bind(library, before, run, f, **{name: words[name] for name in made.words})
-    data._bound[kind] = library, before, run, call
+# kind -> its builtin, the call before it, and what it reads of that call's result
+_BUILTINS: dict[str, tuple[Callable[[], Builtin], str, str]] = {
+    CONSTRAINED: (recorded_constraints.dynamics, "all", "bias"),
+    IMPACT: (recorded_constraints.impact, "crba_world", "M"),
+    BORDERED: (recorded_constraints.inverse, "crba_world", "M"),
+}
 
 
 def _arguments(
-    name: str, names: tuple[str, ...], first: int, last: int, arguments: tuple[Any, ...], named: dict[str, Any]
-) -> dict[str, Any]:
-    """Arguments by name: all, or all but the ``first`` names; the ``last`` ones, numbers, are optional.
+    call: str, names: tuple[str, ...], first: int, last: int, model: Model, data: Data,
+    arguments: tuple[Any, ...], named: dict[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    """Arguments by name, checked: all, or all but the ``first`` names; the ``last`` ones, numbers, are 0 if left out.
 
     Raises ArgumentError if they fit neither
     """
+    library_of(model, data)
     for order in (names, names[first:]):
         given = {**named, **dict(zip(order, arguments, strict=False))}
         needed = set(order[: len(order) - last])
@@ -193,11 +184,18 @@ def _arguments(
             and needed <= set(given) <= set(order)
             and all((np.ndim(x) == 0) == (key in names[-last:]) for key, x in given.items())
         ):
-            return given
-    kinds = ", ".join([*map(described, arguments), *(f"{key}={described(x)}" for key, x in named.items())])
-    raise ArgumentError(
-        f"{name} got ({kinds}), expected ({', '.join(names)}), with or without {', '.join(names[:first])}"
-    )
+            break
+    else:
+        kinds = ", ".join([*map(described, arguments), *(f"{key}={described(x)}" for key, x in named.items())])
+        raise ArgumentError(
+            f"{call} got ({kinds}), expected ({', '.join(names)}), with or without {', '.join(names[:first])}"
+        )
+    given = dict.fromkeys(names[-last:], 0.0) | given
+    J = given["constraint_jacobian"] = _jacobian(given["constraint_jacobian"], model.nv)
+    sizes = {"tau": model.nv, "v_before": model.nv, "constraint_drift": len(J)}
+    given |= {name: vector(name, given[name], size) for name, size in sizes.items() if name in given}
+    given |= {name: number(given[name], name) for name in names[-last:-1]}
+    return given | {"damping": _damping(given["damping"])}
 
 
 def _jacobian(value: Any, columns: int) -> Array:

@@ -9,18 +9,17 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....errors import SpatialDynError
 from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call, last_call
+from ..data.dispatch import fast_calls, last_call
 from ..data.frame_arguments import about_frame, joint_index, named, reference_code
 from ..data.last_call import Run
 from ..model.model import Model
-from ..types.arguments import ArgumentError, ValueRuntimeError, expected
+from ..types.arguments import ArgumentError, Array, ValueRuntimeError, expected
 from ..types.se3 import SE3
 from .dynamics import given_forces
 from .jacobians import call_about_frame
@@ -33,7 +32,6 @@ __all__ = [
     "getPointClassicAccelerationDerivatives", "getPointVelocityDerivatives",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
 # --- torques and accelerations -----------------------------------------------------------------------------
 
@@ -57,53 +55,35 @@ def _last_aba(model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any) -> 
     return run.q.copy(), run.v.copy(), run.tau.copy(), fext
 
 
-computeRNEADerivatives = fast_call(
-    "computeRNEADerivatives",
-    "rnea_derivatives",
-    """∂tau/∂q, ∂tau/∂v and ∂tau/∂a = M, (nv, nv) each, also ``data.dtau_dq``, ``data.dtau_dv`` and ``data.M``.
+_CALLS = """
+computeRNEADerivatives = rnea_derivatives; returns: tuple(result); forces: fext=None
+    ∂tau/∂q, ∂tau/∂v and ∂tau/∂a = M, (nv, nv) each, also ``data.dtau_dq``, ``data.dtau_dv`` and ``data.M``.
 
     q     (nq,)            joint positions
     v, a  (nv,)            joint velocities and accelerations
     fext  list of njoints  Force on each joint's body, fixed in the joint's frame
 
     Raises ArgumentError (a TypeError) for a wrong type, ShapeError (a ValueError) for a wrong size.
-    """,
-    "tuple(result)",
-    forces="fext=None",
-)
-computeABADerivatives = fast_call(
-    "computeABADerivatives",
-    "aba_derivatives",
-    """∂ddq/∂q, ∂ddq/∂v and ∂ddq/∂tau = M⁻¹, (nv, nv) each, also ``data.ddq_dq``, ``data.ddq_dv`` and ``data.Minv``.
+computeABADerivatives = aba_derivatives; returns: tuple(result); forces: fext=None; optional: q, v, tau;
+  slow: q, v, tau, fext = last_aba(model, data, q, v, tau, fext)
+    ∂ddq/∂q, ∂ddq/∂v and ∂ddq/∂tau = M⁻¹, (nv, nv) each, also ``data.ddq_dq``, ``data.ddq_dv`` and ``data.Minv``.
 
     ``(model, data, q, v, tau[, fext])``, or ``(model, data[, fext])`` at the inputs of the last ``aba``.
 
     Raises as computeRNEADerivatives, and InertiaError naming a joint with zero articulated inertia.
-    """,
-    "tuple(result)",
-    forces="fext=None",
-    optional=True,
-    slow="q, v, tau, fext = last_aba(model, data, q, v, tau, fext)",
-    last_aba=_last_aba,
-)
-computeGeneralizedGravityDerivatives = fast_call(
-    "computeGeneralizedGravityDerivatives", "gravity_derivatives", "∂g/∂q (nv, nv) of the gravity torques."
-)
-computeStaticTorqueDerivatives = fast_call(
-    "computeStaticTorqueDerivatives",
-    "static_derivatives",
-    "∂tau/∂q (nv, nv) of the static torques g(q) - Σ Jᵀ fext; fext as in computeRNEADerivatives.",
-    forces="fext",
-    when="fext is not None",
-    slow="given_forces(fext)",
-    given_forces=given_forces,
-)
-computeCentroidalDynamicsDerivatives = fast_call(
-    "computeCentroidalDynamicsDerivatives",
-    "centroidal_derivatives",
-    "∂h/∂q, ∂(dh/dt)/∂q, ∂(dh/dt)/∂v and ∂(dh/dt)/∂a = Ag, (6, nv) each, of the centroidal momentum h.",
-    "tuple(result)",
-)
+computeGeneralizedGravityDerivatives = gravity_derivatives
+    ∂g/∂q (nv, nv) of the gravity torques.
+computeStaticTorqueDerivatives = static_derivatives; forces: fext; when: fext is not None; slow: given_forces(fext)
+    ∂tau/∂q (nv, nv) of the static torques g(q) - Σ Jᵀ fext; fext as in computeRNEADerivatives.
+computeCentroidalDynamicsDerivatives = centroidal_derivatives; returns: tuple(result)
+    ∂h/∂q, ∂(dh/dt)/∂q, ∂(dh/dt)/∂v and ∂(dh/dt)/∂a = Ag, (6, nv) each, of the centroidal momentum h.
+computeForwardKinematicsDerivatives = kinematics_derivatives1 kinematics_derivatives2; returns: None
+    Record q, v and a for the derivatives of velocities and, with a, of accelerations below.
+"""
+(
+    computeRNEADerivatives, computeABADerivatives, computeGeneralizedGravityDerivatives,
+    computeStaticTorqueDerivatives, computeCentroidalDynamicsDerivatives, computeForwardKinematicsDerivatives,
+) = fast_calls(_CALLS, last_aba=_last_aba, given_forces=given_forces)  # fmt: skip
 
 
 def getCentroidalDynamicsDerivatives(model: Model, data: Data) -> tuple[Array, Array, Array, Array]:
@@ -132,13 +112,6 @@ def _last(data: Data, *kinds: str) -> Run | None:
 
 
 # --- frames ------------------------------------------------------------------------------------------------
-
-computeForwardKinematicsDerivatives = fast_call(
-    "computeForwardKinematicsDerivatives",
-    "kinematics_derivatives1 kinematics_derivatives2",
-    "Record q, v and a for the derivatives of velocities and, with a, of accelerations below.",
-    "None",
-)
 
 
 def _kinematics(model: Model, data: Data, accelerations: bool = False) -> Run:
@@ -169,8 +142,9 @@ def _of_frame(name: str, run: Run, joint: int, placement: Array, reference: Any,
     return found
 
 
-def _derivatives(name: str, doc: str, of_joints: bool, accelerations: bool) -> Callable[..., tuple[Array, ...]]:
-    """Derivatives of the velocity of a frame, and of its spatial acceleration."""
+def _derivatives(name: str, doc: str) -> Callable[..., tuple[Array, ...]]:
+    """Derivatives of the velocity of a frame or a joint's frame, and of its spatial acceleration."""
+    of_joints, accelerations = "Frame" not in name, "Acceleration" in name
 
     def function(model: Model, data: Data, *given: Any, **named: Any) -> tuple[Array, ...]:
         run = _kinematics(model, data, accelerations)
@@ -190,8 +164,6 @@ getJointVelocityDerivatives = _derivatives(
 
     In LOCAL_WORLD_ALIGNED ∂V/∂q is, as in Pinocchio, that of the velocity at the frame's origin as a fixed point.
     """,
-    True,
-    False,
 )
 getJointAccelerationDerivatives = _derivatives(
     "getJointAccelerationDerivatives",
@@ -199,22 +171,16 @@ getJointAccelerationDerivatives = _derivatives(
 
     It needs computeForwardKinematicsDerivatives with a; see getJointVelocityDerivatives.
     """,
-    True,
-    True,
 )
 getFrameVelocityDerivatives = _derivatives(
     "getFrameVelocityDerivatives",
     """∂V/∂q and ∂V/∂v of a frame: ``(model, data, frame_id, reference_frame)`` or ``(model, data, joint_id, placement,
     reference_frame)``; see getJointVelocityDerivatives.
     """,
-    False,
-    False,
 )
 getFrameAccelerationDerivatives = _derivatives(
     "getFrameAccelerationDerivatives",
     "∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a of a frame, arguments as of getFrameVelocityDerivatives.",
-    False,
-    True,
 )
 
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call
+from ..data.dispatch import fast_calls
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import Convention
 
 __all__ = [
@@ -22,8 +21,6 @@ __all__ = [
     "computeMechanicalEnergy", "computeMinverse", "computePotentialEnergy", "computeStaticTorque", "crba",
     "getCoriolisMatrix", "nle", "nonLinearEffects", "rnea",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 def _kind(kind: str, convention: Any) -> str:
@@ -44,98 +41,53 @@ def given_forces(fext: Any) -> None:
         raise ArgumentError("fext is None, expected a list of Force")
 
 
-_CONVENTION: dict[str, Any] = {"LOCAL": Convention.LOCAL, "by_convention": _kind, "aba_kind": _aba_kind}
-
-rnea = fast_call(
-    "rnea",
-    "rnea",
-    """Torques τ = M(q) a + C(q, v) v + g(q) - Σ Jᵀ fext (nv,), also ``data.tau``.
+_CALLS = """
+rnea = rnea; forces: fext=None
+    Torques τ = M(q) a + C(q, v) v + g(q) - Σ Jᵀ fext (nv,), also ``data.tau``.
 
     q     (nq,)            joint positions
     v, a  (nv,)            joint velocities and accelerations
     fext  list of njoints  Force on each joint's body, in the joint's frame; the universe's is ignored
 
     Raises ArgumentError (a TypeError) for a wrong type, ShapeError (a ValueError) for a wrong size.
-    """,
-    forces="fext=None",
-)
-aba = fast_call(
-    "aba",
-    "aba",
-    """Accelerations (nv,) under torques tau (nv,) and external forces, also ``data.ddq``.
+aba = aba; forces: fext=None; options: convention=LOCAL; when: convention is LOCAL;
+  slow: kind, fext = aba_kind(fext, convention)
+    Accelerations (nv,) under torques tau (nv,) and external forces, also ``data.ddq``.
 
     ``aba(model, data, q, v, tau[, fext][, convention])``, fext as in rnea. The convention only selects which fields of
     data are filled.
 
     Raises as rnea, and InertiaError naming a joint with zero articulated inertia, where Pinocchio returns nan.
-    """,
-    forces="fext=None",
-    options="convention=LOCAL",
-    when="convention is LOCAL",
-    slow="kind, fext = aba_kind(fext, convention)",
-    **_CONVENTION,
-)
-crba = fast_call(
-    "crba",
-    "crba",
-    "Mass matrix M(q) (nv, nv), both triangles filled, also ``data.M``; the convention selects the other fields.",
-    options="convention=LOCAL",
-    when="convention is LOCAL",
-    slow="kind = by_convention(kind, convention)",
-    **_CONVENTION,
-)
-nonLinearEffects = nle = fast_call("nonLinearEffects", "nle", "Bias torques C(q, v) v + g(q) (nv,), also ``data.nle``.")
-computeGeneralizedGravity = fast_call(
-    "computeGeneralizedGravity", "gravity", "Gravity torques g(q) (nv,), also ``data.g``."
-)
-computeStaticTorque = fast_call(
-    "computeStaticTorque",
-    "static",
-    "Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still, also ``data.tau``; fext as in rnea.",
-    forces="fext",
-    when="fext is not None",
-    slow="given_forces(fext)",
-    given_forces=given_forces,
-)
-computeCoriolisMatrix = fast_call(
-    "computeCoriolisMatrix", "coriolis", "Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols, also ``data.C``."
-)
-computeMinverse = fast_call(
-    "computeMinverse",
-    "minverse",
-    """Inverse of the mass matrix (nv, nv), also ``data.Minv``; without q that of the last ``aba``.
+crba = crba; options: convention=LOCAL; when: convention is LOCAL; slow: kind = by_convention(kind, convention)
+    Mass matrix M(q) (nv, nv), both triangles filled, also ``data.M``; the convention selects the other fields.
+nonLinearEffects = nle
+    Bias torques C(q, v) v + g(q) (nv,), also ``data.nle``.
+computeGeneralizedGravity = gravity
+    Gravity torques g(q) (nv,), also ``data.g``.
+computeStaticTorque = static; forces: fext; when: fext is not None; slow: given_forces(fext)
+    Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still, also ``data.tau``; fext as in rnea.
+computeCoriolisMatrix = coriolis
+    Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols, also ``data.C``.
+computeMinverse = minverse; last: ddq
+    Inverse of the mass matrix (nv, nv), also ``data.Minv``; without q that of the last ``aba``.
 
     Raises InertiaError naming a joint with zero articulated inertia, where Pinocchio returns inf.
-    """,
-    last="ddq",
-)
-computeAllTerms = fast_call(
-    "computeAllTerms",
-    "all",
-    "Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed at its first read.",
-    "None",
-)
-computeKineticEnergy = fast_call(
-    "computeKineticEnergy",
-    "kinetic_energy",
-    "Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's.",
-    "run.result.item()",
-    last="v",
-)
-computePotentialEnergy = fast_call(
-    "computePotentialEnergy",
-    "potential_energy",
-    "Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.",
-    "run.result.item()",
-    last="oMi",
-)
-computeMechanicalEnergy = fast_call(
-    "computeMechanicalEnergy",
-    "mechanical_energy",
-    "Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.",
-    "data.mechanical_energy",
-    last="v",
-)
+computeAllTerms = all; returns: None
+    Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed at its first read.
+computeKineticEnergy = kinetic_energy; returns: run.result.item(); last: v
+    Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's.
+computePotentialEnergy = potential_energy; returns: run.result.item(); last: oMi
+    Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.
+computeMechanicalEnergy = mechanical_energy; returns: data.mechanical_energy; last: v
+    Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.
+"""
+(
+    rnea, aba, crba, nonLinearEffects, computeGeneralizedGravity, computeStaticTorque, computeCoriolisMatrix,
+    computeMinverse, computeAllTerms, computeKineticEnergy, computePotentialEnergy, computeMechanicalEnergy,
+) = fast_calls(
+    _CALLS, LOCAL=Convention.LOCAL, by_convention=_kind, aba_kind=_aba_kind, given_forces=given_forces
+)  # fmt: skip
+nle = nonLinearEffects
 
 
 def getCoriolisMatrix(model: Model, data: Data) -> Array:

@@ -7,23 +7,24 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....calls.arguments import core_shape
 from ....engines.compiled import numba_kernels
 from ....engines.compiled.cpython import unavailable
+from ....engines.compiled.generated import function_from_text
 from ....recursions import SPECS
 from ....recursions.spec import LOCAL as IN_FRAME
 from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ...native import recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call, last_call, vector
+from ..data.dispatch import fast_calls, frame_call, last_call, vector
 from ..data.frame_arguments import REFERENCES, about_frame, named, reference_code
-from ..data.last_call import Run, clock
+from ..data.last_call import clock
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
+from ..types.arguments import Array
 from ..types.frame import LOCAL
 from .kinematics import updateFramePlacements
 
@@ -33,12 +34,7 @@ __all__ = [
     "getJointJacobianTimeVariation",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
-KIND_BY_CODE = {
-    IN_FRAME: "frame_jacobian_local",
-    IN_WORLD: "frame_jacobian_world",
-    ALIGNED: "frame_jacobian_aligned",
-}
+KIND_BY_CODE = {IN_FRAME: "frame_jacobian_local", IN_WORLD: "frame_jacobian_world", ALIGNED: "frame_jacobian_aligned"}
 _dynamics: Any = dynamics  # Any: its stub names the public calls alone
 
 
@@ -62,157 +58,113 @@ def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static:
 
 # --- at a configuration ----------------------------------------------------------------------------------
 
-computeJointJacobians = fast_call(
-    "computeJointJacobians",
-    "jacobians",
-    "Jacobians of all joints in the world (6, nv), also ``data.J``; without q at the last call's.",
-    last="oMi",
+computeJointJacobians, computeJointJacobiansTimeVariation = fast_calls("""
+computeJointJacobians = jacobians; last: oMi
+    Jacobians of all joints in the world (6, nv), also ``data.J``; without q at the last call's.
+computeJointJacobiansTimeVariation = jacobians_dot
+    Time derivatives of all joints' Jacobians in the world (6, nv), also ``data.dJ``.
+""")
+
+
+def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
+    """A Jacobian at a q, which is recorded for the fields that it fills."""
+
+    def slow(model: Model, data: Data, q: Any, index: Any, reference: Any) -> Array:
+        library = library_of(model, data)
+        q, code = vector("q", q, model.nq), reference_code(reference)
+        joint, placement, _ = about_frame(model, of_joints, index, reference)
+        frames = joints_as_frames(model) if of_joints else frame_placements(model)
+        if code == ALIGNED:
+            data.check_frames(model)
+        run = data.run_of(KIND_BY_CODE[code], model, library)
+        run.store_inputs(q)
+        run.frames, call = frames, unavailable
+        found = call_about_frame("frame_jacobian", run, joint, placement, code)
+        data.note_call(run)
+        if library.has_builtins:
+            fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
+            held = {x: array for x, array in fields.items() if array is not None and library.joints is None}
+            words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
+            words |= {"six": 6, "memory": run.memory.ctypes.data, "code": code, **library.words}
+            words |= frames.words(rows=True)
+            call = recorded_calls.frame_jacobian_at().bind(library, run, frames, held, **words)
+        data._bound[name if of_joints else id(reference)] = run, frames, call
+        return found
+
+    index = "joint_id" if of_joints else "frame_id"
+    text = [
+        f"def {name}(model, data, q, {index}{'' if of_joints else ', reference_frame=LOCAL'}):",
+        "    try:",
+        f"        run, frames, call = data._bound[{repr(name) if of_joints else 'id(reference_frame)'}]",
+        f"        if run.library is model._library{'' if of_joints else ' and frames is model._frame_placements'}:",
+        f"            found = call(q, {index})",
+        "            if found is not None:",
+        "                run.stamp = clock()",
+        "                if run.recompute:",
+        "                    data.recompute_held(run)",
+        "                return found",
+        "    except (AttributeError, KeyError, ValueError):  # the fast path does not apply",
+        "        pass",
+        f"    return slow(model, data, q, {index}, {'LOCAL' if of_joints else 'reference_frame'})",
+    ]
+    function = function_from_text(name, text, {"slow": slow, "clock": clock, "LOCAL": LOCAL}, f"pinocchio {name}")
+    return named(function, name, doc)
+
+
+computeJointJacobian = _at(
+    "computeJointJacobian", True, "Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``."
 )
-computeJointJacobiansTimeVariation = fast_call(
-    "computeJointJacobiansTimeVariation",
-    "jacobians_dot",
-    "Time derivatives of all joints' Jacobians in the world (6, nv), also ``data.dJ``.",
-)
-
-
-def _jacobian_at(model: Model, data: Data, q: Any, index: Any, reference: Any, of_joints: bool) -> Array:
-    """The Jacobian of a frame at q, which is recorded for the fields that it fills, and its builtin for later calls."""
-    library = library_of(model, data)
-    q, code = vector("q", q, model.nq), reference_code(reference)
-    joint, placement, _ = about_frame(model, of_joints, index, reference)
-    frames = joints_as_frames(model) if of_joints else frame_placements(model)
-    if code == ALIGNED:
-        data.check_frames(model)
-    run = data.run_of(KIND_BY_CODE[code], model, library)
-    run.store_inputs(q)
-    run.frames, call = frames, unavailable
-    found = call_about_frame("frame_jacobian", run, joint, placement, code)
-    data.note_call(run)
-    if library.has_builtins:
-        words = {"six": 6, "memory": run.memory.ctypes.data, "code": code, **library.words}
-        held = {
-            name: data._held.get(name)
-            for name in recorded_calls.HELD
-            if name in run.kind.fills and library.joints is None
-        }
-        words |= {name: 0 if held.get(name) is None else held[name].ctypes.data for name in recorded_calls.HELD}
-        call = recorded_calls.frame_jacobian_at().bind(library, run, frames, held, **words, **frames.words(rows=True))
-    data._bound["joint_jacobian" if of_joints else id(reference)] = run, frames, call
-    return found
-
-
-def computeJointJacobian(model: Model, data: Data, q: Any, joint_id: int) -> Array:
-    """Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``."""
-    try:
-        run, _, call = data._bound["joint_jacobian"]
-        if run.library is model._library:
-            J: Array | None = call(q, joint_id)
-            if J is not None:
-                run.stamp = clock()
-                if run.recompute:
-                    data.recompute_held(run)
-                return J
-    except (AttributeError, KeyError, ValueError):  # the fast path does not apply
-        pass
-    return _jacobian_at(model, data, q, joint_id, LOCAL, True)
-
-
-def computeFrameJacobian(model: Model, data: Data, q: Any, frame_id: int, reference_frame: Any = LOCAL) -> Array:
-    """Jacobian (6, nv) of a frame at q.
+computeFrameJacobian = _at(
+    "computeFrameJacobian",
+    False,
+    """Jacobian (6, nv) of a frame at q: ``(model, data, q, frame_id[, reference_frame])``.
 
     It fills ``data.liMi``, in WORLD also ``data.oMi``, in LOCAL_WORLD_ALIGNED also ``data.oMi`` and ``data.oMf``.
-    """
-    try:
-        run, frames, call = data._bound[id(reference_frame)]
-        if run.library is model._library and frames is model._frame_placements:
-            J: Array | None = call(q, frame_id)
-            if J is not None:
-                run.stamp = clock()
-                if run.recompute:
-                    data.recompute_held(run)
-                return J
-    except (AttributeError, KeyError, ValueError):  # the fast path does not apply
-        pass
-    return _jacobian_at(model, data, q, frame_id, reference_frame, False)
+    """,
+)
 
 
 # --- at the inputs of the last call ------------------------------------------------------------------------
 
 
-def _recorded(name: str, doc: str, call_name: str, of_joints: bool) -> Callable[..., Array]:
-    """A Jacobian at the inputs of the last call that filled a field of Data."""
-    field, before = "J", "computeJointJacobians"
-    if call_name == "frame_jacobian_dot":
-        field, before = "dJ", "computeJointJacobiansTimeVariation"
-    key = call_name, of_joints
+def _recorded(name: str, doc: str) -> Callable[..., Array]:
+    """A Jacobian at the inputs of the last call that filled ``data.J``, or its rate at those of ``data.dJ``."""
+    of_joints, rate = "Frame" not in name, "TimeVariation" in name
+    call_name, field = ("frame_jacobian_dot", "dJ") if rate else ("frame_jacobian", "J")
 
-    def function(
-        model: Model,
-        data: Data,
-        frame_id: Any = None,
-        reference_frame: Any = None,
-        last: Any = None,
-        *,
-        joint_id: Any = None,
-        placement: Any = None,
-    ) -> Array:
-        try:
-            run: Any = data._last_J[0] if field == "J" else data.latest(field)  # None raises AttributeError
-            frames, call = run.bound[key]
-            library = model._library
-            if frames is (library.frames if of_joints else model._frame_placements) and library:
-                J: Array | None = call(frame_id, reference_frame)
-                if J is not None:
-                    return J
-        except (AttributeError, KeyError):  # the fast path does not apply
-            pass
-        run = last_call(model, data, field, before=before)
-        about = frame_id, reference_frame, last, joint_id, placement
+    def slow(model: Model, data: Data, about: tuple[Any, ...]) -> Array:
+        run = last_call(model, data, field, before="computeJointJacobians" + "TimeVariation" * rate)
         joint, place, reference = about_frame(model, of_joints, *about)
         found = call_about_frame(call_name, run, joint, place, reference_code(reference))
-        _bind(run, model, call_name, of_joints)
+        library, call = run.library, unavailable
+        frames = joints_as_frames(model) if of_joints else frame_placements(model)
+        if library.has_builtins:
+            words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
+            words |= {"six": 6, **library.words, **REFERENCES, **frames.words(rows=True)}
+            call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
+        run.bound[name] = frames, call
         return found
 
-    return named(function, name, doc)
-
-
-def _bind(run: Run, model: Model, call_name: str, of_joints: bool) -> None:
-    """Bind the builtin of a Jacobian at the inputs of a run, for later calls."""
-    library, call = run.library, unavailable
-    frames = joints_as_frames(model) if of_joints else frame_placements(model)
-    if library.has_builtins:
-        inputs = {"q_address": run.q} if call_name == "frame_jacobian" else {"q_address": run.q, "v_address": run.v}
-        words = {x: array.ctypes.data for x, array in inputs.items()}
-        words |= {"six": 6, **library.words, **REFERENCES, **frames.words(rows=True)}
-        call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
-    run.bound[call_name, of_joints] = frames, call
+    bound = "data.latest('dJ').bound" if rate else "data._last_J[0].bound"  # None raises AttributeError
+    return frame_call(name, of_joints, doc, bound, " and model._library", slow)
 
 
 getJointJacobian = _recorded(
-    "getJointJacobian",
-    "Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of ``data.J``.",
-    "frame_jacobian",
-    True,
+    "getJointJacobian", "Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of data.J."
 )
 getFrameJacobian = _recorded(
     "getFrameJacobian",
     """Jacobian (6, nv) of a frame, at the q of ``data.J``: ``(model, data, frame_id, reference_frame)`` or
     ``(model, data, joint_id, placement, reference_frame)``.
     """,
-    "frame_jacobian",
-    False,
 )
 getJointJacobianTimeVariation = _recorded(
     "getJointJacobianTimeVariation",
     "Time derivative (6, nv) of a joint's Jacobian, arguments as of getJointJacobian, at the q, v of ``data.dJ``.",
-    "frame_jacobian_dot",
-    True,
 )
 getFrameJacobianTimeVariation = _recorded(
     "getFrameJacobianTimeVariation",
     "Time derivative (6, nv) of a frame's Jacobian, arguments as of getFrameJacobian, at the q, v of ``data.dJ``.",
-    "frame_jacobian_dot",
-    False,
 )
 
 
@@ -220,4 +172,5 @@ def frameJacobianTimeVariation(model: Model, data: Data, q: Any, v: Any, frame_i
     """Time derivative (6, nv) of a frame's Jacobian at q, v."""
     computeJointJacobiansTimeVariation(model, data, q, v)
     updateFramePlacements(model, data)
-    return getFrameJacobianTimeVariation(model, data, frame_id, reference_frame)
+    found: Array = getFrameJacobianTimeVariation(model, data, frame_id, reference_frame)
+    return found

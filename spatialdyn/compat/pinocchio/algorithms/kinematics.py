@@ -6,18 +6,19 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call
-from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, named, reference_code
+from ..data.dispatch import fast_calls, frame_call
+from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, reference_code
 from ..data.last_call import Run
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.frame import LOCAL
 from ..types.motion import Motion
 from ..types.se3 import SE3
+from ..types.value import Value
 
 __all__ = [
     "forwardKinematics", "framesForwardKinematics", "getAcceleration", "getClassicalAcceleration",
@@ -25,23 +26,19 @@ __all__ = [
     "updateFramePlacement", "updateFramePlacements", "updateGlobalPlacements",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
 # --- places ----------------------------------------------------------------------------------------------
 
-forwardKinematics = fast_call(
-    "forwardKinematics",
-    "kinematics0 kinematics1 kinematics2",
-    """Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.
+(forwardKinematics,) = fast_calls("""
+forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
+    Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.
 
     q     (nq,)  joint positions
     v, a  (nv,)  joint velocities and accelerations
 
     ``updateFramePlacements`` places the frames. Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a
     ValueError, for a wrong size.
-    """,
-    "None",
-)
+""")
 
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:
@@ -134,35 +131,16 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
 
 # --- velocities and accelerations ------------------------------------------------------------------------
 
-_new = Motion.__new__
+_OF_FRAME = """``(model, data, frame_id[, reference_frame])``, or for a frame that is not in the model ``(model, data,
+    joint_id, placement[, reference_frame])``."""
 
 
-def _motion(name: str, doc: str, field: str, of_joints: bool, classical: bool = False) -> Callable[..., Motion]:
+def _motion(name: str, doc: str, field: str, classical: bool = False) -> Callable[..., Motion]:
     """The motion of a frame, or of a joint's own frame, from a field of Data that has one for each joint."""
-    bound_as = name
+    of_joints = "Frame" not in name
 
-    def function(
-        model: Model,
-        data: Data,
-        frame_id: Any = None,
-        reference_frame: Any = LOCAL,
-        last: Any = None,
-        *,
-        joint_id: Any = None,
-        placement: Any = None,
-    ) -> Motion:
-        try:
-            frames, call = data._bound[bound_as]
-            if frames is (model._library.frames if of_joints else model._frame_placements):
-                x = call(frame_id, reference_frame)
-                if x is not None:
-                    motion = _new(Motion)
-                    motion._x = x
-                    return motion
-        except (AttributeError, KeyError):  # the fast path does not apply
-            pass
+    def slow(model: Model, data: Data, about: tuple[Any, ...]) -> Motion:
         library = library_of(model, data)
-        about = frame_id, reference_frame, last, joint_id, placement
         joint, place, reference = about_frame(model, of_joints, *about)
         code, out = reference_code(reference), np.empty(6)
         X, motions = data.array("oMi")[joint], data.array(field)
@@ -173,38 +151,23 @@ def _motion(name: str, doc: str, field: str, of_joints: bool, classical: bool = 
             motions = data.hold(field)
             arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
             words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
-            sizes = {"six": 6, **{x: n for x, n in library.words.items() if x != "table"}}
-            data._bound[bound_as] = (
-                frames,
-                recorded_calls.frame_motion(classical).bind(
-                    *arrays.values(), motions, frames, **sizes, **words, **REFERENCES, **frames.words()
-                ),
-            )
+            words |= {"six": 6, "made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
+            call = recorded_calls.frame_motion(classical).bind(*arrays.values(), motions, frames, **words)
+            data._bound[name] = frames, call
         return Motion.over(out)
 
-    return named(function, name, doc)
+    return frame_call(name, of_joints, doc, "data._bound", "", slow, LOCAL)
 
 
-_FRAME = """``(model, data, frame_id[, reference_frame])``, or ``(model, data, joint_id, placement[, reference_frame])``
-    for a frame that is not in the model.
-    """
-getVelocity = _motion("getVelocity", "Velocity of a joint's frame, from ``data.v``.", "v", True)
-getAcceleration = _motion("getAcceleration", "Spatial acceleration of a joint's frame, from ``data.a``.", "a", True)
+getVelocity = _motion("getVelocity", "Velocity of a joint's frame, from ``data.v``.", "v")
+getAcceleration = _motion("getAcceleration", "Spatial acceleration of a joint's frame, from ``data.a``.", "a")
 getClassicalAcceleration = _motion(
-    "getClassicalAcceleration",
-    "Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``.",
-    "a",
-    True,
-    True,
+    "getClassicalAcceleration", "Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``.", "a", True
 )
-getFrameVelocity = _motion("getFrameVelocity", f"Velocity of a frame, from ``data.v``.\n\n    {_FRAME}", "v", False)
+getFrameVelocity = _motion("getFrameVelocity", f"Velocity of a frame, from ``data.v``: {_OF_FRAME}", "v")
 getFrameAcceleration = _motion(
-    "getFrameAcceleration", f"Spatial acceleration of a frame, from ``data.a``.\n\n    {_FRAME}", "a", False
+    "getFrameAcceleration", f"Spatial acceleration of a frame, from ``data.a``: {_OF_FRAME}", "a"
 )
 getFrameClassicalAcceleration = _motion(
-    "getFrameClassicalAcceleration",
-    f"Classical acceleration of a frame, from ``data.v`` and ``data.a``.\n\n    {_FRAME}",
-    "a",
-    False,
-    True,
+    "getFrameClassicalAcceleration", f"Classical acceleration of a frame, from v and a: {_OF_FRAME}", "a", True
 )

@@ -11,18 +11,16 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics as library
 from ....engines.threads import slices
 from ....errors import ShapeError, SpatialDynError
 from ..model.library_model import library_model
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, described, expected
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
 
 __all__ = ["ModelPool", "abaInParallel", "omp_get_max_threads", "rneaInParallel"]
 
-Array = NDArray[np.float64]
 LEAST = 128  # samples a thread needs to pay off, some 100 µs
 
 

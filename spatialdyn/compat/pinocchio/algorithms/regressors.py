@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....algebra.public_arrays import read_motion
 from ....errors import ModelError
@@ -16,11 +15,11 @@ from ....recursions.regressor import body_force
 from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_call
+from ..data.dispatch import fast_calls
 from ..data.field_recipes import columns
 from ..data.frame_arguments import frame_index, joint_index, reference_code
 from ..model.model import Model
-from ..types.arguments import expected
+from ..types.arguments import Array, expected
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
@@ -30,32 +29,19 @@ __all__ = [
     "frameBodyRegressor", "jointBodyRegressor",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 
-
-def _regressor(name: str, kind: str, doc: str) -> Any:
-    return fast_call(name, kind, doc, "columns(run)", columns=columns)
-
-
-computeJointTorqueRegressor = _regressor(
-    "computeJointTorqueRegressor",
-    "torque_regressor",
-    "Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.",
-)
-computeStaticRegressor = _regressor(
-    "computeStaticRegressor",
-    "static_regressor",
-    "Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments.",
-)
-computeKineticEnergyRegressor = _regressor(
-    "computeKineticEnergyRegressor",
-    "kinetic_regressor",
-    "Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies.",
-)
-computePotentialEnergyRegressor = _regressor(
-    "computePotentialEnergyRegressor",
-    "potential_regressor",
-    "Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π.",
+_CALLS = """
+computeJointTorqueRegressor = torque_regressor; returns: columns(run)
+    Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.
+computeStaticRegressor = static_regressor; returns: columns(run)
+    Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments.
+computeKineticEnergyRegressor = kinetic_regressor; returns: columns(run)
+    Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies.
+computePotentialEnergyRegressor = potential_regressor; returns: columns(run)
+    Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π.
+"""
+computeJointTorqueRegressor, computeStaticRegressor, computeKineticEnergyRegressor, computePotentialEnergyRegressor = (
+    fast_calls(_CALLS, columns=columns)
 )
 
 

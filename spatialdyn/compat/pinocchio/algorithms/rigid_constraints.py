@@ -7,11 +7,11 @@ J a + γ = 0, errors times the gains of Baumgarte included. ``constraints.contac
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....constraints.contact import Solved, inverse, solve
@@ -26,7 +26,7 @@ from ..data.last_call import Run
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described, expected, number
+from ..types.arguments import ArgumentError, Array, described, expected, number
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -38,8 +38,6 @@ __all__ = [
     "computeDelassusMatrix", "constraintDynamics", "getConstraintJacobian", "getConstraintsJacobian",
     "initConstraintDynamics",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 class Side(NamedTuple):
@@ -378,6 +376,20 @@ def _load(c: Contact, force: Array, fext: list[Force]) -> Array:
 # --- the factors -----------------------------------------------------------------------------------------
 
 
+def _found(doc: str, find: Callable[[Any], Any]) -> Any:
+    """A method without arguments."""
+
+    def method(self: Any) -> Any:
+        return find(self)
+
+    method.__doc__ = doc
+    return method
+
+
+def _inverse(x: Array) -> Array:
+    return np.asarray(np.linalg.inv(x))
+
+
 class ConstraintCholeskyDecomposition:
     """K = U D Uᵀ of K = [-mu 1, J; Jᵀ, M], U upper triangular with unit diagonal: ``(model, data, contact_models,
     contact_datas)``, then ``compute`` with the M of ``data``.
@@ -398,28 +410,11 @@ class ConstraintCholeskyDecomposition:
         """Take J at the q of ``data.oMi`` and the M of ``data``; mu is a number or one for each row."""
         self._J = getConstraintsJacobian(model, data, contact_models, contact_datas)
         self._M = np.array(data.array("M"))
-        self._mu = np.zeros(len(self._J))
         self.updateDamping(mu)
 
     def updateDamping(self, mu: Any) -> None:
         """Set mu, a number or one for each row."""
         self._mu = np.zeros(len(self._J)) + np.asarray(mu, float)
-
-    def getDamping(self) -> Array:
-        """mu as a diagonal matrix."""
-        return np.diag(self._mu)
-
-    def size(self) -> int:
-        """Rows of K."""
-        return len(self._J) + len(self._M)
-
-    def constraintDim(self) -> int:
-        """Rows of J."""
-        return len(self._J)
-
-    def matrix(self) -> Array:
-        """K."""
-        return np.block([[np.diag(-self._mu), self._J], [self._J.T, self._M]])
 
     def _factors(self) -> tuple[Array, Array]:
         K = self.matrix()
@@ -431,45 +426,28 @@ class ConstraintCholeskyDecomposition:
             K[:k, :k] -= np.outer(U[:k, k], K[:k, k])
         return U, D
 
-    @property
-    def U(self) -> Array:
-        """U."""
-        return self._factors()[0]
-
-    @property
-    def D(self) -> Array:
-        """D (size,)."""
-        return self._factors()[1]
-
-    @property
-    def Dinv(self) -> Array:
-        """1 / D."""
-        return np.asarray(1.0 / self.D)
-
     def solve(self, matrix: Any) -> Array:
         """K⁻¹ x."""
         return np.asarray(np.linalg.solve(self.matrix(), np.asarray(matrix, float)))
-
-    def inverse(self) -> Array:
-        """K⁻¹."""
-        return np.asarray(np.linalg.inv(self.matrix()))
 
     def getInverseOperationalSpaceInertiaMatrix(self, enforce_symmetry: bool = False) -> Array:
         """J M⁻¹ Jᵀ + mu 1."""
         G = self._J @ np.linalg.solve(self._M, self._J.T) + self.getDamping()
         return np.asarray(0.5 * (G + G.T))
 
-    def getOperationalSpaceInertiaMatrix(self) -> Array:
-        """(J M⁻¹ Jᵀ + mu 1)⁻¹."""
-        return np.asarray(np.linalg.inv(self.getInverseOperationalSpaceInertiaMatrix()))
-
-    def getInverseMassMatrix(self) -> Array:
-        """M⁻¹."""
-        return np.asarray(np.linalg.inv(self._M))
-
-    def copy(self) -> ConstraintCholeskyDecomposition:
-        """An independent copy."""
-        return copy.deepcopy(self)
+    U = property(lambda self: self._factors()[0], doc="U.")
+    D = property(lambda self: self._factors()[1], doc="D (size,).")
+    Dinv = property(lambda self: 1.0 / self.D, doc="1 / D.")
+    matrix = _found("K.", lambda self: np.block([[np.diag(-self._mu), self._J], [self._J.T, self._M]]))
+    inverse = _found("K⁻¹.", lambda self: _inverse(self.matrix()))
+    size = _found("Rows of K.", lambda self: len(self._J) + len(self._M))
+    constraintDim = _found("Rows of J.", lambda self: len(self._J))
+    getDamping = _found("mu as a diagonal matrix.", lambda self: np.diag(self._mu))
+    getInverseMassMatrix = _found("M⁻¹.", lambda self: _inverse(self._M))
+    getOperationalSpaceInertiaMatrix = _found(
+        "(J M⁻¹ Jᵀ + mu 1)⁻¹.", lambda self: _inverse(self.getInverseOperationalSpaceInertiaMatrix())
+    )
+    copy = _found("An independent copy.", copy.deepcopy)
 
 
 ContactCholeskyDecomposition = ConstraintCholeskyDecomposition

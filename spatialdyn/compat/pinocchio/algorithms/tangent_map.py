@@ -6,19 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ...native import operator_kernels
 from ..data.dispatch import vector
-from ..model.joint_mimic import Mimic
+from ..model.joints import Mimic
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, described, expected
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
 
 __all__ = ["compactTangentMap", "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct"]
 
-Array = NDArray[np.float64]
 COLUMNS = 6  # of compactTangentMap
 
 
@@ -29,44 +27,29 @@ def _blocks(model: Model, q: Array) -> Iterator[tuple[int, int, Array]]:
             continue
         row, column = joint.idx_q, joint.idx_v
         for step in joint.steps():
-            block = _BLOCKS[kind_of(step.kind, "cos_sin").group](q[row:])
+            block = _block(kind_of(step.kind, "cos_sin").group, q[row:])
             yield row, column, block
             row, column = row + len(block), column + block.shape[1]
 
 
-def _angle_or_length(q: Array) -> Array:
-    """An angle or a length."""
-    return np.ones((1, 1))
-
-
-def _pair(q: Array) -> Array:
-    """cos, sin."""
-    return np.array([[-q[1]], [q[0]]])
-
-
-def _quaternion(q: Array) -> Array:
-    """x y z w: half the product with an angular velocity in the body's axes."""
-    x, y, z, w = (0.5 * q[:4]).tolist()
-    return np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]])
-
-
-def _planar(q: Array) -> Array:
-    """x y cos sin."""
-    T = np.zeros((4, 3))
-    T[:2, :2] = [[q[2], -q[3]], [q[3], q[2]]]
-    T[2:, 2:] = _pair(q[2:])
+def _block(group: str, q: Array) -> Array:
+    """T of a joint whose coordinates q begins with."""
+    if group == "R":  # an angle or a length
+        return np.ones((1, 1))
+    if group == "SO(2)":  # cos, sin
+        return np.array([[-q[1]], [q[0]]])
+    if group == "SO(3)":  # x y z w: half the product with an angular velocity in the body's axes
+        x, y, z, w = (0.5 * q[:4]).tolist()
+        return np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]])
+    at = 2 if group == "SE(2)" else 3  # lengths come first, with velocities along the body's axes
+    turned = _block(f"SO({at})", q[at:])
+    T = np.zeros((at + len(turned), at + turned.shape[1]))
+    T[at:, at:] = turned
+    if group == "SE(2)":
+        T[:2, :2] = [[q[2], -q[3]], [q[3], q[2]]]
+    else:
+        operator_kernels.quat_matrix(np.array(q[3:7]), T[:3, :3])
     return T
-
-
-def _floating(q: Array) -> Array:
-    """x y z and a quaternion."""
-    T = np.zeros((7, 6))
-    operator_kernels.quat_matrix(np.array(q[3:7]), T[:3, :3])
-    T[3:, 3:] = _quaternion(q[3:])
-    return T
-
-
-_BLOCKS = {"R": _angle_or_length, "SO(2)": _pair, "SO(3)": _quaternion, "SE(2)": _planar, "SE(3)": _floating}
 
 
 def tangentMap(model: Model, q: Any) -> Array:

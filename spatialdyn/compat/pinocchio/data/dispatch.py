@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from inspect import cleandoc
 from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ....engines.compiled.generated import function_from_text
@@ -16,14 +17,12 @@ from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ..model.library_model import LibraryModel
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, ValueRuntimeError, described, module_of_caller
+from ..types.arguments import NUMBERS, ArgumentError, Array, ValueRuntimeError, described, module_of_caller
 from ..types.array_rows import Rows
 from ..types.motion import Force
 from .data import Data, library_of
 from .field_recipes import CALL_KINDS
 from .last_call import Run, clock
-
-Array = NDArray[np.float64]
 
 
 def vector(name: str, value: Any, size: int) -> Array:
@@ -102,32 +101,45 @@ def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKine
     raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
 
 
+def fast_calls(table: str, **scope: Any) -> list[Any]:
+    """The functions of a table: rows ``name = kinds; option: text; ...``, each with its docstring below, indented by 4.
+
+    Kinds and options are those of ``fast_call``, whose ``scope`` is the same for all.
+    """
+    scope, made = {"__name__": module_of_caller(), **scope}, []
+    for row in re.split(r"\n(?=\w)", table.strip("\n")):
+        head, _, doc = row.partition("\n    ")
+        first, *options = re.split(r";\s+", head)
+        name, kinds = first.split(" = ")
+        made.append(fast_call(name, kinds, cleandoc(doc), {**scope}, **dict(x.split(": ", 1) for x in options)))
+    return made
+
+
 def fast_call(
     name: str,
     kinds: str,
     doc: str,
+    scope: dict[str, Any],
     returns: str = "result",
-    *,
     forces: str = "",
     options: str = "",
     when: str = "",
     slow: str = "",
     last: str = "",
-    optional: bool = False,
-    **scope: Any,
+    optional: str = "",
 ) -> Callable[..., Any]:
     """The function ``name(model, data, *inputs of a kind)``: the Run's builtin, for float64 arrays of one sample, else
     ``compute``, which checks the arguments.
 
     kinds    kinds whose inputs begin alike; the inputs that are not None choose one
+    scope    names in the texts below, and ``__name__``
     returns  source text of what it returns, from ``result``, a new array, and ``run``
     forces   source text of the parameter for external forces: "fext" or "fext=None"
     options  source text of further parameters
     when     source text of a condition that these have to meet for the builtin
     slow     source text of a statement that comes before ``compute``; it may change the inputs, fext and ``kind``
     last     field of Data: without inputs, those of the last call that filled it are taken
-    optional the inputs may be left out: ``slow`` finds them
-    scope    names in these texts
+    optional any text: the inputs may be left out, ``slow`` finds them
     """
     choices = {kind: CALL_KINDS[kind].inputs.split() for kind in kinds.split()}
     given = [*choices.values()]
@@ -166,7 +178,36 @@ def fast_call(
         f"    return {returns}",
     ]
     scope |= {"clock": clock, "compute": compute, "last_call": last_call}
-    scope["__name__"] = module_of_caller()
+    function = function_from_text(name, text, scope, f"pinocchio {name}")
+    function.__doc__ = doc
+    return function
+
+
+def frame_call(
+    name: str, of_joints: bool, doc: str, bound: str, guard: str, slow: Callable[..., Any], reference: Any = None
+) -> Callable[..., Any]:
+    """The function ``name(model, data, frame_id, reference_frame)``, or of a joint, ``name(model, data, joint_id,
+    placement, reference_frame)`` and like calls: a builtin bound for the model's frames as they are, else ``slow``.
+
+    bound      source text of the dict that holds the FramePlacements and the builtin by ``name``
+    guard      source text of what has to be true for the builtin
+    slow       ``(model, data, about)``, with the arguments of ``about_frame``; binds the builtin for later calls
+    reference  the reference frame by default
+    """
+    about = "frame_id, reference_frame, last, joint_id, placement"
+    text = [
+        f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
+        "    try:",
+        f"        frames, call = {bound}[{name!r}]",
+        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}{guard}:",
+        "            found = call(frame_id, reference_frame)",
+        "            if found is not None:",
+        "                return found",
+        "    except (AttributeError, KeyError):  # the fast path does not apply",
+        "        pass",
+        f"    return slow(model, data, ({about}))",
+    ]
+    scope = {"slow": slow, "reference": reference, "__name__": module_of_caller()}
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function

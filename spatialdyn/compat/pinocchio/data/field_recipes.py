@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from ....calls import dynamics
 from ...native import operator_kernels, recorded_calls
+from ..types.arguments import Array
 
-Array = NDArray[np.float64]
 Recipe = Callable[[Any], Any]
-Fills = dict[str, Recipe]
 
 
 @dataclass(frozen=True)
@@ -45,30 +44,41 @@ class Kind:
 class CallRecipe:
     """A recipe that is one call of the library on inputs of the run: a builtin can recompute it.
 
-    joints  its result has a row for each joint
+    joints  its result has a row for each of the library's joints: it becomes one for each joint of the Model
+    forces  the run's external forces, if any, are its last input
     """
 
     call: str
-    inputs: tuple[str, ...]
+    inputs: str
     joints: bool = False
+    forces: bool = False
 
     def __call__(self, run: Any) -> Array:
-        """The result, with one row for each joint of the Model if ``joints``."""
-        inputs = [getattr(run, x) for x in self.inputs]
-        return (call_by_joint if self.joints else call_library)(self.call, run, *inputs)
+        """The result."""
+        inputs = [getattr(run, x) for x in self.inputs.split()]
+        return self.at(run, *inputs, *([run.fext] if self.forces and run.fext is not None else []))
+
+    def at(self, run: Any, *inputs: Any) -> Array:
+        """The result on other inputs."""
+        found: Array = dynamics.table_call(self.call, run.model, *inputs)
+        return found[run.library.joints] if self.joints and run.library.joints is not None else found
 
 
-def call_library(name: str, run: Any, *inputs: Any) -> Array:
-    """A call of the library on the model of a run."""
-    found: Array = dynamics.table_call(name, run.model, *inputs)
-    return found
+# --- recipes that are one call; rows of joints are in the joints' frames ------------------------------------
 
-
-def call_by_joint(name: str, run: Any, *inputs: Any) -> Array:
-    """A call whose result has a row for each joint, as rows for the joints of the Model."""
-    found = call_library(name, run, *inputs)
-    return found if run.library.joints is None else found[run.library.joints]
-
+joint_placements = CallRecipe("forward_kinematics", "q", True)
+v = CallRecipe("joint_velocities", "q v", True)
+a = CallRecipe("joint_accelerations", "q v a", True)
+f = CallRecipe("joint_forces", "q v a", True, forces=True)
+com = CallRecipe("subtree_centers_of_mass", "q", True)
+vcom = CallRecipe("subtree_com_velocities", "q v", True)
+acom = CallRecipe("subtree_com_accelerations", "q v a", True)
+J, dJ = CallRecipe("joint_jacobians", "q"), CallRecipe("joint_jacobians_dot", "q v")
+Ag, dAg = CallRecipe("centroidal_map", "q"), CallRecipe("centroidal_map_dot", "q v")
+hg, dhg = CallRecipe("centroidal_momentum", "q v"), CallRecipe("centroidal_momentum_rate", "q v a")
+tau, ddq = CallRecipe("rnea", "q v a", forces=True), CallRecipe("aba", "q v tau", forces=True)
+g, kinetic_energy = CallRecipe("generalized_gravity", "q"), CallRecipe("kinetic_energy", "q v")
+potential_energy = CallRecipe("potential_energy", "q")
 
 # --- places and velocities -------------------------------------------------------------------------------
 
@@ -88,18 +98,22 @@ def oMi(run: Any) -> Array:
 
 def oMf(run: Any) -> Array:
     """Poses of the frames in the world."""
-    out: Array = np.empty_like(run.frames.placements)
-    recorded_calls.compose_all(np.ascontiguousarray(oMi(run)), run.frames.joints, run.frames.placements, out)
-    return out
+    return _rows(recorded_calls.compose_all, oMi(run), run.frames.joints, run.frames.placements)
 
 
 def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
-    X = np.ascontiguousarray(oMi(run))
+    X = oMi(run)
     if run.library.off_norm(run.q):  # not rotations: their transposes are no inverses
         return _undone(X[run.parents], X)
-    out = np.empty_like(X)
-    recorded_calls.relative_all(X, run.parents, X, out)
+    return _rows(recorded_calls.relative_all, X, run.parents, X)
+
+
+def _rows(operator: Callable[..., None], x: Array, places: NDArray[np.intp], y: Array) -> Array:
+    """Rows operator(x[places[k]], y[k])."""
+    y = np.ascontiguousarray(y)
+    out = np.empty_like(y)
+    operator(np.ascontiguousarray(x), places, y, out)
     return out
 
 
@@ -113,46 +127,30 @@ def _undone(A: Array, X: Array) -> Array:
     return out
 
 
-joint_placements = CallRecipe("forward_kinematics", ("q",), True)
-v = CallRecipe("joint_velocities", ("q", "v"), True)  # in the joints' frames
-a = CallRecipe("joint_accelerations", ("q", "v", "a"), True)  # in the joints' frames
-
-
 def a_gf(run: Any) -> Array:
     """Accelerations less that of gravity, in the joints' frames."""
     found = a(run)
-    weight = np.zeros((1, 6))
-    weight[0, :3] = run.model.gravity
-    out = np.empty_like(found)
-    recorded_calls.motions_to_child(
-        np.ascontiguousarray(oMi(run)), np.arange(len(out)), np.repeat(weight, len(out), 0), out
-    )
-    found -= out
-    return found
-
-
-def f(run: Any) -> Array:
-    """Forces that the joints transmit, in the joints' frames."""
-    return call_by_joint("joint_forces", run, run.q, run.v, run.a, *(() if run.fext is None else (run.fext,)))
+    weight = np.zeros_like(found)
+    weight[:, :3] = run.model.gravity
+    return np.asarray(found - _rows(recorded_calls.motions_to_child, oMi(run), np.arange(len(found)), weight))
 
 
 def h(run: Any) -> Array:
     """Momenta of the bodies, in the joints' frames."""
-    velocities = v(run)
-    out = np.empty_like(velocities)
-    recorded_calls.momenta(run.bodies, np.arange(len(out)), velocities, out)
-    out[0] = 0.0
-    return out
+    found = _rows(recorded_calls.momenta, run.bodies, np.arange(len(run.bodies)), v(run))
+    found[0] = 0.0
+    return found
 
 
-def in_world(operator: Callable[..., None], recipe: Recipe) -> Recipe:
-    """A recipe whose rows are in the joints' frames, with rows in the world."""
+def in_world(operator: Callable[..., None], recipe: Recipe, universe: bool = True) -> Recipe:
+    """A recipe whose rows are in the joints' frames, with rows in the world; row 0 is zero without ``universe``."""
 
     def recipe_in_world(run: Any) -> Array:
         here: Array = recipe(run)
-        out = np.empty_like(here)
-        operator(np.ascontiguousarray(oMi(run)), np.arange(len(here)), here, out)
-        return out
+        found = _rows(operator, oMi(run), np.arange(len(here)), here)
+        if not universe:
+            found[0] = 0.0
+        return found
 
     return recipe_in_world
 
@@ -181,33 +179,17 @@ def bodies(run: Any) -> Array:
     return found
 
 
-def without_universe(recipe: Recipe) -> Recipe:
-    """A recipe with row 0 set to zero."""
+_to_parent, _subtrees = operator_kernels.body_to_parent, summed_over_subtrees
+subtree_momenta = _subtrees(h, operator_kernels.force_to_parent, np.add)
+Ycrb = _subtrees(bodies, _to_parent, operator_kernels.add_body, world=False)
+_with_universe = _subtrees(bodies, _to_parent, operator_kernels.add_body)
+oYcrb = in_world(recorded_calls.bodies_to_parent, _with_universe)
+moving_oYcrb = in_world(recorded_calls.bodies_to_parent, _with_universe, universe=False)
+bodies_in_world = in_world(recorded_calls.bodies_to_parent, bodies)
+ov, oa, oa_gf = (in_world(recorded_calls.motions_to_parent, recipe) for recipe in (v, a, a_gf))
+of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.forces_to_parent, h)
 
-    def recipe_but_world(run: Any) -> Array:
-        found: Array = recipe(run)
-        found[0] = 0.0
-        return found
-
-    return recipe_but_world
-
-
-# --- under constraints -----------------------------------------------------------------------------------
-
-
-def constraint_forces(run: Any) -> Array:
-    """Forces or impulses of the constraints."""
-    return np.array(run.contact.force)
-
-
-def D(run: Any) -> Array:
-    """Diagonal of M = U D Uᵀ."""
-    return diagonal(run.contact.L)
-
-
-def U(run: Any) -> Array:
-    """Unit upper triangle of M = U D Uᵀ."""
-    return unit_upper(run.contact.L)
+# --- the robot as a whole --------------------------------------------------------------------------------
 
 
 def diagonal(L: Array) -> Array:
@@ -222,9 +204,6 @@ def unit_upper(L: Array) -> Array:
     return found
 
 
-# --- regressors ------------------------------------------------------------------------------------------
-
-
 def columns(run: Any) -> Array:
     """A regressor's columns for the joints after the universe, side by side; a new array."""
     Y, joints = run.result, run.library.joints
@@ -232,23 +211,10 @@ def columns(run: Any) -> Array:
     return np.array(found.reshape((*Y.shape[:-2], found.shape[-2] * found.shape[-1])), order="C")
 
 
-# --- the robot as a whole --------------------------------------------------------------------------------
-
-
-com = CallRecipe("subtree_centers_of_mass", ("q",), True)  # of each joint's subtree, in its frame
-vcom = CallRecipe("subtree_com_velocities", ("q", "v"), True)
-acom = CallRecipe("subtree_com_accelerations", ("q", "v", "a"), True)
-
-
 def world_com(run: Any) -> Array:
     """Centres of mass of each joint's subtree, in the world."""
     c, X = com(run), oMi(run)
     return np.asarray(np.einsum("kij,kj->ki", X[:, :3, :3], c) + X[:, :3, 3])
-
-
-def mass(run: Any) -> Array:
-    """Mass of each joint's subtree."""
-    return subtree_masses(run.bodies, run.parents)
 
 
 def subtree_masses(inertias: Array, parents: NDArray[np.intp]) -> Array:
@@ -260,6 +226,11 @@ def subtree_masses(inertias: Array, parents: NDArray[np.intp]) -> Array:
     return m
 
 
+def mass(run: Any) -> Array:
+    """Mass of each joint's subtree."""
+    return subtree_masses(run.bodies, run.parents)
+
+
 def Ig(run: Any) -> Array:
     """Inertia of the robot about its centre of mass, in the axes of the world."""
     found = np.array(oYcrb(run)[0])
@@ -269,14 +240,14 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    return float(call_library("kinetic_energy", run, run.q, run.v) + call_library("potential_energy", run, run.q))
+    return float(kinetic_energy(run) + potential_energy(run))
 
 
-def centroidal_rate_and_weight(run: Any) -> Array:
+def momentum_rate_and_weight(run: Any) -> Array:
     """dhg of Pinocchio's computeAllTerms: the rate of momentum at a = 0, less the weight."""
-    dh = call_library("centroidal_momentum_rate", run, run.q, run.v, run.a)
-    dh[:3] -= run.model.total_mass * run.model.gravity
-    return dh
+    found = dhg(run)
+    found[:3] -= run.model.total_mass * run.model.gravity
+    return found
 
 
 def net_forces(run: Any) -> Array:
@@ -286,19 +257,11 @@ def net_forces(run: Any) -> Array:
     weight = np.zeros_like(found)
     weight[:, :3] = m[:, None] * run.model.gravity
     weight[:, 3:] = np.cross(c, weight[:, :3])
-    weight = np.array([_force_in(T, w) for T, w in zip(X, weight, strict=True)])
-    return summed_at_world(run, found + weight)
-
-
-def _force_in(X: Array, force: Array) -> Array:
-    out = np.empty(6)
-    operator_kernels.force_to_child(X, force, out)
-    return out
-
-
-def forces_and_sum(run: Any) -> Array:
-    """Joint forces; row 0 is their sum at the universe."""
-    return summed_at_world(run, f(run))
+    for k, own in enumerate(found):
+        here = np.empty(6)
+        operator_kernels.force_to_child(X[k], weight[k], here)
+        own += here
+    return summed_at_world(run, found)
 
 
 def summed_at_world(run: Any, forces: Array) -> Array:
@@ -311,55 +274,18 @@ def summed_at_world(run: Any, forces: Array) -> Array:
     return forces
 
 
-def from_call(name: str, *inputs: str) -> Recipe:
-    """A recipe: a call of the library on inputs of the run."""
-    return CallRecipe(name, inputs)
-
-
-def part(k: int) -> Recipe:
-    """A recipe: one of the arrays that the call returned."""
-    return lambda run: result(run)[k]
-
-
-def external_forces(run: Any) -> tuple[Array, ...]:
-    """External forces as a last argument, () if the call had none."""
-    return () if run.fext is None else (run.fext,)
-
-
-def ddq(run: Any) -> Array:
-    """Accelerations by forward dynamics."""
-    return call_library("aba", run, run.q, run.v, run.tau, *external_forces(run))
-
-
-def rnea_derivative_at_ddq(k: int) -> Recipe:
-    """A recipe: a derivative of inverse dynamics at these accelerations."""
-    return lambda run: call_library("rnea_derivatives", run, run.q, run.v, ddq(run), *external_forces(run))[k]
-
-
-def tau(run: Any) -> Array:
-    """Torques by inverse dynamics."""
-    return call_library("rnea", run, run.q, run.v, run.a, *external_forces(run))
+def rnea_derivatives_at_ddq(run: Any) -> Array:
+    """Derivatives of inverse dynamics at the accelerations of a call of forward dynamics."""
+    return CallRecipe("rnea_derivatives", "").at(run, run.q, run.v, ddq(run), *([] if run.fext is None else [run.fext]))
 
 
 def tau_without_weight(run: Any) -> Array:
     """Torques without those of gravity and of rotor inertia."""
-    weight = call_library("generalized_gravity", run, run.q)
-    found: Array = tau(run) - weight - run.model.armature * run.a
+    found: Array = tau(run) - g(run) - run.model.armature * run.a
     return found
 
 
-subtree_momenta = summed_over_subtrees(h, operator_kernels.force_to_parent, np.add)
-Ycrb = summed_over_subtrees(bodies, operator_kernels.body_to_parent, operator_kernels.add_body, world=False)
-_subtrees_and_universe = summed_over_subtrees(bodies, operator_kernels.body_to_parent, operator_kernels.add_body)
-oYcrb = in_world(recorded_calls.bodies_to_parent, _subtrees_and_universe)
-ov, oa, oa_gf = (
-    in_world(recorded_calls.motions_to_parent, v),
-    in_world(recorded_calls.motions_to_parent, a),
-    in_world(recorded_calls.motions_to_parent, a_gf),
-)
-of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.forces_to_parent, h)
-J, dJ = from_call("joint_jacobians", "q"), from_call("joint_jacobians_dot", "q", "v")
-hg = from_call("centroidal_momentum", "q", "v")
+# --- the kinds -------------------------------------------------------------------------------------------
 
 
 def _kind(call: str, inputs: str, fills: str = "", unused: int = 0, in_data: bool = False, **own: Recipe) -> Kind:
@@ -372,18 +298,25 @@ def _path(**own: Recipe) -> Kind:
     return Kind("", "q", {"liMi": liMi, **own}, places_path=True)
 
 
-bodies_in_world = in_world(recorded_calls.bodies_to_parent, bodies)
+FACTORS: dict[str, Any] = {"D": lambda run: diagonal(run.contact.L), "U": lambda run: unit_upper(run.contact.L)}
 PLACES = "liMi oMi"
 MASSES = f"{PLACES} com mass"
 MAP, MAP_DOT = f"{PLACES} J com oYcrb", f"{PLACES} J com oYcrb dJ ov"
 MOVING = f"{PLACES} J dJ v ov"
 ACCELERATED = f"{MOVING} a oa"
-Ag, dAg = from_call("centroidal_map", "q"), from_call("centroidal_map_dot", "q", "v")
-ENERGIES: dict[str, Any] = {
-    "kinetic_energy": from_call("kinetic_energy", "q", "v"),
-    "potential_energy": from_call("potential_energy", "q"),
-    "mechanical_energy": mechanical_energy,
-}
+ENERGIES = "kinetic_energy potential_energy mechanical_energy"
+
+
+def part(k: int) -> Recipe:
+    """A recipe: one of the arrays that the call returned."""
+    return lambda run: run.result[k]
+
+
+def constraint_forces(run: Any) -> Array:
+    """Forces or impulses of the constraints."""
+    return np.array(run.contact.force)
+
+
 CALL_KINDS: dict[str, Kind] = {
     "rnea": _kind("rnea", "q v a", "liMi v a_gf f h", tau=result),
     "aba": _kind("aba", "q v tau", "liMi v a_gf f h", ddq=result),
@@ -395,12 +328,12 @@ CALL_KINDS: dict[str, Kind] = {
     "nle": _kind("nonlinear_effects", "q v", "liMi v a_gf f", nle=result),
     "gravity": _kind("generalized_gravity", "q", "liMi a_gf f", g=result),
     "static": _kind("static_torque", "q", "liMi a_gf f", tau=result),
-    "coriolis": _kind("coriolis_matrix", "q v", f"{MOVING} oh", C=result, oYcrb=without_universe(oYcrb)),
+    "coriolis": _kind("coriolis_matrix", "q v", f"{MOVING} oh", C=result, oYcrb=moving_oYcrb),
     "minverse": _kind("minverse", "q", f"{PLACES} J", Minv=result, oYcrb=bodies_in_world),
     "all": _kind(
-        "nonlinear_effects", "q v", f"{MASSES} {MAP_DOT} Ag dAg Ig a a_gf v hg vcom", in_data=True, **ENERGIES,
-        nle=result, M=from_call("crba", "q"), g=from_call("generalized_gravity", "q"),
-        Jcom=from_call("com_jacobian", "q"), f=forces_and_sum, h=subtree_momenta, dhg=centroidal_rate_and_weight,
+        "nonlinear_effects", "q v", f"{MASSES} {MAP_DOT} Ag dAg Ig a a_gf v hg vcom g {ENERGIES}",
+        in_data=True, nle=result, M=CallRecipe("crba", "q"), Jcom=CallRecipe("com_jacobian", "q"),
+        f=lambda run: summed_at_world(run, f(run)), h=subtree_momenta, dhg=momentum_rate_and_weight,
     ),
     "kinematics0": _kind("forward_kinematics", "q", PLACES, in_data=True),
     "kinematics1": _kind("forward_kinematics", "q v", f"{PLACES} v", 1, True),
@@ -426,29 +359,27 @@ CALL_KINDS: dict[str, Kind] = {
     ),
     "rnea_derivatives": _kind(
         "rnea_derivatives", "q v a", f"{ACCELERATED} tau oa_gf of", dtau_dq=part(0), dtau_dv=part(1), M=part(2),
-        oYcrb=without_universe(oYcrb),
+        oYcrb=moving_oYcrb,
     ),
     "aba_derivatives": _kind(
         "aba_derivatives", "q v tau", f"{PLACES} ddq J dJ ov", ddq_dq=part(0), ddq_dv=part(1), Minv=part(2),
-        dtau_dq=rnea_derivative_at_ddq(0), dtau_dv=rnea_derivative_at_ddq(1),
+        dtau_dq=lambda run: rnea_derivatives_at_ddq(run)[0], dtau_dv=lambda run: rnea_derivatives_at_ddq(run)[1],
     ),
-    "gravity_derivatives": _kind(
-        "generalized_gravity_derivatives", "q", f"{PLACES} J", g=from_call("generalized_gravity", "q")
-    ),
+    "gravity_derivatives": _kind("generalized_gravity_derivatives", "q", f"{PLACES} J g"),
     "static_derivatives": _kind("static_torque_derivatives", "q", f"{PLACES} tau J"),
     "kinematics_derivatives1": _kind("forward_kinematics", "q v", MOVING, 1, True),
     "kinematics_derivatives2": _kind("forward_kinematics", "q v a", ACCELERATED, 2, True),
     "centroidal_derivatives": _kind(
-        "centroidal_dynamics_derivatives", "q v a", f"{ACCELERATED} hg Ig com mass", Ag=part(3),
-        dhg=from_call("centroidal_momentum_rate", "q", "v", "a"), tau=tau_without_weight,
+        "centroidal_dynamics_derivatives", "q v a", f"{ACCELERATED} hg dhg Ig com mass", Ag=part(3),
+        tau=tau_without_weight,
     ),
-    "constrained": _kind("", "", "D U", ddq=result, lambda_c=constraint_forces),
+    "constrained": _kind("", "", **FACTORS, ddq=result, lambda_c=constraint_forces),
     "contacts": _kind("", "", ddq=result, lambda_c=constraint_forces),
-    "impact": _kind("", "", "D U", dq_after=result, impulse_c=constraint_forces),
-    "bordered": _kind("", "", "D U"),
+    "impact": _kind("", "", **FACTORS, dq_after=result, impulse_c=constraint_forces),
+    "bordered": _kind("", "", **FACTORS),
     "kinetic_energy": _kind("kinetic_energy", "q v", f"{PLACES} v", in_data=True, kinetic_energy=result),
     "potential_energy": _kind("potential_energy", "q", PLACES, in_data=True, potential_energy=result),
-    "mechanical_energy": _kind("kinetic_energy", "q v", f"{PLACES} v", in_data=True, **ENERGIES),
+    "mechanical_energy": _kind("kinetic_energy", "q v", f"{PLACES} v {ENERGIES}", in_data=True),
     "torque_regressor": _kind("joint_torque_regressor", "q v a", "liMi v a_gf", jointTorqueRegressor=columns),
     "static_regressor": _kind("static_regressor", "q", PLACES, staticRegressor=columns),
     "kinetic_regressor": _kind("kinetic_energy_regressor", "q v", f"{PLACES} v", kineticEnergyRegressor=columns),

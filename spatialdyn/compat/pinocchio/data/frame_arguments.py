@@ -7,18 +7,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....recursions.spec import LOCAL as IN_FRAME
 from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
 from ..model.library_model import frame_placements
 from ..model.model import Model
-from ..types.arguments import ArgumentError, RangeError, described, expected
+from ..types.arguments import ArgumentError, Array, RangeError, described, expected
 from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.se3 import SE3
 
-Array = NDArray[np.float64]
 CODES = {LOCAL: IN_FRAME, WORLD: IN_WORLD, LOCAL_WORLD_ALIGNED: ALIGNED}
 REFERENCES = {"in_frame": id(LOCAL), "in_world": id(WORLD), "aligned": id(LOCAL_WORLD_ALIGNED)}
 IDENTITY = np.eye(4)

@@ -16,12 +16,12 @@ from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ...native import recorded_calls
 from ..model.library_model import LibraryModel
+from ..types.arguments import Array
 from ..types.array_rows import Rows
 from ..types.motion import Force
 from .field_recipes import CALL_KINDS, CallRecipe, joint_placements, oMi
 from .field_recipes import result as RESULT
 
-Array = NDArray[np.float64]
 clock = count(1).__next__  # stamps that order calls in time
 
 
@@ -177,7 +177,7 @@ class Run:
             or (recipe.joints and library.joints is not None)
         ):
             return None
-        inputs = {name: getattr(self, name) for name in recipe.inputs}
+        inputs = {name: getattr(self, name) for name in recipe.inputs.split()}
         spec = SPECS[recipe.call]
         if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None

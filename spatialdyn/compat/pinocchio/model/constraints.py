@@ -9,19 +9,9 @@ from typing import Any
 import numpy as np
 
 from ....errors import ModelError
-from ...native.recorded_contacts import (
-    ABSOLUTE,
-    ABSOLUTE_RESIDUAL,
-    FOUND,
-    GIVEN,
-    ITERATIONS,
-    MOST,
-    MU,
-    RELATIVE,
-    RELATIVE_RESIDUAL,
-)  # fmt: skip
+from ...native import recorded_contacts as numbers
 from ..coverage.coverage import OutOfScopeAttributeError
-from ..types.arguments import ArgumentError, described, expected, number
+from ..types.arguments import ArgumentError, Array, described, expected, number
 from ..types.containers import StdVec
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
@@ -51,8 +41,8 @@ def _entry(at: int, what: str, kind: Any = float, doc: str = "") -> Any:
 
 
 def _view(first: int, kind: Any, doc: str) -> Any:
-    """A property for an SE3, Motion or Force that views numbers of ``_x``; assigning one copies it."""
-    shape = (4, 4) if kind is SE3 else (6,)
+    """A property for an SE3, Motion, Force or gains that view numbers of ``_x``; assigning one copies it."""
+    shape = (4, 4) if kind is SE3 else (2,) if kind is BaumgarteCorrectorParameters else (6,)
 
     def part(self: Any) -> Any:
         return self._x[first : first + math.prod(shape)].reshape(shape)
@@ -71,6 +61,13 @@ class BaumgarteCorrectorParameters:
     def __init__(self, Kp: Any, Kd: Any) -> None:
         self._x = np.array([number(Kp, "Kp"), number(Kd, "Kd")])
 
+    @classmethod
+    def over(cls, x: Array) -> BaumgarteCorrectorParameters:
+        """The gains that view two numbers."""
+        found = cls(0.0, 0.0)
+        found._x = x
+        return found
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, BaumgarteCorrectorParameters) and (self.Kp, self.Kd) == (other.Kp, other.Kd)
 
@@ -84,10 +81,12 @@ class ProximalSettings:
     ``iter``, ``absolute_residual`` (of J a + γ) and ``relative_residual`` (of λ) are written by a solver.
     """
 
-    absolute_accuracy, relative_accuracy = _entry(ABSOLUTE, "absolute_accuracy"), _entry(RELATIVE, "relative_accuracy")
-    mu, max_iter, iter = _entry(MU, "mu"), _entry(MOST, "max_iter", int), _entry(ITERATIONS, "iter", int)
-    absolute_residual = _entry(ABSOLUTE_RESIDUAL, "absolute_residual", doc="Largest entry of J a + γ.")
-    relative_residual = _entry(RELATIVE_RESIDUAL, "relative_residual", doc="Largest change of λ in the last iteration.")
+    absolute_accuracy = _entry(numbers.ABSOLUTE, "absolute_accuracy")
+    relative_accuracy = _entry(numbers.RELATIVE, "relative_accuracy")
+    mu, max_iter = _entry(numbers.MU, "mu"), _entry(numbers.MOST, "max_iter", int)
+    iter = _entry(numbers.ITERATIONS, "iter", int)
+    absolute_residual = _entry(numbers.ABSOLUTE_RESIDUAL, "absolute_residual", doc="Largest entry of J a + γ.")
+    relative_residual = _entry(numbers.RELATIVE_RESIDUAL, "relative_residual", doc="Largest last change of λ.")
 
     def __init__(self, *given: Any) -> None:
         if len(given) not in (0, 3, 4):
@@ -125,10 +124,11 @@ class RigidConstraintModel:
     joint1_placement = _view(6, SE3, "Placement of the first frame on its joint.")
     joint2_placement = _view(22, SE3, "Placement of the second frame on its joint.")
 
-    @property
-    def type(self) -> ContactType:
-        """Whether the contact constrains a point or a frame."""
-        return ContactType.CONTACT_3D if self._x[0] == 3.0 else ContactType.CONTACT_6D
+    type = property(
+        lambda self: ContactType.CONTACT_3D if self._x[0] == 3.0 else ContactType.CONTACT_6D,
+        doc="Whether the contact constrains a point or a frame.",
+    )
+    m_baumgarte_parameters = _view(4, BaumgarteCorrectorParameters, "Gains of errors, a view: 0 at first.")
 
     @property
     def reference_frame(self) -> ReferenceFrame:
@@ -138,17 +138,6 @@ class RigidConstraintModel:
     @reference_frame.setter
     def reference_frame(self, value: Any) -> None:
         self._x[1] = REFERENCES.index(expected(value, ReferenceFrame, "reference_frame"))
-
-    @property
-    def m_baumgarte_parameters(self) -> BaumgarteCorrectorParameters:
-        """Gains of errors, a view: 0 at first."""
-        found = BaumgarteCorrectorParameters(0.0, 0.0)
-        found._x = self._x[4:6]
-        return found
-
-    @m_baumgarte_parameters.setter
-    def m_baumgarte_parameters(self, value: Any) -> None:
-        self._x[4:6] = expected(value, BaumgarteCorrectorParameters, "bp")._x
 
     def __init__(self, contact_type: Any, model: Any = None, joint1_id: Any = None, *rest: Any, **named: Any) -> None:
         if isinstance(contact_type, RigidConstraintModel):
@@ -173,7 +162,7 @@ class RigidConstraintModel:
                 raise ArgumentError(f"joint index is {described(at)}, expected an int")
             if not 0 <= at < expected(model, Model, "model").njoints:
                 raise ModelError(f"joint index is {at}, expected one from 0 to {model.njoints - 1}")
-        self._x = np.zeros(GIVEN)  # as ``native.recorded_contacts`` reads it
+        self._x = np.zeros(numbers.GIVEN)  # as ``native.recorded_contacts`` reads it
         self._x[0], self._x[2:4] = 3.0 if kind == ContactType.CONTACT_3D else 6.0, joints
         self.joint1_placement = given.get("joint1_placement", SE3.Identity())
         self.joint2_placement = given.get("joint2_placement", SE3.Identity())
@@ -194,9 +183,7 @@ class RigidConstraintModel:
         """An independent copy."""
         return RigidConstraintModel(self)
 
-    def cast(self) -> RigidConstraintModel:
-        """An independent copy."""
-        return self.copy()
+    cast = copy
 
     def setBaumgarteCorrectorParameters(self, bp: BaumgarteCorrectorParameters) -> None:
         """Set the gains of errors."""
@@ -224,7 +211,7 @@ class RigidConstraintData:
 
     def __init__(self, contact_model: RigidConstraintModel) -> None:
         expected(contact_model, RigidConstraintModel, "contact_model")
-        self._x = np.zeros(FOUND)
+        self._x = np.zeros(numbers.FOUND)
         self.oMc1 = self.oMc2 = self.c1Mc2 = SE3.Identity()
         for name in _UNWRITTEN:
             setattr(self, name, Motion.Zero())
@@ -242,13 +229,9 @@ class _Contacts(StdVec):
         return copy.deepcopy(super()._own(value))
 
 
-class StdVec_RigidConstraintModel(_Contacts):
-    """A list of RigidConstraintModel."""
+def _list_of(kind: Any) -> Any:
+    content = {"kind": kind, "__doc__": f"A list of {kind.__name__}.", "__module__": __name__}
+    return type(f"StdVec_{kind.__name__}", (_Contacts,), content)
 
-    kind = RigidConstraintModel
 
-
-class StdVec_RigidConstraintData(_Contacts):
-    """A list of RigidConstraintData."""
-
-    kind = RigidConstraintData
+StdVec_RigidConstraintModel, StdVec_RigidConstraintData = map(_list_of, (RigidConstraintModel, RigidConstraintData))

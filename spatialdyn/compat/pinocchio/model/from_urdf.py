@@ -20,23 +20,8 @@ from ..types.arguments import ArgumentError, described, expected
 from ..types.frame import BODY, FIXED_JOINT, Frame
 from ..types.inertia import Inertia
 from ..types.se3 import SE3
-from .joint import JointModel, Vector, X, Y, Z
-from .joint_mimic import JointModelMimic
-from .joints_compound import JointModelFreeFlyer, JointModelPlanar
-from .joints_one_axis import (
-    JointModelPrismaticUnaligned,
-    JointModelPX,
-    JointModelPY,
-    JointModelPZ,
-    JointModelRevoluteUnaligned,
-    JointModelRevoluteUnboundedUnaligned,
-    JointModelRUBX,
-    JointModelRUBY,
-    JointModelRUBZ,
-    JointModelRX,
-    JointModelRY,
-    JointModelRZ,
-)
+from .joint import JointModel, X, Y, Z
+from .joints import BY_AXIS, JointModelFreeFlyer, JointModelMimic, JointModelPlanar
 from .model import Model
 
 __all__ = ["buildModelFromUrdf", "buildModelFromXML"]
@@ -44,16 +29,6 @@ __all__ = ["buildModelFromUrdf", "buildModelFromXML"]
 ROOT_NAME = "root_joint"
 UNIT_BOUND = 1.01  # Pinocchio's limits of quaternion and (cos, sin) entries
 ALONG = 1e-12  # an axis this close to x, y or z becomes that axis, as in Pinocchio
-ALIGNED: dict[str, dict[Vector, type[JointModel]]] = {
-    "revolute": {X: JointModelRX, Y: JointModelRY, Z: JointModelRZ},
-    "continuous": {X: JointModelRUBX, Y: JointModelRUBY, Z: JointModelRUBZ},
-    "prismatic": {X: JointModelPX, Y: JointModelPY, Z: JointModelPZ},
-}
-UNALIGNED: dict[str, type[JointModel]] = {
-    "revolute": JointModelRevoluteUnaligned,
-    "continuous": JointModelRevoluteUnboundedUnaligned,
-    "prismatic": JointModelPrismaticUnaligned,
-}
 
 
 def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Model:
@@ -159,11 +134,12 @@ def _inertia(link: Link) -> Inertia:
 
 def joint_model(joint: RobotJoint) -> Any:
     """The joint model of a robot's joint. A planar joint ignores its axis, with a warning if that is not z."""
-    if joint.kind in ALIGNED:
-        for axis, aligned in ALIGNED[joint.kind].items():
+    if joint.kind in ("revolute", "continuous", "prismatic"):
+        *aligned, unaligned = BY_AXIS[joint.kind]
+        for axis, kind in zip((X, Y, Z), aligned, strict=True):
             if math.dist(axis, joint.axis) <= ALONG:
-                return aligned()
-        return UNALIGNED[joint.kind](*joint.axis)
+                return kind()
+        return unaligned(*joint.axis)
     if joint.kind == "floating":
         return JointModelFreeFlyer()
     if joint.kind == "planar":
@@ -189,14 +165,7 @@ def _limits(joint: RobotJoint, made: JointModel) -> dict[str, Any]:
     one = joint.kind not in ("floating", "planar")
     effort, velocity = (np.full(nv, x if one else math.inf) for x in (joint.effort, joint.velocity))
     friction, damping = (np.full(nv, x if one else 0.0) for x in (joint.friction, joint.damping))
-    return {
-        "min_effort": -effort,
-        "max_effort": effort,
-        "min_velocity": -velocity,
-        "max_velocity": velocity,
-        "min_config": lower,
-        "max_config": upper,
-        "min_friction": -friction,
-        "max_friction": friction,
-        "damping": damping,
-    }
+    limits = {"effort": (-effort, effort), "velocity": (-velocity, velocity), "config": (lower, upper)}
+    limits["friction"] = -friction, friction
+    found = {f"{end}_{name}": x for name, pair in limits.items() for end, x in zip(("min", "max"), pair, strict=True)}
+    return {**found, "damping": damping}

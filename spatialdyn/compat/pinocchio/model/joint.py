@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ....bodies.kinds import kind_of
 from ....model.assembly import IDENTITY
 from ..types.arguments import ArgumentError, module_of_caller
@@ -20,7 +17,6 @@ from .joint_data import JointData
 
 __all__ = ["JointModel"]
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 NOWHERE = 2**64 - 1  # id of a joint that is in no model
 X, Y, Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -70,25 +66,14 @@ class JointModel(metaclass=Variant):
         self.id: int = NOWHERE
         self.idx_q = self.idx_v = self.idx_vExtended = -1
 
-    @property
-    def nq(self) -> int:
-        """Number of coordinates."""
-        return self._nq
-
-    @property
-    def nv(self) -> int:
-        """Number of velocities."""
-        return self._nv
-
-    @property
-    def leader(self) -> int | None:
-        """Index of the leader of a mimic joint; None for others."""
-        return None
-
-    @property
-    def nvExtended(self) -> int:
-        """Number of velocities that the joint would have without mimicking."""
-        return self.nv
+    nq: Any = property(lambda self: self._nq, doc="Number of coordinates.")
+    nv: Any = property(lambda self: self._nv, doc="Number of velocities.")
+    leader: Any = property(lambda self: None, doc="Index of the leader of a mimic joint; None for others.")
+    nvExtended: Any = property(lambda self: self.nv, doc="Number of velocities that it would have without mimicking.")
+    hasConfigurationLimit = property(lambda self: self.limited(False), doc="Whether each coordinate can have a limit.")
+    hasConfigurationLimitInTangent = property(
+        lambda self: self.limited(True), doc="Whether the coordinate of each velocity can have a limit."
+    )
 
     def steps(self) -> tuple[Step, ...]:
         """The library's joints that make up this one."""
@@ -145,15 +130,9 @@ class JointModel(metaclass=Variant):
         """Whether both have the same indices."""
         return self._indexes() == other._indexes()
 
-    @property
-    def hasConfigurationLimit(self) -> list[bool]:
-        """Whether each coordinate can have a limit."""
-        return [k < self._unlimited[0] for k in range(self.nq)]
-
-    @property
-    def hasConfigurationLimitInTangent(self) -> list[bool]:
-        """Whether the coordinate of each velocity can have a limit."""
-        return [k < self._unlimited[1] for k in range(self.nv)]
+    def limited(self, tangent: bool) -> list[bool]:
+        """Whether each coordinate can have a limit; ``tangent``: whether that of each velocity can."""
+        return [k < self._unlimited[tangent] for k in range(self.nv if tangent else self.nq)]
 
     def copy(self) -> JointModel:
         """An independent copy that belongs to no model."""
@@ -184,17 +163,9 @@ class JointModel(metaclass=Variant):
         return joint_of, (self.state(), kind, self._indexes())
 
     def __repr__(self) -> str:
-        lines = [
-            self.shortname(),
-            f"  index: {self.id}",
-            f"  index q: {self.idx_q}",
-            f"  index v: {self.idx_v}",
-            f"  index vExtended: {self.idx_vExtended}",
-            f"  nq: {self.nq}",
-            f"  nv: {self.nv}",
-            f"  nvExtended: {self.nvExtended}",
-        ]
-        return "\n".join([*lines, ""])
+        indexes = zip(("index", "index q", "index v", "index vExtended"), self._indexes(), strict=True)
+        numbers = [*indexes, ("nq", self.nq), ("nv", self.nv), ("nvExtended", self.nvExtended)]
+        return "\n".join([self.shortname(), *(f"  {name}: {x}" for name, x in numbers), ""])
 
 
 def joint_kind(name: str, base: Any, doc: str | None, **own: Any) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....algebra.euclidean import Vec
 from ....algebra.spatial import Motion as Twist
@@ -21,13 +20,11 @@ from ....algebra.spatial import (
 from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ....model.joint_rows import joint_transform, matrix_from_pose, pose_from_matrix, subspace
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
 __all__ = ["JointData"]
-
-Array = NDArray[np.float64]
 
 
 class JointData:

@@ -16,10 +16,8 @@ from ..types.motion import Motion
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList, owned_copy
 from .joint import JointModel
-from .joint_mimic import Mimic
-from .joints_one_axis import JointModelRX
+from .joints import JointModelRX, Mimic
 
-Array = NDArray[np.float64]
 GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -114,10 +112,7 @@ class Tree:
         self.mimic_joint_supports = [Indices([0])]
         self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), Gravity(self))
 
-    @property
-    def njoints(self) -> int:
-        """Number of joints, with the universe."""
-        return len(self.joints)
+    njoints: Any = property(lambda self: len(self.joints), doc="Number of joints, with the universe.")
 
     @property
     def gravity(self) -> Motion:
@@ -137,7 +132,7 @@ class Tree:
 
     def _append_joint(self, parent: int, joint: JointModel, placement: SE3, name: str) -> int:
         """Append a copy of a joint; returns its index."""
-        index, joint = self.njoints, joint.copy()
+        index, joint = int(self.njoints), joint.copy()
         self._assign_indices(index, joint, name)
         self.joints.append(joint)
         self.names.append(name)
@@ -164,15 +159,11 @@ class Tree:
             self.mimicking_joints.append(index)
             self.mimicked_joints.append(leader)
         joint.setIndexes(index, q, v, self.nvExtended)
-        for places, at, counts, n in (
-            (self.idx_qs, q, self.nqs, joint.nq),
-            (self.idx_vs, v, self.nvs, joint.nv),
-            (self.idx_vExtendeds, self.nvExtended, self.nvExtendeds, joint.nvExtended),
-        ):
-            places.append(at)
-            counts.append(n)
-        for total in ("nq", "nv", "nvExtended"):
-            vars(self)[total] += getattr(joint, total)
+        own = vars(self)
+        for x in ("q", "v", "vExtended"):
+            own[f"idx_{x}s"].append(getattr(joint, f"idx_{x}"))
+            own[f"n{x}s"].append(getattr(joint, f"n{x}"))
+            own[f"n{x}"] += getattr(joint, f"n{x}")
 
     def appendBodyToJoint(self, joint_id: int, body_inertia: Inertia, body_placement: SE3 | None = None) -> None:
         """Add a body, at a placement in the joint's frame, to the inertia of a joint.
@@ -196,7 +187,7 @@ class Tree:
             return self.names.index(name)
         if strict():
             raise ModelError(missing("joint", name, self.name, self.names))
-        return self.njoints
+        return int(self.njoints)
 
     def existJointName(self, name: str) -> bool:
         """Whether a joint has that name."""

@@ -28,11 +28,11 @@ from ....recursions import SPECS
 from ...native import recorded_calls
 from ...native.edited_table import GRAVITY, put_inertias
 from ..coverage.strictness import strict
+from ..types.arguments import Array
 from ..types.inertia import Inertia
-from .joint_mimic import Mimic as MimicJoint
+from .joints import Mimic as MimicJoint
 from .model import Model
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 ROOT = "universe"
 
@@ -68,6 +68,7 @@ class LibraryModel:
         firsts = [(joint, model.bodies[joint.row - joint.nv + 1]) for joint in model.joints[1:]]
         parts = [unit_part(int(first["kind"]), joint.idx_q) for joint, first in firsts]
         self.unit_parts = [part for part in parts if part is not None]  # slices of q: quaternions and (cos, sin) pairs
+        self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
         self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
 
@@ -78,23 +79,18 @@ class LibraryModel:
         self._at_gravity: dict[bytes, SdModel] = {}  # with the gravity of the last call that asked
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def _copy(self) -> LibraryModel:
+    def with_model(self, model: SdModel, numbers: ModelNumbers, table: Any = None) -> LibraryModel:
+        """The LibraryModel of the same tree, as a Model with other numbers; by default with that Model's table."""
         found = LibraryModel.__new__(LibraryModel)
-        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "has_builtins")
+        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins")
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        return found
-
-    def with_model(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
-        """The LibraryModel of the same tree, as a Model with other numbers."""
-        found = self._copy()
-        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
+        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy() if table is None else table, numbers)
         return found
 
     def with_inertias(self, numbers: ModelNumbers) -> LibraryModel | None:
         """The LibraryModel with other inertias; None if they need checks. Its ``model`` is made at the first read."""
-        found, table = self._copy(), self.table.copy()
+        found = self.with_model(self._model, numbers, self.table.copy())
         given = self.numbers.inertias, numbers.inertias, self.row_numbers, np.empty((self._model.nv + 1, 3))
-        found._take(self._model, table, numbers)
         if table_kernels.kernel(put_inertias, 2, 2, 1, 2)(found.address, *given):
             return None
         found._model_numbers = self._model_numbers

@@ -6,24 +6,22 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import ModelError
 from ....model.model import missing
 from ..coverage.strictness import strict
-from ..types.arguments import ArgumentError, expected
+from ..types.arguments import ArgumentError, Array, expected
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import JointModel
 from .joint_tree import Listener, Tree
-from .limits import ARRAYS, LIMIT_ARRAYS, LIMITS, Arrays, limit
+from .limits import ARRAYS, BY_LIMIT, LIMITS, Arrays, limit
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
 
-Array = NDArray[np.float64]
 FIXED = {  # attributes derived from others, and lists whose entries alone are assigned, with what they are
     **dict.fromkeys(("nq", "nv", "nvExtended", "nbodies"), "A number of the model."),
     **dict.fromkeys(("inertias", "joints", "names", "parents"), "A list with an entry for each joint, to write into."),
@@ -128,7 +126,7 @@ class Model(Tree, Arrays, Stored):
         if names is None or not {*names[len(limits) :]} >= {*named}:
             raise ArgumentError(f"addJoint got {len(limits) + len(named)} limits, expected 0, 4, 9 or 10")
         given = {**dict(zip(names, limits, strict=False)), **named}
-        values = {LIMIT_ARRAYS[name]: limit(joint_name, name, value, joint_model) for name, value in given.items()}
+        values = {BY_LIMIT[name].name: limit(joint_name, name, value, joint_model) for name, value in given.items()}
         if len(given) == 4:  # Pinocchio writes lowerVelocityLimit = upperVelocityLimit
             values |= {f"lower{kind}Limit": -values[f"upper{kind}Limit"] for kind in ("Effort", "Velocity")}
         return self._add(parent, joint_model, joint_placement, joint_name, values)

@@ -6,20 +6,17 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import ModelError, ShapeError
-from ..types.arguments import ArgumentError, described, expected
+from ..types.arguments import ArgumentError, Array, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
-from .joint_mimic import JointModelMimic, Mimic
-from .limits import POSITIONS
+from .joints import JointModelMimic, Mimic
+from .limits import ARRAYS
 from .model import Model
 
 __all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]
-
-Array = NDArray[np.float64]
 
 
 def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
@@ -160,7 +157,7 @@ def _copy_joint(whole: Model, part: _Part, k: int, joint: JointModel | None = No
         leader = whole.joints[part.carriers[new.leader].joint]
         new = JointModelMimic.of(new, leader, new.scaling, new.offset)
     q, v = (slice(at, at + n) for at, n in ((given.idx_q, new.nq), (given.idx_v, new.nv)))
-    values = {name: x[q if name in POSITIONS else v] for name, x in model._arrays.items()}
+    values = {name: x[q if ARRAYS[name].of_q else v] for name, x in model._arrays.items()}
     index = whole._add(carrier.joint, new, carrier.placement * model.jointPlacements[k], model.names[k], values)
     whole.inertias[index] = model.inertias[k]
     part.carriers[k] = _Carrier(index, SE3.Identity())

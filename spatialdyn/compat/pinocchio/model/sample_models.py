@@ -12,9 +12,16 @@ from ..types.inertia import Inertia
 from ..types.random import GENERATOR
 from ..types.se3 import SE3
 from .joint import JointModel
-from .joint_mimic import JointModelMimic
-from .joints_compound import JointModelComposite, JointModelFreeFlyer, JointModelSphericalZYX, JointModelTranslation
-from .joints_one_axis import JointModelRX, JointModelRY, JointModelRZ
+from .joints import (
+    JointModelComposite,
+    JointModelFreeFlyer,
+    JointModelMimic,
+    JointModelRX,
+    JointModelRY,
+    JointModelRZ,
+    JointModelSphericalZYX,
+    JointModelTranslation,
+)
 from .model import Model
 
 __all__ = ["buildSampleModelHumanoid", "buildSampleModelHumanoidRandom", "buildSampleModelManipulator"]
