@@ -190,6 +190,7 @@ def test_an_operations_derivative_is_its_difference_quotient(code: int) -> None:
         assert float(backward) == pytest.approx(quotient, abs=1e-8)
 
 
+@compiled
 def test_a_planar_joint_moves_along_its_twist() -> None:
     """Its coordinates are numbers and still no vector space: x and y of a twist turn with the body."""
     builder = sd.ModelBuilder("puck")
