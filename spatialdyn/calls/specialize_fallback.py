@@ -41,9 +41,9 @@ def compute(
     if request.derivative:
         _refuse(samples, taken)
     given = dict(zip((x.name for x in inputs), taken, strict=True))
-    full = {}
+    full, static = {}, tuple(request.static.values())
     for x in request.arguments:
-        core = full_shape(request.model, x) or (1,)
+        core = full_shape(request.model, x, static) or (1,)
         if x.name not in request.constants:
             full[x.name] = given[x.name]
             continue

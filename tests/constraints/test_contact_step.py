@@ -467,6 +467,20 @@ def test_a_step_in_exact_numbers_and_as_a_program_of_its_own() -> None:
         sd.specialize(model, sd.constraint_jacobian, constraints=contacts)
 
 
+@pytest.mark.slow(quick="test_a_step_in_exact_numbers_and_as_a_program_of_its_own")
+def test_nan_stays_in_its_sample_of_a_program_of_its_own() -> None:
+    model, feet = quadruped()
+    contacts = sd.Contacts(model, feet)
+    q, v, tau = states(model, contacts, 3, 3)
+    k = sd.specialize(model, sd.contact_step, constraints=contacts)
+    given = (DT, contacts.friction, contacts.restitution)
+    wanted = k(q, v, tau, *given)
+    v[1, 3] = np.nan
+    found = k(q, v, tau, *given)
+    assert np.isnan(found[1]).any()
+    np.testing.assert_array_equal(found[[0, 2]], wanted[[0, 2]])
+
+
 def test_every_part_of_the_contacts_is_in_the_key_of_its_program() -> None:
     """A kernel kept for one foot, plane or number of sweeps must not answer for another."""
     model, feet = quadruped()
