@@ -316,7 +316,7 @@ def test_an_option_to_simulate_is_taken_after_more_motions_unless_there_are_none
 
 
 @compiled
-@pytest.mark.parametrize("batch", [8, 600])
+@pytest.mark.parametrize("batch", slow_but([600], [8, 600]))
 def test_code_is_the_option_that_was_measured(batch: int) -> None:
     model = MODELS["other tree"]()
     for task in call_errors.TASK_CALLS:
@@ -640,7 +640,7 @@ def test_every_task_is_a_call_or_simulations() -> None:
     assert {name for group in call_errors.TASK_CALLS.values() for name in group} <= {*calls, "extended"}
 
 
-@pytest.mark.parametrize("task", ["forward_dynamics", "simulate"])
+@pytest.mark.parametrize("task", slow_but(["forward_dynamics"], ["forward_dynamics", "simulate"]))
 def test_a_tradeoff_is_pickled_with_the_functions_of_its_options(task: str) -> None:
     model = sd.load_urdf("pendulum")
     words = {"duration": 0.05} if task == "simulate" else {"batch": 64}

@@ -6,7 +6,7 @@ The models, calls and values come from the table of calls; shapes, layouts, dtyp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import cache
 from typing import Any
 
@@ -15,7 +15,7 @@ import pytest
 from fuzzing import cases
 from hypothesis import given
 from hypothesis import strategies as st
-from inputs import options, random_input, sorted_inputs
+from inputs import MAIN_CALLS, options, random_input, sorted_inputs
 from trees import random_tree
 
 import spatialdyn as sd
@@ -224,19 +224,38 @@ def call(model: Any, name: str, values: list[Any], **more: Any) -> Any:
 # --- tests ----------------------------------------------------------------------------------------------------
 
 
+def of_calls(names: Collection[str]) -> Any:
+    """Calls of some names with arrays of any form, sound or spoilt, and an ``out`` or none."""
+    return given(
+        st.sampled_from(list(MODELS)),
+        st.sampled_from(list(names)),
+        st.lists(st.sampled_from(BATCHES), min_size=4, max_size=4),
+        spoils,
+        st.lists(forms, min_size=4, max_size=4),
+        st.sampled_from([None, None, *OUTS]),
+        st.integers(0, 999),
+    )
+
+
+@cases(200)
+@of_calls(MAIN_CALLS)
+def test_arrays_of_the_main_calls_are_taken_as_their_numbers_or_refused(
+    which: str, name: str, batches: Any, changes: Any, shapes: Any, out: Any, seed: int
+) -> None:
+    hold_arrays(which, name, batches, changes, shapes, out, seed)
+
+
+@pytest.mark.slow(quick="test_arrays_of_the_main_calls_are_taken_as_their_numbers_or_refused")
 @cases(800)
-@given(
-    st.sampled_from(list(MODELS)),
-    st.sampled_from(list(SPECS)),
-    st.lists(st.sampled_from(BATCHES), min_size=4, max_size=4),
-    spoils,
-    st.lists(forms, min_size=4, max_size=4),
-    st.sampled_from([None, None, *OUTS]),
-    st.integers(0, 999),
-)
+@of_calls(SPECS)
 def test_any_array_is_taken_as_its_numbers_or_refused(
     which: str, name: str, batches: Any, changes: Any, shapes: Any, out: Any, seed: int
 ) -> None:
+    hold_arrays(which, name, batches, changes, shapes, out, seed)
+
+
+def hold_arrays(which: str, name: str, batches: Any, changes: Any, shapes: Any, out: Any, seed: int) -> None:
+    """A call takes arrays as their numbers and leaves them alone, or refuses them; ``out`` is whole or left alone."""
     model, spec = model_called(which), SPECS[name]
     values = values_of(model, name, batches, seed)
     spoil(values, changes)

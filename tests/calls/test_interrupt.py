@@ -27,8 +27,8 @@ from spatialdyn.engines.programs.interpreter import RESULT_NS, SLICE_NS, Interpr
 from spatialdyn.engines.programs.tiered_program import TieredProgram
 from spatialdyn.recursions import SPECS
 
-dynamics, forward_dynamics, specialize = (
-    import_module(f"spatialdyn.calls.{name}") for name in ("dynamics", "forward_dynamics", "specialize")
+dynamics, forward_dynamics, specialized = (
+    import_module(f"spatialdyn.calls.{name}") for name in ("dynamics", "forward_dynamics", "specialized")
 )  # modules, whose names in the package are functions
 
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no lanes")
@@ -247,7 +247,7 @@ def test_results_that_the_caller_never_sees_are_not_filled(
         call = sd.specialize(model, sd.aba)
         given[0][::2] += 1e6
     call(*given)  # compiles
-    for module in (dynamics, mimic_batches, specialize):
+    for module in (dynamics, mimic_batches, specialized):
         monkeypatch.setattr(module, "empty", empty)
     own = type(np)("own")
     vars(own).update(vars(np) | {"empty": empty})

@@ -195,6 +195,7 @@ def test_compare_covers_every_public_call_about_dynamics() -> None:
     assert {call.name for call in validate.CALLS} >= set(dynamics.SPECS)
 
 
+@pytest.mark.slow(quick="test_compare_of_some_calls_has_their_rows_alone")
 def test_compare_is_a_library_call_too() -> None:
     comparison = sd.compare_with_pinocchio("two_link", "floating", samples=2)
     assert comparison.ok

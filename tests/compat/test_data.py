@@ -57,6 +57,7 @@ def close(x: Any, y: Any, bound: float = ORACLE) -> None:
     assert np.max(abs(np.subtract(x, y)), initial=0.0) <= bound * np.max(abs(np.asarray(y)), initial=1.0)
 
 
+@pytest.mark.slow(quick="compat/test_matrix.py::test_every_call_equals_the_wheel")
 def test_centroidal_derivatives_leave_the_centre_and_torques_without_weight_and_rotors() -> None:
     left, right = [], []
     for pin, found in ((ours, left), (theirs, right)):
@@ -315,6 +316,7 @@ def test_a_new_data_holds_zeros_and_identities(case: Any) -> None:
 # --- compat alone ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(quick="compat/test_matrix.py::test_every_call_equals_the_wheel")
 def test_the_derivative_of_the_centroidal_map_is_one() -> None:
     """Pinocchio 4.1's computeCentroidalMapTimeVariation leaves out the motion of the centre of mass."""
     model, peer = biped(ours), biped(theirs)

@@ -382,6 +382,7 @@ def test_principles_of_mechanics_hold_to_rounding() -> None:
     assert max(found.values()) < 1e-11
 
 
+@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
 @compiled
 def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -> None:
     """3.5517082866 by DDP and by FDDP of Crocoddyl 3.1, from the same start."""
@@ -410,7 +411,7 @@ def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -
 
 @compiled
 @robots
-@pytest.mark.slow(quick="test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits")
+@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
 def test_ilqr_brings_a_panda_to_its_point() -> None:
     example = gallery.module("ilqr")
     p = example.reach(sd.load_urdf("panda"))

@@ -278,6 +278,7 @@ def test_tensors_too_large_for_a_program_go_untraced() -> None:
     assert recording.fits((SPECS["christoffel_symbols"],), made.model.bodies, 100)
 
 
+@pytest.mark.slow(quick="calls/test_specialize.py::test_a_program_answers_as_the_plain_call_does")
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is traced")
 def test_specialized_calls_equal_public_ones() -> None:
     made = random_tree(5, 4, floating=True)

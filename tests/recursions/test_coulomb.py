@@ -218,6 +218,7 @@ def test_torques_agree_in_every_engine() -> None:
         np.testing.assert_allclose(x[0], [float(y) for y in truth], rtol=CLOSE, atol=4 * EPS)
 
 
+@pytest.mark.slow(quick="test_torques_agree_in_every_engine")
 def test_a_joint_without_inertia_is_flagged() -> None:
     builder = sd.ModelBuilder("light").add_body(
         "rod", None, "revolute", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.zeros((3, 3)))

@@ -311,6 +311,7 @@ def test_branches_from_the_world_do_not_couple() -> None:
         assert D[:, 0, 1].all()
 
 
+@pytest.mark.slow(quick="test_derivatives_equal_complex_steps")
 def test_no_freedoms_have_empty_derivatives() -> None:
     none = sd.ModelBuilder("rock", root="rock").build()
     assert sd.rnea_derivatives(none, [], [], []).shape == (3, 0, 0)

@@ -154,6 +154,7 @@ def test_impulses_are_what_the_momentum_changes_by(robot: Any) -> None:
     np.testing.assert_allclose(run.contacts.gap, sd.contact_gaps(model, contacts, run.q), rtol=0.0, atol=0.0)
 
 
+@pytest.mark.slow(quick="constraints/test_contact_step.py::test_a_point_over_heights_feels_the_slope_below_it")
 @compiled
 def test_a_quadruped_lands_on_rough_ground_on_lanes(robot: Any) -> None:
     model, contacts, q0 = robot

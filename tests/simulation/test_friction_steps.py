@@ -226,7 +226,8 @@ def test_a_step_without_a_program_runs_all_the_same(arm: sd.Model, monkeypatch: 
         np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e2 * SAME)
 
 
-@pytest.mark.parametrize("method", slow_but([STEPPED], [STEPPED, "rk4"]))
+@pytest.mark.slow(quick="test_smooth_friction_is_a_torque_of_every_method")
+@pytest.mark.parametrize("method", [STEPPED, "rk4"])
 def test_external_forces_act_beside_friction(arm: sd.Model, method: str) -> None:
     """A force that cancels gravity on every body leaves the arm to its friction."""
     weightless, way = arm.with_(gravity=(0.0, 0.0, 0.0)), "implicit" if method == STEPPED else "smooth"

@@ -121,6 +121,7 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     np.testing.assert_array_equal(out, first)
 
 
+@pytest.mark.slow(quick="compat/test_rigid_constraints.py::test_constraint_dynamics_is_pinocchios")
 @compiled
 def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     model, s = case

@@ -245,7 +245,7 @@ def test_without_numba_every_call_and_every_error_is_the_same(model: sd.Model, t
 @pytest.mark.skipif(
     numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python, where a batch is a loop of samples"
 )
-@pytest.mark.parametrize("name", SPECS)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, SPECS))
 def test_results_are_the_same_to_the_bit_in_every_batch(model: sd.Model, name: str) -> None:
     """Single, batch of one, any place in any batch, inputs repeated or broadcast."""
     spec = SPECS[name]

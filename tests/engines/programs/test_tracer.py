@@ -297,6 +297,7 @@ def test_the_garbage_collector_is_off_while_a_program_is_recorded(on: bool) -> N
     assert seen == [False, False]
 
 
+@pytest.mark.slow(quick="test_program_in_numpy_equals_the_untraced_call")
 def test_recording_leaves_no_garbage_in_cycles() -> None:
     model = random_tree(3, 3).model
     recording.record((SPECS["aba"],), model.bodies)  # what a first call alone makes
