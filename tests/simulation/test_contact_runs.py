@@ -230,7 +230,7 @@ def test_limits_act_beside_feet(robot: Any) -> None:
 # --- however it runs ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow(quick="test_a_quadruped_lands_on_rough_ground_on_lanes")
+@pytest.mark.slow(quick="test_every_number_of_samples_gives_each_its_own_bits")
 @pytest.mark.parametrize("limits", [False, True])
 def test_a_rollout_is_so_many_simulations(robot: Any, limits: bool) -> None:
     model, contacts, q0 = robot
