@@ -188,7 +188,7 @@ def test_the_result_is_written_to_out_and_is_out(request: pytest.FixtureRequest,
         np.testing.assert_array_equal(out, expected)
 
 
-@pytest.mark.parametrize("name", SPECS)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, SPECS))
 def test_an_out_that_does_not_fit_is_refused_and_left_alone(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     values = random_inputs(model, spec, 0, (2,))

@@ -214,6 +214,7 @@ def test_compare_of_many_robots_has_a_row_per_robot(capsys: pytest.CaptureFixtur
     assert "2 robots" in out
 
 
+@pytest.mark.slow(quick="test_compare_of_some_calls_has_their_rows_alone")
 def test_compare_json_parses_and_holds_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} is not JSON")

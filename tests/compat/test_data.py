@@ -330,6 +330,7 @@ def test_the_derivative_of_the_centroidal_map_is_one() -> None:
     assert abs(theirs.computeCentroidalMapTimeVariation(peer, peer.createData(), q, v) - slope).max() > 0.1
 
 
+@pytest.mark.slow(quick="compat/test_matrix.py::test_every_call_equals_the_wheel")
 def test_rates_are_right_where_a_joints_axes_move_in_its_body() -> None:
     """Composites, universal joints, ZYX angles: Pinocchio's dJ, dAg and C leave out the rate of S there."""
     model, peer = zoo(ours), zoo(theirs)

@@ -424,6 +424,7 @@ def test_ilqr_brings_a_panda_to_its_point() -> None:
     np.testing.assert_allclose(hand - start, [0.3, 0.0, -0.2], rtol=0, atol=0.02)
 
 
+@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
 @compiled
 def test_gains_along_a_swing_up_hold_it_and_end_as_those_of_the_standing_pole() -> None:
     found = run("swing_up_lqr")

@@ -217,6 +217,7 @@ def test_what_rotors_leave_is_their_inertia() -> None:
     np.testing.assert_allclose(slope, 0.2, rtol=1e-12)
 
 
+@pytest.mark.slow(quick="test_what_is_left_of_the_terms_names_the_wrong_one")
 @compiled
 def test_the_page_shows_every_symptom(capsys: pytest.CaptureFixture[str]) -> None:
     found = run("troubleshooting")

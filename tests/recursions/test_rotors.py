@@ -9,6 +9,7 @@ import dense
 import numpy as np
 import pytest
 from plain import EXACT, close, plainly, states
+from slow import slow_but
 from trees import random_inertia, random_placement, random_unit
 
 import spatialdyn as sd
@@ -432,7 +433,7 @@ def test_symbols_have_the_rotor_too() -> None:
     assert sympy.Symbol("J_2", real=True) in named.M()[0, 1].free_symbols
 
 
-@pytest.mark.parametrize("method", ["gauss4", "variational"])
+@pytest.mark.parametrize("method", slow_but(["gauss4"], ["gauss4", "variational"]))
 def test_free_motion_keeps_energy_and_the_momentum_of_rotors(method: str) -> None:
     model = leg().with_(gravity=(0.0, 0.0, 0.0))
     x = states(model, 3)

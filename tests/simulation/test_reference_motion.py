@@ -85,6 +85,7 @@ def test_its_error_is_what_a_run_with_fewer_steps_is_off(monkeypatch: pytest.Mon
     assert abs(lost.q - found.q).max() <= lost.error.max() * abs(found.q - found.q[0]).max()
 
 
+@pytest.mark.slow(quick="test_weights_integrate_polynomials_to_the_last_digit_of_a_pair")
 def test_a_motion_that_does_not_settle_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_motion, "HALVINGS", 0)
     with pytest.raises(SimulationError, match="does not settle"):

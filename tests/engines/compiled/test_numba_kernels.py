@@ -275,7 +275,7 @@ def test_equal_models_give_equal_bits(model: sd.Model) -> None:
         np.testing.assert_array_equal(public(twin, spec, values), public(model, spec, values))
 
 
-@pytest.mark.parametrize("name", SPECS)
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, SPECS))
 def test_inputs_are_left_as_they_were_and_may_be_read_only(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for batch in ((), (3,)):
