@@ -246,10 +246,10 @@ class Promise:
         relative, absolute = self.tolerance
         within = f"{relative:g} of the largest entry" + (f" and {absolute:g}" if absolute else "")
         places = [tuple(map(int, np.unravel_index(k, batch))) for k in at[:LISTED]] if batch else []
-        shown = ", ".join(str(x[0] if len(x) == 1 else x) for x in places)
+        named = [str(x[0] if len(x) == 1 else x) for x in places]
         more = f" and {len(at) - LISTED} others" if len(at) > LISTED else ""
-        where = f" in sample{'s' if len(at) > 1 else ''} {shown}{more}" if batch else ""
-        of = f"bound {worst[0]:.1e} of {largest[0]:.1e}" + (f" in sample {shown.split(', ')[0]}" if len(at) > 1 else "")
+        where = f" in sample{'s' if len(at) > 1 else ''} {', '.join(named)}{more}" if batch else ""
+        of = f"bound {worst[0]:.1e} of {largest[0]:.1e}" + (f" in sample {named[0]}" if len(at) > 1 else "")
         return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}"
 
 

@@ -115,6 +115,8 @@ def test_where_no_bound_holds_the_samples_are_named() -> None:
     assert blocks(k) == {}  # nothing was answered
     with pytest.raises(sd.SpatialDynError, match=rf"{within}: bound .*float64$"):
         k(q[named[0]], v[named[0]])
+    with pytest.raises(sd.SpatialDynError, match=rf"{within} in samples \(0, 0\), .* in sample \(0, 0\), by"):
+        k(q[lost][:4].reshape(2, 2, -1), v[lost][:4].reshape(2, 2, -1))
     kept = np.flatnonzero(~lost)
     assert len(kept)
     k(q[kept], v[kept])

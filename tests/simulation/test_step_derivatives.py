@@ -23,6 +23,7 @@ from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
 from spatialdyn.recursions.step_derivatives import MOTION, STEPS
 from spatialdyn.simulation import implicit_derivatives
+from spatialdyn.simulation.step_derivatives import NO_LAW
 from spatialdyn.simulation.traced_steps import step_specs
 
 EXPLICIT = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
@@ -419,7 +420,8 @@ def test_the_table_kernel_agrees_with_the_program() -> None:
     q, v, tau = state(model)
     for spec in (STEPS["velocity_verlet"], MOTION):
         step = () if spec is MOTION else (np.array([0.02]),)
-        one, other = (checked_call(spec, model, (q, v, tau, None, *step), (), None, by_table=x) for x in (False, True))
+        given = (q, v, tau, None, *step, *NO_LAW)
+        one, other = (checked_call(spec, model, given, (), None, by_table=x) for x in (False, True))
         np.testing.assert_allclose(one, other, rtol=0, atol=EXACT * abs(one).max())
 
 
