@@ -43,7 +43,7 @@ forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:
     """Poses of the joints ``data.oMi`` from those in their parents ``data.liMi``."""
-    library, X, source = library_of(model, data), data.array("liMi"), data.latest("liMi")
+    library, X, source = library_of(model, data), data.array("liMi"), data.latest("liMi", of_call=True)
     out = np.empty_like(X)
     out[0] = IDENTITY
     for k in range(1, len(X)):

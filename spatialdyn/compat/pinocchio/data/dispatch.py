@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from inspect import cleandoc
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -95,9 +94,9 @@ def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKine
     """
     library_of(model, data)
     for field in fields:
-        runs: list[Run] = [run for run in data._filled_by.get(field, ()) if run.stamp and run.q is not None]
-        if runs:
-            return max(runs, key=attrgetter("stamp"))
+        run: Run | None = data.latest(field, of_call=True)
+        if run is not None:
+            return run
     raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
 
 
@@ -162,7 +161,7 @@ def fast_call(
     text += [
         "        if result is not None:",
         "            run.stamp = clock()",
-        *(["            run.last_J[0] = run"] if any("J" in CALL_KINDS[kind].fills for kind in choices) else []),
+        *(f"            data._latest[{x!r}] = run" for x in CALL_KINDS[next(iter(choices))].getters),
         *(["            if fext is None:", "                run.fext = None"] if forces else []),
         "            for recompute in run.recompute:",
         "                if recompute() is None:",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,11 @@ class Kind:
     unused_inputs: int = 0
     places_path: bool = False
     result_in_data: bool = False
+
+    @cached_property
+    def getters(self) -> tuple[str, ...]:
+        """Those of the filled fields whose latest Run getters of Jacobians read."""
+        return tuple(name for name in ("J", "dJ") if name in self.fills)
 
 
 @dataclass(frozen=True)
