@@ -12,12 +12,8 @@ import numpy as np
 
 from ....calls import dynamics
 from ....errors import SpatialDynError
-from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
-from ....recursions.spec import WORLD as IN_WORLD
-from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, last_call
-from ..data.frame_arguments import about_frame, joint_index, named, reference_code
-from ..data.last_call import Run
+from ..data.data import Data, Run, library_of
+from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, fast_calls, joint_index, last_call, named, reference_code
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, ValueRuntimeError, expected
 from ..types.se3 import SE3

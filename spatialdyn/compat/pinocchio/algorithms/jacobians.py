@@ -14,14 +14,21 @@ from ....engines.compiled import numba_kernels
 from ....engines.compiled.cpython import unavailable
 from ....engines.compiled.generated import function_from_text
 from ....recursions import SPECS
-from ....recursions.spec import LOCAL as IN_FRAME
-from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
-from ....recursions.spec import WORLD as IN_WORLD
 from ...native import recorded_calls
-from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, frame_call, last_call, vector
-from ..data.frame_arguments import REFERENCES, about_frame, named, reference_code
-from ..data.last_call import clock
+from ..data.data import Data, clock, library_of
+from ..data.dispatch import (
+    ALIGNED,
+    IN_FRAME,
+    IN_WORLD,
+    REFERENCES,
+    about_frame,
+    fast_calls,
+    frame_call,
+    last_call,
+    named,
+    reference_code,
+    vector,
+)
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import Array

@@ -9,10 +9,8 @@ import numpy as np
 
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
-from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, frame_call
-from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, reference_code
-from ..data.last_call import Run
+from ..data.data import Data, Run, library_of
+from ..data.dispatch import IDENTITY, REFERENCES, about_frame, fast_calls, frame_call, frame_index, reference_code
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.frame import LOCAL

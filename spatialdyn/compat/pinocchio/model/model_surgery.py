@@ -12,8 +12,8 @@ from ..types.arguments import ArgumentError, Array, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
+from .joint_tree import ARRAYS
 from .joints import JointModelMimic, Mimic
-from .limits import ARRAYS
 from .model import Model
 
 __all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]

@@ -8,6 +8,7 @@ from operator import attrgetter
 from typing import Any
 
 from .arguments import ArgumentError, expected
+from .bases import Copied
 from .inertia import Inertia
 from .se3 import SE3
 from .tracked_list import owned_copy
@@ -101,7 +102,7 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
 )
 
 
-class Frame:
+class Frame(Copied):
     """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
@@ -140,10 +141,7 @@ class Frame:
         """An independent copy that belongs to no model."""
         return Frame(self)
 
-    cast = __copy__ = copy  # the only scalar type is float64
-
-    def __deepcopy__(self, memo: Any) -> Frame:
-        return Frame(self)
+    cast = copy  # the only scalar type is float64
 
     def _content(self) -> tuple[Any, ...]:
         return tuple(getattr(self, row[0]) for row in _FIELDS)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arguments import ArgumentError, array, described, row, rows
+from .arguments import ArgumentError, Array, array, described, row, rows
 from .random import GENERATOR, uniform
 from .rotations import Quaternion
 from .value import Value, as_array, on_table, on_values, part, preset
 
 __all__ = ["SE3"]
 
-Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
 _point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _random = on_table("""

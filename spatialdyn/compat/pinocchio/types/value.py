@@ -8,19 +8,18 @@ from inspect import cleandoc
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels
-from .arguments import ArgumentError, array, expected, module_of_caller, near, number
+from .arguments import ArgumentError, Array, array, expected, module_of_caller, near, number
+from .bases import Copied
 from .tracked_array import tracked
 
-Array = NDArray[np.float64]
 Self = TypeVar("Self", bound="Value")
 
 
-class Value:
+class Value(Copied):
     """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
 
     ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
@@ -71,12 +70,6 @@ class Value:
 
     def cast(self: Self) -> Self:
         """A copy: the only scalar type is float64."""
-        return self.copy()
-
-    def __copy__(self: Self) -> Self:
-        return self.copy()
-
-    def __deepcopy__(self: Self, memo: Any) -> Self:
         return self.copy()
 
     def isApprox(self, other: Any, prec: float = 1e-12) -> bool:
