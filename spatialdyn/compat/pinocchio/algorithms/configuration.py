@@ -20,7 +20,7 @@ from ..model.joint_tree import NO_LIMIT
 from ..model.joints import Mimic
 from ..model.library_model import library_model
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected, number
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, documented_rows, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
 
@@ -38,12 +38,12 @@ def _library_model(model: Model) -> Any:
     return library_model(expected(model, Model, "model")).model
 
 
-def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[..., Array]:
-    """``name(model, *inputs)``: the library's call of that name by its builtin, or with checked arguments.
+def _call(row: str, doc: str) -> Callable[..., Array]:
+    """``name(model, *inputs)`` of a row "name = inputs": the library's call by its builtin, or with checked arguments.
 
-    clipped  configurations are clipped to finite products first
+    "; clipped": configurations are clipped to finite products first.
     """
-    names = inputs.split()
+    (name, *names), clipped = row.partition(";")[0].replace(" =", "").split(), row.endswith("; clipped")
 
     def checked(model: Model, *given: Any) -> Array:
         library = _library_model(model)
@@ -72,32 +72,23 @@ def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[.
     return function
 
 
-neutral = _call("neutral", "", "Configuration (nq,) without displacement of any joint.")
-integrate = _call(
-    "integrate",
-    "q v",
-    """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
+neutral, integrate, difference, interpolate, normalize = (_call(*row) for row in documented_rows("""
+neutral
+    Configuration (nq,) without displacement of any joint.
+integrate = q v
+    Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
 
     Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size, and in strict mode
     ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
-    """,
-)
-difference = _call(
-    "difference",
-    "q1 q2",
-    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
+difference = q1 q2; clipped
+    Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
 
     Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products stay finite.
-    """,
-    clipped=True,
-)
-interpolate = _call(
-    "interpolate",
-    "q1 q2 alpha",
-    "Configuration (nq,) at the fraction alpha of the way from q1 to q2.",
-    clipped=True,
-)
-normalize = _call("normalize", "q", "q (nq,) with its quaternions and (cos, sin) pairs at unit norm.")
+interpolate = q1 q2 alpha; clipped
+    Configuration (nq,) at the fraction alpha of the way from q1 to q2.
+normalize = q
+    q (nq,) with its quaternions and (cos, sin) pairs at unit norm.
+"""))  # fmt: skip
 
 
 def _clipped(model: Model, q: Array) -> Array:
@@ -180,12 +171,7 @@ def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = None) -
 def dIntegrateTransport(model: Model, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:
     """The derivative of integrate(q, v) by q (ARG0) or v (ARG1), times a matrix Jin (nv, n)."""
     by = dIntegrate(model, q, v, argument_position)
-    if not isinstance(Jin, np.ndarray) or Jin.dtype.kind not in "fiub" or Jin.ndim not in (1, 2):
-        raise ArgumentError(f"Jin is {described(Jin)}, expected an array of numbers")
-    if len(Jin) != model.nv:
-        raise ShapeError(f"Jin has shape {Jin.shape}, expected ({model.nv}, n)")
-    found: Array = by @ Jin
-    return found
+    return np.asarray(by @ _matrix("Jin", Jin, model.nv))
 
 
 # --- random ones -----------------------------------------------------------------------------------------
@@ -272,19 +258,19 @@ def compactTangentMap(model: Model, q: Any) -> Array:
 def tangentMapProduct(model: Model, q: Any, mat_in: Any) -> Array:
     """T mat_in, for a matrix (nv, n)."""
     T = tangentMap(model, q)
-    return np.asarray(T @ _matrix(mat_in, T.shape[1]))
+    return np.asarray(T @ _matrix("mat_in", mat_in, T.shape[1]))
 
 
 def tangentMapTransposeProduct(model: Model, q: Any, mat_in: Any) -> Array:
     """Tᵀ mat_in, for a matrix (nq, n)."""
     T = tangentMap(model, q)
-    return np.asarray(T.T @ _matrix(mat_in, len(T)))
+    return np.asarray(T.T @ _matrix("mat_in", mat_in, len(T)))
 
 
-def _matrix(x: Any, rows: int) -> Array:
+def _matrix(name: str, x: Any, rows: int) -> Array:
     """A checked matrix with this number of rows. Raises ArgumentError, ShapeError."""
     if not isinstance(x, np.ndarray) or x.dtype.kind not in NUMBERS or x.ndim not in (1, 2):
-        raise ArgumentError(f"mat_in is {described(x)}, expected a matrix")
+        raise ArgumentError(f"{name} is {described(x)}, expected a matrix of numbers")
     if len(x) != rows:
-        raise ShapeError(f"mat_in has shape {x.shape}, expected ({rows}, n)")
+        raise ShapeError(f"{name} has shape {x.shape}, expected ({rows}, n)")
     return x

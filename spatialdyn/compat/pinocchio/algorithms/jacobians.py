@@ -31,7 +31,7 @@ from ..data.dispatch import (
 )
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
-from ..types.arguments import Array
+from ..types.arguments import Array, documented_rows
 from ..types.frame import LOCAL
 from .kinematics import updateFramePlacements
 
@@ -73,8 +73,9 @@ computeJointJacobiansTimeVariation = jacobians_dot
 """)
 
 
-def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
+def _at(name: str, doc: str) -> Callable[..., Array]:
     """A Jacobian at a q, which is recorded for the fields that it fills."""
+    of_joints = "Frame" not in name
 
     def slow(model: Model, data: Data, q: Any, index: Any, reference: Any) -> Array:
         library = library_of(model, data)
@@ -118,17 +119,14 @@ def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
     return named(function, name, doc)
 
 
-computeJointJacobian = _at(
-    "computeJointJacobian", True, "Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``."
-)
-computeFrameJacobian = _at(
-    "computeFrameJacobian",
-    False,
-    """Jacobian (6, nv) of a frame at q: ``(model, data, q, frame_id[, reference_frame])``.
+computeJointJacobian, computeFrameJacobian = (_at(*row) for row in documented_rows("""
+computeJointJacobian
+    Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``.
+computeFrameJacobian
+    Jacobian (6, nv) of a frame at q: ``(model, data, q, frame_id[, reference_frame])``.
 
     It fills ``data.liMi``, in WORLD also ``data.oMi``, in LOCAL_WORLD_ALIGNED also ``data.oMi`` and ``data.oMf``.
-    """,
-)
+"""))  # fmt: skip
 
 
 # --- at the inputs of the last call ------------------------------------------------------------------------
@@ -155,23 +153,18 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
     return frame_call(name, of_joints, doc, f"data._latest[{field!r}].bound", " and model._library", slow)
 
 
-getJointJacobian = _recorded(
-    "getJointJacobian", "Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of data.J."
-)
-getFrameJacobian = _recorded(
-    "getFrameJacobian",
-    """Jacobian (6, nv) of a frame, at the q of ``data.J``: ``(model, data, frame_id, reference_frame)`` or
+getJointJacobian, getFrameJacobian, getJointJacobianTimeVariation, getFrameJacobianTimeVariation = (
+    _recorded(*row) for row in documented_rows("""
+getJointJacobian
+    Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of data.J.
+getFrameJacobian
+    Jacobian (6, nv) of a frame, at the q of ``data.J``: ``(model, data, frame_id, reference_frame)`` or
     ``(model, data, joint_id, placement, reference_frame)``.
-    """,
-)
-getJointJacobianTimeVariation = _recorded(
-    "getJointJacobianTimeVariation",
-    "Time derivative (6, nv) of a joint's Jacobian, arguments as of getJointJacobian, at the q, v of ``data.dJ``.",
-)
-getFrameJacobianTimeVariation = _recorded(
-    "getFrameJacobianTimeVariation",
-    "Time derivative (6, nv) of a frame's Jacobian, arguments as of getFrameJacobian, at the q, v of ``data.dJ``.",
-)
+getJointJacobianTimeVariation
+    Time derivative (6, nv) of a joint's Jacobian, arguments as of getJointJacobian, at the q, v of ``data.dJ``.
+getFrameJacobianTimeVariation
+    Time derivative (6, nv) of a frame's Jacobian, arguments as of getFrameJacobian, at the q, v of ``data.dJ``.
+"""))  # fmt: skip
 
 
 def frameJacobianTimeVariation(model: Model, data: Data, q: Any, v: Any, frame_id: int, reference_frame: Any) -> Array:

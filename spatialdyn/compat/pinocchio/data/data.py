@@ -216,12 +216,7 @@ class Assigned(Run):
 
 # --- the fields ------------------------------------------------------------------------------------------
 
-_JOINTS = {
-    SE3: "oMi liMi iMf",
-    Motion: "v a a_gf ov oa oa_gf",
-    Force: "f h of oh",
-    Inertia: "Ycrb oYcrb",
-}
+_JOINTS = {SE3: "oMi liMi iMf", Motion: "v a a_gf ov oa oa_gf", Force: "f h of oh", Inertia: "Ycrb oYcrb"}
 Size = str | int | Callable[[Any], int]
 _WIDTH: dict[Any, tuple[int, ...]] = {SE3: (4, 4), Motion: (6,), Force: (6,), Inertia: (10,)}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable
-from inspect import cleandoc
 from itertools import pairwise
 from typing import Any
 
@@ -25,6 +24,7 @@ from ..types.arguments import (
     RangeError,
     ValueRuntimeError,
     described,
+    documented_rows,
     expected,
     module_of_caller,
 )
@@ -118,11 +118,10 @@ def fast_calls(table: str, **scope: Any) -> list[Any]:
     Kinds and options are those of ``fast_call``, whose ``scope`` is the same for all.
     """
     scope, made = {"__name__": module_of_caller(), **scope}, []
-    for row in re.split(r"\n(?=\w)", table.strip("\n")):
-        head, _, doc = row.partition("\n    ")
+    for head, doc in documented_rows(table):
         first, *options = re.split(r";\s+", head)
         name, kinds = first.split(" = ")
-        made.append(fast_call(name, kinds, cleandoc(doc), {**scope}, **dict(x.split(": ", 1) for x in options)))
+        made.append(fast_call(name, kinds, doc, {**scope}, **dict(x.split(": ", 1) for x in options)))
     return made
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ....errors import ModelError
 from ...native import recorded_contacts as numbers
 from ..coverage.coverage import OutOfScopeAttributeError
-from ..types.arguments import ArgumentError, Array, described, expected, number
+from ..types.arguments import ArgumentError, Array, by_name, described, expected, number
 from ..types.containers import StdVec
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
@@ -146,13 +146,8 @@ class RigidConstraintModel:
         given, left = dict(named), list(rest)
         if left and isinstance(left[-1], ReferenceFrame):
             given["reference_frame"] = left.pop()
-        order = ("joint1_placement", "joint2_id", "joint2_placement", "reference_frame")
-        given |= dict(zip(order, left, strict=False))
-        if len(left) > len(order) or not {*given} <= {*order}:
-            raise ArgumentError(
-                f"RigidConstraintModel got {len(rest) + 3} arguments and {', '.join(named)}, expected contact_type, "
-                f"model, joint1_id and some of {', '.join(order)}"
-            )
+        order = "contact_type model joint1_id joint1_placement joint2_id joint2_placement reference_frame"
+        given = by_name("RigidConstraintModel", order, (contact_type, model, joint1_id, *left), given, 3)
         kind = expected(contact_type, ContactType, "contact_type")
         if kind == ContactType.CONTACT_UNDEFINED:
             raise ArgumentError("contact_type is CONTACT_UNDEFINED, expected CONTACT_3D or CONTACT_6D")

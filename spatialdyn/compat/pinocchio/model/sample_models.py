@@ -60,14 +60,7 @@ def buildSampleModelHumanoidRandom(using_free_flyer: bool = True, mimic: bool = 
         model.lowerPositionLimit[3:7], model.upperPositionLimit[3:7] = -1.0, 1.0
     model.appendBodyToJoint(root, Inertia.Random(), SE3.Identity())
     model.addBodyFrame("root_body", root, SE3.Identity())
-    leg = (
-        RX,
-        RY,
-        RZ,
-        RY,
-        RY,
-        RX,
-    )
+    leg = (RX, RY, RZ, RY, RY, RX)
     _random_limb(model, root, "lleg", leg)
     _random_limb(model, root, "rleg", leg)
     torso = _random_limb(model, root, "torso", (RY,))
@@ -113,13 +106,7 @@ def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = F
 
 
 def _link(
-    model: Model,
-    parent: int,
-    joint: JointModel,
-    name: str,
-    placement: SE3,
-    body: Inertia | None,
-    *limits: Array,
+    model: Model, parent: int, joint: JointModel, name: str, placement: SE3, body: Inertia | None, *limits: Array
 ) -> int:
     """Add a joint, its frame, a body frame and, if given, a body; returns the joint."""
     most, angle = np.full(joint.nv, MOST), np.full(joint.nq, ANGLE)

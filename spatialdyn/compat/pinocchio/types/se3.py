@@ -45,13 +45,7 @@ class SE3(
     _arguments = ("rotation", "translation")
 
     def __init__(
-        self,
-        rotation: Any = None,
-        translation: Any = None,
-        *,
-        quat: Any = None,
-        array: Any = None,
-        clone: Any = None,
+        self, rotation: Any = None, translation: Any = None, *, quat: Any = None, array: Any = None, clone: Any = None
     ) -> None:
         if translation is None or rotation is None:
             rotation = next((x for x in (rotation, quat, array, clone) if x is not None), None)

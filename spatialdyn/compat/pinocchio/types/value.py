@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from inspect import cleandoc
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -12,7 +10,7 @@ import numpy as np
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels
-from .arguments import ArgumentError, Array, array, expected, module_of_caller, near, number
+from .arguments import ArgumentError, Array, array, documented_rows, expected, module_of_caller, near, number
 from .bases import Copied
 from .tracked_array import tracked
 
@@ -183,8 +181,7 @@ def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
 def on_table(rows: str) -> list[Callable[..., Any]]:
     """``on_values`` for each row "signature = formula", documented by the indented lines that follow it."""
     module = module_of_caller()
-    entries = [row.split("\n", 1) for row in re.split(r"\n(?! )", rows.strip())]
-    split = [(*row.split(" = ", 1), cleandoc("".join(doc))) for row, *doc in entries]
+    split = [(*row.split(" = ", 1), doc) for row, doc in documented_rows(rows)]
     return [on_values(signature, text, doc, module) for signature, text, doc in split]
 
 
