@@ -23,9 +23,6 @@ __all__ = [
 ]  # fmt: skip
 
 
-# --- masses, their centre, and momentum ------------------------------------------------------------------
-
-
 def computeTotalMass(model: Model, data: Data | None = None) -> float:
     """Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count."""
     mass = _masses(model)

@@ -26,8 +26,6 @@ __all__ = [
 ]  # fmt: skip
 
 
-# --- places ----------------------------------------------------------------------------------------------
-
 (forwardKinematics,) = fast_calls("""
 forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
     Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.

@@ -36,8 +36,6 @@ from .field_recipes import result as RESULT
 __all__ = ["Data"]
 
 
-# --- calls that were made --------------------------------------------------------------------------------
-
 clock = count(1).__next__  # stamps that order calls in time
 
 
@@ -263,9 +261,6 @@ def _initial(model: Model, name: str) -> Array:
         x[:, :3] = -model.gravity.linear
         x[1:] = 0.0
     return x
-
-
-# --- the data --------------------------------------------------------------------------------------------
 
 
 class Data(Stored, Registered, Copied):

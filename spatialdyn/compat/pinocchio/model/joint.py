@@ -219,9 +219,6 @@ def joint_of(state: Mapping[str, Any], kind: Any = "own", indexes: tuple[int, in
     return made
 
 
-# --- its results -----------------------------------------------------------------------------------------
-
-
 class JointData:
     """Results of ``joint.calc(data, q[, v])``.
 

@@ -107,9 +107,6 @@ def limit(joint: str, name: str, value: Any, model: JointModel) -> Array:
     return np.array(value, dtype=float).reshape(n)
 
 
-# --- the joints ------------------------------------------------------------------------------------------
-
-
 GRAVITY = (0.0, 0.0, -9.81)
 
 

@@ -70,9 +70,6 @@ def buildSampleModelHumanoidRandom(using_free_flyer: bool = True, mimic: bool = 
     return model
 
 
-# --- pieces ------------------------------------------------------------------------------------------------
-
-
 def _root(model: Model, free_flyer: bool) -> int:
     joint: JointModel = joints.JointModelFreeFlyer()
     if not free_flyer:

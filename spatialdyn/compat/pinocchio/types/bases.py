@@ -1,7 +1,9 @@
-"""Bases of classes: those that modules below them make objects of, and those that copy themselves."""
+"""Bases of classes: those that modules below them make objects of, those that copy themselves; attributes of owners."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from operator import attrgetter
 from typing import Any, ClassVar
 
 
@@ -27,3 +29,14 @@ class Copied:
 
     def __deepcopy__(self, memo: Any) -> Any:
         return self.copy()
+
+
+def owned(slot: str, check: Callable[[Any, Any], Any], doc: str, read: Any = None) -> Any:
+    """An attribute kept in a slot as ``check(value, self)``, read as ``read`` of it; assigning notifies the owner."""
+
+    def write(self: Any, value: Any) -> None:
+        setattr(self, slot, check(value, self))
+        self.changed()
+
+    get = attrgetter(slot)
+    return property(get if read is None else lambda self: read(get(self)), write, doc=doc)

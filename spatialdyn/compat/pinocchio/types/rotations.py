@@ -101,8 +101,6 @@ class Quaternion(Rotation, kind="Quat"):
         s = math.sqrt(2.0 * (1.0 + c))
         return self._write([*(np.array(cross(Vec(*a), Vec(*b))) / s), 0.5 * s])
 
-    # --- parts ---------------------------------------------------------------------------------------------
-
     x, y, z, w = (part("coefficient", k, f"The {'xyzw'[k]} coefficient.") for k in range(4))
 
     def __getitem__(self, k: int) -> float:
@@ -140,8 +138,6 @@ norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * s
     Euclidean norm.
 """)
     toRotationMatrix, __abs__ = matrix, norm
-
-    # --- products ------------------------------------------------------------------------------------------
 
     def _product(self, other: Rotation) -> Any:
         return _product(self, other) if isinstance(other, Quaternion) else NotImplemented

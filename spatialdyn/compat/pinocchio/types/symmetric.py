@@ -60,8 +60,6 @@ class Symmetric3(Summable):
         made: Array = self._x[PLACES]
         return made
 
-    # --- sums and products ---------------------------------------------------------------------------------
-
     def _plus(self, other: Any, sign: float) -> Any:
         if isinstance(other, np.ndarray) and other.shape == (3, 3):
             other = Symmetric3(other)
