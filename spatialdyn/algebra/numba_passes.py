@@ -7,11 +7,15 @@ that, compiling would be faster still, but LLVM would fuse other products and an
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from copy import copy
+from typing import Any, Protocol
 
+from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.environment import Environment
 from numba.core.typed_passes import IRLegalization
 
 # Passes for features that no recursion uses: closures, with-blocks, array expressions, literal_unroll, parfors.
@@ -75,10 +79,55 @@ for _kind in (_Into, _IntoLowered):
     _register(mutates_CFG=False, analysis_only=True)(_kind)
 
 
+class Kept(Protocol):
+    """Where the LLVM code of ``inline`` functions is kept between processes, so that the next need not make it."""
+
+    def digest(self, function: Callable[..., Any], state: Any) -> str:
+        """The name of the code of a function for the types and flags of a compiler's state; "" if it is not kept."""
+
+    def read(self, digest: str) -> Any:
+        """What was written under a name, or None."""
+
+    def write(self, digest: str, content: Any) -> None:
+        """Keep something picklable."""
+
+
 class Inlining(CompilerBase):
     """The pipeline of an ``inline`` function: Numba's, less the passes for features that no recursion uses."""
 
     into: Any = _Into
+    kept: Kept | None = None  # set by the engine
+
+    def compile_extra(self, func: Callable[..., Any]) -> Any:
+        """The function as kept, else as compiled now; what is kept is read back at once, so both are the same code."""
+        digest = self.kept.digest(func, self.state) if self.kept else ""
+        content = self.kept.read(digest) if self.kept and digest else None
+        if content is None:
+            compile_now: Any = super().compile_extra
+            made = compile_now(func)
+            content = _content(made) if digest else None
+            if content is None:
+                return made
+            if self.kept:
+                self.kept.write(digest, content)
+        return self._of(*content)
+
+    def _of(self, description: Any, signature: Any, name: str, bitcode: bytes) -> Any:
+        """The result of compiling, as Numba would give it."""
+        context: Any = self.state.targetctx
+        library: Any = self.into.library(context.codegen(), name)
+        library._final_module = binding.parse_bitcode(bitcode)
+        library._finalize_final_module()
+        made_for: Any = Environment.from_fndesc
+        environment = made_for(description)
+        function = context.get_executable(library, description, environment)
+        context.insert_user_function(function, description, [library])
+        blank: Any = CompileResult._make([None] * len(CompileResult._fields))
+        return blank._replace(
+            typing_context=self.state.typingctx, target_context=context, library=library, entry_point=function,
+            environment=environment, fndesc=description, signature=signature, objectmode=False, lifted=(),
+            reload_init=(), referenced_envs=(),
+        )  # fmt: skip
 
     def define_pipelines(self) -> list[Any]:
         """The only pipeline."""
@@ -94,3 +143,17 @@ class InliningUnoptimized(Inlining):
     """The pipeline of ``inline_unoptimized``: LLVM optimizes the function, kernels included, in its caller alone."""
 
     into = _IntoLowered
+
+
+def _content(made: Any) -> tuple[Any, Any, str, bytes] | None:
+    """What ``Inlining`` makes a compiled function from in any process.
+
+    None if the code holds addresses of this process, or more functions than this one and Numba's counts of references:
+    Numba numbers the functions of a process, so other code might have their names in the next.
+    """
+    module, description = made.library._final_module, copy(made.fndesc)
+    defined = {f.name for f in module.functions if not f.is_declaration} - {description.llvm_func_name}
+    if made.library.has_dynamic_globals or any(not name.startswith("NRT_") for name in defined):
+        return None
+    description.typemap = description.calltypes = None  # for the compiler, and large
+    return description, made.signature, made.library.name, module.as_bitcode()

@@ -5,20 +5,23 @@ from __future__ import annotations
 import json
 import math
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from llvmlite import binding
 from numba import njit
 from numba.core import compiler
 
 import spatialdyn as sd
 from spatialdyn.algebra import numba_passes
 from spatialdyn.algebra.scalars import inline, inline_unoptimized, no_inline, register, sin
-from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.compiled import disk_cache, numba_kernels
 
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="about compiled code")
 
@@ -81,6 +84,110 @@ def test_inlined_functions_have_no_machine_code() -> None:
     assert any("outermost" in name for name in defined)
     assert any("apart" in name and __name__ in name for name in defined)
     assert not any(word in name and __name__ in name for name in defined for word in ("6inside", "7between"))
+
+
+class Store:
+    """Keeps functions of this file by name."""
+
+    def __init__(self) -> None:
+        self.there: dict[str, bytes] = {}
+        self.found: list[str] = []
+
+    def digest(self, function: Any, state: Any) -> str:
+        """The name of a function and its types, if it is of this file."""
+        return f"{function.__name__} {state.args}" if function.__module__ == __name__ else ""
+
+    def read(self, digest: str) -> Any:
+        """What is there."""
+        if digest in self.there:
+            self.found.append(digest.split()[0])
+            return pickle.loads(self.there[digest])
+        return None
+
+    def write(self, digest: str, content: Any) -> None:
+        """Keep it."""
+        self.there[digest] = pickle.dumps(content)
+
+
+@COMPILED
+def test_what_is_kept_is_not_compiled_again_and_computes_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store()
+    monkeypatch.setattr(numba_passes.Inlining, "kept", store)
+
+    def answer() -> tuple[bytes, list[str]]:
+        scope: dict[str, Any] = {"sin": sin, "inline": inline}
+        exec(  # functions that Numba does not know yet
+            "def part(x):\n    return sin(x) * 1.1 + x\n\n"
+            "def whole(x):\n    return part(x[0]) * part(x[1]) + part(x[2])\n",
+            scope | {"__name__": __name__}, scope,
+        )  # fmt: skip
+        for name in ("part", "whole"):
+            scope[name].__globals__.update(scope)
+            inline(scope[name])
+        register()
+        whole = scope["whole"]
+        store.found.clear()
+        y = njit(lambda x: whole(x))(np.array([0.3, -1.2, 2.0]))
+        return np.float64(y).tobytes(), sorted(store.found)
+
+    first, found = answer()
+    assert not found
+    assert {name.split()[0] for name in store.there} == {"part", "whole"}
+    assert answer() == (first, ["whole"])  # which holds the other
+
+
+@COMPILED
+def test_code_with_other_functions_or_addresses_in_it_is_not_kept() -> None:
+    """Names of functions may be those of others in the next process, of which the linker would take one."""
+
+    def content(*names: str, addresses: bool = False) -> Any:
+        code = "\n".join(f"define i64 @{name}() {{ ret i64 1 }}" for name in names)
+        library = SimpleNamespace(
+            _final_module=binding.parse_assembly(code + "\ndeclare i64 @far()"), has_dynamic_globals=addresses, name="x"
+        )
+        own = SimpleNamespace(llvm_func_name="own", typemap={}, calltypes={})
+        return numba_passes._content(SimpleNamespace(library=library, fndesc=own, signature="s"))
+
+    assert content("own")[1:3] == content("own", "NRT_incref")[1:3] == ("s", "x")
+    assert content("own", "other") is None
+    assert content("own", addresses=True) is None
+
+
+@COMPILED
+def test_a_kernel_in_a_new_process_is_made_of_kept_functions(tmp_path: Path) -> None:
+    script = """
+import json, sys, time
+import numpy as np
+import spatialdyn as sd
+from numba.core import event
+compiled = []
+class Compiled(event.Listener):
+    def on_start(self, started):
+        name = started.data["name"]
+        if name.startswith("native_lowering"):
+            compiled.append(name.partition("[")[2][:-1])
+    def on_end(self, ended):
+        pass
+event.register("numba:run_pass", Compiled())
+model = sd.load_urdf("two_link")
+out = np.empty(2)
+sd.kernels.neutral(model.bodies, out)
+print(json.dumps([out.tobytes().hex(), compiled]))
+"""
+    environment = {**os.environ, "SPATIALDYN_CACHE_DIR": str(tmp_path)}
+    runs = []
+    for _ in range(2):
+        ran = subprocess.run(
+            [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+        )
+        runs.append(json.loads(ran.stdout))
+        for kernel in tmp_path.glob("*" + disk_cache.KERNEL):
+            kernel.unlink()
+    (first, compiled), (second, again) = runs
+    assert first == second
+    assert compiled[-1] == again[-1] == "neutral_user"
+    assert {"neutral", "all_finite"} <= set(compiled)
+    assert not {"neutral", "all_finite"} & set(again)
 
 
 def test_the_passes_left_out_are_numbas() -> None:

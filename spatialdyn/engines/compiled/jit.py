@@ -19,8 +19,16 @@ from numba.extending import intrinsic
 from ...algebra.scalars import compiled_as, inline, register
 from ...bodies.table import BODIES
 from ..interrupt import interruptible
-from .numba_cache import NumbaCache
+from .numba_cache import InlinedCache, NumbaCache
+from .numba_kernels import COMPILED, STAMP
 from .numba_settings import PLAIN
+
+try:
+    from ...algebra.numba_passes import Inlining
+except ImportError:  # a version of Numba with these parts elsewhere: every process compiles all anew
+    pass
+else:
+    Inlining.kept = InlinedCache(STAMP, COMPILED)
 
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True

@@ -34,6 +34,9 @@ BORROWED: dict[str, set[str]] = {
     # how inlined functions are compiled
     "numba.core.codegen.JITCodeLibrary": {"algebra/numba_passes.py"},
     "numba.core.compiler.CompilerBase": {"algebra/numba_passes.py"},
+    "numba.core.compiler.CompileResult": {"algebra/numba_passes.py"},
+    "numba.core.environment.Environment": {"algebra/numba_passes.py"},
+    "_final_module": {"algebra/numba_passes.py"},
     "numba.core.compiler.DefaultPassBuilder": {"algebra/numba_passes.py"},
     "numba.core.compiler_machinery.LoweringPass": {"algebra/numba_passes.py"},
     "numba.core.compiler_machinery.register_pass": {"algebra/numba_passes.py"},
