@@ -20,8 +20,8 @@ from ...algebra.scalars import compiled_as, inline, register
 from ...bodies.table import BODIES
 from ..interrupt import interruptible
 from .numba_cache import InlinedCache, NumbaCache
-from .numba_kernels import COMPILED, STAMP
 from .numba_settings import PLAIN
+from .stamp import COMPILED, STAMP
 
 try:
     from ...algebra.numba_passes import Inlining
