@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ....errors import SpatialDynError
 from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
@@ -101,7 +100,7 @@ def getCentroidalDynamicsDerivatives(model: Model, data: Data) -> tuple[Array, A
 def getCenterOfMassVelocityDerivatives(model: Model, data: Data) -> Array:
     """∂vcom/∂q (3, nv) at the inputs of the last call that filled ``data.vcom``."""
     run = last_call(model, data, "vcom", before="centerOfMass with q and v")
-    found = dynamics.table_call("center_of_mass_velocity_derivatives", run.model, run.q, run.v)
+    found = run.library.compute("center_of_mass_velocity_derivatives", run.q, run.v)
     return np.array(found[0])
 
 

@@ -62,7 +62,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._frame_placements and run.library is model._library and call() is not None:
-            data.note_builtin_call(run)
+            data.recompute_by_builtins(run)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
@@ -71,7 +71,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     if library.has_builtins:
         words = {"poses": X.ctypes.data, "memory": 0, "result": run.result.ctypes.data, **frames.words()}
         call = recorded_calls.place_frames(False).bind(
-            X, run.result, frames, **{**library.words, "njoints": len(X)}, **words
+            X, run, frames, **{**library.words, "njoints": len(X)}, **words, **run.stamp_words, time_of_joints=0
         )
         data._bound["frames"] = frames, run, call
 
@@ -111,8 +111,8 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     try:
         placements, run, frames, call = data._bound["all frames"]
         if placements is model._frame_placements and run.library is model._library and call(q) is not None:
-            data.note_builtin_call(run)
-            data.note_builtin_call(frames)
+            data.recompute_by_builtins(run)
+            data.recompute_by_builtins(frames)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
@@ -122,9 +122,9 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     library, placements = run.library, model._frame_placements
     if library.has_builtins and library.joints is None:
         words = {"memory": run.memory.ctypes.data, "poses": run.result.ctypes.data, **placements.words()}
-        alive = run.memory, run.result, frames.result, placements
+        words |= {**frames.stamp_words, "time_of_joints": run.stamp_words["time"]}
         call = recorded_calls.place_frames(True).bind(
-            library, *alive, **library.words, result=frames.result.ctypes.data, **words
+            library, run, frames, placements, **library.words, result=frames.result.ctypes.data, **words
         )
         data._bound["all frames"] = placements, run, frames, call
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....errors import ShapeError
+from ...native.recorded_calls import clock
 from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..model.serialization_format import Stored, fill, state
@@ -21,7 +22,7 @@ from ..types.array_rows import Rows
 from ..types.inertia import Inertia
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
-from .last_call import Run, clock
+from .last_call import Run
 
 __all__ = ["Data"]
 
@@ -145,10 +146,13 @@ class Data(Stored):
             self.recompute_held(run)
 
     def note_builtin_call(self, run: Run) -> None:
-        """Stamp a Run whose builtin was called just now, and recompute the held fields by their builtins."""
-        run.stamp = clock()
+        """Note a Run whose builtin was called just now, and recompute the held fields by their builtins."""
         if "J" in run.kind.fills:
             self._last_J[0] = run
+        self.recompute_by_builtins(run)
+
+    def recompute_by_builtins(self, run: Run) -> None:
+        """Recompute the held fields that a Run fills by their builtins, or else by their recipes."""
         for recompute in run.recompute:
             if recompute() is None:
                 self.recompute_held(run)

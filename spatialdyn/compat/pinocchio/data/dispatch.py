@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ....model.robot_checks import masked
@@ -22,7 +21,7 @@ from ..types.array_rows import Rows
 from ..types.motion import Force
 from .data import Data, library_of
 from .field_recipes import CALL_KINDS
-from .last_call import Run, clock
+from .last_call import Run
 
 
 def vector(name: str, value: Any, size: int) -> Array:
@@ -80,7 +79,7 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     if fext is not None:
         fext = forces(fext, library, model.njoints)
         passed.append(fext)
-    found = dynamics.table_call(entry.call, library.model, *passed)
+    found = library.compute(entry.call, *passed)
     run.store_inputs(*arrays)  # before the result, which may share memory with an input
     run.result[...] = found
     run.fext = fext
@@ -161,12 +160,10 @@ def fast_call(
     chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
     text += [
         "        if result is not None:",
-        "            run.stamp = clock()",
         *(["            run.last_J[0] = run"] if any("J" in CALL_KINDS[kind].fills for kind in choices) else []),
         *(["            if fext is None:", "                run.fext = None"] if forces else []),
-        "            for recompute in run.recompute:",
-        "                if recompute() is None:",
-        "                    data.recompute_held(run)",
+        "            if run.recompute:",
+        "                data.recompute_by_builtins(run)",
         f"            return {returns}",
         "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # the fast path does not apply",
         "        pass",
@@ -177,7 +174,7 @@ def fast_call(
         f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
         f"    return {returns}",
     ]
-    scope |= {"clock": clock, "compute": compute, "last_call": last_call}
+    scope |= {"compute": compute, "last_call": last_call}
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....calls import dynamics
 from ...native import operator_kernels, recorded_calls
 from ..types.arguments import Array
 
@@ -60,7 +59,7 @@ class CallRecipe:
 
     def at(self, run: Any, *inputs: Any) -> Array:
         """The result on other inputs."""
-        found: Array = dynamics.table_call(self.call, run.model, *inputs)
+        found: Array = run.library.compute(self.call, *inputs, gravity=run.gravity)
         return found[run.library.joints] if self.joints and run.library.joints is not None else found
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping
 from functools import partial
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ....engines.compiled.cpython import retarget, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ...native import recorded_calls
+from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel
 from ..types.arguments import Array
 from ..types.array_rows import Rows
@@ -22,13 +23,11 @@ from ..types.motion import Force
 from .field_recipes import CALL_KINDS, CallRecipe, joint_placements, oMi
 from .field_recipes import result as RESULT
 
-clock = count(1).__next__  # stamps that order calls in time
-
 
 class Run:
     """The last call of one kind.
 
-    stamp           its time by ``clock``; 0 if there was no call
+    stamp           its time by ``recorded_calls.clock``, which builtins write; 0 if there was no call
     library         the LibraryModel of that call
     memory          the inputs, one after the other, then gravity; q, v, a, tau, gravity are views of it
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
@@ -46,16 +45,16 @@ class Run:
     """
 
     __slots__ = (
-        "_a", "_own_result", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin", "frames",
-        "gravity", "kind", "last_J", "library", "memory", "parents", "q", "recompute", "result", "result_is_held",
-        "stamp", "tau",
+        "_a", "_own_result", "_stamp", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin",
+        "frames", "gravity", "kind", "last_J", "library", "memory", "parents", "q", "recompute", "result",
+        "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(
         self, name: str, library: LibraryModel, parents: NDArray[np.intp], shape: tuple[int, ...] | None
     ) -> None:
         self.kind = CALL_KINDS[name]
-        self.stamp, self.library, self.parents = 0, library, parents
+        self._stamp, self.library, self.parents = array("q", [0]), library, parents
         self.fext: Array | None = None
         self.last_J: list[Any] = [None]
         self.frames: Any = None
@@ -83,6 +82,20 @@ class Run:
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: list[Callable[[], Any]] = []
         self.bound: dict[Any, Any] = {}
+
+    @property
+    def stamp(self) -> int:
+        """Time of the call."""
+        return self._stamp[0]
+
+    @stamp.setter
+    def stamp(self, value: int) -> None:
+        self._stamp[0] = value
+
+    @property
+    def stamp_words(self) -> dict[str, int]:
+        """Words of a builtin that writes the stamp."""
+        return {"clock": address(clock.now), "time": address(self._stamp)}
 
     @property
     def model(self) -> SdModel:
@@ -141,9 +154,8 @@ class Run:
         function = recorded_calls.recorded_call(
             kind.call, tuple(names[len(names) - kind.unused_inputs :]), not kind.result_in_data, forces
         )
-        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data}
-        axes = {f"axis{k}": n for k, n in enumerate(self.result.shape)}
-        return function.bind(library, self.memory, self.result, **library.words, **places, **axes)
+        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, "time": address(self._stamp)}
+        return function.bind(library, self.memory, self.result, self._stamp, **library.words, **places)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
@@ -181,6 +193,7 @@ class Run:
         spec = SPECS[recipe.call]
         if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None
-        words = {f"{name}_address": array.ctypes.data for name, array in inputs.items()}
-        words[f"{spec.output.name}_address"] = x.ctypes.data
-        return recorded_calls.recompute(recipe.call).bind(library, x, *inputs.values(), **library.words, **words)
+        words = {f"address{k}": inputs[input.name].ctypes.data for k, input in enumerate(spec.present)}
+        return recorded_calls.recompute(recipe.call).bind(
+            library, x, *inputs.values(), **library.words, **words, out=x.ctypes.data
+        )
