@@ -7,6 +7,7 @@ caller binds to a plan of words: the addresses of the table of bodies, memory an
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -30,6 +31,7 @@ from . import operator_kernels
 from .edited_table import GRAVITY
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
+ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
 
 
@@ -103,8 +105,14 @@ class KernelCall(NamedTuple):
         words = {f"size{k}": n for k, n in enumerate(lengths)} | {"kernel": kernel_address(self.spec)} | self.words
         words |= {f"axis{k}": int(sizes.get(str(x), x)) for k, x in enumerate(self.axes)}
         if "staged" in self.builtin.words:
-            staged, words["given"] = np.empty(sum(lengths)), sum(lengths)
-            words |= {"staged": staged.ctypes.data, "forces": 6 * sizes["njoints"], "clock": address(clock.now)}
+            count, words["given"] = math.prod(words[f"axis{k}"] for k in range(len(self.axes))), sum(lengths)
+            staged = np.empty(sum(lengths) + count)
+            words |= {
+                "staged": staged.ctypes.data,
+                "forces": 6 * sizes["njoints"],
+                "clock": address(clock.now),
+                "tuple": id(tuple),
+            }
             alive = *alive, staged
         return self.builtin.bind(*alive, **words, **given)
 
@@ -122,21 +130,22 @@ def _kernel_call(
 def call_builtin(name: str, forces: bool = False) -> KernelCall:
     """``(*inputs) -> result`` of a public call for one sample; forces as of ``recorded_call``. Words: table, sizes."""
     spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    return _kernel_call(_call, spec, 0, forces, memory=0, result=0, new=1, time=0)
+    return _kernel_call(_call, spec, 0, forces, memory=0, result=0, returns=ARRAY, time=0)
 
 
-def recorded_call(name: str, unused: tuple[str, ...] = (), new_result: bool = True, forces: bool = False) -> KernelCall:
+def recorded_call(name: str, unused: tuple[str, ...] = (), returns: int = ARRAY, forces: bool = False) -> KernelCall:
     """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result.
 
-    unused      vectors (nv,) that are recorded only
-    new_result  True: returns a new array and copies it; False: writes the recorded result in place, returns True
-    forces      a last argument holds the external forces, one after the other, and is not recorded
+    unused   vectors (nv,) that are recorded only
+    returns  ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: the recorded result is
+             written in place while the kernel runs, and True returned
+    forces   a last argument holds the external forces, one after the other, and is not recorded
 
     Returns None if not applicable. Words: table, sizes, memory for the inputs, result, time.
     """
     spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
     more = [Argument(x, ("nv",), "", "") for x in unused]
-    return _kernel_call(_call, spec, len(more), forces, unused=more, new=int(new_result))
+    return _kernel_call(_call, spec, len(more), forces, unused=more, returns=returns)
 
 
 @cache
@@ -144,11 +153,11 @@ def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
     """A call of a kernel; kinds: of each input, "v" a vector, "r" a number. Vectors are copied first."""
     arguments, axes = [f"x{k}" for k in range(len(kinds))], [f"axis{k}" for k in range(rank)]
     words = ["table", "kernel", *(f"size{k}" for k in range(len(kinds))), *axes]
-    words += ["given", "forces", "staged", "memory", "result", "new", "clock", "time"]
+    words += ["given", "forces", "staged", "memory", "result", "returns", "clock", "time", "tuple"]
     checks = [
         f"is_vector(plan, x{k}, size{k})" if kind == "v" else f"is_real(plan, x{k})" for k, kind in enumerate(kinds)
     ]
-    shape, passed = f"({', '.join(axes)},)", [f"y{k}" for k in range(len(kinds) - unused)]
+    shape, count, passed = f"({', '.join(axes)},)", " * ".join(axes), [f"y{k}" for k in range(len(kinds) - unused)]
     if forces:
         arguments, checks = [*arguments, "fext"], [*checks, "is_vector(plan, fext, forces)"]
         passed.append(f"at(word(fext, {DATA}), (forces // 6, 6))")
@@ -161,17 +170,19 @@ def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
             body += [f"y{k} = at(first, (size{k},))", f"copy(vector(x{k}, size{k}), y{k})", f"first += 8 * size{k}"]
     body += [
         "answer, out = 0, result",
-        "if new != 0:",
+        f"if returns == {PARTS}: out = first",
+        f"if returns == {ARRAY}:",
         *(f"    {line}" for line in make_answer(words, "axis0", rank)),
         f"    out = word(answer, {DATA})",
         f"if run_kernel(kernel, table, ({', '.join([*passed, f'at(out, {shape})'])},)) != {numba_kernels.OK}:",
-        "    return discard(plan, answer) if new != 0 else return_none(plan)",
+        "    return discard(plan, answer) if answer != 0 else return_none(plan)",
         "if memory != 0:",
         "    copy(at(staged, (given,)), at(memory, (given,)))",
         f"    copy(at(table + {GRAVITY}, (3,)), at(memory + 8 * given, (3,)))",
-        f"    if new != 0: copy(at(out, ({' * '.join(axes)},)), at(result, ({' * '.join(axes)},)))",
+        f"    if out != result: copy(at(out, ({count},)), at(result, ({count},)))",
         *(f"    {line}" for line in put_stamp()),
-        "return answer if new != 0 else return_true(plan)",
+        *([f"if returns == {PARTS}: return new_tuple(plan, tuple, out, {dims(words, 'axis0')})"] if rank == 3 else []),
+        "return answer if answer != 0 else return_true(plan)",
     ]
     label = f"call_{kinds}_{rank}_{unused}" + "_forces" * forces
     return Builtin(label, arguments, words, body, {"copy": copy})
@@ -198,6 +209,13 @@ def _recompute(kinds: str, rank: int) -> Builtin:
     return Builtin(
         f"recompute_{kinds}_{rank}", [], words, [f"return return_true(plan) if {run} else return_none(plan)"], {}
     )
+
+
+@cache
+def copy_builtin() -> Builtin:
+    """``() -> True``: copies numbers. Words: their addresses, and how many."""
+    body = ["copy(at(source, (count,)), at(target, (count,)))", "return return_true(plan)"]
+    return Builtin("copy", [], ["source", "target", "count"], body, {"copy": copy})
 
 
 # --- frames ----------------------------------------------------------------------------------------------

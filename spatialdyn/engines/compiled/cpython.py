@@ -20,7 +20,7 @@ from numpy.lib.stride_tricks import as_strided
 from ...algebra.scalars import inline
 from ...recursions.spec import Spec
 from .. import object_layout as layout
-from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
+from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, ITEMS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
 from . import jit, numba_kernels
 
 F8 = np.float64
@@ -211,6 +211,22 @@ def new_object(plan: int, kind: int, slot: int, x: int) -> Any:
 
 
 @inline
+def new_tuple(plan: int, kind: int, x: int, shape: int) -> Any:
+    """A new tuple of new arrays with the numbers (..., m, n) at address x, their shape at another; 0 if no memory."""
+    count, size = word(shape, 0), word(shape, 1) * word(shape, 2)
+    made = _allocate(word(plan, ALLOCATE), (kind, count))
+    for k in range(count if made != 0 else 0):
+        part = new_array(plan, 2, shape + 8)
+        if part == 0:
+            _count(word(plan, DOWN), (made,))
+            return part
+        numbers = at(word(part, DATA), (size,))
+        numbers[:] = at(x + 8 * size * k, (size,))
+        places(made, ITEMS + k + 1)[ITEMS + k] = part
+    return made
+
+
+@inline
 def return_none(plan: int) -> Any:
     """A new reference to None."""
     _count(word(plan, UP), (word(plan, NONE),))
@@ -234,8 +250,8 @@ def discard(plan: int, x: int) -> Any:
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
     "no_overlap": no_overlap, "matrix": matrix, "index": index, "is_real": is_real, "real": real,
-    "new_array": new_array, "new_real": new_real, "new_object": new_object, "return_none": return_none,
-    "return_true": return_true, "discard": discard, "run_kernel": run_kernel,
+    "new_array": new_array, "new_real": new_real, "new_object": new_object, "new_tuple": new_tuple,
+    "return_none": return_none, "return_true": return_true, "discard": discard, "run_kernel": run_kernel,
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,20 @@ def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
 
 
 @compiled
+def test_a_result_may_be_returned_in_parts(case: Any) -> None:
+    model, s = case
+    result, memory = np.empty((3, model.nv, model.nv)), np.empty(model.nq + 2 * model.nv + 3)
+    function = recorded_calls.recorded_call("rnea_derivatives", returns=recorded_calls.PARTS)
+    call = bound(function, model, {"memory": memory, "result": result, "time": TIME})
+    found = call(s.q, s.v, s.a)
+    np.testing.assert_array_equal(found, table_call("rnea_derivatives", model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(found, result)
+    assert type(found) is tuple
+    assert all(x.flags.owndata and sys.getrefcount(x) == 3 for x in found)
+    assert sys.getrefcount(found) == 2
+
+
+@compiled
 def test_forces_are_a_last_vector(case: Any) -> None:
     model, s = case
     tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
@@ -61,7 +76,7 @@ def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
     X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv + 3)
     stamp, before = np.zeros(1, np.int64), recorded_calls.clock()
-    function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), False)
+    function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), recorded_calls.RESULT)
     assert bound(function, model, {"memory": memory, "result": X, "time": stamp})(s.q, s.v, s.a) is True
     assert before < stamp[0] < recorded_calls.clock()
     np.testing.assert_array_equal(X, table_call("forward_kinematics", model, s.q))
@@ -77,7 +92,7 @@ def test_an_input_may_lie_in_the_result() -> None:
     room = np.random.default_rng(0).normal(size=n + count + n)
     X = room[n : n + count].reshape(model.njoints, 4, 4)
     places = {"memory": memory, "result": X, "time": TIME}
-    call = bound(recorded_calls.recorded_call("forward_kinematics", ("v",), False), model, places)
+    call = bound(recorded_calls.recorded_call("forward_kinematics", ("v",), recorded_calls.RESULT), model, places)
     for given in (room[n : 2 * n], room[n + 2 : 2 : -1], room[n + count + n - 1 : n + count - 1 : -1]):
         before = given.copy()
         assert call(given, q) is True

@@ -14,6 +14,7 @@ import numpy as np
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ....model.robot_checks import masked
+from ...native.recorded_calls import PARTS
 from ..model.library_model import LibraryModel
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, ValueRuntimeError, described, module_of_caller
@@ -55,7 +56,7 @@ def forces(fext: Any, library: LibraryModel, njoints: int) -> Array:
 
 
 def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: Any = None) -> tuple[Run, Any]:
-    """Check the inputs of a kind, compute its call; returns its Run and a new array, True if the data keeps the result.
+    """Check the inputs of a kind, compute its call; returns its Run, and what the Run's builtin would.
 
     Raises ArgumentError, ShapeError, and what the library's call raises.
     """
@@ -84,7 +85,8 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     run.result[...] = found
     run.fext = fext
     data.note_call(run)
-    return run, True if entry.result_in_data else run.result.copy()
+    copied = None if entry.result_in_data else run.result.copy()
+    return run, True if copied is None else tuple(copied) if entry.returns == PARTS else copied
 
 
 def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKinematics") -> Run:

@@ -20,7 +20,7 @@ from ..model.library_model import LibraryModel
 from ..types.arguments import Array
 from ..types.array_rows import Rows
 from ..types.motion import Force
-from .field_recipes import CALL_KINDS, CallRecipe, joint_placements, oMi
+from .field_recipes import CALL_KINDS, CallRecipe, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 
 
@@ -152,7 +152,7 @@ class Run:
             return unavailable
         names = kind.inputs.split()
         function = recorded_calls.recorded_call(
-            kind.call, tuple(names[len(names) - kind.unused_inputs :]), not kind.result_in_data, forces
+            kind.call, tuple(names[len(names) - kind.unused_inputs :]), kind.returns, forces
         )
         places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, "time": address(self._stamp)}
         return function.bind(library, self.memory, self.result, self._stamp, **library.words, **places)
@@ -170,7 +170,8 @@ class Run:
                 result = x
             else:
                 recipe = joint_placements if places else recipe
-                self.recompute.append(self._recompute_builtin(recipe, x) or partial(recompute_field, self, name))
+                builtin = self._copy_builtin(recipe, x) or self._recompute_builtin(recipe, x)
+                self.recompute.append(builtin or partial(recompute_field, self, name))
         self.result_is_held = result is not self._own_result
         if result is not self.result:
             if not self.result_is_held:
@@ -179,6 +180,14 @@ class Run:
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
+
+    def _copy_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
+        """A builtin that copies the result, or a part of it, to x; None if the recipe is another."""
+        found = self._own_result if recipe is RESULT else recipe(self) if isinstance(recipe, Part) else None
+        if found is None or not self.library.has_builtins or found.shape != x.shape:
+            return None
+        addresses = {"source": found.ctypes.data, "target": x.ctypes.data}
+        return recorded_calls.copy_builtin().bind(self._own_result, x, **addresses, count=x.size)
 
     def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
         """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
