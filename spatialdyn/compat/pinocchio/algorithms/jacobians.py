@@ -143,8 +143,7 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         run.bound[name] = frames, call
         return found
 
-    bound = "data.latest('dJ').bound" if rate else "data._last_J[0].bound"  # None raises AttributeError
-    return frame_call(name, of_joints, doc, bound, " and model._library", slow)
+    return frame_call(name, of_joints, doc, f"data._latest[{field!r}].bound", slow)
 
 
 getJointJacobian = _recorded(

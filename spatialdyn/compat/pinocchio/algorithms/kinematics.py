@@ -43,7 +43,7 @@ forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:
     """Poses of the joints ``data.oMi`` from those in their parents ``data.liMi``."""
-    library, X, source = library_of(model, data), data.array("liMi"), data.latest("liMi")
+    library, X, source = library_of(model, data), data.array("liMi"), data.latest("liMi", of_call=True)
     out = np.empty_like(X)
     out[0] = IDENTITY
     for k in range(1, len(X)):
@@ -62,7 +62,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._frame_placements and run.library is model._library and call() is not None:
-            data.recompute_by_builtins(run)
+            data.note_builtin_call(run)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
@@ -111,8 +111,8 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     try:
         placements, run, frames, call = data._bound["all frames"]
         if placements is model._frame_placements and run.library is model._library and call(q) is not None:
-            data.recompute_by_builtins(run)
-            data.recompute_by_builtins(frames)
+            data.note_builtin_call(run)
+            data.note_builtin_call(frames)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
@@ -156,7 +156,7 @@ def _motion(name: str, doc: str, field: str, classical: bool = False) -> Callabl
             data._bound[name] = frames, call
         return Motion.over(out)
 
-    return frame_call(name, of_joints, doc, "data._bound", "", slow, LOCAL)
+    return frame_call(name, of_joints, doc, "data._bound", slow, LOCAL)
 
 
 getVelocity = _motion("getVelocity", "Velocity of a joint's frame, from ``data.v``.", "v")

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from inspect import cleandoc
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -96,9 +95,9 @@ def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKine
     """
     library_of(model, data)
     for field in fields:
-        runs: list[Run] = [run for run in data._filled_by.get(field, ()) if run.stamp and run.q is not None]
-        if runs:
-            return max(runs, key=attrgetter("stamp"))
+        run: Run | None = data.latest(field, of_call=True)
+        if run is not None:
+            return run
     raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
 
 
@@ -162,10 +161,12 @@ def fast_call(
     chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
     text += [
         "        if result is not None:",
-        *(["            run.last_J[0] = run"] if any("J" in CALL_KINDS[kind].fills for kind in choices) else []),
+        *(f"            data._latest[{x!r}] = run" for x in CALL_KINDS[next(iter(choices))].getters),
         *(["            if fext is None:", "                run.fext = None"] if forces else []),
         "            if run.recompute:",
-        "                data.recompute_by_builtins(run)",
+        "                for recompute in run.recompute:",
+        "                    if recompute() is None:",
+        "                        data.recompute_held(run)",
         f"            return {returns}",
         "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # the fast path does not apply",
         "        pass",
@@ -183,13 +184,12 @@ def fast_call(
 
 
 def frame_call(
-    name: str, of_joints: bool, doc: str, bound: str, guard: str, slow: Callable[..., Any], reference: Any = None
+    name: str, of_joints: bool, doc: str, bound: str, slow: Callable[..., Any], reference: Any = None
 ) -> Callable[..., Any]:
     """The function ``name(model, data, frame_id, reference_frame)``, or of a joint, ``name(model, data, joint_id,
     placement, reference_frame)`` and like calls: a builtin bound for the model's frames as they are, else ``slow``.
 
     bound      source text of the dict that holds the FramePlacements and the builtin by ``name``
-    guard      source text of what has to be true for the builtin
     slow       ``(model, data, about)``, with the arguments of ``about_frame``; binds the builtin for later calls
     reference  the reference frame by default
     """
@@ -198,7 +198,7 @@ def frame_call(
         f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
         "    try:",
         f"        frames, call = {bound}[{name!r}]",
-        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}{guard}:",
+        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}:",
         "            found = call(frame_id, reference_frame)",
         "            if found is not None:",
         "                return found",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,12 @@ class Kind:
     places_path: bool = False
     result_in_data: bool = False
 
-    @property
+    @cached_property
+    def getters(self) -> tuple[str, ...]:
+        """Those of the filled fields whose latest Run getters of Jacobians read."""
+        return tuple(name for name in ("J", "dJ") if name in self.fills)
+
+    @cached_property
     def returns(self) -> int:
         """What its builtin returns, see ``recorded_calls``: a tuple of parts if its fields are such."""
         if self.result_in_data:

@@ -20,7 +20,7 @@ from ..model.library_model import LibraryModel
 from ..types.arguments import Array
 from ..types.array_rows import Rows
 from ..types.motion import Force
-from .field_recipes import CALL_KINDS, CallRecipe, Part, joint_placements, oMi
+from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 
 
@@ -34,7 +34,6 @@ class Run:
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
-    last_J          the cell of its Data that holds the latest Run that filled J
     fext            forces on the library's joints (njoints, 6), or None
     bodies          inertias (njoints, 10) of the model at that call
     parents         parents of its joints
@@ -46,7 +45,7 @@ class Run:
 
     __slots__ = (
         "_a", "_own_result", "_stamp", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin",
-        "frames", "gravity", "kind", "last_J", "library", "memory", "parents", "q", "recompute", "result",
+        "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute", "result",
         "result_is_held", "tau",
     )  # fmt: skip
 
@@ -54,9 +53,9 @@ class Run:
         self, name: str, library: LibraryModel, parents: NDArray[np.intp], shape: tuple[int, ...] | None
     ) -> None:
         self.kind = CALL_KINDS[name]
+        self.getters = self.kind.getters  # from a slot in 10 ns
         self._stamp, self.library, self.parents = array("q", [0]), library, parents
         self.fext: Array | None = None
-        self.last_J: list[Any] = [None]
         self.frames: Any = None
         self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
@@ -206,3 +205,16 @@ class Run:
         return recorded_calls.recompute(recipe.call).bind(
             library, x, *inputs.values(), **library.words, **words, out=x.ctypes.data
         )
+
+
+class Assigned(Run):
+    """A field that was assigned whole, as a source of it."""
+
+    __slots__ = ()
+
+    def __init__(self, name: str, x: Array) -> None:
+        self.kind, self._stamp, self.q = Kind("", "", {name: RESULT}), array("q", [clock()]), None
+        self.result, self.cache, self.recompute = x, {}, []
+
+    def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
+        """Do nothing: no call writes it again."""
