@@ -400,6 +400,22 @@ for room in spatialdyn._ROOMS:
     subprocess.run([sys.executable, "-c", code], cwd=PACKAGE.parent, check=True)
 
 
+@holds_for(NAMES)
+def test_no_module_sets_attributes_of_what_another_one_made(name: str) -> None:
+    """A class is whole where it is defined: nothing is put on it from outside when a module is imported."""
+    imported = {x.asname or x.name for node in nodes(name) if isinstance(node, ast.ImportFrom) for x in node.names}
+    changed = set()
+    for statement in tree_of(name).body:
+        if isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
+            continue
+        for node in ast.walk(statement):
+            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name):
+                changed.add(node.value.id)
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) == "setattr":
+                changed.add(ast.unparse(node.args[0]))
+    assert changed & imported == set()
+
+
 def compiles(name: str) -> bool:
     """Whether a module makes functions for compiled code."""
     imported = {alias.name for node in nodes(name) if isinstance(node, ast.ImportFrom) for alias in node.names}
