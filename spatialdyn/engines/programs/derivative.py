@@ -29,6 +29,7 @@ from .operations import (
     SIN,
     SQRT,
     SUB,
+    UFP,
     signed,
 )
 from .program import Program
@@ -63,6 +64,7 @@ PARTIALS: dict[int, Partial] = {
     EXP: lambda x, a: (x,),
     ATAN2: _angle,
     ABS: lambda x, a: (scalars.select(a, 1.0, -1.0),),
+    UFP: lambda x, a: (0.0,),
 }
 
 
