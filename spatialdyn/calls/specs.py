@@ -13,7 +13,6 @@ from ..recursions.spec import Spec
 from .arguments import REFERENCES, as_flag, frame_row_and_placement, reference_code
 from .dynamics import calls as public
 
-
 CHOOSERS = {"forward_dynamics": "aba, crba_solve, aba_refined or aba_square_root"}  # and the calls they choose from
 
 
