@@ -19,9 +19,9 @@ from numba import njit
 from numba.core import compiler
 
 import spatialdyn as sd
-from spatialdyn.algebra import numba_passes
-from spatialdyn.algebra.scalars import inline, inline_unoptimized, no_inline, register, sin
-from spatialdyn.engines.compiled import disk_cache, numba_kernels
+from spatialdyn.algebra.scalars import inline, inline_unoptimized, no_inline, sin
+from spatialdyn.engines.compiled import disk_cache, inlining, numba_kernels
+from spatialdyn.engines.compiled.jit import hand_over
 
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="about compiled code")
 
@@ -58,7 +58,7 @@ def outermost(x: Any) -> float:
 @pytest.fixture(autouse=True)
 def registered() -> None:
     """Numba has the functions of this file."""
-    register()
+    hand_over()
 
 
 def test_inlined_functions_compute_what_python_does() -> None:
@@ -112,7 +112,7 @@ class Store:
 @COMPILED
 def test_what_is_kept_is_not_compiled_again_and_computes_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store()
-    monkeypatch.setattr(numba_passes.Inlining, "kept", store)
+    monkeypatch.setattr(inlining.Inlining, "cache", store)
 
     def answer() -> tuple[bytes, list[str]]:
         scope: dict[str, Any] = {"sin": sin, "inline": inline}
@@ -124,7 +124,7 @@ def test_what_is_kept_is_not_compiled_again_and_computes_the_same_bits(monkeypat
         for name in ("part", "whole"):
             scope[name].__globals__.update(scope)
             inline(scope[name])
-        register()
+        hand_over()
         whole = scope["whole"]
         store.found.clear()
         y = njit(lambda x: whole(x))(np.array([0.3, -1.2, 2.0]))
@@ -146,7 +146,7 @@ def test_code_with_other_functions_or_addresses_in_it_is_not_kept() -> None:
             _final_module=binding.parse_assembly(code + "\ndeclare i64 @far()"), has_dynamic_globals=addresses, name="x"
         )
         own = SimpleNamespace(llvm_func_name="own", typemap={}, calltypes={})
-        return numba_passes._content(SimpleNamespace(library=library, fndesc=own, signature="s"))
+        return inlining._content(SimpleNamespace(library=library, fndesc=own, signature="s"))
 
     assert content("own")[1:3] == content("own", "NRT_incref")[1:3] == ("s", "x")
     assert content("own", "other") is None
@@ -197,12 +197,12 @@ def test_the_passes_left_out_are_numbas() -> None:
     state.flags, state.func_ir = flags(), None
     builder: Any = compiler.DefaultPassBuilder
     there = {found.__name__ for found, _ in builder.define_nopython_pipeline(state).passes}
-    assert there >= numba_passes._WITHOUT
+    assert there >= inlining._WITHOUT
 
 
 def run_without_passes(tmp_path: Path, lines: str) -> Any:
-    """What a fresh Python prints as JSON where Numba has the parts of ``numba_passes`` elsewhere."""
-    script = f'import sys\nsys.modules["spatialdyn.algebra.numba_passes"] = None\n{lines}'
+    """What a fresh Python prints as JSON where Numba has the parts that ``inlining`` is made of elsewhere."""
+    script = f'import sys\nsys.modules["spatialdyn.engines.compiled.inlining"] = None\n{lines}'
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path)}
     ran = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     return json.loads(ran.stdout)
@@ -215,9 +215,10 @@ from numba import njit
 from spatialdyn.algebra import scalars
 from spatialdyn.algebra.euclidean import Vec, cross
 from spatialdyn.algebra.scalars import inline_unoptimized
+from spatialdyn.engines.compiled.jit import hand_over
 try:
-    from spatialdyn.algebra import numba_passes
-    raise SystemExit("numba_passes can be imported")
+    from spatialdyn.engines.compiled import inlining
+    raise SystemExit("inlining can be imported")
 except ImportError:
     pass
 
@@ -226,7 +227,7 @@ def of_cross(x):
     a = cross(Vec(x, 2.0, 3.0), Vec(0.0, 1.0, scalars.sin(x)))
     return a.x, a.y, a.z
 
-scalars.register()
+hand_over()
 print(list(njit(lambda x: of_cross(x))(0.5)))
 """
     expected = np.cross([0.5, 2.0, 3.0], [0.0, 1.0, math.sin(0.5)])

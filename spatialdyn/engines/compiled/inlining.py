@@ -3,13 +3,16 @@
 By default Numba compiles every function to machine code, C wrappers included, before it links its LLVM code into the
 callers. An ``inline`` function never runs by itself, so that step is left out. LLVM optimizes it all the same: without
 that, compiling would be faster still, but LLVM would fuse other products and answers change in the last digit.
+
+A kernel is made of some hundred such functions, two thirds of its time, so their LLVM code is kept on the disk: the
+next process compiles what is the kernel's own alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from typing import Any, Protocol
+from typing import Any
 
 from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
@@ -17,6 +20,9 @@ from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.environment import Environment
 from numba.core.typed_passes import IRLegalization
+
+from .numba_cache import InlinedCache
+from .stamp import COMPILED, STAMP
 
 # Passes for features that no recursion uses: closures, with-blocks, array expressions, literal_unroll, parfors.
 _WITHOUT = {
@@ -79,37 +85,23 @@ for _kind in (_Into, _IntoLowered):
     _register(mutates_CFG=False, analysis_only=True)(_kind)
 
 
-class Kept(Protocol):
-    """Where the LLVM code of ``inline`` functions is kept between processes, so that the next need not make it."""
-
-    def digest(self, function: Callable[..., Any], state: Any) -> str:
-        """The name of the code of a function for the types and flags of a compiler's state; "" if it is not kept."""
-
-    def read(self, digest: str) -> Any:
-        """What was written under a name, or None."""
-
-    def write(self, digest: str, content: Any) -> None:
-        """Keep something picklable."""
-
-
 class Inlining(CompilerBase):
     """The pipeline of an ``inline`` function: Numba's, less the passes for features that no recursion uses."""
 
     into: Any = _Into
-    kept: Kept | None = None  # set by the engine
+    cache = InlinedCache(STAMP, COMPILED)
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """The function as kept, else as compiled now; what is kept is read back at once, so both are the same code."""
-        digest = self.kept.digest(func, self.state) if self.kept else ""
-        content = self.kept.read(digest) if self.kept and digest else None
+        digest = self.cache.digest(func, self.state)
+        content = self.cache.read(digest) if digest else None
         if content is None:
             compile_now: Any = super().compile_extra
             made = compile_now(func)
             content = _content(made) if digest else None
             if content is None:
                 return made
-            if self.kept:
-                self.kept.write(digest, content)
+            self.cache.write(digest, content)
         return self._of(*content)
 
     def _of(self, description: Any, signature: Any, name: str, bitcode: bytes) -> Any:
@@ -143,6 +135,9 @@ class InliningUnoptimized(Inlining):
     """The pipeline of ``inline_unoptimized``: LLVM optimizes the function, kernels included, in its caller alone."""
 
     into = _IntoLowered
+
+
+PIPELINES = {"inline": Inlining, "inline_unoptimized": InliningUnoptimized}
 
 
 def _content(made: Any) -> tuple[Any, Any, str, bytes] | None:
