@@ -50,7 +50,8 @@ RENAMED: dict[str, dict[str, str]] = {
         "in_branch_axes": "to_root_aligned_axes", "referred": "express_in", "of_point": "classical_acceleration",
     },
     "engines": {
-        "opened": "user_kernel", "Kept": "NumbaCache", "Weaving": "InliningUnoptimized", "never_mind": "discard", "refused": "unavailable",
+        "Weaving": "InliningUnoptimized", "opened": "user_kernel", "Kept": "NumbaCache",
+        "never_mind": "discard", "refused": "unavailable",
         "apart": "no_overlap", "sound_pivots": "pivots_regular", "Choice": "ProgramOptions", "Recorded": "Recording",
         "Layout": "KernelLayout", "Range": "Float32Range", "padded": "round_up", "team": "thread_pool",
         "Twofold": "DoubleDouble", "Ratio": "ExactRational",
