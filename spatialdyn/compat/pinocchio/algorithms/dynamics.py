@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ....algebra.public_arrays import read_motion
-from ....calls import dynamics
 from ....errors import ModelError
 from ....recursions.regressor import body_force
 from ..data.data import Data, library_of
@@ -114,7 +113,7 @@ def getCoriolisMatrix(model: Model, data: Data) -> Array:
     run = data.latest("dJ", of_call=True)
     if run is None:
         return np.array(data.array("C"))
-    found: Array = dynamics.table_call("coriolis_matrix", run.model, run.q, run.v)
+    found: Array = run.library.compute("coriolis_matrix", run.q, run.v)
     data.put("C", found)
     return found
 

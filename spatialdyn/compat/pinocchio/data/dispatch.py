@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ....recursions import spec
+from ...native.recorded_calls import PARTS
 from ..model.library_model import LibraryModel, frame_placements
 from ..model.model import Model
 from ..types.arguments import (
@@ -32,7 +32,7 @@ from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.motion import Force
 from ..types.se3 import SE3
 from ..types.tracked_list import Rows
-from .data import Data, Run, clock, library_of
+from .data import Data, Run, library_of
 from .field_recipes import CALL_KINDS
 
 
@@ -67,7 +67,7 @@ def forces(fext: Any, library: LibraryModel, njoints: int) -> Array:
 
 
 def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: Any = None) -> tuple[Run, Any]:
-    """Check the inputs of a kind, compute its call; returns its Run and a new array, True if the data keeps the result.
+    """Check the inputs of a kind, compute its call; returns its Run, and what the Run's builtin would.
 
     Raises ArgumentError, ShapeError, and what the library's call raises.
     """
@@ -91,12 +91,13 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     if fext is not None:
         fext = forces(fext, library, model.njoints)
         passed.append(fext)
-    found = dynamics.table_call(entry.call, library.model, *passed)
+    found = library.compute(entry.call, *passed)
     run.store_inputs(*arrays)  # before the result, which may share memory with an input
     run.result[...] = found
     run.fext = fext
     data.note_call(run)
-    return run, True if entry.result_in_data else run.result.copy()
+    copied = None if entry.result_in_data else run.result.copy()
+    return run, True if copied is None else tuple(copied) if entry.returns == PARTS else copied
 
 
 def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKinematics") -> Run:
@@ -171,12 +172,12 @@ def fast_call(
     chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
     text += [
         "        if result is not None:",
-        "            run.stamp = clock()",
         *(f"            data._latest[{x!r}] = run" for x in CALL_KINDS[next(iter(choices))].getters),
         *(["            if fext is None:", "                run.fext = None"] if forces else []),
-        "            for recompute in run.recompute:",
-        "                if recompute() is None:",
-        "                    data.recompute_held(run)",
+        "            if run.recompute:",
+        "                for recompute in run.recompute:",
+        "                    if recompute() is None:",
+        "                        data.recompute_held(run)",
         f"            return {returns}",
         "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # the fast path does not apply",
         "        pass",
@@ -187,20 +188,19 @@ def fast_call(
         f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
         f"    return {returns}",
     ]
-    scope |= {"clock": clock, "compute": compute, "last_call": last_call}
+    scope |= {"compute": compute, "last_call": last_call}
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function
 
 
 def frame_call(
-    name: str, of_joints: bool, doc: str, bound: str, guard: str, slow: Callable[..., Any], reference: Any = None
+    name: str, of_joints: bool, doc: str, bound: str, slow: Callable[..., Any], reference: Any = None
 ) -> Callable[..., Any]:
     """The function ``name(model, data, frame_id, reference_frame)``, or of a joint, ``name(model, data, joint_id,
     placement, reference_frame)`` and like calls: a builtin bound for the model's frames as they are, else ``slow``.
 
     bound      source text of the dict that holds the FramePlacements and the builtin by ``name``
-    guard      source text of what has to be true for the builtin
     slow       ``(model, data, about)``, with the arguments of ``about_frame``; binds the builtin for later calls
     reference  the reference frame by default
     """
@@ -209,7 +209,7 @@ def frame_call(
         f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
         "    try:",
         f"        frames, call = {bound}[{name!r}]",
-        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}{guard}:",
+        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}:",
         "            found = call(frame_id, reference_frame)",
         "            if found is not None:",
         "                return found",
