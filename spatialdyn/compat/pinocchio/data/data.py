@@ -228,11 +228,11 @@ def _assigned_kind(name: str) -> Kind:
 class Assigned(Run):
     """A field that was assigned whole, as a source of it."""
 
-    __slots__ = ("name",)
+    __slots__ = ("name", "stamp")  # a slot: no builtin writes it
 
     def __init__(self, name: str) -> None:
         self.name, self.kind = name, _assigned_kind(name)
-        self._stamp, self.q, self.recompute, self.cache = array("q", [0]), None, [], {}
+        self.q, self.recompute, self.cache = None, [], {}
 
     def assign(self, x: Array) -> None:
         """Take an array as the field from now on."""
@@ -420,8 +420,9 @@ class Data(Stored, Registered, Copied):
             sources = self._sources[name] = [run for run in self._runs.values() if name in run.kind.fills]
         found, stamp = None, 0
         for run in sources:
-            if run.stamp > stamp and (not of_call or run.q is not None):
-                found, stamp = run, run.stamp
+            then = run.stamp
+            if then > stamp and (not of_call or run.q is not None):
+                found, stamp = run, then
         return found
 
     def array(self, name: str) -> Array:
