@@ -10,12 +10,13 @@ import numpy as np
 
 from ....errors import ModelError
 from ...native import recorded_contacts as numbers
-from ..coverage.coverage import OutOfScopeAttributeError
-from ..types.arguments import ArgumentError, Array, described, expected, number
+from ..coverage.coverage import Partial
+from ..types.arguments import ArgumentError, by_name, described, expected, number
 from ..types.containers import StdVec
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
+from ..types.value import Value, part
 from .model import Model
 
 __all__ = [
@@ -44,34 +45,24 @@ def _view(first: int, kind: Any, doc: str) -> Any:
     """A property for an SE3, Motion, Force or gains that view numbers of ``_x``; assigning one copies it."""
     shape = (4, 4) if kind is SE3 else (2,) if kind is BaumgarteCorrectorParameters else (6,)
 
-    def part(self: Any) -> Any:
+    def numbers_of(self: Any) -> Any:
         return self._x[first : first + math.prod(shape)].reshape(shape)
 
     def assign(self: Any, value: Any) -> None:
-        part(self)[...] = expected(value, kind, "value")._x
+        numbers_of(self)[...] = expected(value, kind, "value")._x
 
-    return property(lambda self: kind.over(part(self)), assign, doc=doc)
+    return property(lambda self: kind.over(numbers_of(self)), assign, doc=doc)
 
 
-class BaumgarteCorrectorParameters:
+class BaumgarteCorrectorParameters(Value):
     """Gains of errors of a contact, Kp of its placement [1/s²] and Kd of its velocity [1/s]."""
 
-    Kp, Kd = _entry(0, "Kp"), _entry(1, "Kd")
+    __slots__ = ()
+    _arguments = ("Kp", "Kd")
+    Kp, Kd = part("Kp", 0, "Kp [1/s²]."), part("Kd", 1, "Kd [1/s].")
 
     def __init__(self, Kp: Any, Kd: Any) -> None:
         self._x = np.array([number(Kp, "Kp"), number(Kd, "Kd")])
-
-    @classmethod
-    def over(cls, x: Array) -> BaumgarteCorrectorParameters:
-        """The gains that view two numbers."""
-        found = cls(0.0, 0.0)
-        found._x = x
-        return found
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, BaumgarteCorrectorParameters) and (self.Kp, self.Kd) == (other.Kp, other.Kd)
-
-    __hash__ = object.__hash__
 
 
 class ProximalSettings:
@@ -105,7 +96,7 @@ class ContactType(Enum):
     CONTACT_UNDEFINED = 2
 
 
-class RigidConstraintModel:
+class RigidConstraintModel(Partial):
     """A contact between two joints: a point of the first, or a frame on it, that does not move on the second.
 
     ``(contact_type, model, joint1_id[, joint1_placement[, joint2_id, joint2_placement]][, reference_frame])`` or a
@@ -120,6 +111,7 @@ class RigidConstraintModel:
     desired_contact_placement, desired_contact_velocity, desired_contact_acceleration  kept, unused as in Pinocchio
     """
 
+    _instead = dict.fromkeys(["calc", "jacobian", "setCompliance", "retrieveCompliance"], _INSTEAD)
     joint1_id, joint2_id = _entry(2, "joint1_id", int), _entry(3, "joint2_id", int)
     joint1_placement = _view(6, SE3, "Placement of the first frame on its joint.")
     joint2_placement = _view(22, SE3, "Placement of the second frame on its joint.")
@@ -146,13 +138,8 @@ class RigidConstraintModel:
         given, left = dict(named), list(rest)
         if left and isinstance(left[-1], ReferenceFrame):
             given["reference_frame"] = left.pop()
-        order = ("joint1_placement", "joint2_id", "joint2_placement", "reference_frame")
-        given |= dict(zip(order, left, strict=False))
-        if len(left) > len(order) or not {*given} <= {*order}:
-            raise ArgumentError(
-                f"RigidConstraintModel got {len(rest) + 3} arguments and {', '.join(named)}, expected contact_type, "
-                f"model, joint1_id and some of {', '.join(order)}"
-            )
+        order = "contact_type model joint1_id joint1_placement joint2_id joint2_placement reference_frame"
+        given = by_name("RigidConstraintModel", order, (contact_type, model, joint1_id, *left), given, 3)
         kind = expected(contact_type, ContactType, "contact_type")
         if kind == ContactType.CONTACT_UNDEFINED:
             raise ArgumentError("contact_type is CONTACT_UNDEFINED, expected CONTACT_3D or CONTACT_6D")
@@ -189,19 +176,18 @@ class RigidConstraintModel:
         """Set the gains of errors."""
         self.m_baumgarte_parameters = bp
 
-    def __getattr__(self, name: str) -> Any:
-        if name in ("calc", "jacobian", "setCompliance", "retrieveCompliance"):
-            raise OutOfScopeAttributeError(f"RigidConstraintModel.{name}: {_INSTEAD}")
-        raise AttributeError(f"a RigidConstraintModel has no attribute {name!r}")
 
-
-class RigidConstraintData:
+class RigidConstraintData(Partial):
     """Of a contact at the last call: its force, placements oMc1, oMc2, c1Mc2, velocities and errors, in frame 1.
 
     contact_acceleration* and contact*_acceleration_drift stay zero. What a solver keeps for itself raises
     OutOfScopeError.
     """
 
+    _instead = dict.fromkeys(
+        ["extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"],
+        "scratch of Pinocchio's solver, none here",
+    )
     contact_force = _view(0, Force, "Force of the contact.")
     oMc1, oMc2 = _view(6, SE3, "Pose of the first frame."), _view(22, SE3, "Pose of the second frame.")
     c1Mc2 = _view(38, SE3, "Pose of the second frame in the first.")
@@ -215,11 +201,6 @@ class RigidConstraintData:
         self.oMc1 = self.oMc2 = self.c1Mc2 = SE3.Identity()
         for name in _UNWRITTEN:
             setattr(self, name, Motion.Zero())
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"):
-            raise OutOfScopeAttributeError(f"RigidConstraintData.{name}: scratch of Pinocchio's solver, none here")
-        raise AttributeError(f"a RigidConstraintData has no attribute {name!r}")
 
 
 class _Contacts(StdVec):

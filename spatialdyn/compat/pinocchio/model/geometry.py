@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import deepcopy
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ....errors import ModelError
-from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
-from ..types.arguments import ArgumentError, expected
+from ..coverage.coverage import OutOfScopeError, Partial
+from ..types.arguments import by_name, expected
 from ..types.frame import Enum
 from ..types.se3 import SE3
 from .from_urdf import buildModelFromUrdf
@@ -37,17 +37,14 @@ class GeometryType(Enum):
 VISUAL, COLLISION = GeometryType
 
 
-class _Bookkeeping:
+def _beyond(names: str) -> dict[str, str]:
+    return dict.fromkeys(
+        [*names.split(), *_FILES.split()], f"takes a collision library, spatialdyn has none: {_ADVICE}"
+    )
+
+
+class _Bookkeeping(Partial):
     """A record about shapes; members that need a collision library raise."""
-
-    _beyond: ClassVar[str] = ""  # members that need a collision library
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self._beyond.split():
-            raise OutOfScopeAttributeError(
-                f"{type(self).__name__}.{name} takes a collision library, which spatialdyn has not: {_ADVICE}"
-            )
-        raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
 
     def copy(self) -> Any:
         """An independent copy."""
@@ -80,22 +77,16 @@ class GeometryObject(_Bookkeeping):
     meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
     """
 
-    _beyond = f"physicsMaterial {_FILES}"
+    _instead = _beyond("physicsMaterial")
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
         if isinstance(name, GeometryObject):
             self.__dict__.update(deepcopy(name).__dict__)
             return
-        order = ["placement", "collision_geometry", "mesh_path", "mesh_scale", "override_material"]
-        order += ["mesh_color", "mesh_texture_path", "mesh_material"]
-        if "parent_frame" in named or (arguments and not isinstance(arguments[0], SE3)):
-            order.insert(0, "parent_frame")
-        given = {**dict(zip(order, arguments, strict=False)), **named}
-        if len(arguments) > len(order) or not {*given} <= {*order} or "placement" not in given:
-            raise ArgumentError(
-                f"GeometryObject got {len(arguments) + 2} arguments and {', '.join(named)}, expected name, "
-                f"parent_joint, [parent_frame,] {', '.join(x for x in order if x != 'parent_frame')}"
-            )
+        framed = "parent_frame" in named or (len(arguments) > 0 and not isinstance(arguments[0], SE3))
+        first = "name parent_joint parent_frame placement" if framed else "name parent_joint placement"
+        order = f"{first} collision_geometry mesh_path mesh_scale override_material mesh_color mesh_texture_path"
+        given = by_name("GeometryObject", f"{order} mesh_material", (name, parent_joint, *arguments), named, 3 + framed)
         self.name, self.parentJoint = expected(name, str, "name"), int(parent_joint)
         self.parentFrame = int(given.get("parent_frame", 2**64 - 1))
         self.placement = SE3(expected(given["placement"], SE3, "placement"))
@@ -140,7 +131,7 @@ class GeometryModel(_Bookkeeping):
     Empty as buildModelsFromUrdf returns it; visualizers read the shapes of its file.
     """
 
-    _beyond = f"collisionPairMapping setCollisionPairs {_FILES}"
+    _instead = _beyond("collisionPairMapping setCollisionPairs")
 
     def __init__(self, other: GeometryModel | None = None) -> None:
         self.geometryObjects: list[GeometryObject] = []
@@ -215,9 +206,9 @@ class GeometryModel(_Bookkeeping):
 class GeometryData(_Bookkeeping):
     """Data of a GeometryModel: oMg, the identity for every object; activeCollisionPairs, flags."""
 
-    _beyond = f"""collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
+    _instead = _beyond("""collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
         contact_patch_functors distanceRequests distanceResults distance_functors fillInnerOuterObjectMaps radius
-        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins {_FILES}"""
+        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins""")
 
     def __init__(self, geometry_model: GeometryModel) -> None:
         expected(geometry_model, GeometryModel, "geometry_model")
@@ -252,13 +243,8 @@ def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[A
     Raises what ``buildModelFromUrdf`` does.
     """
     names = ["package_dirs", "root_joint", "verbose", "meshLoader", "geometry_types", "mimic"]
-    if len(arguments) >= 3 and isinstance(arguments[2], str):
-        names.insert(2, "root_joint_name")
-    given = dict(zip(names, arguments, strict=False))
-    known = {*names, "root_joint_name"}
-    if len(arguments) > len(names) or {*given} & {*named} or not {*named} <= known:
-        raise TypeError(f"buildModelsFromUrdf got {len(arguments)} arguments and {', '.join(named)}, expected {known}")
-    given |= named
+    names.insert(2 if len(arguments) >= 3 and isinstance(arguments[2], str) else 6, "root_joint_name")
+    given = by_name("buildModelsFromUrdf", " ".join(names), arguments, named)
     kinds = given.get("geometry_types")
     kinds = (COLLISION, VISUAL) if kinds is None else kinds if isinstance(kinds, Iterable) else [kinds]
     passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}
