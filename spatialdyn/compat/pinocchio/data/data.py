@@ -117,12 +117,11 @@ class Data(Stored, Registered):
         run: Run | None = self._runs.get(name)
         if run is not None and run.library is not library and run.library.joint_map is library.joint_map:
             run.use_library(library)
-            run.bodies = library.numbers.inertias
             self._bound.clear()
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
             run = self._runs[name] = Run(name, library, np.array(model.parents, np.intp), shape)
-            run.bodies, run.stamp = library.numbers.inertias, stamp
+            run.stamp = stamp
             self._bound.clear()
             run.hold(self._held, self._recompute)
         return run

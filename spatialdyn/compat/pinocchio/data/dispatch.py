@@ -14,7 +14,7 @@ from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ...native.recorded_calls import PARTS
-from ..model.library_model import LibraryModel
+from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, ValueRuntimeError, described, module_of_caller
 from ..types.array_rows import Rows
@@ -150,7 +150,7 @@ def fast_call(
         text += ["    if q is None:", f"        run = last_call(model, data, {last!r})"]
         text.append(f"        {', '.join(inputs)} = {', '.join(f'run.{x}.copy()' for x in inputs)}")
     text.append("    try:")
-    condition = f"run.library is model._library{when and f' and {when}'}"
+    condition = f"run.library is (model._library or library_model(model)){when and f' and {when}'}"
     for (kind, names), more in zip(choices.items(), [*given[1:], None], strict=True):
         call = f"run.call({', '.join(names)})"
         if forces:
@@ -177,7 +177,7 @@ def fast_call(
         f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
         f"    return {returns}",
     ]
-    scope |= {"compute": compute, "last_call": last_call}
+    scope |= {"compute": compute, "library_model": library_model, "last_call": last_call}
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function

@@ -35,7 +35,6 @@ class Run:
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
     fext            forces on the library's joints (njoints, 6), or None
-    bodies          inertias (njoints, 10) of the model at that call
     parents         parents of its joints
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
@@ -44,9 +43,9 @@ class Run:
     """
 
     __slots__ = (
-        "_a", "_own_result", "_stamp", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin",
-        "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute", "result",
-        "result_is_held", "tau",
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "fext",
+        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute",
+        "result", "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(
@@ -59,7 +58,7 @@ class Run:
         self.frames: Any = None
         self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
-        self.bodies: Array = np.empty((0, 10))
+        self._kept: tuple[int, Array] = 0, library.numbers.inertias
         model = library._model
         if shape is None:
             shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
@@ -77,6 +76,7 @@ class Run:
             at += size
         if self.kind.call == "aba":
             self._a = self.result
+        library.add_run(self)
         self.call: Callable[..., Any] = self._bind_and_call
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: list[Callable[[], Any]] = []
@@ -99,7 +99,18 @@ class Run:
     @property
     def model(self) -> SdModel:
         """The library's Model at the call."""
-        return self.library.model_at(self.gravity)
+        return self.library.model_at(self.gravity, self.bodies)
+
+    @property
+    def bodies(self) -> Array:
+        """Inertias (njoints, 10) of the model at the call."""
+        stamp, inertias = self._kept
+        return inertias if stamp == self.stamp else self.library.numbers.inertias
+
+    def keep_inertias(self, inertias: Array) -> None:
+        """Keep those that were the model's from the call until now."""
+        if self._kept[0] != self._stamp[0]:
+            self._kept = self._stamp[0], inertias
 
     @property
     def v(self) -> Array:
@@ -128,6 +139,7 @@ class Run:
     def use_library(self, library: LibraryModel) -> None:
         """Point the builtins to an edited model: the same tree with other numbers."""
         self.library = library
+        library.add_run(self)
         self.cache.clear()
         for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
             retarget(function, library)
