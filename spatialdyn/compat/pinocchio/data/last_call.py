@@ -76,7 +76,7 @@ class Run:
             at += size
         if self.kind.call == "aba":
             self._a = self.result
-        library.add_run(self)
+        library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: list[Callable[[], Any]] = []
@@ -105,12 +105,11 @@ class Run:
     def bodies(self) -> Array:
         """Inertias (njoints, 10) of the model at the call."""
         stamp, inertias = self._kept
-        return inertias if stamp == self.stamp else self.library.numbers.inertias
+        return inertias if stamp == self.stamp else self.library.inertias_at(self.stamp)
 
-    def keep_inertias(self, inertias: Array) -> None:
-        """Keep those that were the model's from the call until now."""
-        if self._kept[0] != self._stamp[0]:
-            self._kept = self._stamp[0], inertias
+    def keep_inertias(self) -> None:
+        """Keep them."""
+        self._kept = self.stamp, self.bodies
 
     @property
     def v(self) -> Array:
@@ -139,7 +138,7 @@ class Run:
     def use_library(self, library: LibraryModel) -> None:
         """Point the builtins to an edited model: the same tree with other numbers."""
         self.library = library
-        library.add_run(self)
+        library.runs.add(self)
         self.cache.clear()
         for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
             retarget(function, library)
@@ -161,10 +160,7 @@ class Run:
         library, kind = self.library, self.kind
         if not (library.has_builtins and kind.call):
             return unavailable
-        names = kind.inputs.split()
-        function = recorded_calls.recorded_call(
-            kind.call, tuple(names[len(names) - kind.unused_inputs :]), kind.returns, forces
-        )
+        function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
         places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, "time": address(self._stamp)}
         return function.bind(library, self.memory, self.result, self._stamp, **library.words, **places)
 

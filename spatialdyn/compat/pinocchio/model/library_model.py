@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
-from weakref import ref
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from ....model.update import edited
 from ....recursions import SPECS
 from ...native import edited_table, recorded_calls
 from ...native.edited_table import GRAVITY
+from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
 from ..types.arguments import Array
 from ..types.inertia import Inertia
@@ -35,6 +36,8 @@ from .model import Model
 
 Indices = NDArray[np.intp]
 ROOT = "universe"
+
+PAST = 64  # edits of inertias before the earlier ones are forgotten
 
 
 class ModelNumbers(NamedTuple):
@@ -79,7 +82,8 @@ class LibraryModel:
         self._at_call: dict[bytes, SdModel] = {}  # with gravity and inertias of the last call that asked
         self.put_inertias: Any = None
         self._sums = np.empty((model.nv + 1, 3))
-        self.runs: list[Any] = []  # weak references to the Runs of its calls
+        self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
+        self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
     def with_model(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
@@ -100,16 +104,17 @@ class LibraryModel:
             )
         if self.put_inertias(before, numbers.inertias) is None:
             return False
-        for find in self.runs:
-            run = find()
-            if run is not None:
-                run.keep_inertias(before)
+        self._past.append((clock(), before))
+        if len(self._past) == PAST:
+            for run in self.runs:
+                run.keep_inertias()
+            self._past.clear()
         self.numbers = numbers
         return True
 
-    def add_run(self, run: Any) -> None:
-        """Note a Run of its calls."""
-        self.runs = [*(find for find in self.runs if find() is not None), ref(run)]
+    def inertias_at(self, stamp: int) -> Array:
+        """Inertias (njoints, 10) at the time of a call."""
+        return next((inertias for end, inertias in self._past if stamp < end), self.numbers.inertias)
 
     @property
     def model(self) -> SdModel:
@@ -144,7 +149,7 @@ class LibraryModel:
         """A call as a builtin, which returns None if not applicable."""
         if not self.has_builtins:
             return unavailable
-        return recorded_calls.call_builtin(name, forces).bind(self, **self.words)
+        return recorded_calls.recorded_call(name, forces=forces).bind(self, **self.words)
 
     def compute(self, name: str, *values: Any, at: tuple[Array, Array] | None = None) -> Any:
         """A call, external forces last, if any; ``at`` gravity and inertias of an earlier call: by a builtin, or with
