@@ -27,9 +27,7 @@ from .algorithms.dynamics import *
 from .algorithms.jacobians import *
 from .algorithms.kinematics import *
 from .algorithms.parallel import *
-from .algorithms.regressors import *
 from .algorithms.rigid_constraints import *
-from .algorithms.tangent_map import *
 from .coverage.coverage import coverage as coverage
 from .coverage.coverage import missing
 from .coverage.differences import differences as differences
@@ -49,7 +47,6 @@ from .model.constraints import *
 from .model.from_urdf import *
 from .model.geometry import *
 from .model.joint import *
-from .model.joint_data import *
 from .model.joints import *
 from .model.model import *
 from .model.model_surgery import *

@@ -6,10 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import ShapeError, SpatialDynError
-from .types.arguments import ArgumentError, described, expected
+from .types.arguments import ArgumentError, Array, described, expected
 from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
@@ -19,8 +18,6 @@ __all__ = [
     "Hlog3", "Jexp3", "Jexp6", "Jlog3", "Jlog6", "SE3ToXYZQUAT", "SE3ToXYZQUATtuple", "XYZQUATToSE3",
     "classicAcceleration", "exp", "exp3", "exp3_quat", "exp6", "exp6_quat", "log", "log3", "log6", "log6_quat",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 
 exp3, exp3_quat, Jexp3, Jlog3, Hlog3, exp6, exp6_quat, log6, log6_quat, Jexp6, Jlog6, SE3ToXYZQUAT = on_table("""

@@ -7,21 +7,19 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...bodies.kinds import kind_of
 from ...errors import ShapeError
-from .algorithms import configuration, tangent_map
+from .algorithms import configuration
 from .model.joint import JointModel
 from .model.joints import JointModelFreeFlyer, JointModelPlanar, JointModelPX, JointModelRUBX, JointModelSpherical
 from .model.model import Model
-from .types.arguments import ArgumentError, described, expected
+from .types.arguments import ArgumentError, Array, described, expected
+from .types.bases import Registered
 from .types.containers import StdVec_Index
 from .types.frame import ARG0, ARG1, ArgumentPosition
-from .types.registered import Registered
 from .types.se3 import SE3 as Placement
 
-Array = NDArray[np.float64]
 JOINTS: Mapping[str, type[JointModel]] = {
     "SO(2)": JointModelRUBX,
     "SO(3)": JointModelSpherical,
@@ -47,7 +45,7 @@ def _forwarded(rows: str) -> Iterator[Callable[..., Any]]:
     """Methods that call functions of a Model with the group's own, from rows "name: docstring"."""
     for row in rows.strip().split("\n"):
         name, doc = row.split(": ", 1)
-        function = vars(tangent_map).get(name) or vars(configuration)[name]
+        function = vars(configuration)[name]
 
         def method(self: LieGroup, *arguments: Any, _function: Any = function, **named: Any) -> Any:
             return _function(self._model, *arguments, **named)

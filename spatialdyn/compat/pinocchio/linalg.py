@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import ShapeError
-from .types.arguments import ArgumentError, described
-
-Array = NDArray[np.float64]
+from .types.arguments import ArgumentError, Array, described
 
 __all__ = ["computeLargestEigenvector", "inv", "retrieveLargestEigenvalue"]
 

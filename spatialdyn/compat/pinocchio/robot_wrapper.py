@@ -137,8 +137,8 @@ class RobotWrapper:
 
 # --- methods that call a function, or the visualizer's method of their name ----------------------------------
 
-# method(parameters) -> function and what it is passed after model and data, or fields of the data after that call.
-# A method with update_kinematics calls forwardKinematics first, with the parameters before ``index``
+# method(parameters) -> function(what it is passed after model and data); fields of the data after the call that the
+# method returns. A method with update_kinematics calls forwardKinematics first, with the parameters before ``index``.
 _MOVED = "update_kinematics=True, reference_frame=LOCAL"
 _METHODS = f"""
 vcom(q, v) -> centerOfMass(q, v); vcom[0]
@@ -146,7 +146,7 @@ acom(q, v, a) -> centerOfMass(q, v, a); acom[0]
 Jcom(q) -> jacobianCenterOfMass(q)
 centroidalMomentum(q, v) -> computeCentroidalMomentum(q, v)
 centroidalMap(q) -> computeCentroidalMap(q)
-centroidal(q, v) -> ccrba(q, v); hg, Ag, Ig
+centroidal(q, v) -> ccrba(q, v); hg; Ag; Ig
 centroidalMomentumVariation(q, v, a) -> computeCentroidalMomentumTimeVariation(q, v, a)
 mass(q) -> crba(q)
 nle(q, v) -> nonLinearEffects(q, v)
@@ -166,38 +166,36 @@ frameAcceleration(q, v, a, index, {_MOVED}) -> getFrameAcceleration(index, refer
 frameClassicalAcceleration(q, v, a, index, {_MOVED}) -> getFrameClassicalAcceleration(index, reference_frame)
 getFrameJacobian(frame_id, rf_frame=LOCAL) -> getFrameJacobian(frame_id, rf_frame)
 computeFrameJacobian(q, frame_id) -> computeFrameJacobian(q, frame_id)
+loadViewerModel(*arguments, **named) -> visualizer
+display(q) -> visualizer
+displayCollisions(visibility) -> visualizer
+displayVisuals(visibility) -> visualizer
+getViewerNodeName(geometry_object, geometry_type) -> visualizer
+play(q_trajectory, dt) -> visualizer
 """
-_OF_VISUALIZER = """
-loadViewerModel(*arguments, **named)  display(q)  displayCollisions(visibility)  displayVisuals(visibility)
-getViewerNodeName(geometry_object, geometry_type)  play(q_trajectory, dt)
-"""
 
 
-def _add_methods() -> None:
-    scope: dict[str, Any] = {"LOCAL": LOCAL, "place": kinematics.forwardKinematics, "__name__": __name__}
-    for module in (centroidal, dynamics, jacobians, kinematics):
-        scope |= {f"call_{name}": x for name, x in vars(module).items()}
-    rows: list[tuple[str, str, list[str], str]] = []
-    for line in _METHODS.strip().split("\n"):
-        ((head, function, passed, fields),) = re.findall(r"(.*) -> (\w+)\((.*?)\)(?:; (.*))?", line)
-        lines = []
-        if "update_kinematics" in head:
-            state = head.partition("(")[2].partition("index")[0].rstrip(", ")
-            lines = ["if update_kinematics:", f"    place(self.model, self.data, {state})"]
-        call = f"call_{function}(self.model, self.data{passed and ', '}{passed})"
-        found = ", ".join(f"self.data.{field}" for field in fields.split(", ")) if fields else ""
-        lines += [call, f"return {found}"] if fields else [f"return {call}"]
-        about = f"``{function}``" + (f": ``data.{fields}``" if fields else "")
-        after = ", after forwardKinematics if ``update_kinematics``" if "update" in head else ""
-        rows.append((*head[:-1].split("(", 1), lines, f"{about}{after}."))
-    for head in re.findall(r"\w+\(.*?\)", _OF_VISUALIZER):
-        name, parameters = head[:-1].split("(", 1)
-        rows.append((name, parameters, [f"return self._visualizer().{name}({parameters})"], "The visualizer's method."))
-    for name, parameters, lines, about in rows:
-        text = [f"def {name}(self, {parameters}):", *(f"    {line}" for line in lines)]
-        method = function_from_text(name, text, dict(scope), f"RobotWrapper.{name}")
-        method.__qualname__, method.__doc__ = f"RobotWrapper.{name}", about
-        setattr(RobotWrapper, name, method)
+def _method(row: str) -> Any:
+    """The method of a row, named and documented."""
+    head, call, *fields = re.split(" -> |; ", row)
+    name, _, parameters = head.rstrip(")").partition("(")
+    function, _, passed = call.partition("(")
+    moves, state = "update_kinematics" in parameters, parameters.partition("index")[0]
+    text = [f"def {name}(self, {parameters}):"]
+    text += ["    if update_kinematics:", f"        placed(self.model, self.data, {state})"] * moves
+    if call == "visualizer":
+        text, about = [*text, f"    return self._visualizer().{name}({parameters})"], "The visualizer's method"
+    else:
+        found = ", ".join(f"self.data.{x}" for x in fields)
+        text += [f"    found = call(self.model, self.data, {passed}", f"    return {found or 'found'}"]
+        about = f"``{function}``" + (f": ``data.{', '.join(fields)}``" if fields else "")
+    scope = {"LOCAL": LOCAL, "placed": kinematics.forwardKinematics, "call": _FUNCTIONS.get(function)}
+    method = function_from_text(name, text, {"__name__": __name__, **scope}, f"RobotWrapper.{name}")
+    after = ", after forwardKinematics if ``update_kinematics``" * moves
+    method.__qualname__, method.__doc__ = f"RobotWrapper.{name}", f"{about}{after}."
+    return method
 
 
-_add_methods()
+_FUNCTIONS = {name: x for at in (centroidal, dynamics, jacobians, kinematics) for name, x in vars(at).items()}
+for _row in _METHODS.strip().split("\n"):
+    setattr(RobotWrapper, _row.partition("(")[0], _method(_row))

@@ -6,14 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import SpatialDynError
-from .types.arguments import array
+from .types.arguments import Array, array
 from .types.frame import LOCAL, ReferenceFrame
 from .types.value import on_table
-
-Array = NDArray[np.float64]
 
 __all__ = [
     "computeRpyJacobian", "computeRpyJacobianInverse", "computeRpyJacobianTimeDerivative", "matrixToRpy", "rotate",

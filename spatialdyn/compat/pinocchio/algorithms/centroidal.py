@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..data.data import Data, library_of
-from ..data.dispatch import compute, fast_calls, last_call
+from ..data.dispatch import compute, fast_calls, frame_index, joint_index, last_call
 from ..data.field_recipes import subtree_masses, world_com
-from ..data.frame_arguments import frame_index, joint_index
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import ACCELERATION, KinematicLevel
@@ -22,9 +21,6 @@ __all__ = [
     "computeSupportedForceByFrame", "computeSupportedInertiaByFrame", "computeTotalMass", "dccrba",
     "getJacobianSubtreeCenterOfMass", "jacobianCenterOfMass", "jacobianSubtreeCenterOfMass",
 ]  # fmt: skip
-
-
-# --- masses, their centre, and momentum ------------------------------------------------------------------
 
 
 def computeTotalMass(model: Model, data: Data | None = None) -> float:

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
+from ....bodies.kinds import kind_of
 from ....engines.compiled.cpython import READY
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ...native import operator_kernels, operators
 from ..coverage.strictness import strict
 from ..data.dispatch import vector
+from ..model.joint_tree import NO_LIMIT
+from ..model.joints import Mimic
 from ..model.library_model import library_model
-from ..model.limits import NO_LIMIT
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, described, expected, number
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, documented_rows, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
 
 __all__ = [
-    "dDifference", "dIntegrate", "dIntegrateTransport", "difference", "distance", "integrate", "interpolate",
-    "isNormalized", "isSameConfiguration", "neutral", "normalize", "randomConfiguration", "squaredDistance",
+    "compactTangentMap", "dDifference", "dIntegrate", "dIntegrateTransport", "difference", "distance", "integrate",
+    "interpolate", "isNormalized", "isSameConfiguration", "neutral", "normalize", "randomConfiguration",
+    "squaredDistance", "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct",
 ]  # fmt: skip
+
 
 FAR = 1e30  # products of seven such numbers are finite
 
@@ -33,12 +37,12 @@ def _library_model(model: Model) -> Any:
     return library_model(expected(model, Model, "model"))
 
 
-def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[..., Array]:
-    """``name(model, *inputs)``: the library's call of that name by its builtin, or with checked arguments.
+def _call(row: str, doc: str) -> Callable[..., Array]:
+    """``name(model, *inputs)`` of a row "name = inputs": the library's call by its builtin, or with checked arguments.
 
-    clipped  configurations are clipped to finite products first
+    "; clipped": configurations are clipped to finite products first.
     """
-    names = inputs.split()
+    (name, *names), clipped = row.partition(";")[0].replace(" =", "").split(), row.endswith("; clipped")
 
     def checked(model: Model, *given: Any) -> Array:
         library = _library_model(model)
@@ -67,32 +71,23 @@ def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[.
     return function
 
 
-neutral = _call("neutral", "", "Configuration (nq,) without displacement of any joint.")
-integrate = _call(
-    "integrate",
-    "q v",
-    """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
+neutral, integrate, difference, interpolate, normalize = (_call(*row) for row in documented_rows("""
+neutral
+    Configuration (nq,) without displacement of any joint.
+integrate = q v
+    Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
 
     Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size, and in strict mode
     ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
-    """,
-)
-difference = _call(
-    "difference",
-    "q1 q2",
-    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
+difference = q1 q2; clipped
+    Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
 
     Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products stay finite.
-    """,
-    clipped=True,
-)
-interpolate = _call(
-    "interpolate",
-    "q1 q2 alpha",
-    "Configuration (nq,) at the fraction alpha of the way from q1 to q2.",
-    clipped=True,
-)
-normalize = _call("normalize", "q", "q (nq,) with its quaternions and (cos, sin) pairs at unit norm.")
+interpolate = q1 q2 alpha; clipped
+    Configuration (nq,) at the fraction alpha of the way from q1 to q2.
+normalize = q
+    q (nq,) with its quaternions and (cos, sin) pairs at unit norm.
+"""))  # fmt: skip
 
 
 def _clipped(model: Model, q: Array) -> Array:
@@ -173,12 +168,7 @@ def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = None) -
 def dIntegrateTransport(model: Model, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:
     """The derivative of integrate(q, v) by q (ARG0) or v (ARG1), times a matrix Jin (nv, n)."""
     by = dIntegrate(model, q, v, argument_position)
-    if not isinstance(Jin, np.ndarray) or Jin.dtype.kind not in "fiub" or Jin.ndim not in (1, 2):
-        raise ArgumentError(f"Jin is {described(Jin)}, expected an array of numbers")
-    if len(Jin) != model.nv:
-        raise ShapeError(f"Jin has shape {Jin.shape}, expected ({model.nv}, n)")
-    found: Array = by @ Jin
-    return found
+    return np.asarray(by @ _matrix("Jin", Jin, model.nv))
 
 
 # --- random ones -----------------------------------------------------------------------------------------
@@ -198,3 +188,86 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
         for first, size in library.units:
             operators.put_direction(q, first, size, *GENERATOR.random(3).tolist())
     return q
+
+
+# --- the tangent map T: q̇ = T(q) v ----------------------------------------------------------------------
+
+
+COLUMNS = 6  # of compactTangentMap
+
+
+def _blocks(model: Model, q: Array) -> Iterator[tuple[int, int, Array]]:
+    """First index in q, in v, and the block of T, of each of the library's joints."""
+    for joint in model.joints[1:]:
+        if isinstance(joint, Mimic):
+            continue
+        row, column = joint.idx_q, joint.idx_v
+        for step in joint.steps():
+            block = _block(kind_of(step.kind, "cos_sin").group, q[row:])
+            yield row, column, block
+            row, column = row + len(block), column + block.shape[1]
+
+
+def _block(group: str, q: Array) -> Array:
+    """T of a joint whose coordinates q begins with."""
+    if group == "R":  # an angle or a length
+        return np.ones((1, 1))
+    if group == "SO(2)":  # cos, sin
+        return np.array([[-q[1]], [q[0]]])
+    if group == "SO(3)":  # x y z w: half the product with an angular velocity in the body's axes
+        x, y, z, w = (0.5 * q[:4]).tolist()
+        return np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]])
+    at = 2 if group == "SE(2)" else 3  # lengths come first, with velocities along the body's axes
+    turned = _block(f"SO({at})", q[at:])
+    T = np.zeros((at + len(turned), at + turned.shape[1]))
+    T[at:, at:] = turned
+    if group == "SE(2)":
+        T[:2, :2] = [[q[2], -q[3]], [q[3], q[2]]]
+    else:
+        operator_kernels.quat_matrix(np.array(q[3:7]), T[:3, :3])
+    return T
+
+
+def tangentMap(model: Model, q: Any) -> Array:
+    """T (nq, nv), the derivative of integrate(q, v) by v at v = 0. Raises ArgumentError, ShapeError."""
+    q = vector("q", q, expected(model, Model, "model").nq)
+    T = np.zeros((model.nq, model.nv))
+    for row, column, block in _blocks(model, q):
+        T[row : row + len(block), column : column + block.shape[1]] = block
+    return T
+
+
+def compactTangentMap(model: Model, q: Any) -> Array:
+    """The rows of T (nq, 6), each from the first velocity of its joint.
+
+    Raises ShapeError for a joint of more than 6 velocities.
+    """
+    T = tangentMap(model, q)
+    out = np.zeros((model.nq, COLUMNS))
+    for k, joint in enumerate(model.joints[1:], 1):
+        if joint.nv > COLUMNS:
+            raise ShapeError(f'joint "{model.names[k]}" has {joint.nv} velocities, expected at most {COLUMNS}')
+        rows = slice(joint.idx_q, joint.idx_q + joint.nq)
+        out[rows, : joint.nv] = T[rows, joint.idx_v : joint.idx_v + joint.nv]
+    return out
+
+
+def tangentMapProduct(model: Model, q: Any, mat_in: Any) -> Array:
+    """T mat_in, for a matrix (nv, n)."""
+    T = tangentMap(model, q)
+    return np.asarray(T @ _matrix("mat_in", mat_in, T.shape[1]))
+
+
+def tangentMapTransposeProduct(model: Model, q: Any, mat_in: Any) -> Array:
+    """Tᵀ mat_in, for a matrix (nq, n)."""
+    T = tangentMap(model, q)
+    return np.asarray(T.T @ _matrix("mat_in", mat_in, len(T)))
+
+
+def _matrix(name: str, x: Any, rows: int) -> Array:
+    """A checked matrix with this number of rows. Raises ArgumentError, ShapeError."""
+    if not isinstance(x, np.ndarray) or x.dtype.kind not in NUMBERS or x.ndim not in (1, 2):
+        raise ArgumentError(f"{name} is {described(x)}, expected a matrix of numbers")
+    if len(x) != rows:
+        raise ShapeError(f"{name} has shape {x.shape}, expected ({rows}, n)")
+    return x

@@ -11,14 +11,10 @@ from typing import Any
 import numpy as np
 
 from ....errors import SpatialDynError
-from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
-from ....recursions.spec import WORLD as IN_WORLD
-from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, last_call
-from ..data.frame_arguments import about_frame, joint_index, named, reference_code
-from ..data.last_call import Run
+from ..data.data import Data, Run, library_of
+from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, fast_calls, joint_index, last_call, named, reference_code
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, ValueRuntimeError, expected
+from ..types.arguments import ArgumentError, Array, ValueRuntimeError, documented_rows, expected
 from ..types.se3 import SE3
 from .dynamics import given_forces
 from .jacobians import call_about_frame
@@ -156,31 +152,25 @@ def _derivatives(name: str, doc: str) -> Callable[..., tuple[Array, ...]]:
     return named(function, name, doc)
 
 
-getJointVelocityDerivatives = _derivatives(
-    "getJointVelocityDerivatives",
-    """∂V/∂q and ∂V/∂v, (6, nv) each, of a joint's frame, ``(model, data, joint_id, reference_frame)``; needs
+(
+    getJointVelocityDerivatives, getJointAccelerationDerivatives, getFrameVelocityDerivatives,
+    getFrameAccelerationDerivatives,
+) = (_derivatives(*row) for row in documented_rows("""
+getJointVelocityDerivatives
+    ∂V/∂q and ∂V/∂v, (6, nv) each, of a joint's frame, ``(model, data, joint_id, reference_frame)``; needs
     computeForwardKinematicsDerivatives.
 
     In LOCAL_WORLD_ALIGNED ∂V/∂q is, as in Pinocchio, that of the velocity at the frame's origin as a fixed point.
-    """,
-)
-getJointAccelerationDerivatives = _derivatives(
-    "getJointAccelerationDerivatives",
-    """∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a, (6, nv) each, of the spatial acceleration A of a joint's frame.
+getJointAccelerationDerivatives
+    ∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a, (6, nv) each, of the spatial acceleration A of a joint's frame.
 
     It needs computeForwardKinematicsDerivatives with a; see getJointVelocityDerivatives.
-    """,
-)
-getFrameVelocityDerivatives = _derivatives(
-    "getFrameVelocityDerivatives",
-    """∂V/∂q and ∂V/∂v of a frame: ``(model, data, frame_id, reference_frame)`` or ``(model, data, joint_id, placement,
+getFrameVelocityDerivatives
+    ∂V/∂q and ∂V/∂v of a frame: ``(model, data, frame_id, reference_frame)`` or ``(model, data, joint_id, placement,
     reference_frame)``; see getJointVelocityDerivatives.
-    """,
-)
-getFrameAccelerationDerivatives = _derivatives(
-    "getFrameAccelerationDerivatives",
-    "∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a of a frame, arguments as of getFrameVelocityDerivatives.",
-)
+getFrameAccelerationDerivatives
+    ∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a of a frame, arguments as of getFrameVelocityDerivatives.
+"""))  # fmt: skip
 
 
 def getPointVelocityDerivatives(

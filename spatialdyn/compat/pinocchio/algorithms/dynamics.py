@@ -1,6 +1,7 @@
 """Dynamics under Pinocchio's names: torques, accelerations, M, C, g, energies.
 
-Every function takes the model, its data and arrays; results are new arrays and fields of the data.
+Every function takes the model, its data and arrays; results are new arrays and fields of the data. In regressors π are
+toDynamicParameters of the inertias after the universe's, one after the other; columns of all joints lie side by side.
 """
 
 from __future__ import annotations
@@ -9,16 +10,24 @@ from typing import Any
 
 import numpy as np
 
+from ....algebra.public_arrays import read_motion
+from ....errors import ModelError
+from ....recursions.regressor import body_force
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls
+from ..data.dispatch import ALIGNED, IN_WORLD, fast_calls, frame_index, joint_index, reference_code
+from ..data.field_recipes import columns
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, described
+from ..types.arguments import ArgumentError, Array, described, expected
 from ..types.frame import Convention
+from ..types.motion import Motion
+from ..types.se3 import SE3
 
 __all__ = [
-    "aba", "computeAllTerms", "computeCoriolisMatrix", "computeGeneralizedGravity", "computeKineticEnergy",
-    "computeMechanicalEnergy", "computeMinverse", "computePotentialEnergy", "computeStaticTorque", "crba",
-    "getCoriolisMatrix", "nle", "nonLinearEffects", "rnea",
+    "aba", "bodyRegressor", "computeAllTerms", "computeCoriolisMatrix", "computeFrameKinematicRegressor",
+    "computeGeneralizedGravity", "computeJointKinematicRegressor", "computeJointTorqueRegressor",
+    "computeKineticEnergy", "computeKineticEnergyRegressor", "computeMechanicalEnergy", "computeMinverse",
+    "computePotentialEnergy", "computePotentialEnergyRegressor", "computeStaticRegressor", "computeStaticTorque",
+    "crba", "frameBodyRegressor", "getCoriolisMatrix", "jointBodyRegressor", "nle", "nonLinearEffects", "rnea",
 ]  # fmt: skip
 
 
@@ -79,12 +88,21 @@ computePotentialEnergy = potential_energy; returns: run.result.item(); last: oMi
     Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.
 computeMechanicalEnergy = mechanical_energy; returns: data.mechanical_energy; last: v
     Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.
+computeJointTorqueRegressor = torque_regressor; returns: columns(run)
+    Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.
+computeStaticRegressor = static_regressor; returns: columns(run)
+    Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments.
+computeKineticEnergyRegressor = kinetic_regressor; returns: columns(run)
+    Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies.
+computePotentialEnergyRegressor = potential_regressor; returns: columns(run)
+    Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π.
 """
 (
     rnea, aba, crba, nonLinearEffects, computeGeneralizedGravity, computeStaticTorque, computeCoriolisMatrix,
     computeMinverse, computeAllTerms, computeKineticEnergy, computePotentialEnergy, computeMechanicalEnergy,
+    computeJointTorqueRegressor, computeStaticRegressor, computeKineticEnergyRegressor, computePotentialEnergyRegressor,
 ) = fast_calls(
-    _CALLS, LOCAL=Convention.LOCAL, by_convention=_kind, aba_kind=_aba_kind, given_forces=given_forces
+    _CALLS, LOCAL=Convention.LOCAL, by_convention=_kind, aba_kind=_aba_kind, given_forces=given_forces, columns=columns
 )  # fmt: skip
 nle = nonLinearEffects
 
@@ -92,9 +110,66 @@ nle = nonLinearEffects
 def getCoriolisMatrix(model: Model, data: Data) -> Array:
     """Coriolis matrix (nv, nv) at the q, v of the last call that filled ``data.dJ``, such as computeCoriolisMatrix."""
     library_of(model, data)
-    run = data.latest("dJ")
+    run = data.latest("dJ", of_call=True)
     if run is None:
         return np.array(data.array("C"))
     found: Array = run.library.compute("coriolis_matrix", run.q, run.v)
     data.put("C", found)
     return found
+
+
+# --- regressors ------------------------------------------------------------------------------------------
+
+
+def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
+    """Y (6, 10), linear first: I a + v ×* I v is Y times toDynamicParameters of I."""
+    v, a = expected(velocity, Motion, "velocity"), expected(acceleration, Motion, "acceleration")
+    out = np.empty((6, 10))
+    body_force(read_motion(v.vector.tolist()), read_motion(a.vector.tolist()), out)
+    return out
+
+
+def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
+    """Y (6, 10) of the body of a joint, from data.v and data.a_gf of rnea. Raises ModelError for no such joint."""
+    library_of(model, data)
+    at = _index("joint_id", joint_id, model.njoints)
+    return bodyRegressor(data.v[at], data.a_gf[at])
+
+
+def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
+    """Y (6, 10) of a body on a frame, in the frame, from data.v and data.a_gf. Raises ModelError for no such frame."""
+    library_of(model, data)
+    frame = model.frames[_index("frame_id", frame_id, model.nframes)]
+    joint, placement = frame.parentJoint, frame.placement
+    return bodyRegressor(placement.actInv(data.v[joint]), placement.actInv(data.a_gf[joint]))
+
+
+def computeJointKinematicRegressor(
+    model: Model, data: Data, joint_id: int, reference_frame: Any, placement: SE3 | None = None
+) -> Array:
+    """Y (6, 6 (njoints - 1)), from ``data.oMi``: what a joint's frame, or one placed on the joint, moves by where the
+    placements of joints move, each by a motion in its own frame.
+    """
+    library_of(model, data)
+    at, code = joint_index(model, joint_id), reference_code(reference_frame)
+    here = data.oMi[at] if placement is None else data.oMi[at] * expected(placement, SE3, "placement")
+    found = np.zeros((6, 6 * (model.njoints - 1)))
+    turn = SE3(here.rotation, np.zeros(3)) if code == ALIGNED else SE3.Identity()
+    for k in list(model.supports[at])[1:]:
+        X = data.oMi[model.parents[k]] * model.jointPlacements[k]
+        X = X if code == IN_WORLD else turn * here.actInv(X)
+        found[:, 6 * (k - 1) : 6 * k] = X.action
+    return found
+
+
+def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Array:
+    """``computeJointKinematicRegressor`` of a frame of the model."""
+    library_of(model, data)
+    frame = model.frames[frame_index(model, frame_id)]
+    return computeJointKinematicRegressor(model, data, frame.parentJoint, reference_frame, frame.placement)
+
+
+def _index(name: str, value: Any, n: int) -> int:
+    if not 0 <= value < n:
+        raise ModelError(f"{name} is {value}, expected 0 to {n - 1}")
+    return int(value)

@@ -14,16 +14,24 @@ from ....engines.compiled import numba_kernels
 from ....engines.compiled.cpython import unavailable
 from ....engines.compiled.generated import function_from_text
 from ....recursions import SPECS
-from ....recursions.spec import LOCAL as IN_FRAME
-from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
-from ....recursions.spec import WORLD as IN_WORLD
 from ...native import recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, frame_call, last_call, vector
-from ..data.frame_arguments import REFERENCES, about_frame, named, reference_code
+from ..data.dispatch import (
+    ALIGNED,
+    IN_FRAME,
+    IN_WORLD,
+    REFERENCES,
+    about_frame,
+    fast_calls,
+    frame_call,
+    last_call,
+    named,
+    reference_code,
+    vector,
+)
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
-from ..types.arguments import Array
+from ..types.arguments import Array, documented_rows
 from ..types.frame import LOCAL
 from .kinematics import updateFramePlacements
 
@@ -65,8 +73,9 @@ computeJointJacobiansTimeVariation = jacobians_dot
 """)
 
 
-def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
+def _at(name: str, doc: str) -> Callable[..., Array]:
     """A Jacobian at a q, which is recorded for the fields that it fills."""
+    of_joints = "Frame" not in name
 
     def slow(model: Model, data: Data, q: Any, index: Any, reference: Any) -> Array:
         library = library_of(model, data)
@@ -109,17 +118,14 @@ def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
     return named(function, name, doc)
 
 
-computeJointJacobian = _at(
-    "computeJointJacobian", True, "Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``."
-)
-computeFrameJacobian = _at(
-    "computeFrameJacobian",
-    False,
-    """Jacobian (6, nv) of a frame at q: ``(model, data, q, frame_id[, reference_frame])``.
+computeJointJacobian, computeFrameJacobian = (_at(*row) for row in documented_rows("""
+computeJointJacobian
+    Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``.
+computeFrameJacobian
+    Jacobian (6, nv) of a frame at q: ``(model, data, q, frame_id[, reference_frame])``.
 
     It fills ``data.liMi``, in WORLD also ``data.oMi``, in LOCAL_WORLD_ALIGNED also ``data.oMi`` and ``data.oMf``.
-    """,
-)
+"""))  # fmt: skip
 
 
 # --- at the inputs of the last call ------------------------------------------------------------------------
@@ -146,23 +152,18 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
     return frame_call(name, of_joints, doc, f"data._latest[{field!r}].bound", slow)
 
 
-getJointJacobian = _recorded(
-    "getJointJacobian", "Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of data.J."
-)
-getFrameJacobian = _recorded(
-    "getFrameJacobian",
-    """Jacobian (6, nv) of a frame, at the q of ``data.J``: ``(model, data, frame_id, reference_frame)`` or
+getJointJacobian, getFrameJacobian, getJointJacobianTimeVariation, getFrameJacobianTimeVariation = (
+    _recorded(*row) for row in documented_rows("""
+getJointJacobian
+    Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of data.J.
+getFrameJacobian
+    Jacobian (6, nv) of a frame, at the q of ``data.J``: ``(model, data, frame_id, reference_frame)`` or
     ``(model, data, joint_id, placement, reference_frame)``.
-    """,
-)
-getJointJacobianTimeVariation = _recorded(
-    "getJointJacobianTimeVariation",
-    "Time derivative (6, nv) of a joint's Jacobian, arguments as of getJointJacobian, at the q, v of ``data.dJ``.",
-)
-getFrameJacobianTimeVariation = _recorded(
-    "getFrameJacobianTimeVariation",
-    "Time derivative (6, nv) of a frame's Jacobian, arguments as of getFrameJacobian, at the q, v of ``data.dJ``.",
-)
+getJointJacobianTimeVariation
+    Time derivative (6, nv) of a joint's Jacobian, arguments as of getJointJacobian, at the q, v of ``data.dJ``.
+getFrameJacobianTimeVariation
+    Time derivative (6, nv) of a frame's Jacobian, arguments as of getFrameJacobian, at the q, v of ``data.dJ``.
+"""))  # fmt: skip
 
 
 def frameJacobianTimeVariation(model: Model, data: Data, q: Any, v: Any, frame_id: int, reference_frame: Any) -> Array:

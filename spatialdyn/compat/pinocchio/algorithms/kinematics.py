@@ -9,12 +9,11 @@ import numpy as np
 
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
-from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, frame_call
-from ..data.frame_arguments import IDENTITY, REFERENCES, about_frame, frame_index, reference_code
-from ..data.last_call import Run
+from ..data.data import Data, Run, library_of
+from ..data.dispatch import IDENTITY, REFERENCES, about_frame, fast_calls, frame_call, frame_index, reference_code
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
+from ..types.arguments import documented_rows
 from ..types.frame import LOCAL
 from ..types.motion import Motion
 from ..types.se3 import SE3
@@ -26,8 +25,6 @@ __all__ = [
     "updateFramePlacement", "updateFramePlacements", "updateGlobalPlacements",
 ]  # fmt: skip
 
-
-# --- places ----------------------------------------------------------------------------------------------
 
 (forwardKinematics,) = fast_calls("""
 forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
@@ -131,13 +128,10 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
 
 # --- velocities and accelerations ------------------------------------------------------------------------
 
-_OF_FRAME = """``(model, data, frame_id[, reference_frame])``, or for a frame that is not in the model ``(model, data,
-    joint_id, placement[, reference_frame])``."""
 
-
-def _motion(name: str, doc: str, field: str, classical: bool = False) -> Callable[..., Motion]:
+def _motion(name: str, doc: str) -> Callable[..., Motion]:
     """The motion of a frame, or of a joint's own frame, from a field of Data that has one for each joint."""
-    of_joints = "Frame" not in name
+    of_joints, classical, field = "Frame" not in name, "Classical" in name, "v" if "Velocity" in name else "a"
 
     def slow(model: Model, data: Data, about: tuple[Any, ...]) -> Motion:
         library = library_of(model, data)
@@ -159,15 +153,21 @@ def _motion(name: str, doc: str, field: str, classical: bool = False) -> Callabl
     return frame_call(name, of_joints, doc, "data._bound", slow, LOCAL)
 
 
-getVelocity = _motion("getVelocity", "Velocity of a joint's frame, from ``data.v``.", "v")
-getAcceleration = _motion("getAcceleration", "Spatial acceleration of a joint's frame, from ``data.a``.", "a")
-getClassicalAcceleration = _motion(
-    "getClassicalAcceleration", "Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``.", "a", True
-)
-getFrameVelocity = _motion("getFrameVelocity", f"Velocity of a frame, from ``data.v``: {_OF_FRAME}", "v")
-getFrameAcceleration = _motion(
-    "getFrameAcceleration", f"Spatial acceleration of a frame, from ``data.a``: {_OF_FRAME}", "a"
-)
-getFrameClassicalAcceleration = _motion(
-    "getFrameClassicalAcceleration", f"Classical acceleration of a frame, from v and a: {_OF_FRAME}", "a", True
-)
+(
+    getVelocity, getAcceleration, getClassicalAcceleration, getFrameVelocity, getFrameAcceleration,
+    getFrameClassicalAcceleration,
+) = (_motion(*row) for row in documented_rows("""
+getVelocity
+    Velocity of a joint's frame, from ``data.v``.
+getAcceleration
+    Spatial acceleration of a joint's frame, from ``data.a``.
+getClassicalAcceleration
+    Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``.
+getFrameVelocity
+    Velocity of a frame, from ``data.v``: ``(model, data, frame_id[, reference_frame])``, or for a frame that is not in
+    the model ``(model, data, joint_id, placement[, reference_frame])``.
+getFrameAcceleration
+    Spatial acceleration of a frame, from ``data.a``; arguments as of getFrameVelocity.
+getFrameClassicalAcceleration
+    Classical acceleration of a frame, from ``data.v`` and ``data.a``; arguments as of getFrameVelocity.
+"""))  # fmt: skip

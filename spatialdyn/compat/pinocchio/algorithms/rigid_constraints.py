@@ -17,11 +17,9 @@ from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.kinematics import WORK
-from ....recursions.spec import LOCAL as IN_FRAME
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
-from ..data.data import Data, library_of
-from ..data.dispatch import forces, last_call, vector
-from ..data.last_call import Run
+from ..data.data import Data, Run, library_of
+from ..data.dispatch import IN_FRAME, forces, last_call, vector
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model

@@ -11,11 +11,12 @@ import numpy as np
 from ....errors import ModelError
 from ...native import recorded_contacts as numbers
 from ..coverage.coverage import OutOfScopeAttributeError
-from ..types.arguments import ArgumentError, Array, described, expected, number
+from ..types.arguments import ArgumentError, by_name, described, expected, number
 from ..types.containers import StdVec
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
+from ..types.value import Value, part
 from .model import Model
 
 __all__ = [
@@ -44,34 +45,24 @@ def _view(first: int, kind: Any, doc: str) -> Any:
     """A property for an SE3, Motion, Force or gains that view numbers of ``_x``; assigning one copies it."""
     shape = (4, 4) if kind is SE3 else (2,) if kind is BaumgarteCorrectorParameters else (6,)
 
-    def part(self: Any) -> Any:
+    def numbers_of(self: Any) -> Any:
         return self._x[first : first + math.prod(shape)].reshape(shape)
 
     def assign(self: Any, value: Any) -> None:
-        part(self)[...] = expected(value, kind, "value")._x
+        numbers_of(self)[...] = expected(value, kind, "value")._x
 
-    return property(lambda self: kind.over(part(self)), assign, doc=doc)
+    return property(lambda self: kind.over(numbers_of(self)), assign, doc=doc)
 
 
-class BaumgarteCorrectorParameters:
+class BaumgarteCorrectorParameters(Value):
     """Gains of errors of a contact, Kp of its placement [1/s²] and Kd of its velocity [1/s]."""
 
-    Kp, Kd = _entry(0, "Kp"), _entry(1, "Kd")
+    __slots__ = ()
+    _arguments = ("Kp", "Kd")
+    Kp, Kd = part("Kp", 0, "Kp [1/s²]."), part("Kd", 1, "Kd [1/s].")
 
     def __init__(self, Kp: Any, Kd: Any) -> None:
         self._x = np.array([number(Kp, "Kp"), number(Kd, "Kd")])
-
-    @classmethod
-    def over(cls, x: Array) -> BaumgarteCorrectorParameters:
-        """The gains that view two numbers."""
-        found = cls(0.0, 0.0)
-        found._x = x
-        return found
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, BaumgarteCorrectorParameters) and (self.Kp, self.Kd) == (other.Kp, other.Kd)
-
-    __hash__ = object.__hash__
 
 
 class ProximalSettings:
@@ -146,13 +137,8 @@ class RigidConstraintModel:
         given, left = dict(named), list(rest)
         if left and isinstance(left[-1], ReferenceFrame):
             given["reference_frame"] = left.pop()
-        order = ("joint1_placement", "joint2_id", "joint2_placement", "reference_frame")
-        given |= dict(zip(order, left, strict=False))
-        if len(left) > len(order) or not {*given} <= {*order}:
-            raise ArgumentError(
-                f"RigidConstraintModel got {len(rest) + 3} arguments and {', '.join(named)}, expected contact_type, "
-                f"model, joint1_id and some of {', '.join(order)}"
-            )
+        order = "contact_type model joint1_id joint1_placement joint2_id joint2_placement reference_frame"
+        given = by_name("RigidConstraintModel", order, (contact_type, model, joint1_id, *left), given, 3)
         kind = expected(contact_type, ContactType, "contact_type")
         if kind == ContactType.CONTACT_UNDEFINED:
             raise ArgumentError("contact_type is CONTACT_UNDEFINED, expected CONTACT_3D or CONTACT_6D")

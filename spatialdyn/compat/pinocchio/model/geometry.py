@@ -10,7 +10,7 @@ import numpy as np
 
 from ....errors import ModelError
 from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
-from ..types.arguments import ArgumentError, expected
+from ..types.arguments import by_name, expected
 from ..types.frame import Enum
 from ..types.se3 import SE3
 from .from_urdf import buildModelFromUrdf
@@ -86,16 +86,10 @@ class GeometryObject(_Bookkeeping):
         if isinstance(name, GeometryObject):
             self.__dict__.update(deepcopy(name).__dict__)
             return
-        order = ["placement", "collision_geometry", "mesh_path", "mesh_scale", "override_material"]
-        order += ["mesh_color", "mesh_texture_path", "mesh_material"]
-        if "parent_frame" in named or (arguments and not isinstance(arguments[0], SE3)):
-            order.insert(0, "parent_frame")
-        given = {**dict(zip(order, arguments, strict=False)), **named}
-        if len(arguments) > len(order) or not {*given} <= {*order} or "placement" not in given:
-            raise ArgumentError(
-                f"GeometryObject got {len(arguments) + 2} arguments and {', '.join(named)}, expected name, "
-                f"parent_joint, [parent_frame,] {', '.join(x for x in order if x != 'parent_frame')}"
-            )
+        framed = "parent_frame" in named or (len(arguments) > 0 and not isinstance(arguments[0], SE3))
+        first = "name parent_joint parent_frame placement" if framed else "name parent_joint placement"
+        order = f"{first} collision_geometry mesh_path mesh_scale override_material mesh_color mesh_texture_path"
+        given = by_name("GeometryObject", f"{order} mesh_material", (name, parent_joint, *arguments), named, 3 + framed)
         self.name, self.parentJoint = expected(name, str, "name"), int(parent_joint)
         self.parentFrame = int(given.get("parent_frame", 2**64 - 1))
         self.placement = SE3(expected(given["placement"], SE3, "placement"))
@@ -252,13 +246,8 @@ def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[A
     Raises what ``buildModelFromUrdf`` does.
     """
     names = ["package_dirs", "root_joint", "verbose", "meshLoader", "geometry_types", "mimic"]
-    if len(arguments) >= 3 and isinstance(arguments[2], str):
-        names.insert(2, "root_joint_name")
-    given = dict(zip(names, arguments, strict=False))
-    known = {*names, "root_joint_name"}
-    if len(arguments) > len(names) or {*given} & {*named} or not {*named} <= known:
-        raise TypeError(f"buildModelsFromUrdf got {len(arguments)} arguments and {', '.join(named)}, expected {known}")
-    given |= named
+    names.insert(2 if len(arguments) >= 3 and isinstance(arguments[2], str) else 6, "root_joint_name")
+    given = by_name("buildModelsFromUrdf", " ".join(names), arguments, named)
     kinds = given.get("geometry_types")
     kinds = (COLLISION, VISUAL) if kinds is None else kinds if isinstance(kinds, Iterable) else [kinds]
     passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}

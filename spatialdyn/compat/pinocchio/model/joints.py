@@ -11,6 +11,7 @@ import numpy as np
 from ....algebra.rotations import UNIT_AXIS
 from ....errors import ModelError
 from ..types.arguments import ArgumentError, expected, number
+from ..types.bases import owned
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import NOWHERE, JointModel, Step, Vector, X, Y, Z, joint_kind, joint_of
@@ -39,21 +40,8 @@ def unit(what: str, axis: Any) -> Vector:
     return float(u[0]) + 0.0, float(u[1]) + 0.0, float(u[2]) + 0.0
 
 
-def _parameter(slot: str, doc: str, read: Any = float, check: Any = None) -> Any:
-    """A property for a parameter of a joint; what is assigned is checked, and is an edit of the joint."""
-
-    def assign(joint: Any, value: Any) -> None:
-        setattr(joint, slot, check(joint.shortname(), value) if check else read(value))
-        joint.changed()
-
-    return property(lambda joint: read(getattr(joint, slot)), assign, doc=doc)
-
-
 def _axis(slot: str, doc: str) -> Any:
-    return _parameter(slot, doc, np.array, lambda what, value: unit(what, (np.asarray(value),)))
-
-
-# --- one axis --------------------------------------------------------------------------------------------
+    return owned(slot, lambda value, joint: unit(joint.shortname(), (np.asarray(value),)), doc, np.array)
 
 
 class OneAxis(JointModel):
@@ -89,7 +77,7 @@ def _motion_axis(joint: Any) -> Any:
 
 
 _AXIS = _axis("_axis", "The unit axis (3,), a copy: assign to change it.")
-_PITCH = _parameter("_pitch", "Travel along the axis per radian [m/rad].", check=lambda what, x: number(x, "pitch"))
+_PITCH = owned("_pitch", lambda x, joint: number(x, "pitch"), "Travel along the axis per radian [m/rad].")
 
 
 def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[Any]:
@@ -166,8 +154,6 @@ class Universal(JointModel):
 
 JointModelUniversal = joint_kind("JointModelUniversal", Universal, Universal.__doc__)
 
-# --- chains ----------------------------------------------------------------------------------------------
-
 
 class Composite(JointModel):
     """A chain of joints that counts as one: ``(size)`` or ``(joint[, placement[, name]])``, then ``addJoint``.
@@ -234,8 +220,6 @@ class Composite(JointModel):
 
 JointModelComposite = joint_kind("JointModelComposite", Composite, Composite.__doc__)
 
-# --- joints that follow ----------------------------------------------------------------------------------
-
 
 class Mimic(JointModel):
     """A joint that follows another: ``(joint of a model, scaling, offset)``, q = scaling q' + offset.
@@ -247,8 +231,8 @@ class Mimic(JointModel):
     _nq, _nv, _unlimited = 0, 0, (0, 0)
     nvExtended = property(lambda self: 1, doc=JointModel.nvExtended.__doc__)
     leader = property(lambda self: self._leader, doc="Index of the leader.")
-    scaling = _parameter("_scaling", "Ratio of the joint's coordinate to its leader's.")
-    offset = _parameter("_offset", "Coordinate of the joint where its leader's is 0.")
+    scaling = owned("_scaling", lambda x, joint: float(x), "Ratio of the joint's coordinate to its leader's.")
+    offset = owned("_offset", lambda x, joint: float(x), "Coordinate of the joint where its leader's is 0.")
 
     def __init__(self, joint: JointModel | None = None, scaling: float = 1.0, offset: float = 0.0) -> None:
         super().__init__()

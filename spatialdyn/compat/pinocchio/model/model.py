@@ -11,14 +11,13 @@ from ....errors import ModelError
 from ....model.model import missing
 from ..coverage.strictness import strict
 from ..types.arguments import ArgumentError, Array, expected
+from ..types.bases import Copied, Registered
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
-from ..types.registered import Registered
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import JointModel
-from .joint_tree import Listener, Tree
-from .limits import ARRAYS, BY_LIMIT, LIMITS, Arrays, limit
+from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Arrays, Listener, Tree, limit
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
@@ -56,7 +55,7 @@ class Configurations(StdMap_String_VectorXd):
         return (Configuration(name, q) for name, q in self.items())
 
 
-class Model(Tree, Arrays, Stored):
+class Model(Tree, Arrays, Stored, Copied):
     """A robot as Pinocchio's Model holds it; see ``Tree`` for its joints.
 
     frames                   list of Frame
@@ -250,12 +249,6 @@ class Model(Tree, Arrays, Stored):
 
     def cast(self) -> Model:
         """A copy: the only scalar type is float64."""
-        return Model(self)
-
-    def __copy__(self) -> Model:
-        return Model(self)
-
-    def __deepcopy__(self, memo: Any) -> Model:
         return Model(self)
 
     def __eq__(self, other: object) -> bool:

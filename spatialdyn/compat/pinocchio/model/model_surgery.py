@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....errors import ModelError, ShapeError
-from ..types.arguments import ArgumentError, Array, described, expected
+from ..types.arguments import ArgumentError, Array, by_name, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
+from .joint_tree import ARRAYS
 from .joints import JointModelMimic, Mimic
-from .limits import ARRAYS
 from .model import Model
 
 __all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]
@@ -29,15 +29,12 @@ def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
     Raises ModelError for an index that is not a joint's or occurs twice, or of a joint that another one mimics;
     ShapeError.
     """
-    names = ["list_of_joints_to_lock", "reference_configuration"]
-    geometry = len(arguments) + len(named) == 3
-    if geometry:
-        names.insert(0, "list_of_geom_models" if "list_of_geom_models" in named else "geom_model")
-    given = {**dict(zip(names, arguments, strict=False)), **named}
-    if len(arguments) + len(named) != len(names) or {*given} != {*names}:
-        raise ArgumentError(f"buildReducedModel got {', '.join(given)}, expected model, {', '.join(names)}")
+    geometry = ["list_of_geom_models" if "list_of_geom_models" in named else "geom_model"]
+    geometry *= len(arguments) + len(named) == 3
+    names = " ".join([*geometry, "list_of_joints_to_lock reference_configuration"])
+    given = by_name("buildReducedModel", names, arguments, named, 3)
     made = _reduced(model, given["list_of_joints_to_lock"], given["reference_configuration"])
-    return (made, given[names[0]]) if geometry else made
+    return (made, given[geometry[0]]) if geometry else made
 
 
 def _reduced(model: Model, joints: Iterable[int], q: Any) -> Model:
@@ -184,10 +181,7 @@ def _copy_coordinates(whole: Model, part: _Part, q: Array, given: Array) -> None
 
 
 def _check_names(A: Model, B: Model) -> None:
-    for what, a, b in (
-        ("joint", A.names, B.names),
-        ("frame", [f.name for f in A.frames], [f.name for f in B.frames]),
-    ):
+    for what, a, b in (("joint", A.names, B.names), ("frame", [f.name for f in A.frames], [f.name for f in B.frames])):
         both = sorted({*a[1:]} & {*b[1:]})
         if both:
             raise ModelError(f'both models have a {what} "{both[0]}", expected distinct names')

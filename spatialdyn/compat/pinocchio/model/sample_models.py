@@ -5,33 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..types.arguments import Array
 from ..types.frame import BODY, Frame
 from ..types.inertia import Inertia
 from ..types.random import GENERATOR
 from ..types.se3 import SE3
+from . import joints
 from .joint import JointModel
-from .joints import (
-    JointModelComposite,
-    JointModelFreeFlyer,
-    JointModelMimic,
-    JointModelRX,
-    JointModelRY,
-    JointModelRZ,
-    JointModelSphericalZYX,
-    JointModelTranslation,
-)
 from .model import Model
 
 __all__ = ["buildSampleModelHumanoid", "buildSampleModelHumanoidRandom", "buildSampleModelManipulator"]
 
-Array = NDArray[np.float64]
 ANGLE, MOST = 3.14, 10.0  # limits of angles, and of torques and velocities
 SCALING, OFFSET = 2.5, 0.75  # of the joint that mimics
 SMALL = Inertia.over(np.array([0.1, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01]))  # 0.1 kg at the joint
 LARGE = Inertia.over(np.array([1.0, 0.0, 0.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0]))  # 1 kg at half a metre
 UP = (0.0, 0.0, 1.0)
+RX, RY, RZ, _ = joints.BY_AXIS["revolute"]
 
 
 def buildSampleModelManipulator(mimic: bool = False) -> Model:
@@ -50,10 +41,10 @@ def buildSampleModelHumanoid(using_free_flyer: bool = True) -> Model:
         _arm(model, root, _upside_down(0.0, y, -0.1), f"{side}_")
         foot = model.jointPlacements[model.njoints - 1]
         foot.rotation = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    at = _link(model, root, JointModelRX(), "chest1", SE3.Identity(), SMALL)
-    chest = _link(model, at, JointModelRY(), "chest2", SE3.Identity(), LARGE)
-    at = _link(model, chest, JointModelRX(), "head1", _at(UP), SMALL)
-    _link(model, at, JointModelRY(), "head2", SE3.Identity(), LARGE)
+    at = _link(model, root, RX(), "chest1", SE3.Identity(), SMALL)
+    chest = _link(model, at, RY(), "chest2", SE3.Identity(), LARGE)
+    at = _link(model, chest, RX(), "head1", _at(UP), SMALL)
+    _link(model, at, RY(), "head2", SE3.Identity(), LARGE)
     for side, y in (("rarm", -0.3), ("larm", 0.3)):
         _arm(model, chest, _upside_down(0.0, y, 1.0), f"{side}_")
     return model
@@ -69,23 +60,20 @@ def buildSampleModelHumanoidRandom(using_free_flyer: bool = True, mimic: bool = 
         model.lowerPositionLimit[3:7], model.upperPositionLimit[3:7] = -1.0, 1.0
     model.appendBodyToJoint(root, Inertia.Random(), SE3.Identity())
     model.addBodyFrame("root_body", root, SE3.Identity())
-    leg = (JointModelRX, JointModelRY, JointModelRZ, JointModelRY, JointModelRY, JointModelRX)
+    leg = (RX, RY, RZ, RY, RY, RX)
     _random_limb(model, root, "lleg", leg)
     _random_limb(model, root, "rleg", leg)
-    torso = _random_limb(model, root, "torso", (JointModelRY,))
-    chest = _random_link(model, torso, JointModelRZ(), "chest")
+    torso = _random_limb(model, root, "torso", (RY,))
+    chest = _random_link(model, torso, RZ(), "chest")
     _random_limb(model, chest, "rarm", leg)
     _random_limb(model, chest, "larm", leg, mimic)
     return model
 
 
-# --- pieces ------------------------------------------------------------------------------------------------
-
-
 def _root(model: Model, free_flyer: bool) -> int:
-    joint: JointModel = JointModelFreeFlyer()
+    joint: JointModel = joints.JointModelFreeFlyer()
     if not free_flyer:
-        joint = JointModelComposite(JointModelTranslation()).addJoint(JointModelSphericalZYX())
+        joint = joints.JointModelComposite(joints.JointModelTranslation()).addJoint(joints.JointModelSphericalZYX())
     index = model.addJoint(0, joint, SE3.Identity(), "root_joint")
     if free_flyer:
         model.lowerPositionLimit[3:7], model.upperPositionLimit[3:7] = -1.0, 1.0
@@ -97,16 +85,16 @@ def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = F
     """Add a shoulder of three joints, an elbow, and a wrist of two; three of them carry a bar."""
     at, here, up = parent, SE3.Identity(), _at(UP)
     for kind, name, place, body, bar in (
-        (JointModelRX, "shoulder1", placement, SMALL, ""),
-        (JointModelRY, "shoulder2", here, SMALL, ""),
-        (JointModelRZ, "shoulder3", here, None, "upperarm"),
-        (JointModelRY, "elbow", up, None, "lowerarm"),
-        (JointModelRX, "wrist1", up, SMALL, ""),
-        (JointModelRY, "wrist1_mimic" if mimic else "wrist2", here, None, "effector"),
+        (RX, "shoulder1", placement, SMALL, ""),
+        (RY, "shoulder2", here, SMALL, ""),
+        (RZ, "shoulder3", here, None, "upperarm"),
+        (RY, "elbow", up, None, "lowerarm"),
+        (RX, "wrist1", up, SMALL, ""),
+        (RY, "wrist1_mimic" if mimic else "wrist2", here, None, "effector"),
     ):
         joint: JointModel = kind()
         if mimic and bar == "effector":
-            joint = JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
+            joint = joints.JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
         at = _link(model, at, joint, prefix + name, place, body)
         if bar:  # a body of 1 kg along the joint's z axis, and its frame
             model.appendBodyToJoint(at, LARGE, here)
@@ -115,13 +103,7 @@ def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = F
 
 
 def _link(
-    model: Model,
-    parent: int,
-    joint: JointModel,
-    name: str,
-    placement: SE3,
-    body: Inertia | None,
-    *limits: NDArray[np.float64],
+    model: Model, parent: int, joint: JointModel, name: str, placement: SE3, body: Inertia | None, *limits: Array
 ) -> int:
     """Add a joint, its frame, a body frame and, if given, a body; returns the joint."""
     most, angle = np.full(joint.nv, MOST), np.full(joint.nq, ANGLE)
@@ -139,7 +121,7 @@ def _random_limb(model: Model, parent: int, limb: str, kinds: Sequence[type], mi
     for k, kind in enumerate(kinds, start=1):
         joint: JointModel = kind()
         if mimic and k == len(kinds):
-            joint = JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
+            joint = joints.JointModelMimic.of(joint, model.joints[at], SCALING, OFFSET)
         at = _random_link(model, at, joint, f"{limb}{k}")
     return at
 

@@ -79,9 +79,6 @@ def _value(kind: Any, numbers: list[float]) -> Any:
     return kind.over(x.reshape(4, 4) if kind is SE3 else x)
 
 
-# --- files -------------------------------------------------------------------------------------------------
-
-
 class Stored:
     """Save and load methods of Model and Data.
 

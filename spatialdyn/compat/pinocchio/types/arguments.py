@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
+from inspect import cleandoc
 from typing import Any
 
 import numpy as np
@@ -71,6 +73,18 @@ def near(a: Array, b: Array, precision: float) -> bool:
     return math.dist(x, y) <= precision * min(math.hypot(*x), math.hypot(*y))
 
 
+def by_name(call: str, names: str, arguments: tuple[Any, ...], named: dict[str, Any], least: int = 0) -> dict[str, Any]:
+    """The arguments of a call by their names, of which the first ``least`` have to be given, and each only once."""
+    order = names.split()
+    given = {**dict(zip(order, arguments, strict=False)), **named}
+    if len(given) < len(arguments) + len(named) or not {*order[:least]} <= {*given} <= {*order}:
+        got = " and ".join(filter(None, [f"{len(arguments)} arguments", ", ".join(named)]))
+        raise ArgumentError(
+            f"{call} got {got}, expected {', '.join([*order[:least], *map('[{}]'.format, order[least:])])}"
+        )
+    return given
+
+
 def row(values: Any, width: int = 0) -> str:
     """Numbers side by side with six digits, right-aligned."""
     texts = [f"{x:g}" for x in values]
@@ -87,3 +101,9 @@ def rows(matrix: Any) -> str:
 def module_of_caller() -> str:
     """Name of the module whose line calls the calling function: the ``__module__`` of what that makes."""
     return str(sys._getframe(2).f_globals["__name__"])
+
+
+def documented_rows(table: str) -> list[tuple[str, str]]:
+    """The rows of a table of functions, each with its docstring: the lines below it that are indented by 4."""
+    rows = (row.partition("\n    ") for row in re.split(r"\n(?=\w)", table.strip("\n")))
+    return [(head, cleandoc(doc)) for head, _, doc in rows]

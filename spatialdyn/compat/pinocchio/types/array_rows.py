@@ -6,11 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arguments import ArgumentError, described, expected
-
-Array = NDArray[np.float64]
+from .arguments import ArgumentError, Array, described, expected
 
 
 class Rows(Sequence[Any]):

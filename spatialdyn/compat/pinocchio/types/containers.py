@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import ArgumentError
+from .bases import Copied
 from .frame import Frame
 from .inertia import Inertia
 from .motion import Force, Motion
@@ -28,7 +29,7 @@ __all__ = [
 NO_OWNER = SimpleNamespace(changed=lambda: None)  # the owner of lists without an owner
 
 
-class StdVec(OwnedList[Any]):
+class StdVec(Copied, OwnedList[Any]):
     """A list of values of one type: ``StdVec_Force(values)``, ``StdVec_Force(count, value)``, ``StdVec_Force()``."""
 
     kind: type | tuple[type, ...] = object
@@ -55,11 +56,6 @@ class StdVec(OwnedList[Any]):
     def copy(self) -> StdVec:
         """A list of the same type, of copies."""
         return type(self)(self)
-
-    __copy__ = copy
-
-    def __deepcopy__(self, memo: Any) -> StdVec:
-        return self.copy()
 
     def tolist(self, deep_copy: bool = False) -> list[Any]:
         """The entries, or their copies, as a plain list."""

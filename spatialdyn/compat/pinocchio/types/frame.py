@@ -8,6 +8,7 @@ from operator import attrgetter
 from typing import Any
 
 from .arguments import ArgumentError, expected
+from .bases import Copied, owned
 from .inertia import Inertia
 from .se3 import SE3
 from .tracked_list import owned_copy
@@ -81,16 +82,6 @@ POSITION, VELOCITY, ACCELERATION = KinematicLevel
 ARG0, ARG1, ARG2, ARG3, ARG4 = ArgumentPosition
 
 
-def _field(name: str, own: Callable[[Any, Any], Any], doc: str) -> Any:
-    """An attribute kept as ``own(value, frame)``; the frame's owner is notified of assignments."""
-
-    def write(self: Frame, value: Any) -> None:
-        setattr(self, f"_{name}", own(value, self))
-        self.changed()
-
-    return property(attrgetter(f"_{name}"), write, doc=doc)
-
-
 _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
     ("name", lambda x, frame: expected(x, str, "name"), "Name of the frame."),
     ("parentJoint", lambda x, frame: int(x), "Index of the joint that carries the frame."),
@@ -101,14 +92,14 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
 )
 
 
-class Frame:
+class Frame(Copied):
     """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
 
     __slots__ = ("_owner", *(f"_{row[0]}" for row in _FIELDS))
 
-    name, parentJoint, parentFrame, placement, type, inertia = (_field(*row) for row in _FIELDS)
+    name, parentJoint, parentFrame, placement, type, inertia = (owned(f"_{x}", own, doc) for x, own, doc in _FIELDS)
     parent = parentJoint  # its name in Pinocchio 2 and 3
     previousFrame = property(attrgetter("_parentFrame"), doc="Index of the parent frame, by its name in Pinocchio 2.")
 
@@ -140,10 +131,7 @@ class Frame:
         """An independent copy that belongs to no model."""
         return Frame(self)
 
-    cast = __copy__ = copy  # the only scalar type is float64
-
-    def __deepcopy__(self, memo: Any) -> Frame:
-        return Frame(self)
+    cast = copy  # the only scalar type is float64
 
     def _content(self) -> tuple[Any, ...]:
         return tuple(getattr(self, row[0]) for row in _FIELDS)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import InertiaError
 from ...native import operators
 from ..coverage.strictness import strict
-from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, row, rows
+from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, row, rows
 from .motion import Motion
 from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, body_of, parameters_of
 from .random import GENERATOR
@@ -21,7 +20,6 @@ from .value import InFrames, Summable, as_array, on_table, part, preset
 
 __all__ = ["Inertia"]
 
-Array = NDArray[np.float64]
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 _body_of, _fault = on_table("""

@@ -6,15 +6,13 @@ from collections.abc import Callable
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arguments import ArgumentError, array, described, row
+from .arguments import ArgumentError, Array, array, described, row
 from .random import uniform
 from .value import InFrames, Summable, on_table, on_values, part, preset
 
 __all__ = ["Force", "Motion"]
 
-Array = NDArray[np.float64]
 Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)

@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import InertiaError
-from .arguments import ArgumentError, array, described, row, rows
+from .arguments import ArgumentError, Array, array, described, row, rows
 from .rotations import skewSquare
 from .symmetric import PLACES, six
 from .value import Value, as_array, part
 
 __all__ = ["LogCholeskyParameters", "PseudoInertia"]
-
-Array = NDArray[np.float64]
 
 
 def parameters_of(body: Array) -> Array:

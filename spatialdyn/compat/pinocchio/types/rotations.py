@@ -6,17 +6,15 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....algebra.euclidean import Vec, cross
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
-from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, number, row
+from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, row
 from .value import Value, on_table, on_values, part, preset
 
 __all__ = ["AngleAxis", "Quaternion", "XAxis", "YAxis", "ZAxis", "skew", "skewSquare", "unSkew"]
 
-Array = NDArray[np.float64]
 OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
@@ -103,8 +101,6 @@ class Quaternion(Rotation, kind="Quat"):
         s = math.sqrt(2.0 * (1.0 + c))
         return self._write([*(np.array(cross(Vec(*a), Vec(*b))) / s), 0.5 * s])
 
-    # --- parts ---------------------------------------------------------------------------------------------
-
     x, y, z, w = (part("coefficient", k, f"The {'xyzw'[k]} coefficient.") for k in range(4))
 
     def __getitem__(self, k: int) -> float:
@@ -142,8 +138,6 @@ norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * s
     Euclidean norm.
 """)
     toRotationMatrix, __abs__ = matrix, norm
-
-    # --- products ------------------------------------------------------------------------------------------
 
     def _product(self, other: Rotation) -> Any:
         return _product(self, other) if isinstance(other, Quaternion) else NotImplemented

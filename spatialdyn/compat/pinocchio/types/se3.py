@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arguments import ArgumentError, array, described, row, rows
+from .arguments import ArgumentError, Array, array, described, row, rows
 from .random import GENERATOR, uniform
 from .rotations import Quaternion
 from .value import Value, as_array, on_table, on_values, part, preset
 
 __all__ = ["SE3"]
 
-Array = NDArray[np.float64]
 IDENTITY = np.eye(4)
 
 _point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _random = on_table("""
@@ -47,13 +45,7 @@ class SE3(
     _arguments = ("rotation", "translation")
 
     def __init__(
-        self,
-        rotation: Any = None,
-        translation: Any = None,
-        *,
-        quat: Any = None,
-        array: Any = None,
-        clone: Any = None,
+        self, rotation: Any = None, translation: Any = None, *, quat: Any = None, array: Any = None, clone: Any = None
     ) -> None:
         if translation is None or rotation is None:
             rotation = next((x for x in (rotation, quat, array, clone) if x is not None), None)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, number, row
+from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, row
 from .random import uniform
 from .rotations import skew
 from .value import Summable, part, preset
 
 __all__ = ["Symmetric3"]
 
-Array = NDArray[np.float64]
 PLACES = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # of the matrix entries in the six numbers
 
 
@@ -61,8 +59,6 @@ class Symmetric3(Summable):
         """The matrix (3, 3)."""
         made: Array = self._x[PLACES]
         return made
-
-    # --- sums and products ---------------------------------------------------------------------------------
 
     def _plus(self, other: Any, sign: float) -> Any:
         if isinstance(other, np.ndarray) and other.shape == (3, 3):

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from inspect import cleandoc
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels
-from .arguments import ArgumentError, array, expected, module_of_caller, near, number
+from .arguments import ArgumentError, Array, array, documented_rows, expected, module_of_caller, near, number
+from .bases import Copied
 from .tracked_array import tracked
 
-Array = NDArray[np.float64]
 Self = TypeVar("Self", bound="Value")
 
 
-class Value:
+class Value(Copied):
     """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
 
     ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
@@ -71,12 +68,6 @@ class Value:
 
     def cast(self: Self) -> Self:
         """A copy: the only scalar type is float64."""
-        return self.copy()
-
-    def __copy__(self: Self) -> Self:
-        return self.copy()
-
-    def __deepcopy__(self: Self, memo: Any) -> Self:
         return self.copy()
 
     def isApprox(self, other: Any, prec: float = 1e-12) -> bool:
@@ -190,8 +181,7 @@ def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
 def on_table(rows: str) -> list[Callable[..., Any]]:
     """``on_values`` for each row "signature = formula", documented by the indented lines that follow it."""
     module = module_of_caller()
-    entries = [row.split("\n", 1) for row in re.split(r"\n(?! )", rows.strip())]
-    split = [(*row.split(" = ", 1), cleandoc("".join(doc))) for row, *doc in entries]
+    split = [(*row.split(" = ", 1), doc) for row, doc in documented_rows(rows)]
     return [on_values(signature, text, doc, module) for signature, text, doc in split]
 
 
