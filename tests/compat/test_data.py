@@ -537,3 +537,17 @@ def test_a_held_field_cannot_be_resized_under_the_calls_that_fill_it() -> None:
     data = model.createData()
     with pytest.raises(ValueError, match="own"):
         data.M.resize((1,), refcheck=False)
+
+
+def test_a_field_assigned_before_it_is_read_stays_until_a_call_fills_it() -> None:
+    """Getters compute from the inputs of calls, whatever was assigned since."""
+    model = biped(ours)
+    data, fresh = model.createData(), model.createData()
+    q, v = state(model)[:2]
+    C = ours.computeCoriolisMatrix(model, fresh, q, v)
+    ours.computeCoriolisMatrix(model, data, q, v)
+    data.dJ = np.ones((6, model.nv))
+    assert (data.copy().dJ == 1.0).all()
+    np.testing.assert_array_equal(ours.getCoriolisMatrix(model, data), C)
+    ours.computeCoriolisMatrix(model, data, q, v)
+    np.testing.assert_array_equal(data.dJ, fresh.dJ)

@@ -26,11 +26,11 @@ from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..model.serialization_format import Stored, fill, state
 from ..types.arguments import ArgumentError, Array, described
-from ..types.array_rows import Rows
 from ..types.bases import Copied, Registered
 from ..types.inertia import Inertia
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
+from ..types.tracked_list import Rows
 from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 

@@ -28,10 +28,10 @@ from ..types.arguments import (
     expected,
     module_of_caller,
 )
-from ..types.array_rows import Rows
 from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.motion import Force
 from ..types.se3 import SE3
+from ..types.tracked_list import Rows
 from .data import Data, Run, library_of
 from .field_recipes import CALL_KINDS
 

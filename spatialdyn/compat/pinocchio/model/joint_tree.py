@@ -16,7 +16,7 @@ from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
 from ..types.tracked_array import tracked
-from ..types.tracked_list import OwnedList, owned_copy
+from ..types.tracked_list import Listed, OwnedList, owned_copy
 from .joint import JointModel
 from .joints import JointModelRX, Mimic
 
@@ -110,12 +110,8 @@ def limit(joint: str, name: str, value: Any, model: JointModel) -> Array:
 GRAVITY = (0.0, 0.0, -9.81)
 
 
-class Indices(list[int]):
+class Indices(list[int], Listed):
     """A list of indices."""
-
-    def tolist(self) -> list[int]:
-        """The indices as a plain list."""
-        return list(self)
 
 
 class Listener:

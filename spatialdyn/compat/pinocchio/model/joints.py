@@ -11,7 +11,7 @@ import numpy as np
 from ....algebra.rotations import UNIT_AXIS
 from ....errors import ModelError
 from ..types.arguments import ArgumentError, expected, number
-from ..types.bases import owned
+from ..types.bases import owned_attribute
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import NOWHERE, JointModel, Step, Vector, X, Y, Z, joint_kind, joint_of
@@ -41,7 +41,7 @@ def unit(what: str, axis: Any) -> Vector:
 
 
 def _axis(slot: str, doc: str) -> Any:
-    return owned(slot, lambda value, joint: unit(joint.shortname(), (np.asarray(value),)), doc, np.array)
+    return owned_attribute(slot, lambda value, joint: unit(joint.shortname(), (np.asarray(value),)), doc, np.array)
 
 
 class OneAxis(JointModel):
@@ -77,7 +77,7 @@ def _motion_axis(joint: Any) -> Any:
 
 
 _AXIS = _axis("_axis", "The unit axis (3,), a copy: assign to change it.")
-_PITCH = owned("_pitch", lambda x, joint: number(x, "pitch"), "Travel along the axis per radian [m/rad].")
+_PITCH = owned_attribute("_pitch", lambda x, joint: number(x, "pitch"), "Travel along the axis per radian [m/rad].")
 
 
 def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[Any]:
@@ -231,8 +231,8 @@ class Mimic(JointModel):
     _nq, _nv, _unlimited = 0, 0, (0, 0)
     nvExtended = property(lambda self: 1, doc=JointModel.nvExtended.__doc__)
     leader = property(lambda self: self._leader, doc="Index of the leader.")
-    scaling = owned("_scaling", lambda x, joint: float(x), "Ratio of the joint's coordinate to its leader's.")
-    offset = owned("_offset", lambda x, joint: float(x), "Coordinate of the joint where its leader's is 0.")
+    scaling = owned_attribute("_scaling", lambda x, joint: float(x), "Ratio of the joint's coordinate to its leader's.")
+    offset = owned_attribute("_offset", lambda x, joint: float(x), "Coordinate of the joint where its leader's is 0.")
 
     def __init__(self, joint: JointModel | None = None, scaling: float = 1.0, offset: float = 0.0) -> None:
         super().__init__()

@@ -31,7 +31,7 @@ class Copied:
         return self.copy()
 
 
-def owned(slot: str, check: Callable[[Any, Any], Any], doc: str, read: Any = None) -> Any:
+def owned_attribute(slot: str, check: Callable[[Any, Any], Any], doc: str, read: Any = None) -> Any:
     """An attribute kept in a slot as ``check(value, self)``, read as ``read`` of it; assigning notifies the owner."""
 
     def write(self: Any, value: Any) -> None:

@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import Any
 
 from .arguments import ArgumentError, expected
-from .bases import Copied, owned
+from .bases import Copied, owned_attribute
 from .inertia import Inertia
 from .se3 import SE3
 from .tracked_list import owned_copy
@@ -99,7 +99,9 @@ class Frame(Copied):
 
     __slots__ = ("_owner", *(f"_{row[0]}" for row in _FIELDS))
 
-    name, parentJoint, parentFrame, placement, type, inertia = (owned(f"_{x}", own, doc) for x, own, doc in _FIELDS)
+    name, parentJoint, parentFrame, placement, type, inertia = (
+        owned_attribute(f"_{x}", own, doc) for x, own, doc in _FIELDS
+    )
     parent = parentJoint  # its name in Pinocchio 2 and 3
     previousFrame = property(attrgetter("_parentFrame"), doc="Index of the parent frame, by its name in Pinocchio 2.")
 

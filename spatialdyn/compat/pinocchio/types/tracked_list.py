@@ -1,4 +1,4 @@
-"""Lists and copies of values that notify an owner of writes by its ``changed()``.
+"""Lists and copies of values that notify an owner of writes by its ``changed()``; lists of the rows of an array.
 
 SE3, Motion, Force, Inertia, Frame and joint models have a slot ``_owner``, None without an owner; each method that
 writes one ends with ``if self._owner is not None: self._owner.changed()``.
@@ -6,10 +6,12 @@ writes one ends with ``if self._owner is not None: self._owner.changed()``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from .arguments import ArgumentError
+import numpy as np
+
+from .arguments import ArgumentError, Array, described, expected
 from .value import Value as Numbers
 
 Value = TypeVar("Value")
@@ -22,7 +24,21 @@ def owned_copy(value: Value, owner: Any) -> Value:
     return copy  # type: ignore[no-any-return]
 
 
-class OwnedList(list[Value]):
+class Listed:
+    """Base of lists under the names of Boost.Python's."""
+
+    __slots__ = ()
+
+    def tolist(self) -> list[Any]:
+        """The entries as a plain list."""
+        return list(self)  # type: ignore[call-overload,no-any-return]
+
+    def id(self) -> int:
+        """The identity of this object."""
+        return id(self)
+
+
+class OwnedList(list[Value], Listed):
     """A list of values of one type that belong to an owner; values put in are copied.
 
     It calls ``changed()`` of the owner when an entry is replaced, added, or written in place.
@@ -69,10 +85,6 @@ class OwnedList(list[Value]):
         super().extend([self._own(x) for x in values])
         self._owner.changed()
 
-    def tolist(self) -> list[Value]:
-        """The entries as a plain list."""
-        return list(self)
-
     def reserve(self, size: int) -> None:
         """Do nothing: a list grows by itself."""
 
@@ -80,6 +92,65 @@ class OwnedList(list[Value]):
         """A plain list of copies."""
         return [x.copy() if hasattr(x, "copy") else x for x in self]
 
-    def id(self) -> int:
-        """The identity of this object."""
-        return id(self)
+
+class Rows(Listed, Sequence[Any]):
+    """A list whose entries are views of the rows of an array; assigning an entry copies into its row.
+
+    kind  SE3, Motion, Force or Inertia; None for plain arrays, which are numbers if the array has one axis
+    """
+
+    __slots__ = ("_kind", "_views", "array")
+
+    def __init__(self, array: Array, kind: Any = None) -> None:
+        self.array, self._kind = array, kind
+        self._views: list[Any] = [None] * len(array)  # views of rows, made at the first read
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __getitem__(self, at: Any) -> Any:
+        if isinstance(at, slice):
+            return [self[k] for k in range(*at.indices(len(self)))]
+        found = self._views[at]  # raises IndexError, and TypeError for what is no index, as a list does
+        if found is None:
+            x = self.array[at]
+            if x.ndim == 0:
+                return float(x)
+            found = self._views[at] = x if self._kind is None else self._kind.over(x)
+        return found
+
+    def __setitem__(self, at: Any, value: Any) -> None:
+        self._views[at]  # raises as __getitem__
+        if self._kind is not None:
+            value = expected(value, self._kind, "value")._x
+        elif not isinstance(at, slice) and (np.shape(value) != self.array.shape[1:] or isinstance(value, str)):
+            raise ArgumentError(f"value is {described(value)}, expected one of shape {self.array.shape[1:]}")
+        self.array[at] = value
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[k] for k in range(len(self.array)))
+
+    def write(self, values: Iterable[Any]) -> None:
+        """Copy values into all rows."""
+        given = list(values)
+        if len(given) != len(self.array):
+            raise ValueError(f"{len(given)} values were given for a list of {len(self.array)}")
+        for k, value in enumerate(given):
+            self[k] = value
+
+    def copy(self) -> list[Any]:
+        """A plain list of copies."""
+        return [x if isinstance(x, float) else x.copy() for x in self]
+
+    def __eq__(self, other: object) -> Any:
+        if not isinstance(other, Rows):
+            return NotImplemented
+        return self._kind is other._kind and np.array_equal(self.array, other.array, equal_nan=True)
+
+    __hash__ = object.__hash__
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Rows, (self.array, self._kind)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.tolist()!r})"
