@@ -99,6 +99,7 @@ if TYPE_CHECKING:
     from .pictures.scene import view
     from .simulation.contact_record import ContactRecord
     from .simulation.control_laws import Control
+    from .simulation.costs import Cost
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
     from .simulation.rollout_result import PD, Rollout
@@ -114,11 +115,12 @@ __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
-    "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame", "Friction",
-    "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model", "ModelBuilder",
-    "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise", "Recommendation",
-    "Robot", "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError", "SimulationInterrupt",
-    "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
+    "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
+    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError",
+    "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
+    "Transmission", "UrdfError",
     "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
     "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
@@ -159,6 +161,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
     "simulation.contact_record": "ContactRecord", "simulation.control_laws": "Control",
+    "simulation.costs": "Cost",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollout_result": "PD Rollout", "simulation.rollouts": "rollout",
     "simulation.runs": "hamilton_simulation simulate",

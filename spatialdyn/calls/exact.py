@@ -19,7 +19,7 @@ from ..model.robot_checks import masked
 from ..recursions.spec import Argument, Spec, sizes_of
 from .arguments import batch_shape, broadcast, check_model, core_shape, from_full_tree, full_shape, to_full_tree
 from .failures import zero_inertia_message
-from .specs import spec_of, static_of
+from .specs import expected_call, spec_of, static_of
 
 Numbers = NDArray[Any]
 
@@ -64,9 +64,7 @@ def exact(
     check_model(model)
     spec = spec_of(call)
     if spec is None:
-        raise SpatialDynError(
-            f"call is {getattr(call, '__name__', repr(call))}, expected a public call such as spatialdyn.aba"
-        )
+        raise SpatialDynError(f"call is {expected_call(call, 'a public call such as spatialdyn.aba')}")
     arithmetic = engine.arithmetic(bits)
     if model.mimic_matrix is not None and (bits is None or spec.pivots):
         what = "rationals" if bits is None else f"the truth of {spec.name}"

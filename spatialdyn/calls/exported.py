@@ -14,6 +14,8 @@ from ..errors import SpatialDynError
 from ..recursions import SPECS
 from .specialize_request import SpecializeRequest
 
+MOST_DERIVATIVES = 1 << 17  # rnea's of 209 joints, of a dozen lines each; CasADi takes 40 µs for a line
+
 
 class Exported(NamedTuple):
     """A function of arrays.
@@ -32,8 +34,8 @@ class Exported(NamedTuple):
 def exported(request: SpecializeRequest, recorded: Recording, language: str, name: str | None = None) -> Exported:
     """The program of a request as a function, by default of the name of its calls.
 
-    Parameters are named by kind and position: the third input is ``mass_3``. Results are named ``out_1`` ... where
-    several have one name, or that of an input.
+    Inputs are named as in ``signature``, parameters by kind and position: the third input is ``mass_3``. Results are
+    named ``out_1`` ... where several have one name, or that of an input.
 
     Raises SpatialDynError if the name is no identifier, an input's, or reserved in the language.
     """
@@ -42,10 +44,11 @@ def exported(request: SpecializeRequest, recorded: Recording, language: str, nam
         raise SpatialDynError(f"name is {name!r}, expected letters, digits and _")
     if has_meaning(name, language):
         raise SpatialDynError(f"name is {name!r}, expected a name that {language.title()} does not reserve")
-    known, inputs = {x.name for x in request.arguments}, {}
+    inputs: dict[str, tuple[int, ...]] = {}
+    numbered = {*request.parameter_names, *("d" + x for x in request.parameter_names)}
     for k, x in enumerate(request.inputs(), start=1):
         kind = x.name.partition(":")[0]
-        inputs[kind if kind in known else f"{kind}_{k}"] = x.shape
+        inputs[f"{kind}_{k}" if x.name in numbered or kind in inputs else kind] = x.shape
     if name in inputs:
         raise SpatialDynError(f"name is {name!r}, expected none of its arguments: {', '.join(inputs)}")
     results = request.results()
@@ -60,8 +63,15 @@ def jacobian_of(request: SpecializeRequest, given: Exported) -> Program:
     """The derivatives of each entry of the outputs by each entry of the inputs, row by row, by entries of q.
 
     By the recursion that has them where there is one, as of aba in 0.4 times the operations, else line by line.
+
+    Raises SpatialDynError for more than MOST_DERIVATIVES.
     """
     (first, *others), model = request.specs, request.model
+    entries = len(given.program.outputs) * given.program.inputs
+    if entries > MOST_DERIVATIVES:
+        raise SpatialDynError(
+            f'derivatives of {given.name} of "{model.name}" are {entries} numbers, expected at most {MOST_DERIVATIVES}'
+        )
     derivatives = SPECS.get(first.name + "_derivatives")
     plain = not (others or request.constants or request.parameters or request.derivative or request.bounds)
     if derivatives is not None and plain and request.output_places is None and model.nq == model.nv:

@@ -72,7 +72,7 @@ class Promise:
     Raises
         SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
             result of 0 without an absolute tolerance
-        and as a Specialized. NaN in a sample gives NaN in that sample
+        and as a Specialized. NaN or infinity in a sample gives NaN there, as in the call; no way counts that sample
     """
 
     def __init__(

@@ -163,7 +163,8 @@ class Specialized:
                      caller's business
 
         Raises SpatialDynError if the name is no identifier, an input's, or reserved in C: keywords, names that begin
-            with "_", declarations of <math.h>, functions of the standard library; InertiaError if there is no program
+            with "_", declarations of <math.h>, functions of the standard library; or for more than 131072 derivatives;
+            InertiaError if there is no program
         """
         if not derivatives:
             return self._code("c", name)
@@ -181,7 +182,7 @@ class Specialized:
 
         name  as of ``c_code``
 
-        Raises SpatialDynError as ``c_code``, and where CasADi is not installed (extra "casadi")
+        Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
         """
         from ..interop.casadi import to_casadi
 

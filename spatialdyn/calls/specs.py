@@ -13,6 +13,14 @@ from ..recursions.spec import Spec
 from .arguments import REFERENCES, as_flag, frame_row_and_placement, reference_code
 from .dynamics import calls as public
 
+CHOOSERS = {"forward_dynamics": "aba, crba_solve, aba_refined or aba_square_root"}  # and the calls they choose from
+
+
+def expected_call(function: Any, example: str) -> str:
+    """What an error says of a function that is no call of one recursion."""
+    name = getattr(function, "__name__", repr(function))
+    return f"{name}, expected {f'its method: {CHOOSERS[name]}' if name in CHOOSERS else example}"
+
 
 def spec_of(call: Any) -> Spec | None:
     """The spec of a public call; one with a table of constraints names it ``spec``. Returns None if not applicable."""
@@ -31,8 +39,7 @@ def specs_of(calls: Any) -> tuple[Spec, ...]:
     for function in listed:
         spec = spec_of(function)
         if spec is None:
-            name = getattr(function, "__name__", repr(function))
-            raise SpatialDynError(f"calls has {name}, expected public calls such as spatialdyn.rnea")
+            raise SpatialDynError(f"calls has {expected_call(function, 'public calls such as spatialdyn.rnea')}")
         if spec in specs:
             raise SpatialDynError(f"calls has {spec.name} twice, expected it once")
         specs.append(spec)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..calls.exported import Exported
 from ..engines.programs.casadi_code import by_columns, matrix
-from ..engines.programs.operations import ABS, ATAN2, CONST, COS, DIV, EXP, FORMS, INPUT, SELECT, SIN, SQRT, signed
+from ..engines.programs.operations import ABS, ATAN2, CONST, COS, DIV, EXP, FORMS, INPUT, SELECT, SIN, SQRT, UFP, signed
 from ..engines.programs.program import Program
 from ..errors import SpatialDynError
 from .frameworks import framework
@@ -53,7 +53,7 @@ def walk(casadi: Any, program: Program, inputs: list[Any]) -> list[Any]:
     """The outputs of a program on symbols of CasADi, one per input."""
     functions = {
         DIV: lambda a, b: a / b, SQRT: casadi.sqrt, SIN: casadi.sin, COS: casadi.cos, EXP: casadi.exp,
-        ATAN2: casadi.atan2, ABS: casadi.fabs, SELECT: lambda a, b, c: casadi.if_else(a > 0.0, b, c),
+        ATAN2: casadi.atan2, ABS: casadi.fabs, UFP: casadi.fabs, SELECT: lambda a, b, c: casadi.if_else(a > 0.0, b, c),
     }  # fmt: skip
     lines: list[Any] = []
     for op in program.lines:

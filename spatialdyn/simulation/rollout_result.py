@@ -60,6 +60,16 @@ class Rollout:
         return self.states.get("bristles")
 
     @property
+    def cost(self) -> Array:
+        """The sums (B,) of a ``Cost`` over the steps, with an axis T of records unless "last".
+
+        Raises SimulationError of a rollout without one.
+        """
+        if "cost" not in self.states:
+            raise SimulationError("the rollout has no cost, expected the argument cost")
+        return self.states["cost"][..., 0]
+
+    @property
     def end(self) -> dict[str, Any]:
         """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there.
 

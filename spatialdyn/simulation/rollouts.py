@@ -36,6 +36,7 @@ from .carried import carried
 from .constrained import Held, accelerate, held_by, projected
 from .contact_steps import Touching, check_few, samples_unsolved, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
+from .costs import Cost, check_cost, with_cost
 from .friction_steps import IMPLICIT, UNSOLVED, VIOLATION, Rubbing, rubbing
 from .rollout_result import PD, Rollout, with_pd
 from .solved_steps import solver
@@ -56,7 +57,7 @@ def rollout(
     steps: int | None = None,
     method: str = "semi_implicit_euler",
     pd: PD | None = None,
-    record: int | str = 1,
+    record: int | str | None = None,
     dtype: DTypeLike = np.float64,
     check: bool = True,
     constraints: Any = None,
@@ -70,6 +71,7 @@ def rollout(
     contacts: Any = None,
     limits: bool = False,
     record_contacts: bool = False,
+    cost: Cost | None = None,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -80,7 +82,8 @@ def rollout(
     steps   T; needed if neither tau nor pd has an axis T
     method  "semi_implicit_euler", "explicit_euler", "velocity_verlet" or "rk4", as in ``simulate``
     pd      a control law, added to tau
-    record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first)
+    record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
+            left out, 1, or "last" with a cost
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
     check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
@@ -97,6 +100,8 @@ def rollout(
     contacts, limits, record_contacts  as in ``simulate``, of at most 12 points; joint limits are ignored unless
              limits=True. Coefficients are inputs: other friction or restitution compiles nothing. Beside dry joints or
              constraints, of at most 36 impulses: three of a point, one of a joint
+    cost     a Cost, summed over the steps in their program: ``run.cost`` (B,), beside the last state alone unless
+             ``record`` says otherwise, which then records the sums so far too. Not with pd
 
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
 
@@ -133,6 +138,10 @@ def rollout(
     found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
+    if cost is not None:
+        if pd is not None:
+            raise SimulationError("cost and pd are given, expected control in place of pd")
+        control, record = with_cost(control, check_cost(cost)), "last" if record is None else record
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
         forcing |= _law(model, pd)
@@ -174,7 +183,7 @@ def rollout(
     own = carried_by(found.way if found else None, None if control is None else control.spec, (), extra)
     beside = carried(model, own, (*tables, *(() if control is None else control.static)), states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *beside.starts)]
-    every = _every(record, T)
+    every = _every(1 if record is None else record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
         rest = np.zeros(model.nv)

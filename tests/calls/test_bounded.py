@@ -10,6 +10,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 from slow import slow_but
@@ -53,13 +54,14 @@ MODELS: dict[str, Callable[[], sd.Model]] = {
     "floating": lambda: random_tree(5, 5, floating=True).model,
     "ur5": lambda: sd.load_urdf("ur5"),
     "panda": lambda: sd.load_urdf("panda"),
+    "z1": lambda: sd.load_urdf("z1"),
+    "xarm7": lambda: sd.load_urdf("xarm7"),
     "thin": lambda: rods(1e-9),
     "tip 1e6": lambda: chain(1e6),
 }
-ARMS = {"two_link", "ur5", "panda"}
-SHARP = {"rnea": 100.0, "crba": 100.0, "aba": 400.0, "aba_refined": 400.0, "minverse": 400.0}  # medians on arms
-WIDER = {"panda": 1.5}  # the origins of its table are not moved for bounds, and its longer sums have larger ones
-CASES = [(name, call) for name in MODELS for call in CALLS]
+ARMS = {"two_link", "ur5", "panda", "z1", "xarm7"}
+SHARP = {"rnea": 100.0, "crba": 40.0, "aba": 350.0, "aba_refined": 450.0, "minverse": 350.0}  # medians on arms
+CASES = [(name, call) for name in MODELS for call in CALLS if name not in ("z1", "xarm7") or call in SHARP]
 QUICK = [("ur5", "rnea"), ("ur5", "aba"), ("thin", "crba")]
 
 
@@ -115,7 +117,7 @@ def test_no_error_is_above_its_bound(name: str, call: str, dtype: Any) -> None:
     if name in ARMS and call in SHARP:
         assert np.isfinite(bounds).mean() > 0.99
         there = (errors > 0.0) & np.isfinite(bounds)
-        assert np.median(bounds[there] / errors[there]) < SHARP[call] * WIDER.get(name, 1.0)
+        assert np.median(bounds[there] / errors[there]) < SHARP[call]
 
 
 def test_a_bound_below_the_error_would_be_seen() -> None:
@@ -188,6 +190,19 @@ def test_the_bound_grows_with_the_condition_of_m() -> None:
         assert (errors <= bounds).all()
         relative.append(float(np.median(bounds)))
     assert all(a < b for a, b in itertools.pairwise(relative))
+
+
+def test_what_is_solved_for_is_near_what_solves_it() -> None:
+    """A right angle, where entries of M are next to 0, of a robot whose rotations are orthogonal to rounding alone:
+    minverse itself, in exact arithmetic, is off by more than its bound there.
+    """
+    model = sd.load_urdf("kinova")
+    q = np.array([2.0, -1.0, -2.0, 2.0, -2.0, -1.0]) * (math.pi / 2)
+    found, bound = sd.bounded(model, sd.minverse)(q)
+    with mpmath.workprec(200):
+        inverse = mpmath.matrix(sd.exact(model, sd.crba, bits=200)(q).tolist()) ** -1
+        off = [abs(float(inverse[k] - x)) for k, x in zip(np.ndindex(6, 6), found.ravel().tolist(), strict=True)]
+    assert (np.reshape(off, (6, 6)) <= bound).all()
 
 
 def test_forces_and_frames_are_bounded_too() -> None:

@@ -142,11 +142,13 @@ def test_a_result_near_zero_needs_an_absolute_tolerance() -> None:
     assert repr(k).startswith('<Promise generalized_gravity of "two_link" within 1e-20 and 1e-13: ')
 
 
-def test_nan_stays_in_its_sample_and_is_no_answer(arm: sd.Model) -> None:
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])
+def test_nan_and_infinity_stay_in_their_sample_and_are_no_answer(arm: sd.Model, odd: float) -> None:
     given, k = states(arm, 5), sd.specialize(arm, sd.rnea, dtype=np.float32, tolerance=1e-4)
     whole = k(*given)
-    given[1][2, 0] = np.nan
+    given[1][2, 0] = odd
     found = k(*given)
+    np.testing.assert_array_equal(found[2], sd.rnea(arm, *(x[2] for x in given)))  # NaN
     assert np.isnan(found[2]).any()
     np.testing.assert_array_equal(np.delete(found, 2, 0), np.delete(whole, 2, 0))
     assert blocks(k) == {"float32": 9}

@@ -448,6 +448,7 @@ def test_long_programs_run_untraced(arm: sd.Model, model: sd.Model) -> None:
     ("arguments", "message"),
     [
         ({"calls": sd.total_mass}, "calls has total_mass, expected public calls"),
+        ({"calls": sd.forward_dynamics}, "calls has forward_dynamics, expected its method: aba, crba_solve, aba_ref"),
         ({"calls": []}, r"calls is \[\], expected a public call"),
         ({"calls": [sd.crba, sd.crba]}, "calls has crba twice"),
         ({"calls": ["rnea"]}, "calls has 'rnea', expected public calls"),

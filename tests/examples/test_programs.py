@@ -50,17 +50,20 @@ def test_mppi_reaches_and_has_the_same_bits_on_any_number_of_threads(free_thread
     np.testing.assert_array_equal(*plans)
     # the cost on lanes is what a loop over steps sums up, in the step's own rule: of the speed before the step
     knots, gain = 0.3 * np.random.default_rng(4).normal(size=(8, 7)), np.full(7, 0.05)
-    values = {"knots": knots, "share": module.SHARE, "gain": gain, "goal": module.GOAL, "row": model.nv}
-    words = {"dt": module.DT, "steps": module.STEPS, "control": sd.Control(module.LAW, values)}
-    whole = sd.rollout(model, module.START, np.zeros(7), friction=False, **words)
+    words = {
+        "dt": module.DT, "steps": module.STEPS, "friction": False,
+        "control": sd.Control(module.LAW, {"knots": knots, "share": module.SHARE, "gain": gain}),
+        "cost": sd.Cost(module.COST, {"goal": module.GOAL, "row": model.nv}),
+    }  # fmt: skip
+    whole = sd.rollout(model, module.START, np.zeros(7), **words)
     q, v, total = module.START, np.zeros(7), 0.0
     for k in range(module.STEPS):
         tau = gain * (module.SHARE[k] @ knots - v)
         off = sd.forward_kinematics(model, q)[-1, :3, 3] - module.GOAL
-        total += module.DT * (100.0 * off @ off + 0.1 * v @ v + 1e-3 * tau @ tau)
+        total += 100.0 * off @ off + 0.1 * v @ v + 1e-3 * tau @ tau
         q, v = sd.step(model, q, v, tau, module.DT)
-    np.testing.assert_allclose(np.ravel(whole.q)[-7:], q, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(np.ravel(whole.states["cost"])[-1], total, rtol=1e-9)
+    np.testing.assert_allclose(whole.q, q, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(whole.cost, total, rtol=1e-9)
 
 
 @compiled

@@ -240,6 +240,31 @@ def test_results_named_after_a_parameter_are_numbered(model: sd.Model) -> None:
     assert re.search(r"\(const double \*q, .*double \*out_5\)", k.c_code())
 
 
+@compiled
+def test_weights_and_tangents_are_named_as_in_the_signature() -> None:
+    model = sd.load_urdf("two_link")
+    k = sd.specialize(model, sd.aba, derivative="vjp")
+    assert k.to_casadi().name_in() == ["q", "v", "tau", "a_bar"]
+    assert k.to_casadi().name_out() == ["a", "q_bar", "v_bar", "tau_bar"]
+    k = sd.specialize(model, [sd.rnea, sd.generalized_gravity], derivative="jvp", inputs="gravity", fixed={"v": 0})
+    assert "def f(q, a, gravity_3, dq, da, dgravity_6):" in k.python_code("f")
+    k = sd.specialize(model, [sd.rnea, sd.nonlinear_effects], derivative="vjp")
+    assert "def f(q, v, a, tau_bar, tau_bar_5):" in k.python_code("f")
+
+
+def test_derivatives_of_a_robot_too_long_for_them_are_refused() -> None:
+    """Of 300 joints they would be 270 000 numbers, of a dozen lines each: minutes in CasADi."""
+    builder = sd.ModelBuilder("chain")
+    for i in range(300):
+        inertia = (1.0, (0.1, 0.0, 0.0), np.eye(3))
+        builder.add_body(f"l{i}", f"l{i - 1}" if i else None, "revolute", (0, 0, 1), (0.2, 0, 0), inertia)
+    k = sd.specialize(builder.build(), sd.rnea)
+    with pytest.raises(
+        sd.SpatialDynError, match=r'derivatives of rnea of "chain" are 270000 numbers, expected at most'
+    ):
+        k.to_casadi()
+
+
 def test_without_casadi_the_error_says_how_to_install_it(model: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(

@@ -74,6 +74,19 @@ def in_python(*arguments: Any, **options: Any) -> sd.Trajectory:
     return sd.simulate(*arguments, torque=lambda t, q, v: np.zeros(len(v)), **options)
 
 
+def toil(bodies: Any, q: Any, v: Any, tau: Any, dt: Any, aim: Any, weight: Any, cost: Any) -> None:
+    """A cost of error, speed and torque."""
+    for i in range(len(v)):
+        error = q[i] - aim[i]
+        cost[0] = cost[0] + dt * (weight * error * error + 0.1 * v[i] * v[i] + 1e-3 * tau[i] * tau[i])
+
+
+TOIL = Spec(
+    "toil", toil, None, (Q, V, TAU, DT, Argument("aim", ("nv",), "rad", ""), Argument("weight", (), "", "")),
+    Argument("cost", (1,), "", "of a step"), "", "", regroup=True,
+)  # fmt: skip
+
+
 # --- by hand --------------------------------------------------------------------------------------------
 
 
@@ -484,3 +497,53 @@ def helped(q: Any) -> Any:
 def test_numbers_around_a_law_are_refused_as_what_is_compiled_would_keep_them(law: Any, words: str) -> None:
     with pytest.raises(sd.SimulationError, match=words):
         sd.Control(Spec("law", law, None, (Q,), TAU, "", ""))
+
+
+# --- costs ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+@pytest.mark.parametrize("law", [None, reaching(), reaching(held=True)], ids=["no law", "law", "held"])
+def test_a_cost_is_its_sum_along_the_trajectory(arm: sd.Model, law: sd.Control | None, method: str) -> None:
+    rng = np.random.default_rng(5)
+    B, T, dt = 4, 6, 0.01
+    start, tau = rng.normal(size=(2, B, 3)), rng.normal(size=(B, T, 3))
+    aim, weight = rng.normal(size=(B, T, 3)), 7.0
+    cost = sd.Cost(TOIL, {"aim": aim, "weight": weight})
+    given: dict[str, Any] = {"dt": dt, "control": law, "method": method}
+    run = sd.rollout(arm, *start, tau, cost=cost, **given)
+    whole = sd.rollout(arm, *start, tau, **given)
+    assert (run.q.shape, run.cost.shape) == ((B, 3), (B,))
+    np.testing.assert_array_equal(run.q, whole.q[:, -1])
+    q, v = (np.concatenate([x[:, None], y[:, :-1]], 1) for x, y in zip(start, whole, strict=True))
+    past = 0.0 * q
+    if law is not None:
+        past[:, 1:] = whole.states["past"][:, :-1]
+        tau = tau + 30.0 * (np.array([0.4, -0.2, 0.3]) - q) - 6.0 * v + 20.0 * past
+    each = dt * (weight * (q - aim) ** 2 + 0.1 * v**2 + 1e-3 * tau**2).sum(-1)
+    np.testing.assert_allclose(run.cost, each.sum(1), rtol=SAME)
+    if law is None:
+        sums = sd.rollout(arm, *start, tau, cost=cost, record=2, **given).cost
+        np.testing.assert_allclose(sums, each.cumsum(1)[:, 1::2], rtol=SAME)
+
+
+def test_what_is_no_cost_is_refused(arm: sd.Model) -> None:
+    with pytest.raises(
+        sd.SimulationError, match=r'spec "pid" has the outputs tau \(\'nv\',\), past_rate .*states past'
+    ):
+        sd.Cost(PID, {"reach": np.zeros(3), "gains": np.ones(3)})
+    with pytest.raises(sd.SimulationError, match='values of spec "toil" lack weight'):
+        sd.Cost(TOIL, {"aim": np.zeros(3)})
+    cost = sd.Cost(TOIL, {"aim": np.zeros(3), "weight": 1.0})
+    hold = sd.PD(np.ones(3), np.ones(3), np.zeros(3))
+    for given, words in (
+        ({"cost": TOIL}, "cost is .*, expected a Cost or None"),
+        ({"cost": cost, "pd": hold}, "cost and pd are given, expected control in place of pd"),
+    ):
+        with pytest.raises(sd.SimulationError, match=words):
+            sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, **given)  # type: ignore[arg-type]
+    with pytest.raises(sd.SimulationError, match="the rollout has no cost"):
+        _ = sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=0).cost
+    wrong = sd.Cost(TOIL, {"aim": np.zeros(2), "weight": 1.0})
+    with pytest.raises(sd.ShapeError, match=r'cost.aim of spec "toil" has shape \(2,\), expected'):
+        sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, cost=wrong)

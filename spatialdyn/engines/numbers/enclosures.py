@@ -23,7 +23,9 @@ from .double_double import allocate_registers
 
 Array = NDArray[np.float64]
 
-FINER = 2.0**-47  # an operation is off by 4 · 2⁻¹⁰⁴ at most where the analysis has 2⁻⁵³, a sine by twice that
+FINER = (
+    2.0**-46
+)  # an operation is off by 8 · 2⁻¹⁰⁴ powers of 2 at most where the analysis has 2⁻⁵³, a sine by twice that
 
 
 class Enclosure:

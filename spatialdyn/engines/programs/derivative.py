@@ -3,13 +3,16 @@
 Both walk the lines of a program once, forwards or backwards, and record the derivative of each beside it: at most some
 three times its operations. Where a program selects, the derivative is that of the branch selected.
 
+A sum such as x cos θ + y sin θ has the derivative y cos θ - x sin θ by θ, which a program that turns vectors holds as
+well: where it does, one product takes the place of four (``_turned``).
+
 Source: Griewank and Walther, Evaluating derivatives, 2nd ed. (2008), chapters 3.1 and 3.2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...algebra import scalars
 from .operations import (
@@ -29,6 +32,8 @@ from .operations import (
     SIN,
     SQRT,
     SUB,
+    UFP,
+    operands,
     signed,
 )
 from .program import Program
@@ -36,11 +41,6 @@ from .replay import folded
 from .tracer import Number, Tape
 
 Partial = Callable[..., Sequence[Any]]
-
-
-def _turned(x: Any, a: Any, cosine: bool) -> Any:
-    """The derivative of cos or sin."""
-    return -scalars.sin(a) if cosine else scalars.cos(a)
 
 
 def _angle(x: Any, a: Any, b: Any) -> Sequence[Any]:
@@ -58,11 +58,12 @@ PARTIALS: dict[int, Partial] = {
     FMS: lambda x, a, b, c: (b, a, -1.0),
     FNMA: lambda x, a, b, c: (-b, -a, 1.0),
     SQRT: lambda x, a: (0.5 / x,),
-    SIN: lambda x, a: (_turned(x, a, cosine=False),),
-    COS: lambda x, a: (_turned(x, a, cosine=True),),
+    SIN: lambda x, a: (scalars.cos(a),),
+    COS: lambda x, a: (-scalars.sin(a),),
     EXP: lambda x, a: (x,),
     ATAN2: _angle,
     ABS: lambda x, a: (scalars.select(a, 1.0, -1.0),),
+    UFP: lambda x, a: (0.0,),
 }
 
 
@@ -73,7 +74,9 @@ def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[
     """
     lines: list[Any] = []
     moved: list[Any] = []
-    for code, places, given, x in _replayed(tape, program, inputs, lines):
+    walked = list(_replayed(tape, program, inputs, lines))
+    turned, spared = _turned(tape, program, walked)
+    for at, (code, places, given, x) in enumerate(walked):
         if code == INPUT:
             moved.append(tangents[places[0]])
             continue
@@ -87,8 +90,11 @@ def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[
         elif code == DIV:
             total = (rates[0] - x * rates[1]) * (1.0 / given[1])
         else:
-            for partial, rate in zip(PARTIALS[code](x, *given), rates, strict=True):
-                total = total + partial * rate
+            for k, (by, rate) in enumerate(zip(PARTIALS[code](x, *given), rates, strict=True)):
+                if (at, k) not in spared:
+                    total = total + by * rate
+        for angle, slope in turned.get(at, ()):
+            total = total + slope * moved[angle]
         moved.append(total)
     return _outputs(program, lines), _outputs(program, moved)
 
@@ -100,6 +106,7 @@ def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[A
     """
     lines: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
+    turned, spared = _turned(tape, program, walked)
     adjoints: list[Any] = [0.0] * len(lines)
     for (at, minus), weight in zip(program.outputs, weights, strict=True):
         adjoints[at] = adjoints[at] + (-weight if minus else weight)
@@ -118,8 +125,12 @@ def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[A
             share = weight * (1.0 / given[1])
             shares = [share, -x * share]
         else:
-            shares = [partial * weight for partial in PARTIALS[code](x, *given)] if places else []
-        for k, share in zip(places, shares, strict=True):
+            shares = [by * weight for by in PARTIALS[code](x, *given)] if places else []
+        for angle, slope in turned.get(at, ()):
+            adjoints[angle] = adjoints[angle] + slope * weight
+        for i, (k, share) in enumerate(zip(places, shares, strict=True)):
+            if (at, i) in spared:
+                continue
             if k >= 0:
                 adjoints[k] = adjoints[k] + share
             else:
@@ -155,6 +166,81 @@ def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[A
             x = folded(tape, op.code, given)
         lines.append(x)
         yield op.code, places, given, x
+
+
+class _Term(NamedTuple):
+    """A product of a sum that has sin θ or cos θ as a factor.
+
+    place   its line, and which operand that factor is
+    angle   the line of θ
+    sign    of it in the sum
+    factor  the other one
+    turn    the code of the factor, and θ
+    """
+
+    place: tuple[int, int]
+    angle: int
+    sign: int
+    factor: Any
+    turn: tuple[int, Any]
+
+
+# of a sum or product, the operands that are added, and their signs; the others are multiplied
+SUMMANDS = {MUL: (), ADD: ((0, 1), (1, 1)), SUB: ((0, 1), (1, -1)), FMA: ((2, 1),), FMS: ((2, -1),), FNMA: ((2, 1),)}
+
+
+def _turned(
+    tape: Tape, program: Program, walked: Sequence[Any]
+) -> tuple[dict[int, list[tuple[int, Any]]], set[tuple[int, int]]]:
+    """Derivatives of sums by an angle that the program has as values.
+
+    Returns (turned, spared): for some lines, the line of an angle and the value that is the line's derivative by it;
+    and the operands, as (line, which), whose part in derivatives that is.
+    """
+    uses = [0] * len(walked)
+    for op in program.lines:
+        for k in operands(op):
+            uses[k] += 1
+    for k, _ in program.outputs:
+        uses[k] += 2
+    terms: dict[int, list[_Term]] = {}  # of each sum that is not part of another one alone
+    for at, (code, places, given, _) in enumerate(walked):
+        if code not in SUMMANDS:
+            continue
+        terms[at] = []
+        for k, sign in SUMMANDS[code]:
+            if uses[places[k]] == 1:
+                terms[at] += [x._replace(sign=sign * x.sign) for x in terms.pop(places[k], ())]
+        for k in (0, 1) if code not in (ADD, SUB) else ():
+            turn, angles, angle, _ = walked[places[k]]
+            if turn in (SIN, COS):
+                term = _Term((at, k), angles[0], -1 if code == FNMA else 1, given[1 - k], (turn, *angle))
+                terms[at].append(term)
+    turned: dict[int, list[tuple[int, Any]]] = {}
+    spared: set[tuple[int, int]] = set()
+    for at, found in terms.items():
+        for angle in dict.fromkeys(x.angle for x in found):
+            those = [x for x in found if x.angle == angle]
+            value = _known_slope(tape, those)
+            if value is not None:
+                turned.setdefault(at, []).append((angle, value))
+                spared.update(x.place for x in those)
+    return turned, spared
+
+
+def _known_slope(tape: Tape, terms: Sequence[_Term]) -> Any:
+    """The derivative of a sum by its angle if the tape has it already, else None."""
+    count = len(tape.lines)
+    total: Any = 0.0
+    for x in terms:
+        code, angle = x.turn
+        slope = scalars.cos(angle) * x.factor if code == SIN else -scalars.sin(angle) * x.factor
+        total = total + slope if x.sign > 0 else total - slope
+    for new in tape.lines[count:]:
+        total = None
+        del tape.known[new]
+    del tape.lines[count:]
+    return total
 
 
 def _selected(condition: Any, a: Any, b: Any) -> Any:

@@ -2,8 +2,9 @@
 
 Beside each line x runs a number b with |x - x*| <= u b, where x* is the line in exact arithmetic on the same inputs and
 on the robot's numbers, and u the unit roundoff. b follows from those of the operands and from the line's own rounding,
-at most u |x|; products of two errors are kept, so the bound holds for errors of any size. A constant has the error that
-its own arithmetic knows of it (``constants``). b is a sum of terms that are not negative, so its own rounding is a
+half an ulp, which is u times the largest power of 2 up to |x|; that is 0.72 |x| on average, and no more work to find
+than |x|. Products of two errors are kept, so the bound holds for errors of any size. A constant has the error that its
+own arithmetic knows of it (``constants``). b is a sum of terms that are not negative, so its own rounding is a
 relative one: ``slack`` is more than that. A bound is infinite or NaN where nothing is known: where a divisor may be 0.
 
 Sources: Wilkinson, Rounding errors in algebraic processes (1963); Higham, Accuracy and stability of numerical
@@ -29,12 +30,14 @@ from .operations import (
     FMA,
     FMS,
     FNMA,
+    FORMS,
     INPUT,
     MUL,
     SELECT,
     SIN,
     SQRT,
     SUB,
+    UFP,
     Operation,
     signed,
 )
@@ -42,7 +45,13 @@ from .program import Program
 from .replay import line, record
 from .tracer import Number, Tape
 
-TURN, EXPONENTIAL, ANGLE = 3.5, 3.0, 7.0  # errors of sin and cos, exp, atan2 in u |x|: an ulp is at most 2 u |x|
+EXPONENTIAL, ANGLE = 3.0, 7.0  # errors of exp and atan2 in u |x|: an ulp is at most 2 u |x|
+# Errors in u |x| of sin and cos on lanes without their last rounding, by size of a number and whether there is fused
+# multiply-add. In float64, r = x - n π/2 is off by less than half an ulp (``low``). Of the sine, low (1 - 3 r²/2) is
+# left, below 1.0 u |x|, and the polynomial's roundings and its own error are below 0.3 u |x| where r > 1/2, where low's
+# share has fallen to 0.65. Of the cosine it is 0.5 for low, 0.56 for the roundings of r² and of the factor of r², 0.05
+# for the rest; without fused multiply-add 0.35 for their product. In float32, r itself rounds twice where it is small.
+TURN = {(8, True): 1.2, (8, False): 1.6, (4, True): 2.25, (4, False): 2.25}
 LOST = 2.0**-40  # share of a result's error for what arithmetic of constants loses of other results' size: 2⁻¹⁰⁴ of it
 UNDERFLOW = {8: 2.0**-900, 4: 2.0**-100}  # by size: far above what an underflow may come to in a result
 INFINITE = math.inf
@@ -70,14 +79,15 @@ class Bounding:
         """For programs with paths of ``depth`` lines in all."""
         self.tape, self.fma, self.u = Tape(), fma, float(np.finfo(dtype).eps) / 2.0
         self.slack = 8.0 * (depth + 8) * self.u
-        self._above, self._narrow = UNDERFLOW[np.dtype(dtype).itemsize], np.dtype(dtype).itemsize == 4
+        size = np.dtype(dtype).itemsize
+        self._above, self._narrow, self._turned = UNDERFLOW[size], size == 4, TURN[size, fma]
 
     def inputs(self, count: int, units: Sequence[Sequence[int]] = ()) -> list[Bounded]:
         """The inputs of a program. In float32 they are off by half an ulp, as they may have been rounded to it; those
         of a group of unit norm by what norms it.
         """
         columns = [self.tape.input(k) for k in range(count)]
-        found = [Bounded(x, self.magnitude(x) if self._narrow else 0.0) for x in columns]
+        found = [Bounded(x, self.rounding(x) if self._narrow else 0.0) for x in columns]
         for group in units:
             excess: Any = -1.0
             for k in group:
@@ -107,9 +117,10 @@ class Bounding:
         """b of a constant: its own error, and in float32 that of rounding it again."""
         assert program.errors is not None
         error = program.errors[op.c]
-        again = self._narrow and float(np.float32(op.value)) != op.value
+        if self._narrow:
+            error += abs(float(np.float32(op.value)) - op.value)
         # a constant's own arithmetic has twice the digits: what it lacks is far below 2⁻⁴⁰ u
-        return error / self.u * (1.0 + self.slack) + abs(op.value) * (again + 2.0**-40 * (error > 0.0))
+        return error / self.u * (1.0 + self.slack) + abs(op.value) * (2.0**-40 * (error > 0.0))
 
     def exact(self, x: Any) -> Bounded:
         """A number that has no error."""
@@ -172,6 +183,11 @@ class Bounding:
             return self.tape.number(abs(constant))
         return Number(self.tape, x.line if code == ABS else self.tape.line((ABS, x.line, 0, 0, 0.0)), False)
 
+    def rounding(self, x: Any) -> Any:
+        """Half an ulp of x in units of u: more than its rounding error."""
+        code, *_, constant = self.tape.lines[x.line] if isinstance(x, Number) else (CONST, x)
+        return self._line(UFP, Number(self.tape, x.line, False)) if code != CONST else float(FORMS[UFP].numpy(constant))
+
     def upper(self, x: Bounded) -> Any:
         """A bound on |x*|."""
         return self.fused(self.u * (1.0 + self.slack), x.b, self.magnitude(x.x))
@@ -198,10 +214,10 @@ class Bounding:
     # -- lines
 
     def _sum(self, x: Number, a: Bounded, b: Bounded) -> Any:
-        return a.b + b.b + self.magnitude(x)
+        return a.b + b.b + self.rounding(x)
 
     def _product(self, x: Number, a: Bounded, b: Bounded) -> Any:
-        return self._of_product(a, b, self.magnitude(x))
+        return self._of_product(a, b, self.rounding(x))
 
     def _of_product(self, a: Bounded, b: Bounded, rest: Any) -> Any:
         """b of a product and ``rest``: a* b* - a b = (b* - b) a* + (a* - a) b."""
@@ -210,23 +226,24 @@ class Bounding:
         return rest if _zero(b.b) else self.fused(self.upper(a), b.b, rest)
 
     def _of_fused(self, x: Number, a: Bounded, b: Bounded, c: Bounded) -> Any:
-        rest = c.b + self.magnitude(x)
+        rest = c.b + self.rounding(x)
         if not self.fma:
             rest = self.fused(self.magnitude(a.x), self.magnitude(b.x), rest)
         return self._of_product(a, b, rest)
 
     def _quotient(self, x: Number, a: Bounded, b: Bounded) -> Any:
-        size = self.magnitude(x)
+        last = self.rounding(x)
         if _zero(b.b):
-            return size if _zero(a.b) else a.b / self.magnitude(b.x) + size
+            return last if _zero(a.b) else a.b / self.magnitude(b.x) + last
         least = self._certain(b)
-        return self._above_zero(least, self.fused(size, b.b, a.b) / least, INFINITE) + size
+        return self._above_zero(least, self.fused(self.magnitude(x), b.b, a.b) / least, INFINITE) + last
 
     def _root(self, x: Number, a: Bounded) -> Any:
-        return self.magnitude(x) if _zero(a.b) else self._above_zero(x, a.b / x, INFINITE) + x
+        last = self.rounding(x)
+        return last if _zero(a.b) else self._above_zero(x, a.b / x, INFINITE) + last
 
     def _turn(self, x: Number, a: Bounded) -> Any:
-        return self.fused(TURN, self.magnitude(x), a.b)
+        return self.fused(self._turned, self.magnitude(x), a.b + self.rounding(x))
 
     def _exponential(self, x: Number, a: Bounded) -> Any:
         if _zero(a.b):
@@ -254,11 +271,15 @@ class Bounding:
     def _magnitude(self, x: Number, a: Bounded) -> Any:
         return a.b
 
+    def _first_place(self, x: Number, a: Bounded) -> Any:
+        return 0.0 if _zero(a.b) else (1.0 / self.u) * self.upper(a)
+
 
 _RULES: dict[int, Callable[..., Any]] = {
     ADD: Bounding._sum, SUB: Bounding._sum, MUL: Bounding._product, DIV: Bounding._quotient, FMA: Bounding._of_fused,
     FMS: Bounding._of_fused, FNMA: Bounding._of_fused, SQRT: Bounding._root, SIN: Bounding._turn, COS: Bounding._turn,
     EXP: Bounding._exponential, ATAN2: Bounding._angle, SELECT: Bounding._choice, ABS: Bounding._magnitude,
+    UFP: Bounding._first_place,
 }  # fmt: skip
 
 

@@ -163,6 +163,12 @@ class Vectors(Body):
     def unary(self, function: str, a: str) -> str:
         return self.put(f"call {self.vector} @llvm.{function}.{self.suffix()}({self.vector} {a})")
 
+    def first_place(self, a: str) -> str:
+        """The largest power of 2 up to |a|: its exponent's bits; 0 of 0 and of numbers too small for full precision."""
+        mask = 0x7FF << 52 if self.scalar == "double" else 0xFF << 23
+        exponent = self.put(f"and {self.bits} {self._bits(a)}, {self.integer(mask)}")
+        return self.put(f"bitcast {self.bits} {exponent} to {self.vector}")
+
     def compare(self, word: str, a: str, b: str) -> str:
         """The mask of a comparison: ``ogt``, ``ole``, ..."""
         return self.put(f"fcmp {word} {self.vector} {a}, {b}")

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS = range(16)
+INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS, UFP = range(17)
 
 
 class Operation(NamedTuple):
@@ -56,6 +56,12 @@ class Form(NamedTuple):
     exact: bool = False
     angle: bool = False
     signs: bool = False
+
+
+def _first_place(x: Any) -> Any:
+    """Unit in the first place: the largest power of 2 up to |x|, 0 of 0; not finite where x is not."""
+    m, e = np.frexp(x)
+    return np.ldexp(np.where(m == 0.0, m, 0.5 + 0.0 * m), e)
 
 
 FORMS: dict[int, Form] = {
@@ -122,6 +128,10 @@ FORMS: dict[int, Form] = {
     ABS: Form(
         "abs", 1, ("abs",), np.abs, "fabs({a})", "abs({a})", lambda t, a: t.unary("fabs", a), None, imports="abs",
         exact=True,
+    ),
+    UFP: Form(
+        "ufp", 1, ("ufp",), _first_place, "exp2(logb({a}))", "spacing(abs({a})) * 4503599627370496.0",
+        lambda t, a: t.first_place(a), None, imports="spacing",
     ),
 }  # fmt: skip
 

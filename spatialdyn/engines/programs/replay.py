@@ -6,13 +6,13 @@ import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from .operations import ABS, ADD, CONST, COS, DIV, FMA, FMS, FNMA, FORMS, MUL, SELECT, SIN, SUB
+from .operations import ABS, ADD, CONST, COS, DIV, FMA, FMS, FNMA, FORMS, MUL, SELECT, SIN, SUB, UFP
 from .tracer import Number, Tape
 
 PLAIN: dict[int, Callable[[Any, Any], Any]] = {
     ADD: operator.add, SUB: operator.sub, MUL: operator.mul, DIV: operator.truediv,
 }  # fmt: skip
-EVEN = (COS, ABS)
+EVEN = (COS, ABS, UFP)
 
 
 def record(tape: Tape, code: int, given: Sequence[Any]) -> Any:

@@ -14,7 +14,6 @@ from spatialdyn.engines.numbers import double_double
 from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.engines.programs.kernel_layout import KernelLayout
 from spatialdyn.engines.programs.operations import (
-    ABS,
     CONST,
     FMA,
     FMS,
@@ -22,6 +21,7 @@ from spatialdyn.engines.programs.operations import (
     FORMS,
     INPUT,
     MUL,
+    UFP,
     Form,
     Operation,
     name_of,
@@ -92,8 +92,8 @@ def samples(count: int) -> NDArray[np.float64]:
 
 
 def test_every_code_has_a_row() -> None:
-    assert sorted([INPUT, CONST, *FORMS]) == list(range(ABS + 1))
-    assert len({name_of(code) for code in (INPUT, CONST, *FORMS)}) == ABS + 1
+    assert sorted([INPUT, CONST, *FORMS]) == list(range(UFP + 1))
+    assert len({name_of(code) for code in (INPUT, CONST, *FORMS)}) == UFP + 1
 
 
 @pytest.mark.parametrize("code", CODES, ids=name_of)

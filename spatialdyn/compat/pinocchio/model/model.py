@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....errors import ModelError
-from ....model.model import missing
+from ....model.robot_checks import missing
 from ..coverage.strictness import strict
 from ..types.arguments import ArgumentError, Array, expected
 from ..types.bases import Copied, Registered
