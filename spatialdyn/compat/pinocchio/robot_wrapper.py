@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ...engines.compiled.generated import function_from_text
 from .algorithms import centroidal, configuration, dynamics, jacobians, kinematics
-from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
+from .coverage.coverage import OutOfScopeError, Partial
 from .model.geometry import buildModelsFromUrdf, createDatas
 from .model.model import Model
 from .model.model_surgery import buildReducedModel
@@ -20,10 +20,8 @@ from .visualize import MeshcatVisualizer
 
 __all__ = ["RobotWrapper"]
 
-OTHER_FILES = "initFromMJCF initFromSDF"
 
-
-class RobotWrapper:
+class RobotWrapper(Partial):
     """A robot: ``RobotWrapper(model)`` or ``RobotWrapper.BuildFromURDF(filename, package_dirs, root_joint)``.
 
     model, data        a Model and its Data; ``rebuildData`` makes a new Data after joints or frames were added
@@ -33,9 +31,7 @@ class RobotWrapper:
     Methods call the function that their docstring names, on the robot's model and data.
     """
 
-    _instead: ClassVar[dict[str, str]] = dict.fromkeys(
-        OTHER_FILES.split(), "only URDFs are read, expected BuildFromURDF"
-    )
+    _instead = dict.fromkeys(("initFromMJCF", "initFromSDF"), "only URDFs are read, expected BuildFromURDF")
     nq = property(lambda self: self.model.nq, doc="Number of coordinates.")
     nv = property(lambda self: self.model.nv, doc="Number of velocities.")
 
@@ -85,11 +81,6 @@ class RobotWrapper:
         joints = [self.model.getJointId(x) if isinstance(x, str) else x for x in list_of_joints_to_lock]
         q = configuration.neutral(self.model) if reference_configuration is None else reference_configuration
         return RobotWrapper(buildReducedModel(self.model, joints, q), self.collision_model, self.visual_model)
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self._instead:
-            raise OutOfScopeAttributeError(f"{name}: {self._instead[name]}")
-        raise AttributeError(f"a RobotWrapper has no attribute {name!r}")
 
     def index(self, name: str) -> int:
         """Index of the joint of that name."""

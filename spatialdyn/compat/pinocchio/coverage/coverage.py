@@ -15,7 +15,7 @@ import types
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from ....errors import SpatialDynError
 from .differences import DIFFERENCES
@@ -51,6 +51,17 @@ class OutOfScopeAttributeError(OutOfScopeError, AttributeError):
 
 class OutOfScopeImportError(OutOfScopeError, ImportError):
     """An import that is out of scope; of an AttributeError Python would drop the message."""
+
+
+class Partial:
+    """Base of classes that lack members of Pinocchio's: ``_instead`` says of each what to use instead."""
+
+    _instead: ClassVar[dict[str, str]] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self._instead:
+            raise OutOfScopeAttributeError(f"{type(self).__name__}.{name}: {self._instead[name]}")
+        raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
 
 
 class Entry(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....errors import ModelError
 from ...native import recorded_contacts as numbers
-from ..coverage.coverage import OutOfScopeAttributeError
+from ..coverage.coverage import Partial
 from ..types.arguments import ArgumentError, by_name, described, expected, number
 from ..types.containers import StdVec
 from ..types.frame import Enum, ReferenceFrame
@@ -96,7 +96,7 @@ class ContactType(Enum):
     CONTACT_UNDEFINED = 2
 
 
-class RigidConstraintModel:
+class RigidConstraintModel(Partial):
     """A contact between two joints: a point of the first, or a frame on it, that does not move on the second.
 
     ``(contact_type, model, joint1_id[, joint1_placement[, joint2_id, joint2_placement]][, reference_frame])`` or a
@@ -111,6 +111,7 @@ class RigidConstraintModel:
     desired_contact_placement, desired_contact_velocity, desired_contact_acceleration  kept, unused as in Pinocchio
     """
 
+    _instead = dict.fromkeys(["calc", "jacobian", "setCompliance", "retrieveCompliance"], _INSTEAD)
     joint1_id, joint2_id = _entry(2, "joint1_id", int), _entry(3, "joint2_id", int)
     joint1_placement = _view(6, SE3, "Placement of the first frame on its joint.")
     joint2_placement = _view(22, SE3, "Placement of the second frame on its joint.")
@@ -175,19 +176,18 @@ class RigidConstraintModel:
         """Set the gains of errors."""
         self.m_baumgarte_parameters = bp
 
-    def __getattr__(self, name: str) -> Any:
-        if name in ("calc", "jacobian", "setCompliance", "retrieveCompliance"):
-            raise OutOfScopeAttributeError(f"RigidConstraintModel.{name}: {_INSTEAD}")
-        raise AttributeError(f"a RigidConstraintModel has no attribute {name!r}")
 
-
-class RigidConstraintData:
+class RigidConstraintData(Partial):
     """Of a contact at the last call: its force, placements oMc1, oMc2, c1Mc2, velocities and errors, in frame 1.
 
     contact_acceleration* and contact*_acceleration_drift stay zero. What a solver keeps for itself raises
     OutOfScopeError.
     """
 
+    _instead = dict.fromkeys(
+        ["extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"],
+        "scratch of Pinocchio's solver, none here",
+    )
     contact_force = _view(0, Force, "Force of the contact.")
     oMc1, oMc2 = _view(6, SE3, "Pose of the first frame."), _view(22, SE3, "Pose of the second frame.")
     c1Mc2 = _view(38, SE3, "Pose of the second frame in the first.")
@@ -201,11 +201,6 @@ class RigidConstraintData:
         self.oMc1 = self.oMc2 = self.c1Mc2 = SE3.Identity()
         for name in _UNWRITTEN:
             setattr(self, name, Motion.Zero())
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("extended_motion_propagators_joint1", "extended_motion_propagators_joint2", "lambdas_joint1"):
-            raise OutOfScopeAttributeError(f"RigidConstraintData.{name}: scratch of Pinocchio's solver, none here")
-        raise AttributeError(f"a RigidConstraintData has no attribute {name!r}")
 
 
 class _Contacts(StdVec):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import deepcopy
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ....errors import ModelError
-from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
+from ..coverage.coverage import OutOfScopeError, Partial
 from ..types.arguments import by_name, expected
 from ..types.frame import Enum
 from ..types.se3 import SE3
@@ -37,17 +37,14 @@ class GeometryType(Enum):
 VISUAL, COLLISION = GeometryType
 
 
-class _Bookkeeping:
+def _beyond(names: str) -> dict[str, str]:
+    return dict.fromkeys(
+        [*names.split(), *_FILES.split()], f"takes a collision library, spatialdyn has none: {_ADVICE}"
+    )
+
+
+class _Bookkeeping(Partial):
     """A record about shapes; members that need a collision library raise."""
-
-    _beyond: ClassVar[str] = ""  # members that need a collision library
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self._beyond.split():
-            raise OutOfScopeAttributeError(
-                f"{type(self).__name__}.{name} takes a collision library, which spatialdyn has not: {_ADVICE}"
-            )
-        raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
 
     def copy(self) -> Any:
         """An independent copy."""
@@ -80,7 +77,7 @@ class GeometryObject(_Bookkeeping):
     meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
     """
 
-    _beyond = f"physicsMaterial {_FILES}"
+    _instead = _beyond("physicsMaterial")
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
         if isinstance(name, GeometryObject):
@@ -134,7 +131,7 @@ class GeometryModel(_Bookkeeping):
     Empty as buildModelsFromUrdf returns it; visualizers read the shapes of its file.
     """
 
-    _beyond = f"collisionPairMapping setCollisionPairs {_FILES}"
+    _instead = _beyond("collisionPairMapping setCollisionPairs")
 
     def __init__(self, other: GeometryModel | None = None) -> None:
         self.geometryObjects: list[GeometryObject] = []
@@ -209,9 +206,9 @@ class GeometryModel(_Bookkeeping):
 class GeometryData(_Bookkeeping):
     """Data of a GeometryModel: oMg, the identity for every object; activeCollisionPairs, flags."""
 
-    _beyond = f"""collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
+    _instead = _beyond("""collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
         contact_patch_functors distanceRequests distanceResults distance_functors fillInnerOuterObjectMaps radius
-        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins {_FILES}"""
+        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins""")
 
     def __init__(self, geometry_model: GeometryModel) -> None:
         expected(geometry_model, GeometryModel, "geometry_model")
