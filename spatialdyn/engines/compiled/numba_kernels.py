@@ -137,7 +137,7 @@ def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: d
 
 
 def _scope(spec: Spec) -> dict[str, Any]:
-    from numba import carray
+    from numba import carray  # type: ignore[attr-defined]
 
     from .jit import on_stack, rows_at, table_at
 
