@@ -82,11 +82,11 @@ computeMinverse = minverse; last: ddq
     Raises InertiaError naming a joint with zero articulated inertia, where Pinocchio returns inf.
 computeAllTerms = all; returns: None
     Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed at its first read.
-computeKineticEnergy = kinetic_energy; returns: run.result.item(); last: v
+computeKineticEnergy = kinetic; returns: run.result.item(); last: v
     Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's.
-computePotentialEnergy = potential_energy; returns: run.result.item(); last: oMi
+computePotentialEnergy = potential; returns: run.result.item(); last: oMi
     Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.
-computeMechanicalEnergy = mechanical_energy; returns: data.mechanical_energy; last: v
+computeMechanicalEnergy = mechanical; returns: data.mechanical_energy; last: v
     Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.
 computeJointTorqueRegressor = torque_regressor; returns: columns(run)
     Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -228,14 +228,24 @@ class Run:
         )
 
 
+@cache
+def _assigned_kind(name: str) -> Kind:
+    return Kind("", "", {name: RESULT})
+
+
 class Assigned(Run):
     """A field that was assigned whole, as a source of it."""
 
-    __slots__ = ()
+    __slots__ = ("name",)
 
-    def __init__(self, name: str, x: Array) -> None:
-        self.kind, self._stamp, self.q = Kind("", "", {name: RESULT}), array("q", [clock()]), None
-        self.result, self.cache, self.recompute = x, {}, []
+    def __init__(self, name: str) -> None:
+        self.name, self.kind = name, _assigned_kind(name)
+        self._stamp, self.q, self.recompute, self.cache = array("q", [0]), None, [], {}
+
+    def assign(self, x: Array) -> None:
+        """Take an array as the field from now on."""
+        self.stamp, self.result = clock(), x
+        self.cache[self.name] = self.stamp, x
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Do nothing: no call writes it again."""
@@ -297,19 +307,21 @@ class Data(Stored, Registered, Copied):
 
     Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... but for the scratch of its algorithms.
 
-    Two books: ``_runs``, the stamped sources of all fields, which are the last calls by kind and the arrays assigned by
-    the user; and ``_held``, the arrays of fields that were read, which calls write in place. ``_bound`` and ``_latest``
-    follow from them: builtins on these arrays by the call that bound them, and the Runs that getters of Jacobians read.
+    Two books: ``_runs``, stamped sources of all fields: the last calls by kind, and arrays that the user assigned by
+    field; and ``_held``, the arrays of fields that were read, which calls write in place. The rest follows from them:
+    ``_bound``, builtins on these arrays by the call that bound them; ``_sources``, those of a field; ``_latest``, the
+    Runs that getters of Jacobians read.
     """
 
     # each call reads these: from a slot in 10 ns, from a __dict__ that was written to in 60
-    __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "model")
+    __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
 
     def __init__(self, model: Model | None = None) -> None:
         self.model = model = Model() if model is None else model
         self._sizes, self._nframes = (model.nq, model.nv, model.njoints), model.nframes
-        self._runs: dict[str, Run] = {}
+        self._runs: dict[str, Run] = {}  # by kind, or by the field that was assigned
+        self._sources: dict[str, list[Run]] = {}
         self._held: dict[str, Array] = {}
         self._bound: dict[Any, Any] = {}
         self._latest: dict[str, Run] = {}
@@ -328,6 +340,7 @@ class Data(Stored, Registered, Copied):
             run = self._runs[name] = Run(name, library, np.array(model.parents, np.intp), shape)
             run.stamp = stamp
             self._bound.clear()
+            self._sources.clear()
             run.hold(self._held, self._recompute)
         return run
 
@@ -396,14 +409,25 @@ class Data(Stored, Registered, Copied):
         if held is not None and held.shape == np.shape(value):
             held[...] = value
         else:
-            self._runs[f"data.{name}"] = Assigned(name, np.array(value, float))
+            self._assign(name, np.array(value, float))
             self._release(name)
+
+    def _assign(self, name: str, x: Array) -> None:
+        """Make an array the source of a field that is not held."""
+        source: Any = self._runs.get(name)
+        if source is None:
+            source = self._runs[name] = Assigned(name)
+            self._sources.clear()
+        source.assign(x)
 
     def latest(self, name: str, of_call: bool = False) -> Run | None:
         """The latest source of a field, if any; ``of_call``: the latest call that recorded its inputs."""
+        sources = self._sources.get(name)
+        if sources is None:
+            sources = self._sources[name] = [run for run in self._runs.values() if name in run.kind.fills]
         found, stamp = None, 0
-        for run in self._runs.values():
-            if run.stamp > stamp and name in run.kind.fills and (run.q is not None or not of_call):
+        for run in sources:
+            if run.stamp > stamp and (not of_call or run.q is not None):
                 found, stamp = run, run.stamp
         return found
 
@@ -440,8 +464,8 @@ class Data(Stored, Registered, Copied):
 
     def _written(self) -> dict[str, Array]:
         """Copies of the fields that were computed, assigned or read."""
-        names = (name for name in FIELDS if name in self._held or self.latest(name) is not None)
-        return {name: np.array(self.array(name)) for name in names}
+        names = {name for run in self._runs.values() if run.stamp for name in run.kind.fills} | {*self._held}
+        return {name: np.array(self.array(name)) for name in FIELDS if name in names}
 
     def copy(self) -> Data:
         """An independent copy, for the same model."""
@@ -458,7 +482,7 @@ class Data(Stored, Registered, Copied):
             fill(model, given["model"])
             self.__dict__.clear()
             Data.__init__(self, model)
-        for book in (self._runs, self._bound, self._latest):
+        for book in (self._runs, self._bound, self._sources, self._latest):
             book.clear()
         for name, x in self._held.items():
             if name not in given["fields"]:
@@ -514,7 +538,7 @@ for _name in (*FIELDS, *SCRATCH.split()):
 def _restored(model: Model, fields: dict[str, Array]) -> Data:
     data = Data(model)
     for name, x in fields.items():
-        data.put(name, x)
+        data._assign(name, x)
     return data
 
 
