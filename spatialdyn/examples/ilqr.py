@@ -63,19 +63,40 @@ def free_inverse(H, free):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def add_by(A, x, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ x, written in place. So small matrices are faster in loops than by BLAS."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            out[i] += A[k, i] * x[k]
+    return out
+
+
+@numba.njit(cache=True)
+def add_product(A, B, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ B, written in place."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            for j in range(B.shape[1]):
+                out[i, j] += A[k, i] * B[k, j]
+    return out
+
+
+@numba.njit(cache=True)
 def box_minimum(H, g, low, high):  # type: ignore[no-untyped-def]
     """x of the least ½ xᵀHx + gᵀx in a box, by projected Newton steps (Tassa 2014), and ``free_inverse`` of H there."""
-    x = np.minimum(np.maximum(0.0, low), high)
-    for _ in range(50):
-        slope = g + H @ x
+    x, was = np.minimum(np.maximum(0.0, low), high), np.zeros(len(g), np.bool_)
+    inverse, positive = H, True
+    for turn in range(50):
+        slope = add_by(H, x, g.copy())
         free = ~(((x <= low) & (slope >= 0.0)) | ((x >= high) & (slope <= 0.0)))
-        inverse, positive = free_inverse(H, free)
-        move, size = inverse @ slope, 1.0
+        if turn == 0 or (free != was).any():
+            (inverse, positive), was = free_inverse(H, free), free
+        move, size = add_by(inverse, slope, np.zeros(len(g))), 1.0
         if not positive or slope @ move <= 1e-20 * abs(g @ x):
             break
         while size > 1e-9:  # until the step, projected onto the box, goes down
             step = np.minimum(np.maximum(x - size * move, low), high) - x
-            if step @ (slope + 0.5 * (H @ step)) < 0.0:
+            if step @ (slope + add_by(H, 0.5 * step, np.zeros(len(g)))) < 0.0:
                 break
             size *= 0.5
         else:
@@ -91,19 +112,20 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
     C (T, 2n, 3n)  derivatives of the steps by (x, u); slope (T, 3n) and W (3n, 3n) of the cost of each
     g, H           of the cost of the last state
     """
-    n, less = 2 * k.shape[1], 0.0
+    n, less, HC, Q = 2 * k.shape[1], 0.0, np.empty_like(C[0]), np.empty_like(W)
     for t in range(len(C) - 1, -1, -1):
-        CT = C[t].T
-        r, Q = slope[t] + CT @ g, W + CT @ (H @ C[t])
+        np.dot(C[t].T, np.dot(H, C[t], HC), Q)
+        Q += W
+        r = add_by(C[t], g, slope[t].copy())
         Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
         k[t], inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
         if not positive:
             return np.nan
-        K[t] = -inverse @ Hux
-        KT, by_k = K[t].T, Huu @ k[t]
+        K[t] = add_product(-inverse, Hux, np.zeros_like(Hux))
+        by_k = add_by(Huu, k[t], np.zeros(len(gb)))
         less -= k[t] @ (gb + 0.5 * by_k)
-        g = r[:n] + KT @ (gb + by_k) + Hux.T @ k[t]
-        half = KT @ (0.5 * (Huu @ K[t]) + Hux) + 0.5 * Q[:n, :n]
+        g = add_by(Hux, k[t], add_by(K[t], gb + by_k, r[:n].copy()))
+        half = add_product(K[t], add_product(0.5 * Huu, K[t], Hux.copy()), 0.5 * Q[:n, :n])
         H = half + half.T
     return less
 
