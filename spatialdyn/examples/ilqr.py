@@ -31,7 +31,11 @@ def forward(bodies, x, u, k, K, size, low, high, h, X, U):  # type: ignore[no-un
     n = len(low)
     q, v, a = X[0, :n].copy(), X[0, n:].copy(), np.empty(n)
     for t in range(len(u)):
-        U[t] = np.minimum(np.maximum(u[t] + size * k[t] + K[t] @ (X[t] - x[t]), low), high)
+        for i in range(n):
+            U[t, i] = u[t, i] + size * k[t, i]
+            for j in range(2 * n):
+                U[t, i] += K[t, i, j] * (X[t, j] - x[t, j])
+            U[t, i] = min(max(U[t, i], low[i]), high[i])
         aba(bodies, q, v, U[t], a)
         v += h * a
         q += h * v
@@ -133,7 +137,7 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
 def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tuple[Array, Array, list[float], Array]:
     """States (T + 1, 2 nv), torques (T, nv), costs and gains (T, nv, 2 nv) of a minimum near the torques u."""
     need("scipy", "simulation")  # for Numba's matrix products
-    T, n, mu, size = len(u), p.model.nv, 0.0, 1.0
+    T, n, mu, size, taken = len(u), p.model.nv, 0.0, 1.0, 1.0
     x, k, K = np.zeros((T + 1, 2 * n)), np.zeros((T, n)), np.zeros((T, n, 2 * n))
     x[0] = np.concatenate([p.q0, p.v0])
     u, limits = np.array(u, float), (p.low, p.high, p.h)
@@ -148,7 +152,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
             q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
             C = np.concatenate(sd.step_derivatives(p.model, q, v, u, p.h, friction=False), axis=2)
         less = backward(C, slope, W, *last, p.low - u, p.high - u, mu, k, K)
-        size = 0.0 if np.isnan(less) else 1.0
+        size = 0.0 if np.isnan(less) else min(1.0, 4.0 * taken)
         while size > 1e-3:
             with suppress(ValueError):  # the kernel's, of a motion that leaves the range of numbers
                 forward(p.model.bodies, x, u, k, K, size, *limits, new, forces)
@@ -159,7 +163,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
         if size <= 1e-3:
             size, mu = 0.0, max(10.0 * mu, 1e-6)
             continue
-        mu = mu / 10.0 if mu > 1e-6 else 0.0
+        mu, taken = (mu / 10.0 if mu > 1e-6 else 0.0), size
         costs.append(found[0])
         if costs[-2] - costs[-1] <= tolerance * abs(costs[-1]):
             break
