@@ -61,7 +61,8 @@ COST = Spec(
 
 def better(model: sd.Model, plan: Any, q: Any, v: Any, rng: np.random.Generator) -> Any:
     """A better plan (KNOTS, nv), and its torque of now."""
-    noise = NOISE * rng.standard_normal((SAMPLES, *plan.shape), np.float32)
+    half = NOISE * rng.standard_normal((SAMPLES // 2, *plan.shape), np.float32)
+    noise = np.concatenate([half, -half])  # motions and their mirror images: drawing takes time
     gain = GAIN / np.diagonal(sd.minverse(model, q))
     law = sd.Control(LAW, {"knots": (plan + noise)[:, None], "share": SHARE, "gain": gain})
     aim = sd.Cost(COST, {"goal": GOAL, "row": model.nv})
