@@ -16,7 +16,7 @@ import pytest
 
 import spatialdyn
 from spatialdyn.calls.dynamics import calls
-from spatialdyn.engines.compiled.numba_kernels import COMPILED, package_folder
+from spatialdyn.engines.compiled.stamp import COMPILED, package_folder
 from spatialdyn.recursions import SPECS
 
 PACKAGE = Path(spatialdyn.__file__).parent
@@ -82,7 +82,7 @@ CHANGED = {
 SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
     "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
-    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact",
+    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact_rows",
     "tableau",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "engines", "pictures"}  # the last reads meshes and writes pages
@@ -398,6 +398,22 @@ for room in spatialdyn._ROOMS:
     assert getattr(spatialdyn, room) is sys.modules[f"spatialdyn.{room}"]
 """
     subprocess.run([sys.executable, "-c", code], cwd=PACKAGE.parent, check=True)
+
+
+@holds_for(NAMES)
+def test_no_module_sets_attributes_of_what_another_one_made(name: str) -> None:
+    """A class is whole where it is defined: nothing is put on it from outside when a module is imported."""
+    imported = {x.asname or x.name for node in nodes(name) if isinstance(node, ast.ImportFrom) for x in node.names}
+    changed = set()
+    for statement in tree_of(name).body:
+        if isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
+            continue
+        for node in ast.walk(statement):
+            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name):
+                changed.add(node.value.id)
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) == "setattr":
+                changed.add(ast.unparse(node.args[0]))
+    assert changed & imported == set()
 
 
 def compiles(name: str) -> bool:

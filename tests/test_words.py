@@ -42,8 +42,7 @@ RENAMED: dict[str, dict[str, str]] = {
         "Rot": "Mat3", "plus": "add", "minus": "sub", "times": "scale", "negative": "neg", "shifted": "parallel_axis",
         "without": "subtract_outer", "coupled": "coriolis_times", "coupled_back": "coriolis_transpose_times",
         "Coupling": "CoriolisFactor", "rate_of_spin": "newton_euler_moment", "spin_matrix": "acceleration_matrix",
-        "public_motion": "write_motion", "get_motion": "read_motion", "Weaving": "InliningUnoptimized",
-        "carried_back": "inverse_adjoint",
+        "public_motion": "write_motion", "get_motion": "read_motion", "carried_back": "inverse_adjoint",
     },
     "bodies": {"FOLLOW": "CONTINUED"},
     "recursions": {
@@ -51,7 +50,8 @@ RENAMED: dict[str, dict[str, str]] = {
         "in_branch_axes": "to_root_aligned_axes", "referred": "express_in", "of_point": "classical_acceleration",
     },
     "engines": {
-        "opened": "user_kernel", "Kept": "NumbaCache", "never_mind": "discard", "refused": "unavailable",
+        "Weaving": "InliningUnoptimized", "opened": "user_kernel", "Kept": "NumbaCache",
+        "never_mind": "discard", "refused": "unavailable",
         "apart": "no_overlap", "sound_pivots": "pivots_regular", "Choice": "ProgramOptions", "Recorded": "Recording",
         "Layout": "KernelLayout", "Range": "Float32Range", "padded": "round_up", "team": "thread_pool",
         "Twofold": "DoubleDouble", "Ratio": "ExactRational",

@@ -18,7 +18,8 @@ from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs import recording
 from ..errors import ModelError, SpatialDynError
-from ..model.model import Model, lock_values, resting
+from ..model.changes import lock_values, resting
+from ..model.model import Model
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import singledispatch
 from typing import Any, TypeVar
 
@@ -57,8 +57,11 @@ def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
     return listed
 
 
-def register() -> None:
-    """Hand the listed functions to Numba. Whatever compiles calls it first: ``engines.compiled.jit`` does."""
+def register(pipelines: Mapping[str, Any]) -> None:
+    """Hand the listed functions to Numba, to be compiled by the pipelines of their decorators' names, else by its own.
+
+    Whatever compiles calls it first: ``engines.compiled.jit`` does.
+    """
     with _lock:
         if not _waiting:
             return
@@ -67,13 +70,8 @@ def register() -> None:
         ways: dict[str, dict[str, Any]] = {
             "inline": {"forceinline": True}, "inline_unoptimized": {"forceinline": True}, "no_inline": {}
         }  # fmt: skip
-        try:
-            from .numba_passes import Inlining, InliningUnoptimized
-        except ImportError:  # a version of Numba with these parts elsewhere: compiling takes twice as long
-            pass
-        else:
-            ways["inline"]["pipeline_class"] = Inlining
-            ways["inline_unoptimized"]["pipeline_class"] = InliningUnoptimized
+        for how, pipeline in pipelines.items():
+            ways[how]["pipeline_class"] = pipeline
         while _waiting:
             how, function, implementation = _waiting.pop()
             if how == "overload":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import sys
 import warnings
@@ -361,3 +362,10 @@ def with_rotor(joint: RobotJoint, rotor: Rotor) -> RobotJoint:
     if abs(norm - 1.0) > UNIT_AXIS:
         axis = axis / norm
     return replace(joint, armature=reflected, rotor=Rotor(inertia, ratio, tuple(axis.tolist())))
+
+
+def missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:
+    """The message for an unknown name, with similar names."""
+    near = difflib.get_close_matches(str(name), dict.fromkeys(names), 3, 0.5)
+    hint = f", did you mean {' or '.join(near)}" if near else ""
+    return f'{what} "{name}" is not in robot "{robot}"{hint}'

@@ -66,8 +66,20 @@ def magnitude(x: Number) -> Number:
 @inline
 def dry_level(v: Vector, coulomb: Vector, static: Vector, stribeck: Vector, i: int) -> Number:
     """F(v) of a freedom; with the Stribeck velocity AT_ONCE it is F_s at rest and F_c in any motion."""
+    return coulomb[i] + above_dry(v, coulomb, static, stribeck, i)
+
+
+@inline
+def above_dry(v: Vector, coulomb: Vector, static: Vector, stribeck: Vector, i: int) -> Number:
+    """F(v) - F_c of a freedom."""
     u = v[i] / stribeck[i]
-    return coulomb[i] + (static[i] - coulomb[i]) * exp(-(u * u))
+    return (static[i] - coulomb[i]) * exp(-(u * u))
+
+
+@inline
+def smooth_sign(v: Number, smoothing: Number) -> Number:
+    """tanh(v/ε)."""
+    return 1.0 - 2.0 / (1.0 + exp(2.0 * v / smoothing))
 
 
 @inline
@@ -80,7 +92,7 @@ def friction_torque(
         if smoothing is None:
             direction = select(v[i], 1.0, select(-v[i], -1.0, 0.0))
         else:
-            direction = 1.0 - 2.0 / (1.0 + exp(2.0 * v[i] / smoothing[i]))
+            direction = smooth_sign(v[i], smoothing[i])
         friction[i] = -(dry_level(v, coulomb, static, stribeck, i) * direction + viscous[i] * v[i])
 
 
@@ -91,9 +103,8 @@ def smooth_friction_slope(
 ) -> None:  # fmt: skip
     """Derivatives of the smooth torque by v: -(F' t + F (1 - t²)/ε + b) of t = tanh(v/ε)."""
     for i in range(len(bodies) - 1):
-        t = 1.0 - 2.0 / (1.0 + exp(2.0 * v[i] / smoothing[i]))
-        u = v[i] / stribeck[i]
-        falls = (static[i] - coulomb[i]) * exp(-(u * u)) * (-2.0 * u) / stribeck[i]
+        t = smooth_sign(v[i], smoothing[i])
+        falls = above_dry(v, coulomb, static, stribeck, i) * (-2.0 * (v[i] / stribeck[i])) / stribeck[i]
         level = dry_level(v, coulomb, static, stribeck, i)
         slope[i] = -(falls * t + level * (1.0 - t * t) / smoothing[i] + viscous[i])
 

@@ -38,7 +38,7 @@ from .constraint_rows import (
     write_error,
     write_jacobian,
 )
-from .contact import (
+from .contact_rows import (
     CONTACTS_ARGUMENT,
     ENERGY,
     GAP,

@@ -22,7 +22,7 @@ from ..constraints.contact_points import Contacts, check_contacts
 from ..engines.programs.recording import MOST_TABLE
 from ..errors import ModelError, SimulationError
 from ..model.model import Model
-from ..recursions.contact import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
+from ..recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ..recursions.spec import Argument, shape_in
 from .constrained import Held
 from .contact_record import ContactRecord

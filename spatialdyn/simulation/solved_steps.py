@@ -22,7 +22,8 @@ from ..engines.programs.tracer import scratch
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constraint_rows import CONSTRAINTS_ARGUMENT
-from ..recursions.contact import CONTACT_STEP, CONTACT_STEP_OVER, CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
+from ..recursions.contact import CONTACT_STEP, CONTACT_STEP_OVER
+from ..recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ..recursions.friction import BRISTLES
 from ..recursions.impulse_step import impulse_step_spec
 from ..recursions.spec import Argument, Spec, shape_in, sizes_of

@@ -11,12 +11,13 @@ import numba
 import numpy as np
 import pytest
 
-from spatialdyn.algebra.scalars import atan2, cos, exp, inline, register, select, sin, sqrt
+from spatialdyn.algebra.scalars import atan2, cos, exp, inline, select, sin, sqrt
+from spatialdyn.engines.compiled.jit import hand_over
 
 ODD = [0.0, -0.0, 5e-324, 1e-308, 1.0, -1.0, 1.7976931348623157e308, math.inf, -math.inf, math.nan]
 USUAL = [0.1, -0.7, math.pi / 2, math.pi, -math.pi, 3.0, 1e3, -1e5, 1e-9, 4.0]
 VALUES = ODD + USUAL
-register()
+hand_over()
 
 
 @numba.njit(error_model="numpy")
@@ -139,7 +140,7 @@ def test_an_inlined_function_is_plain_python_and_compiles() -> None:
     def twice(x: Any) -> Any:
         return x + x
 
-    register()
+    hand_over()
 
     @numba.njit
     def four_times(x: float) -> float:

@@ -152,7 +152,7 @@ def test_a_specialised_program_takes_a_sample_of_them_at_once(
 @pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
 @forms
 def test_a_builtin_takes_them_and_no_other(arm: sd.Model, form: Any) -> None:
-    words = {"table": arm.address, "nq": arm.nq, "nv": arm.nv, "njoints": arm.njoints, "axis0": arm.nv}
+    words = {"table": arm.address, "nq": arm.nq, "nv": arm.nv, "njoints": arm.njoints}
     call, given = recorded_calls.call_builtin("rnea").bind(arm, **words), inputs(arm, 3)
     np.testing.assert_array_equal(call(*map(form, given)), sd.rnea(arm, *given))
     for k, other in enumerate((">f8", np.int64, np.float32, np.complex128, "M8[s]")):

@@ -27,6 +27,7 @@ from spatialdyn.bodies.kinds import (
     SPHERICAL,
 )
 from spatialdyn.bodies.table import BODIES
+from spatialdyn.engines.compiled import jit
 from spatialdyn.recursions import configuration
 
 EPS = np.finfo(float).eps
@@ -52,7 +53,7 @@ def table(kinds: tuple[int, ...]) -> np.ndarray:
 
 def compiled(name: str, count: int) -> Any:
     """The recursion as compiled code that divides as the engine has it."""
-    scalars.register()
+    jit.hand_over()
     f = getattr(configuration, name)
     if count == 0:
         return njit(error_model="numpy")(lambda bodies, out: f(bodies, out))

@@ -7,10 +7,12 @@ caller binds to a plan of words: the addresses of the table of bodies, memory an
 
 from __future__ import annotations
 
+import math
+from array import array
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,15 +22,16 @@ from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
 from ...engines.compiled import jit, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
-from ...engines.compiled.cpython import Builtin, dims
+from ...engines.compiled.cpython import Builtin, dims, kernel_address
 from ...engines.object_layout import DATA
 from ...recursions import SPECS, kinematics
 from ...recursions.kinematics import classical_acceleration, express_in
-from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
+from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
 from . import operator_kernels
 from .edited_table import GRAVITY
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
+ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
 
 
@@ -57,63 +60,132 @@ def record(**sizes: str) -> list[str]:
     return [*chain.from_iterable(lines), f"copy(at(table + {GRAVITY}, (3,)), at(memory, (3,)))"]
 
 
-@cache
-def call_builtin(name: str) -> Builtin:
-    """``(*inputs) -> result`` of a public call for one sample. Words: table, sizes, axes of the result."""
-    spec = numba_kernels.variant(SPECS[name], frozenset())
-    axes = [f"axis{k}" for k in range(len(numba_kernels.kernel_shape(spec.output)))]
-    words = ["table", *SIZES, *axes]
-    body = [
-        *_check_arguments(spec.present),
-        *make_answer(words, axes[0], len(axes)),
-        f"out = at(word(answer, {DATA}), ({', '.join(axes)},))",
-        f"if sample_kernel(table, {''.join(f'{x.name}_in, ' for x in spec.present)}out) != {numba_kernels.OK}:",
-        "    return discard(plan, answer)",
-        "return answer",
-    ]
-    scope = {"sample_kernel": numba_kernels.sample_kernel(spec)}
-    return Builtin(f"call_{name}", [x.name for x in spec.present], words, body, scope)
+class Clock:
+    """Stamps that order calls in time; builtins advance it too."""
+
+    def __init__(self) -> None:
+        self.now = array("q", [0])
+
+    def __call__(self) -> int:
+        """A new stamp."""
+        self.now[0] += 1
+        return self.now[0]
 
 
-@cache
-def recorded_call(name: str, unused: tuple[str, ...] = (), new_result: bool = True, forces: bool = False) -> Builtin:
+clock = Clock()
+
+
+def address(x: array[int]) -> int:
+    """Of the numbers of an array."""
+    return x.buffer_info()[0]
+
+
+def put_stamp(time: str = "time") -> list[str]:
+    """Statements that write a new stamp to an address."""
+    return ["places(clock, 1)[0] += 1", f"places({time}, 1)[0] = places(clock, 1)[0]"]
+
+
+class KernelCall(NamedTuple):
+    """A builtin that runs a sample kernel; kernels whose arguments have like ranks share it, which saves compiling.
+
+    sizes, axes  of the inputs and of the output, as their Spec has them
+    words        of its plan: those that do not depend on the model
+    """
+
+    builtin: Builtin
+    spec: Spec
+    sizes: tuple[str | int, ...]
+    axes: tuple[str | int, ...]
+    words: dict[str, int]
+
+    def bind(self, *alive: Any, **given: int) -> Callable[..., Any]:
+        """The function for the table and the sizes ``nq, nv, njoints`` of a model, and other words of its plan."""
+        sizes = {name: given.pop(name) for name in SIZES}
+        lengths = [int(sizes.get(str(x), x)) for x in self.sizes]
+        words = {f"size{k}": n for k, n in enumerate(lengths)} | {"kernel": kernel_address(self.spec)} | self.words
+        words |= {f"axis{k}": int(sizes.get(str(x), x)) for k, x in enumerate(self.axes)}
+        if "staged" in self.builtin.words:
+            count, words["given"] = math.prod(words[f"axis{k}"] for k in range(len(self.axes))), sum(lengths)
+            staged = np.empty(sum(lengths) + count)
+            words |= {
+                "staged": staged.ctypes.data,
+                "forces": 6 * sizes["njoints"],
+                "clock": address(clock.now),
+                "tuple": id(tuple),
+            }
+            alive = *alive, staged
+        return self.builtin.bind(*alive, **words, **given)
+
+
+def _kernel_call(
+    make: Callable[..., Builtin], spec: Spec, *more: Any, unused: Sequence[Argument] = (), **words: int
+) -> KernelCall:
+    inputs, axes = [*(x for x in spec.present if x.name != "fext"), *unused], numba_kernels.kernel_shape(spec.output)
+    kinds = "".join("v" if x.shape else "r" for x in inputs)
+    return KernelCall(
+        make(kinds, len(axes), *more), spec, tuple(x.shape[0] if x.shape else 0 for x in inputs), axes, words
+    )
+
+
+def call_builtin(name: str, forces: bool = False) -> KernelCall:
+    """``(*inputs) -> result`` of a public call for one sample; forces as of ``recorded_call``. Words: table, sizes."""
+    spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
+    return _kernel_call(_call, spec, 0, forces, memory=0, result=0, returns=ARRAY, time=0)
+
+
+def recorded_call(name: str, unused: tuple[str, ...] = (), returns: int = ARRAY, forces: bool = False) -> KernelCall:
     """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result.
 
-    unused      vectors (nv,) that are recorded only
-    new_result  True: returns a new array and copies it; False: writes the recorded result in place, returns True
-    forces      a last argument holds the external forces, one after the other, and is not recorded
+    unused   vectors (nv,) that are recorded only
+    returns  ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: the recorded result is
+             written in place while the kernel runs, and True returned
+    forces   a last argument holds the external forces, one after the other, and is not recorded
 
-    Returns None if not applicable. Words: table, sizes, axes of the result, memory for the inputs, result.
+    Returns None if not applicable. Words: table, sizes, memory for the inputs, result, time.
     """
     spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    axes = [f"axis{k}" for k in range(len(numba_kernels.kernel_shape(spec.output)))]
-    words = ["table", *SIZES, *axes, "memory", "result"]
-    inputs = [*(x for x in spec.present if x.name != "fext"), *(Argument(x, ("nv",), "", "") for x in unused)]
-    arguments = [x.name for x in inputs]
-    shape, passed = f"({', '.join(axes)},)", "".join(f"{x.name}_in, " for x in spec.present)
-    body = [*_check_arguments(inputs), f"count = {' * '.join(axes)}"]
+    more = [Argument(x, ("nv",), "", "") for x in unused]
+    return _kernel_call(_call, spec, len(more), forces, unused=more, returns=returns)
+
+
+@cache
+def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
+    """A call of a kernel; kinds: of each input, "v" a vector, "r" a number. Vectors are copied first."""
+    arguments, axes = [f"x{k}" for k in range(len(kinds))], [f"axis{k}" for k in range(rank)]
+    words = ["table", "kernel", *(f"size{k}" for k in range(len(kinds))), *axes]
+    words += ["given", "forces", "staged", "memory", "result", "returns", "clock", "time", "tuple"]
+    checks = [
+        f"is_vector(plan, x{k}, size{k})" if kind == "v" else f"is_real(plan, x{k})" for k, kind in enumerate(kinds)
+    ]
+    shape, count, passed = f"({', '.join(axes)},)", " * ".join(axes), [f"y{k}" for k in range(len(kinds) - unused)]
     if forces:
-        arguments.append("fext")
-        body += [
-            "if not is_vector(plan, fext, 6 * njoints): return return_none(plan)",
-            f"fext_in = at(word(fext, {DATA}), (njoints, 6))",
-        ]
-    if new_result:
-        body += [
-            *make_answer(words, axes[0], len(axes)),
-            f"if sample_kernel(table, {passed}at(word(answer, {DATA}), {shape})) != {numba_kernels.OK}:",
-            "    return discard(plan, answer)",
-        ]
-    else:  # result is written while inputs are read
-        body += [f"if not no_overlap({x.name}, {x.shape[0]}, result, count): return return_none(plan)" for x in inputs]
-        run = f"sample_kernel(table, {passed}at(result, {shape}))"
-        body.append(f"if {run} != {numba_kernels.OK}: return return_none(plan)")
-    body += record(**{x.name: str(x.shape[0]) for x in inputs})  # before the result, which may share their memory
-    if new_result:
-        body.append(f"copy(at(word(answer, {DATA}), (count,)), at(result, (count,)))")
-    body.append("return answer" if new_result else "return return_true(plan)")
-    label = "_".join(["recorded", name, *unused, "new" if new_result else "in_place", *["forces"] * forces])
-    return Builtin(label, arguments, words, body, {"sample_kernel": numba_kernels.sample_kernel(spec), "copy": copy})
+        arguments, checks = [*arguments, "fext"], [*checks, "is_vector(plan, fext, forces)"]
+        passed.append(f"at(word(fext, {DATA}), (forces // 6, 6))")
+    body = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
+    body.append("first = staged")
+    for k, kind in enumerate(kinds):
+        if kind == "r":
+            body.append(f"y{k} = real(x{k})")
+        else:
+            body += [f"y{k} = at(first, (size{k},))", f"copy(vector(x{k}, size{k}), y{k})", f"first += 8 * size{k}"]
+    body += [
+        "answer, out = 0, result",
+        f"if returns == {PARTS}: out = first",
+        f"if returns == {ARRAY}:",
+        *(f"    {line}" for line in make_answer(words, "axis0", rank)),
+        f"    out = word(answer, {DATA})",
+        f"if run_kernel(kernel, table, ({', '.join([*passed, f'at(out, {shape})'])},)) != {numba_kernels.OK}:",
+        "    return discard(plan, answer) if answer != 0 else return_none(plan)",
+        "if memory != 0:",
+        "    copy(at(staged, (given,)), at(memory, (given,)))",
+        f"    copy(at(table + {GRAVITY}, (3,)), at(memory + 8 * given, (3,)))",
+        f"    if out != result: copy(at(out, ({count},)), at(result, ({count},)))",
+        *(f"    {line}" for line in put_stamp()),
+        *([f"if returns == {PARTS}: return new_tuple(plan, tuple, out, {dims(words, 'axis0')})"] if rank == 3 else []),
+        "return answer if answer != 0 else return_true(plan)",
+    ]
+    label = f"call_{kinds}_{rank}_{unused}" + "_forces" * forces
+    return Builtin(label, arguments, words, body, {"copy": copy})
 
 
 @inline
@@ -123,15 +195,27 @@ def copy(x: Any, out: Any) -> None:
         out[i] = x[i]
 
 
-@cache
-def recompute(name: str) -> Builtin:
+def recompute(name: str) -> KernelCall:
     """``() -> True``: writes a public call's result at the recorded inputs in place. Words: table, sizes, addresses."""
-    spec = numba_kernels.variant(SPECS[name], frozenset())
-    arrays = [*spec.present, spec.output]
-    words = ["table", *SIZES, *(f"{x.name}_address" for x in arrays)]
-    passed = ", ".join(f"at({x.name}_address, {_shape_text(x)})" for x in arrays)
-    body = [f"return return_true(plan) if sample_kernel(table, {passed}) == {numba_kernels.OK} else return_none(plan)"]
-    return Builtin(f"recompute_{name}", [], words, body, {"sample_kernel": numba_kernels.sample_kernel(spec)})
+    return _kernel_call(_recompute, numba_kernels.variant(SPECS[name], frozenset()))
+
+
+@cache
+def _recompute(kinds: str, rank: int) -> Builtin:
+    inputs, axes = range(len(kinds)), [f"axis{k}" for k in range(rank)]
+    words = ["table", "kernel", *(f"size{k}" for k in inputs), *axes, *(f"address{k}" for k in inputs), "out"]
+    arrays = [*(f"at(address{k}, (size{k},))" for k in inputs), f"at(out, ({', '.join(axes)},))"]
+    run = f"run_kernel(kernel, table, ({', '.join(arrays)},)) == {numba_kernels.OK}"
+    return Builtin(
+        f"recompute_{kinds}_{rank}", [], words, [f"return return_true(plan) if {run} else return_none(plan)"], {}
+    )
+
+
+@cache
+def copy_builtin() -> Builtin:
+    """``() -> True``: copies numbers. Words: their addresses, and how many."""
+    body = ["copy(at(source, (count,)), at(target, (count,)))", "return return_true(plan)"]
+    return Builtin("copy", [], ["source", "target", "count"], body, {"copy": copy})
 
 
 # --- frames ----------------------------------------------------------------------------------------------
@@ -153,16 +237,16 @@ def place_frames(joints_too: bool) -> Builtin:
 
     Words: table, sizes, memory for q, poses of the joints, result, frames.
     """
-    words = ["table", *SIZES, "memory", "poses", "result", *FRAMES]
+    words = ["table", *SIZES, "memory", "poses", "result", "clock", "time", "time_of_joints", *FRAMES]
     spec = SPECS["forward_kinematics"]
     body = ["X = at(poses, (njoints, 4, 4))"]
     if joints_too:
         run = f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)"
-        body = [*_check_arguments(spec.present), *body, run, *record(q="nq")]
+        body = [*_check_arguments(spec.present), *body, run, *record(q="nq"), *put_stamp("time_of_joints")]
     body.append(f"place_all(X, places(joints, frames), at(placements, {STACK}), at(result, {STACK}))")
     scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "place_all": _place_all, "copy": copy}
     label = "place_joints_and_frames" if joints_too else "place_frames"
-    return Builtin(label, ["q"] * joints_too, words, [*body, "return return_true(plan)"], scope)
+    return Builtin(label, ["q"] * joints_too, words, [*body, *put_stamp(), "return return_true(plan)"], scope)
 
 
 @cache
@@ -294,7 +378,7 @@ def frame_jacobian_at() -> Builtin:
     In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table, six
     (6), sizes, memory, code of the reference, addresses of held fields, frames; joints are rows of the table.
     """
-    words = ["table", *SIZES[::2], "six", "nv", "memory", "code", *HELD, *FRAMES]
+    words = ["table", *SIZES[::2], "six", "nv", "memory", "clock", "time", "code", *HELD, *FRAMES]
     body = [
         *_check_arguments(SPECS["frame_jacobian"].present[:1]),
         "k, bodies = index(plan, frame, frames), table_at(table)",
@@ -310,6 +394,7 @@ def frame_jacobian_at() -> Builtin:
         "    X = place_path(bodies, work, path, places(joints, frames)[k], poses, local, held)",
         "    if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(X, read_pose(p)))",
         *record(q="nq"),
+        *put_stamp(),
         "return answer",
     ]
     scope = {

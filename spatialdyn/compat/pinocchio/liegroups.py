@@ -18,6 +18,7 @@ from .model.model import Model
 from .types.arguments import ArgumentError, described, expected
 from .types.containers import StdVec_Index
 from .types.frame import ARG0, ARG1, ArgumentPosition
+from .types.registered import Registered
 from .types.se3 import SE3 as Placement
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ def _forwarded(rows: str) -> Iterator[Callable[..., Any]]:
         yield method
 
 
-class LieGroup:
+class LieGroup(Registered):
     """A Lie group; ``G * H`` is their product. ``LieGroup()`` is the group of one element.
 
     name     such as "R^3 x SO(3)"
@@ -68,6 +69,11 @@ class LieGroup:
     def __init__(self, parts: Sequence[str] = (), model: Model | None = None) -> None:
         self._parts = tuple(parts)
         self._whole = model
+
+    @classmethod
+    def _of_joint(cls, joint: JointModel) -> LieGroup:
+        """The configuration space of a joint."""
+        return cls(_groups(joint))
 
     @property
     def _model(self) -> Model:
@@ -208,11 +214,3 @@ def findCommonAncestor(model: Model, joint1_id: int, joint2_id: int) -> tuple[in
     first, second = (list(expected(model, Model, "model").supports[k]) for k in (joint1_id, joint2_id))
     shared = sum(a == b for a, b in zip(first, second, strict=False)) - 1
     return int(first[shared]), shared, shared
-
-
-def _of_joint(self: JointModel) -> LieGroup:
-    """The configuration space of the joint."""
-    return LieGroup(_groups(self))
-
-
-JointModel.lieGroup = _of_joint

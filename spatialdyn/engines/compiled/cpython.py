@@ -18,8 +18,9 @@ from numba.extending import intrinsic
 from numpy.lib.stride_tricks import as_strided
 
 from ...algebra.scalars import inline
+from ...recursions.spec import Spec
 from .. import object_layout as layout
-from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
+from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, ITEMS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
 from . import jit, numba_kernels
 
 F8 = np.float64
@@ -73,6 +74,21 @@ def _word_at(typing_context: Any, base: Any, k: Any) -> Any:
     return types.int64(types.intp, types.intp), generate
 
 
+def _kernel_call(typing_context: Any, kernel: Any, table: Any, arrays: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        kinds, convention = [types.intp, *signature.args[2]], context.call_conv
+        function = convention.get_function_type(types.int64, kinds).as_pointer()
+        passed = [values[1], *(builder.extract_value(values[2], k) for k in range(len(kinds) - 1))]
+        status, found = convention.call_function(
+            builder, builder.inttoptr(values[0], function), types.int64, kinds, passed
+        )
+        with builder.if_then(status.is_error, likely=False):
+            convention.return_status_propagate(builder, status)
+        return found
+
+    return types.int64(types.intp, types.intp, arrays), generate
+
+
 _make: Any = _call(_WORD, _WORD, _HALF, _WORD, _HALF, _WORD, _WORD, _HALF, _HALF, _WORD)
 _count: Any = _call(ir.VoidType(), _WORD)
 _size: Any = _call(_WORD, _WORD)
@@ -80,6 +96,7 @@ _void: Any = _call(ir.VoidType())
 _allocate: Any = _call(_WORD, _WORD, _WORD)
 _from_double: Any = intrinsic(_real_call)
 real_function: Any = intrinsic(_real_function)  # (address, word) -> float64 of a C function
+run_kernel: Any = intrinsic(_kernel_call)  # (address, table, arrays) -> status of a ``sample_kernel``
 word: Any = intrinsic(_word_at)
 _pointer = jit.pointer
 
@@ -194,6 +211,22 @@ def new_object(plan: int, kind: int, slot: int, x: int) -> Any:
 
 
 @inline
+def new_tuple(plan: int, kind: int, x: int, shape: int) -> Any:
+    """A new tuple of new arrays with the numbers (..., m, n) at address x, their shape at another; 0 if no memory."""
+    count, size = word(shape, 0), word(shape, 1) * word(shape, 2)
+    made = _allocate(word(plan, ALLOCATE), (kind, count))
+    for k in range(count if made != 0 else 0):
+        part = new_array(plan, 2, shape + 8)
+        if part == 0:
+            _count(word(plan, DOWN), (made,))
+            return part
+        numbers = at(word(part, DATA), (size,))
+        numbers[:] = at(x + 8 * size * k, (size,))
+        places(made, ITEMS + k + 1)[ITEMS + k] = part
+    return made
+
+
+@inline
 def return_none(plan: int) -> Any:
     """A new reference to None."""
     _count(word(plan, UP), (word(plan, NONE),))
@@ -217,9 +250,18 @@ def discard(plan: int, x: int) -> Any:
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
     "no_overlap": no_overlap, "matrix": matrix, "index": index, "is_real": is_real, "real": real,
-    "new_array": new_array, "new_real": new_real, "new_object": new_object, "return_none": return_none,
-    "return_true": return_true, "discard": discard,
+    "new_array": new_array, "new_real": new_real, "new_object": new_object, "new_tuple": new_tuple,
+    "return_none": return_none, "return_true": return_true, "discard": discard, "run_kernel": run_kernel,
 }  # fmt: skip
+
+
+@cache
+def kernel_address(spec: Spec) -> int:
+    """The address of the machine code of a ``sample_kernel``, for ``run_kernel``."""
+    kernel: Any = numba_kernels.sample_kernel(spec)
+    (made,) = kernel.overloads.values()
+    address: int = made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
+    return address
 
 
 @cache

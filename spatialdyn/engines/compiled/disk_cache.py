@@ -32,8 +32,8 @@ from typing import Any
 from .numba_settings import setting
 
 VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, no cache if empty; Numba's variable names the folder above it
-MOST_FILES = 2048  # of each kind; some 0.1 MB each, and one version of the package makes up to 300 kernels
-KINDS = PROGRAM, NUMBERS, KERNEL = ".lanes", ".numbers", ".kernel"
+MOST_FILES = 2048  # of each kind; 0.1 MB or less each, and one version makes up to 500 kernels of 800 functions
+KINDS = PROGRAM, NUMBERS, KERNEL, INLINED = ".lanes", ".numbers", ".kernel", ".inlined"
 PART = ".part"  # a file being written
 
 OWNED = hasattr(os, "geteuid")  # whether files have an owner and a mode that say who may write

@@ -1,12 +1,11 @@
 """Numba's part of the compiled kernels: the only module that makes Numba functions.
 
-Importing it imports Numba, which takes 0.2 s, so other modules import it in the function that compiles. A function is
-compiled after ``register`` has handed Numba all that it may call.
+Importing it imports Numba, which takes 0.2 s, so other modules import it in the function that compiles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -21,6 +20,12 @@ from ...bodies.table import BODIES
 from ..interrupt import interruptible
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
+
+PIPELINES: Mapping[str, Any]
+try:
+    from .inlining import PIPELINES
+except ImportError:  # a version of Numba with its parts elsewhere: compiling takes several times as long
+    PIPELINES = {}
 
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
@@ -67,6 +72,11 @@ def _number_of(x):  # type: ignore[no-untyped-def]
 # --- functions and signatures --------------------------------------------------------------------------------
 
 
+def hand_over() -> None:
+    """Give Numba all functions that compiled code may call."""
+    register(PIPELINES)
+
+
 def numba_jit(
     function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True
 ) -> Callable[..., Any]:
@@ -75,7 +85,7 @@ def numba_jit(
     from_c    with an entry that C can call
     contract  whether LLVM may fuse multiplications and additions
     """
-    register()
+    hand_over()
     flags = {name: x for name, x in FLAGS.items() if contract or name != "fastmath"}
     dispatcher: Any = njit(**{**flags, "nogil": nogil, "no_cfunc_wrapper": not from_c})(function)
     if keep and not PLAIN:

@@ -15,6 +15,7 @@ from typing import Any
 
 import llvmlite
 import numba
+from numba import types
 from numba.core import compiler, serialize
 from numba.core.caching import _Cache
 from numba.core.runtime import rtsys  # type: ignore[attr-defined]
@@ -68,3 +69,40 @@ class NumbaCache(_Cache):
 
     def flush(self) -> None:
         """Nothing: no file is ever stale."""
+
+
+class InlinedCache:
+    """The cache of the package's ``inline`` functions, of whose LLVM code the kernels of any process are made."""
+
+    def __init__(self, stamp: str, rooms: tuple[str, ...]) -> None:
+        """Keep the functions of some rooms under a stamp of their sources."""
+        package, _, _ = __name__.partition(".")
+        self._stamp, self._rooms = stamp, tuple(f"{package}.{room.replace('/', '.')}." for room in rooms)
+
+    def digest(self, function: Callable[..., Any], state: Any) -> str:
+        """The name of a function's file; "" where the stamp, its name and its types do not tell what it does."""
+        if (
+            not function.__module__.startswith(self._rooms)
+            or "<" in function.__qualname__
+            or not all(map(_is_value, state.args))
+        ):
+            return ""
+        versions = (numba.__version__, llvmlite.__version__, sys.version, state.targetctx.codegen().magic_tuple())
+        name = (function.__module__, function.__qualname__, state.args, state.return_type, state.flags)
+        return hashlib.sha256(f"{self._stamp} {versions} {name}".encode()).hexdigest()
+
+    def read(self, digest: str) -> Any:
+        """What was written under a name, or None."""
+        payload = disk_cache.read(digest, disk_cache.INLINED)
+        return payload and pickle.loads(payload)
+
+    def write(self, digest: str, content: Any) -> None:
+        """Keep something picklable."""
+        disk_cache.write(digest, pickle.dumps(content), disk_cache.INLINED)
+
+
+def _is_value(kind: Any) -> bool:
+    """Whether a type's name tells what it is, as that of a function's type does not."""
+    if isinstance(kind, types.BaseTuple):
+        return all(map(_is_value, kind))  # type: ignore[call-overload]
+    return isinstance(kind, (types.Number, types.Boolean, types.Array, types.Record, types.NoneType, types.Omitted))

@@ -15,13 +15,10 @@ A user's own function in Numba's cache, whose key is its own file only, must cap
 
 from __future__ import annotations
 
-import hashlib
-import sys
 import threading
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,32 +28,13 @@ from ...recursions.spec import Argument, Spec
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
+from .stamp import STAMP
 
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
 _SIZES = {"nq": "bodies[0].q_index", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that kernels take
-COMPILED = (
-    "algebra", "bodies", "recursions", "engines", "constraints", "simulation", "compat/native"
-)  # fmt: skip  # the rooms that hold compiled code: an edit elsewhere leaves the cache valid
 _LOCK = threading.RLock()
-
-
-def package_folder() -> Path:
-    """The folder of the package, wherever in it this module is: a stamp of one room would miss edits in the others."""
-    return Path(str(sys.modules[__name__.partition(".")[0]].__file__)).resolve().parent
-
-
-def _stamp() -> str:
-    package = package_folder()
-    digest = hashlib.sha256()
-    for room in COMPILED:
-        for source in sorted((package / room).rglob("*.py")):
-            digest.update(source.read_bytes())
-    return digest.hexdigest()
-
-
-STAMP = _stamp()
 
 
 def variant(spec: Spec, present: Collection[str]) -> Spec:

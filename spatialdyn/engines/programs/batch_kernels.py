@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...recursions.spec import Spec
 from ..compiled import disk_cache
-from ..compiled.numba_kernels import STAMP
+from ..compiled.stamp import STAMP
 from ..threads import PIECES, thread_pool
 from . import host_cpu, simd, structure
 from .batches import Batches, rejected

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,11 @@ def case() -> Any:
     return made.model, random_state(made.tree, np.random.default_rng(0))
 
 
+TIME = np.zeros(1, np.int64)
 compiled = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
 
 
-def bound(function: cpython.Builtin, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
+def bound(function: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
     words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
     words |= {name: x.ctypes.data for name, x in arrays.items()}
     return function.bind(model, arrays, **words)
@@ -34,7 +36,7 @@ def bound(function: cpython.Builtin, model: Any, arrays: dict[str, Any], **sizes
 def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
     model, s = case
     tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
-    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
     found = call(s.q, s.v, s.a)
     np.testing.assert_array_equal(found, table_call("rnea", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(tau, found)
@@ -43,11 +45,27 @@ def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
 
 
 @compiled
+def test_a_result_may_be_returned_in_parts(case: Any) -> None:
+    model, s = case
+    result, memory = np.empty((3, model.nv, model.nv)), np.empty(model.nq + 2 * model.nv + 3)
+    function = recorded_calls.recorded_call("rnea_derivatives", returns=recorded_calls.PARTS)
+    call = bound(function, model, {"memory": memory, "result": result, "time": TIME})
+    found = call(s.q, s.v, s.a)
+    np.testing.assert_array_equal(found, table_call("rnea_derivatives", model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(found, result)
+    assert type(found) is tuple
+    assert all(x.flags.owndata and sys.getrefcount(x) == 3 for x in found)
+    assert sys.getrefcount(found) == 2
+
+
+@compiled
 def test_forces_are_a_last_vector(case: Any) -> None:
     model, s = case
     tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
     call = bound(
-        recorded_calls.recorded_call("rnea", forces=True), model, {"memory": memory, "result": tau}, axis0=model.nv
+        recorded_calls.recorded_call("rnea", forces=True),
+        model,
+        {"memory": memory, "result": tau, "time": TIME},
     )
     np.testing.assert_array_equal(call(s.q, s.v, s.a, s.fext.ravel()), table_call("rnea", model, s.q, s.v, s.a, s.fext))
     assert call(s.q, s.v, s.a) is call(s.q, s.v, s.a, s.fext.ravel()[:-1]) is None
@@ -57,38 +75,38 @@ def test_forces_are_a_last_vector(case: Any) -> None:
 def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
     X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv + 3)
-    axes = {"axis0": model.njoints, "axis1": 4, "axis2": 4}
-    function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), False)
-    assert bound(function, model, {"memory": memory, "result": X}, **axes)(s.q, s.v, s.a) is True
+    stamp, before = np.zeros(1, np.int64), recorded_calls.clock()
+    function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), recorded_calls.RESULT)
+    assert bound(function, model, {"memory": memory, "result": X, "time": stamp})(s.q, s.v, s.a) is True
+    assert before < stamp[0] < recorded_calls.clock()
     np.testing.assert_array_equal(X, table_call("forward_kinematics", model, s.q))
     np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
 
 
 @compiled
-def test_an_input_that_runs_backwards_into_the_result_is_turned_away() -> None:
-    """Also one that is only recorded, after the result; inputs wholly before or after the result are accepted."""
+def test_an_input_may_lie_in_the_result() -> None:
+    """Also one that is only recorded, and one that runs backwards."""
     model = random_tree(3, 5, ["revolute"]).model
     n, count = model.nq, 16 * model.njoints
-    q, memory, axes = np.full(n, 0.1), np.empty(2 * n + 3), {"axis0": model.njoints, "axis1": 4, "axis2": 4}
-    room = np.zeros(n + count + n)
+    q, memory = np.full(n, 0.1), np.empty(2 * n + 3)
+    room = np.random.default_rng(0).normal(size=n + count + n)
     X = room[n : n + count].reshape(model.njoints, 4, 4)
-    call = bound(
-        recorded_calls.recorded_call("forward_kinematics", ("v",), False),
-        model,
-        {"memory": memory, "result": X},
-        **axes,
-    )
-    for first in (n, n + 2, 2 * n - 2, n + count - 1, n + count, n + count + n - 2):
-        assert call(q, room[first : first - n : -1]) is None
-    for first, last in ((n - 1, None), (n + count + n - 1, n + count - 1)):
-        assert call(q, room[first:last:-1]) is True
+    places = {"memory": memory, "result": X, "time": TIME}
+    call = bound(recorded_calls.recorded_call("forward_kinematics", ("v",), recorded_calls.RESULT), model, places)
+    for given in (room[n : 2 * n], room[n + 2 : 2 : -1], room[n + count + n - 1 : n + count - 1 : -1]):
+        before = given.copy()
+        assert call(given, q) is True
+        np.testing.assert_array_equal(X, table_call("forward_kinematics", model, before))
+        before = given.copy()
+        assert call(q, given) is True
+        np.testing.assert_array_equal(memory[n : 2 * n], before)
 
 
 @compiled
 def test_a_failure_notes_nothing(case: Any) -> None:
     model, s = case
     tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv + 3)
-    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau}, axis0=model.nv)
+    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
     assert call(2.0 * s.q, s.v, s.a) is call(s.q, s.v, s.a * np.inf) is None
     assert not memory.any()
     assert not tau.any()
@@ -98,9 +116,7 @@ def test_a_failure_notes_nothing(case: Any) -> None:
 def test_a_call_is_made_again_on_what_was_noted(case: Any) -> None:
     model, s = case
     out = np.empty((model.njoints, 6))
-    arrays = {"q_address": s.q, "v_address": s.v, "V_address": out}
-    output = sd.recursions.SPECS["joint_velocities"].output.name
-    arrays[f"{output}_address"] = arrays.pop("V_address")
+    arrays = {"address0": s.q, "address1": s.v, "out": out}
     assert bound(recorded_calls.recompute("joint_velocities"), model, arrays)() is True
     np.testing.assert_array_equal(out, table_call("joint_velocities", model, s.q, s.v))
 
@@ -112,6 +128,7 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
     X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq + 3)
     arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": placements}
+    arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time", "time_of_joints")}
     assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
         np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)

@@ -32,13 +32,16 @@ OF_TUPLES = {"_asdict", "_replace", "_fields", "_make"}  # documented by named t
 # name -> the files that may use it
 BORROWED: dict[str, set[str]] = {
     # how inlined functions are compiled
-    "numba.core.codegen.JITCodeLibrary": {"algebra/numba_passes.py"},
-    "numba.core.compiler.CompilerBase": {"algebra/numba_passes.py"},
-    "numba.core.compiler.DefaultPassBuilder": {"algebra/numba_passes.py"},
-    "numba.core.compiler_machinery.LoweringPass": {"algebra/numba_passes.py"},
-    "numba.core.compiler_machinery.register_pass": {"algebra/numba_passes.py"},
-    "numba.core.typed_passes.IRLegalization": {"algebra/numba_passes.py"},
-    "_finalize_dynamic_globals": {"algebra/numba_passes.py"},
+    "numba.core.codegen.JITCodeLibrary": {COMPILED + "inlining.py"},
+    "numba.core.compiler.CompilerBase": {COMPILED + "inlining.py"},
+    "numba.core.compiler.CompileResult": {COMPILED + "inlining.py"},
+    "numba.core.environment.Environment": {COMPILED + "inlining.py"},
+    "_final_module": {COMPILED + "inlining.py"},
+    "numba.core.compiler.DefaultPassBuilder": {COMPILED + "inlining.py"},
+    "numba.core.compiler_machinery.LoweringPass": {COMPILED + "inlining.py"},
+    "numba.core.compiler_machinery.register_pass": {COMPILED + "inlining.py"},
+    "numba.core.typed_passes.IRLegalization": {COMPILED + "inlining.py"},
+    "_finalize_dynamic_globals": {COMPILED + "inlining.py"},
     # the cache of compiled functions
     "numba.core.caching._Cache": {COMPILED + "numba_cache.py"},
     "numba.core.compiler": {COMPILED + "numba_cache.py"},
@@ -76,8 +79,8 @@ BORROWED: dict[str, set[str]] = {
     "_getframe": {"compat/pinocchio/coverage/coverage.py", "compat/pinocchio/types/arguments.py"},
 }
 OVERRIDDEN = {  # methods and attributes of Numba's classes that ours override
-    "_finalize_final_module": "algebra/numba_passes.py", "_optimize_final_module": "algebra/numba_passes.py",
-    "_finalized": "algebra/numba_passes.py",
+    "_finalize_final_module": COMPILED + "inlining.py", "_optimize_final_module": COMPILED + "inlining.py",
+    "_finalized": COMPILED + "inlining.py",
 }  # fmt: skip
 
 

@@ -182,18 +182,18 @@ def test_a_folder_deleted_meanwhile_is_made_anew(arm: sd.Model, folder: Path, ru
 def test_what_was_used_last_stays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process prunes once, when it first writes."""
     monkeypatch.setattr(disk_cache, "MOST_FILES", 2)
-    for kind in (disk_cache.NUMBERS, disk_cache.PROGRAM, disk_cache.KERNEL):
+    for kind in disk_cache.KINDS:
         for k in range(4):
             disk_cache.write(f"digest{k}", b"x", kind)
             os.utime(folder / f"digest{k}{kind}", (k, k))
-    assert len(list(folder.iterdir())) == 12
+    assert len(list(folder.iterdir())) == 4 * len(disk_cache.KINDS)
     assert disk_cache.read("digest0") == b"x"
     monkeypatch.setattr(disk_cache, "_done", set())  # another process
     disk_cache.write("digest4", b"x")
     kept = {kind: [disk_cache.read(f"digest{k}", kind) for k in range(5)] for kind in disk_cache.KINDS}
     others = [None, None, b"x", b"x", None]
     written = [b"x", None, None, None, b"x"]
-    assert kept == {disk_cache.PROGRAM: written, disk_cache.NUMBERS: others, disk_cache.KERNEL: others}
+    assert kept == dict.fromkeys(disk_cache.KINDS, others) | {disk_cache.PROGRAM: written}
 
 
 def test_a_folder_is_looked_through_once_a_process(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import llvmlite
@@ -13,10 +14,15 @@ import numpy as np
 import pytest
 from inputs import empty_memory, sorted_inputs
 from numba import types
+from numba.core import compiler
+from numba.core.cpu import FastMathOptions
+from numba.core.typing.templates import AbstractTemplate
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.algebra import spatial
 from spatialdyn.engines.compiled import numba_cache, numba_kernels
+from spatialdyn.engines.compiled.stamp import COMPILED
 from spatialdyn.engines.programs import batch_kernels, host_cpu, recording
 from spatialdyn.engines.programs.parameters import Parameter
 from spatialdyn.recursions import SPECS
@@ -222,3 +228,63 @@ def test_calls_with_and_without_an_optional_input_have_two_names() -> None:
 def _choices(spec: Any) -> list[list[str]]:
     optional = [x.name for x in sorted_inputs(spec) if x.optional]
     return [[], *([name] for name in optional), *([optional] if len(optional) > 1 else [])]
+
+
+# --- inlined functions -----------------------------------------------------------------------------------
+
+
+def inlined_name(
+    function: Callable[..., Any] = spatial.cross_motion,
+    args: tuple[Any, ...] = (types.float64,),
+    stamp: str = "a",
+    magic: str = "cpu",
+    **flags: Any,
+) -> str:
+    made_flags: Any = compiler.Flags
+    asked = made_flags()
+    for name, x in flags.items():
+        setattr(asked, name, x)
+    target = SimpleNamespace(codegen=lambda: Codegen("triple", magic, "features"))
+    state = SimpleNamespace(args=args, return_type=None, flags=asked, targetctx=target)
+    return numba_cache.InlinedCache(stamp, COMPILED).digest(function, state)
+
+
+def test_an_inlined_function_is_named_by_all_that_its_code_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    array: Any = types.Array
+    names = [
+        inlined_name(),
+        inlined_name(spatial.cross_force),
+        inlined_name(args=(types.float32,)),
+        inlined_name(args=(array(types.float64, 1, "C"),)),
+        inlined_name(args=(array(types.float64, 1, "A"),)),
+        inlined_name(args=(types.UniTuple(types.float64, 2),)),
+        inlined_name(stamp="b"),
+        inlined_name(magic="another cpu"),
+        inlined_name(error_model="numpy"),
+        inlined_name(fastmath=FastMathOptions({"contract"})),
+    ]
+    for owner, what in ((numba, "__version__"), (llvmlite, "__version__"), (sys, "version")):
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, what, getattr(owner, what) + "+")
+            names.append(inlined_name())
+    assert all(names)
+    assert len(set(names)) == len(names)
+    assert inlined_name() == names[0]
+
+
+def test_a_function_is_not_kept_where_its_name_does_not_tell_what_it_does() -> None:
+    def local(x: float) -> float:
+        return x
+
+    local.__module__ = spatial.__name__
+    passed: Any = types.Function
+    assert inlined_name(local) == ""  # another of that name may have another text
+    assert inlined_name(twice("a")) == ""  # of no stamped room
+    assert inlined_name(args=(passed(Template),)) == ""  # a function's type
+    assert inlined_name(args=(types.Tuple((types.float64, passed(Template))),)) == ""
+
+
+class Template(AbstractTemplate):
+    """What Numba knows of a function that is passed to another."""
+
+    key = "a function"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ....engines.compiled.cpython import READY
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
@@ -31,7 +30,7 @@ FAR = 1e30  # products of seven such numbers are finite
 
 
 def _library_model(model: Model) -> Any:
-    return library_model(expected(model, Model, "model")).model
+    return library_model(expected(model, Model, "model"))
 
 
 def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[..., Array]:
@@ -50,7 +49,7 @@ def _call(name: str, inputs: str, doc: str, clipped: bool = False) -> Callable[.
             else:
                 q = vector(x, value, model.nv if x == "v" else model.nq)
                 values.append(_clipped(model, q) if clipped else q)
-        found: Array = dynamics.table_call(name, library, *values)
+        found: Array = library.compute(name, *values)
         return found
 
     text = [
@@ -161,15 +160,13 @@ def _position(position: Any) -> int:
 
 def dIntegrate(model: Model, q: Any, v: Any, argument_position: Any = None) -> Any:
     """Derivatives (nv, nv) of integrate by q and by v, a tuple; one of them for ARG0, ARG1."""
-    library = _library_model(model)
-    both = dynamics.table_call("dintegrate", library, vector("q", q, model.nq), vector("v", v, model.nv))
+    both = _library_model(model).compute("dintegrate", vector("q", q, model.nq), vector("v", v, model.nv))
     return tuple(both) if argument_position is None else both[_position(argument_position)]
 
 
 def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = None) -> Any:
     """Derivatives (nv, nv) of difference by q1 and by q2, a tuple; one of them for ARG0, ARG1."""
-    library = _library_model(model)
-    both = dynamics.table_call("ddifference", library, vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    both = _library_model(model).compute("ddifference", vector("q1", q1, model.nq), vector("q2", q2, model.nq))
     return tuple(both) if argument_position is None else both[_position(argument_position)]
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ....errors import SpatialDynError
 from ....recursions.spec import LOCAL_WORLD_ALIGNED as ALIGNED
 from ....recursions.spec import WORLD as IN_WORLD
@@ -56,7 +55,7 @@ def _last_aba(model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any) -> 
 
 
 _CALLS = """
-computeRNEADerivatives = rnea_derivatives; returns: tuple(result); forces: fext=None
+computeRNEADerivatives = rnea_derivatives; forces: fext=None
     ∂tau/∂q, ∂tau/∂v and ∂tau/∂a = M, (nv, nv) each, also ``data.dtau_dq``, ``data.dtau_dv`` and ``data.M``.
 
     q     (nq,)            joint positions
@@ -64,7 +63,7 @@ computeRNEADerivatives = rnea_derivatives; returns: tuple(result); forces: fext=
     fext  list of njoints  Force on each joint's body, fixed in the joint's frame
 
     Raises ArgumentError (a TypeError) for a wrong type, ShapeError (a ValueError) for a wrong size.
-computeABADerivatives = aba_derivatives; returns: tuple(result); forces: fext=None; optional: q, v, tau;
+computeABADerivatives = aba_derivatives; forces: fext=None; optional: q, v, tau;
   slow: q, v, tau, fext = last_aba(model, data, q, v, tau, fext)
     ∂ddq/∂q, ∂ddq/∂v and ∂ddq/∂tau = M⁻¹, (nv, nv) each, also ``data.ddq_dq``, ``data.ddq_dv`` and ``data.Minv``.
 
@@ -75,7 +74,7 @@ computeGeneralizedGravityDerivatives = gravity_derivatives
     ∂g/∂q (nv, nv) of the gravity torques.
 computeStaticTorqueDerivatives = static_derivatives; forces: fext; when: fext is not None; slow: given_forces(fext)
     ∂tau/∂q (nv, nv) of the static torques g(q) - Σ Jᵀ fext; fext as in computeRNEADerivatives.
-computeCentroidalDynamicsDerivatives = centroidal_derivatives; returns: tuple(result)
+computeCentroidalDynamicsDerivatives = centroidal_derivatives
     ∂h/∂q, ∂(dh/dt)/∂q, ∂(dh/dt)/∂v and ∂(dh/dt)/∂a = Ag, (6, nv) each, of the centroidal momentum h.
 computeForwardKinematicsDerivatives = kinematics_derivatives1 kinematics_derivatives2; returns: None
     Record q, v and a for the derivatives of velocities and, with a, of accelerations below.
@@ -101,7 +100,7 @@ def getCentroidalDynamicsDerivatives(model: Model, data: Data) -> tuple[Array, A
 def getCenterOfMassVelocityDerivatives(model: Model, data: Data) -> Array:
     """∂vcom/∂q (3, nv) at the inputs of the last call that filled ``data.vcom``."""
     run = last_call(model, data, "vcom", before="centerOfMass with q and v")
-    found = dynamics.table_call("center_of_mass_velocity_derivatives", run.model, run.q, run.v)
+    found = run.library.compute("center_of_mass_velocity_derivatives", run.q, run.v)
     return np.array(found[0])
 
 

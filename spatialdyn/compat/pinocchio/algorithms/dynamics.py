@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_calls
 from ..model.model import Model
@@ -96,6 +95,6 @@ def getCoriolisMatrix(model: Model, data: Data) -> Array:
     run = data.latest("dJ")
     if run is None:
         return np.array(data.array("C"))
-    found: Array = dynamics.table_call("coriolis_matrix", run.model, run.q, run.v)
+    found: Array = run.library.compute("coriolis_matrix", run.q, run.v)
     data.put("C", found)
     return found

@@ -21,7 +21,6 @@ from ...native import recorded_calls
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_calls, frame_call, last_call, vector
 from ..data.frame_arguments import REFERENCES, about_frame, named, reference_code
-from ..data.last_call import clock
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import Array
@@ -85,7 +84,7 @@ def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
             fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
             held = {x: array for x, array in fields.items() if array is not None and library.joints is None}
             words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
-            words |= {"six": 6, "memory": run.memory.ctypes.data, "code": code, **library.words}
+            words |= {"six": 6, "memory": run.memory.ctypes.data, "code": code, **run.stamp_words, **library.words}
             words |= frames.words(rows=True)
             call = recorded_calls.frame_jacobian_at().bind(library, run, frames, held, **words)
         data._bound[name if of_joints else id(reference)] = run, frames, call
@@ -99,7 +98,6 @@ def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
         f"        if run.library is model._library{'' if of_joints else ' and frames is model._frame_placements'}:",
         f"            found = call(q, {index})",
         "            if found is not None:",
-        "                run.stamp = clock()",
         "                if run.recompute:",
         "                    data.recompute_held(run)",
         "                return found",
@@ -107,7 +105,7 @@ def _at(name: str, of_joints: bool, doc: str) -> Callable[..., Array]:
         "        pass",
         f"    return slow(model, data, q, {index}, {'LOCAL' if of_joints else 'reference_frame'})",
     ]
-    function = function_from_text(name, text, {"slow": slow, "clock": clock, "LOCAL": LOCAL}, f"pinocchio {name}")
+    function = function_from_text(name, text, {"slow": slow, "LOCAL": LOCAL}, f"pinocchio {name}")
     return named(function, name, doc)
 
 
@@ -145,8 +143,7 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         run.bound[name] = frames, call
         return found
 
-    bound = "data.latest('dJ').bound" if rate else "data._last_J[0].bound"  # None raises AttributeError
-    return frame_call(name, of_joints, doc, bound, " and model._library", slow)
+    return frame_call(name, of_joints, doc, f"data._latest[{field!r}].bound", slow)
 
 
 getJointJacobian = _recorded(

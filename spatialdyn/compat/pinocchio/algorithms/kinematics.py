@@ -43,7 +43,7 @@ forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:
     """Poses of the joints ``data.oMi`` from those in their parents ``data.liMi``."""
-    library, X, source = library_of(model, data), data.array("liMi"), data.latest("liMi")
+    library, X, source = library_of(model, data), data.array("liMi"), data.latest("liMi", of_call=True)
     out = np.empty_like(X)
     out[0] = IDENTITY
     for k in range(1, len(X)):
@@ -71,7 +71,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     if library.has_builtins:
         words = {"poses": X.ctypes.data, "memory": 0, "result": run.result.ctypes.data, **frames.words()}
         call = recorded_calls.place_frames(False).bind(
-            X, run.result, frames, **{**library.words, "njoints": len(X)}, **words
+            X, run, frames, **{**library.words, "njoints": len(X)}, **words, **run.stamp_words, time_of_joints=0
         )
         data._bound["frames"] = frames, run, call
 
@@ -122,9 +122,9 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     library, placements = run.library, model._frame_placements
     if library.has_builtins and library.joints is None:
         words = {"memory": run.memory.ctypes.data, "poses": run.result.ctypes.data, **placements.words()}
-        alive = run.memory, run.result, frames.result, placements
+        words |= {**frames.stamp_words, "time_of_joints": run.stamp_words["time"]}
         call = recorded_calls.place_frames(True).bind(
-            library, *alive, **library.words, result=frames.result.ctypes.data, **words
+            library, run, frames, placements, **library.words, result=frames.result.ctypes.data, **words
         )
         data._bound["all frames"] = placements, run, frames, call
 
@@ -156,7 +156,7 @@ def _motion(name: str, doc: str, field: str, classical: bool = False) -> Callabl
             data._bound[name] = frames, call
         return Motion.over(out)
 
-    return frame_call(name, of_joints, doc, "data._bound", "", slow, LOCAL)
+    return frame_call(name, of_joints, doc, "data._bound", slow, LOCAL)
 
 
 getVelocity = _motion("getVelocity", "Velocity of a joint's frame, from ``data.v``.", "v")

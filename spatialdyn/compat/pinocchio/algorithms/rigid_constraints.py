@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....calls import dynamics
 from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
@@ -302,7 +301,7 @@ def computeConstraintDynamicsDerivatives(
             turning[part] = c.turn @ np.vstack([np.cross(w, f, axisa=0, axisb=0).T for f in force.reshape(-1, 3)])
         first += len(c.J)
     given = forces(fext, at.library, model.njoints)
-    by_q, by_v, _ = dynamics.table_call("rnea_derivatives", at.library.model, at.q, at.v, at.a, given)
+    by_q, by_v, _ = at.library.compute("rnea_derivatives", at.q, at.v, at.a, given)
     right = np.vstack([np.hstack([by_force - by_q, -by_v, np.eye(n)]), np.hstack([-rows, np.zeros((m, n))])])
     both = inverse(at.library.model, solved) @ right
     parts = [*np.hsplit(both[:n], 3), *np.hsplit(-both[n:], 3)]

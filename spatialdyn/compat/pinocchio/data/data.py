@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....errors import ShapeError
+from ...native.recorded_calls import clock
 from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..model.serialization_format import Stored, fill, state
@@ -20,8 +21,9 @@ from ..types.arguments import ArgumentError, Array, described
 from ..types.array_rows import Rows
 from ..types.inertia import Inertia
 from ..types.motion import Force, Motion
+from ..types.registered import Registered
 from ..types.se3 import SE3
-from .last_call import Run, clock
+from .last_call import Assigned, Run
 
 __all__ = ["Data"]
 
@@ -85,28 +87,27 @@ def _initial(model: Model, name: str) -> Array:
 # --- the data --------------------------------------------------------------------------------------------
 
 
-class Data(Stored):
+class Data(Stored, Registered):
     """Results of the algorithms for a Model; ``model.createData()`` makes one. One for each thread.
 
     Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... but for the scratch of its algorithms.
+
+    Two books: ``_runs``, the stamped sources of all fields, which are the last calls by kind and the arrays assigned by
+    the user; and ``_held``, the arrays of fields that were read, which calls write in place. ``_bound`` and ``_latest``
+    follow from them: builtins on these arrays by the call that bound them, and the Runs that getters of Jacobians read.
     """
 
     # each call reads these: from a slot in 10 ns, from a __dict__ that was written to in 60
-
-    __slots__ = ("_assigned", "_bound", "_filled_by", "_held", "_last_J", "_nframes", "_runs", "_sizes", "model")
+    __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
 
     def __init__(self, model: Model | None = None) -> None:
-        if model is None:
-            model = Model()
-        self.model = model
+        self.model = model = Model() if model is None else model
         self._sizes, self._nframes = (model.nq, model.nv, model.njoints), model.nframes
-        self._runs: dict[str, Run] = {}  # by kind
-        self._filled_by: dict[str, list[Run]] = {}  # field -> the Runs that fill it
-        self._assigned: dict[str, tuple[int, Array]] = {}  # (stamp, array) of fields that a call or the user assigned
-        self._held: dict[str, Array] = {}  # fields that were read: calls write their arrays in place
-        self._last_J: list[Run | None] = [None]  # the latest Run that filled J, which Jacobians of frames come from
-        self._bound: dict[Any, Any] = {}  # builtins that read or write held arrays, by the call that bound them
+        self._runs: dict[str, Run] = {}
+        self._held: dict[str, Array] = {}
+        self._bound: dict[Any, Any] = {}
+        self._latest: dict[str, Run] = {}
 
     def run_of(self, name: str, model: Model, library: LibraryModel, shape: tuple[int, ...] | None = None) -> Run:
         """The Run of a kind for this model, new if the model changed. Raises ShapeError for a model of another size."""
@@ -120,15 +121,10 @@ class Data(Stored):
             self._bound.clear()
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
-            run = Run(name, library, np.array(model.parents, np.intp), shape)
-            run.bodies = library.numbers.inertias
-            run.stamp, run.last_J = stamp, self._last_J
-            self._runs[name] = run
+            run = self._runs[name] = Run(name, library, np.array(model.parents, np.intp), shape)
+            run.bodies, run.stamp = library.numbers.inertias, stamp
             self._bound.clear()
-            run.hold(self._held, self._recompute_field)
-            self._filled_by = {
-                field: [run for run in self._runs.values() if field in run.kind.fills] for field in FIELDS
-            }
+            run.hold(self._held, self._recompute)
         return run
 
     def check_frames(self, model: Model) -> None:
@@ -139,16 +135,15 @@ class Data(Stored):
     def note_call(self, run: Run) -> None:
         """Stamp a Run that was computed just now, and recompute the held fields that it fills."""
         run.stamp = clock()
-        if "J" in run.kind.fills:
-            self._last_J[0] = run
+        for name in run.getters:
+            self._latest[name] = run
         if self._held:
             self.recompute_held(run)
 
     def note_builtin_call(self, run: Run) -> None:
-        """Stamp a Run whose builtin was called just now, and recompute the held fields by their builtins."""
-        run.stamp = clock()
-        if "J" in run.kind.fills:
-            self._last_J[0] = run
+        """Note a Run whose builtin was called just now, and recompute the held fields by their builtins."""
+        for name in run.getters:
+            self._latest[name] = run
         for recompute in run.recompute:
             if recompute() is None:
                 self.recompute_held(run)
@@ -157,9 +152,9 @@ class Data(Stored):
         """Recompute the held fields that a Run fills by their recipes."""
         for name in [*self._held]:
             if name in run.kind.fills:
-                self._recompute_field(run, name)
+                self._recompute(run, name)
 
-    def _recompute_field(self, run: Run, name: str) -> bool:
+    def _recompute(self, run: Run, name: str) -> bool:
         """Recompute one held field in place."""
         found, held = run.kind.fills[name](run), self._held.get(name)
         if held is None or found is held:
@@ -167,9 +162,14 @@ class Data(Stored):
         if np.shape(found) == held.shape:
             held[...] = found
         else:  # its size changed: the next read makes a new array
-            del self._held[name], self.__dict__[name]
-            self._bind_held()
+            self._release(name)
         return True
+
+    def _release(self, name: str) -> None:
+        """Hold a field no longer."""
+        self.__dict__.pop(name, None)
+        if self._held.pop(name, None) is not None:
+            self._bind_held()
 
     def hold(self, name: str) -> Array:
         """The held array of a field, which calls write in place from now on."""
@@ -184,7 +184,7 @@ class Data(Stored):
         """Have every Run write the held fields; builtins on other arrays are dropped."""
         self._bound.clear()
         for run in self._runs.values():
-            run.hold(self._held, self._recompute_field)
+            run.hold(self._held, self._recompute)
 
     def put(self, name: str, value: Any) -> None:
         """Assign a field whole: in place if its array is held and of that shape, else as a new array."""
@@ -192,16 +192,14 @@ class Data(Stored):
         if held is not None and held.shape == np.shape(value):
             held[...] = value
         else:
-            self._assigned[name] = clock(), np.array(value, float)
-            self.__dict__.pop(name, None)
-            if self._held.pop(name, None) is not None:
-                self._bind_held()
+            self._runs[f"data.{name}"] = Assigned(name, np.array(value, float))
+            self._release(name)
 
-    def latest(self, name: str) -> Run | None:
-        """The latest Run that filled a field, if any."""
+    def latest(self, name: str, of_call: bool = False) -> Run | None:
+        """The latest source of a field, if any; ``of_call``: the latest call that recorded its inputs."""
         found, stamp = None, 0
-        for run in self._filled_by.get(name, ()):
-            if run.stamp > stamp:
+        for run in self._runs.values():
+            if run.stamp > stamp and name in run.kind.fills and (run.q is not None or not of_call):
                 found, stamp = run, run.stamp
         return found
 
@@ -210,13 +208,13 @@ class Data(Stored):
         held: Array | None = self._held.get(name)
         if held is not None:
             return held
-        run, given = self.latest(name), self._assigned.get(name)
-        if run is not None and (given is None or given[0] < run.stamp):
-            cached = run.cache.get(name)
-            if cached is None or cached[0] != run.stamp:
-                cached = run.cache[name] = run.stamp, np.asarray(run.kind.fills[name](run))
-            return cached[1]
-        return _initial(self.model, name) if given is None else given[1]
+        run = self.latest(name)
+        if run is None:
+            return _initial(self.model, name)
+        cached = run.cache.get(name)
+        if cached is None or cached[0] != run.stamp:
+            cached = run.cache[name] = run.stamp, np.asarray(run.kind.fills[name](run))
+        return cached[1]
 
     if TYPE_CHECKING:
 
@@ -236,16 +234,17 @@ class Data(Stored):
         else:
             getattr(self, name)._x[...] = value._x
 
+    def _written(self) -> dict[str, Array]:
+        """Copies of the fields that were computed, assigned or read."""
+        names = (name for name in FIELDS if name in self._held or self.latest(name) is not None)
+        return {name: np.array(self.array(name)) for name in names}
+
     def copy(self) -> Data:
         """An independent copy, for the same model."""
-        copied = Data(self.model)
-        for name in FIELDS:
-            if name in self._held or name in self._assigned or self.latest(name) is not None:
-                copied._assigned[name] = clock(), np.array(self.array(name))
-        return copied
+        return _restored(self.model, self._written())
 
     def _state(self) -> dict[str, Any]:
-        fields = {name: x.tolist() for name, (_, x) in self.copy()._assigned.items()}
+        fields = {name: x.tolist() for name, x in self._written().items()}
         return {"format": self._format, "model": state(self.model), "fields": fields}
 
     def _become(self, given: Mapping[str, Any]) -> None:
@@ -255,7 +254,8 @@ class Data(Stored):
             fill(model, given["model"])
             self.__dict__.clear()
             Data.__init__(self, model)
-        self._runs, self._filled_by, self._assigned, self._bound, self._last_J = {}, {}, {}, {}, [None]
+        for book in (self._runs, self._bound, self._latest):
+            book.clear()
         for name, x in self._held.items():
             if name not in given["fields"]:
                 x[...] = _initial(self.model, name)
@@ -269,8 +269,7 @@ class Data(Stored):
         return self.copy()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        fields = {name: x for name, (_, x) in self.copy()._assigned.items()}
-        return _restored, (self.model, fields)
+        return _restored, (self.model, self._written())
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Data) and all(
@@ -327,11 +326,3 @@ def library_of(model: Model, data: Data) -> LibraryModel:
     if not isinstance(data, Data):
         raise ArgumentError(f"data is {described(data)}, expected a Data")
     return library_model(model)
-
-
-def _created(self: Model) -> Data:
-    """A Data for the results of the algorithms."""
-    return Data(self)
-
-
-Model.createData = _created

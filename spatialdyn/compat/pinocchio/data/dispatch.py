@@ -6,15 +6,14 @@ import re
 from collections.abc import Callable
 from inspect import cleandoc
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from ....calls import dynamics
 from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ....model.robot_checks import masked
+from ...native.recorded_calls import PARTS
 from ..model.library_model import LibraryModel
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, ValueRuntimeError, described, module_of_caller
@@ -22,7 +21,7 @@ from ..types.array_rows import Rows
 from ..types.motion import Force
 from .data import Data, library_of
 from .field_recipes import CALL_KINDS
-from .last_call import Run, clock
+from .last_call import Run
 
 
 def vector(name: str, value: Any, size: int) -> Array:
@@ -56,7 +55,7 @@ def forces(fext: Any, library: LibraryModel, njoints: int) -> Array:
 
 
 def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: Any = None) -> tuple[Run, Any]:
-    """Check the inputs of a kind, compute its call; returns its Run and a new array, True if the data keeps the result.
+    """Check the inputs of a kind, compute its call; returns its Run, and what the Run's builtin would.
 
     Raises ArgumentError, ShapeError, and what the library's call raises.
     """
@@ -80,12 +79,13 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     if fext is not None:
         fext = forces(fext, library, model.njoints)
         passed.append(fext)
-    found = dynamics.table_call(entry.call, library.model, *passed)
+    found = library.compute(entry.call, *passed)
     run.store_inputs(*arrays)  # before the result, which may share memory with an input
     run.result[...] = found
     run.fext = fext
     data.note_call(run)
-    return run, True if entry.result_in_data else run.result.copy()
+    copied = None if entry.result_in_data else run.result.copy()
+    return run, True if copied is None else tuple(copied) if entry.returns == PARTS else copied
 
 
 def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKinematics") -> Run:
@@ -95,9 +95,9 @@ def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKine
     """
     library_of(model, data)
     for field in fields:
-        runs: list[Run] = [run for run in data._filled_by.get(field, ()) if run.stamp and run.q is not None]
-        if runs:
-            return max(runs, key=attrgetter("stamp"))
+        run: Run | None = data.latest(field, of_call=True)
+        if run is not None:
+            return run
     raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
 
 
@@ -161,12 +161,12 @@ def fast_call(
     chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
     text += [
         "        if result is not None:",
-        "            run.stamp = clock()",
-        *(["            run.last_J[0] = run"] if any("J" in CALL_KINDS[kind].fills for kind in choices) else []),
+        *(f"            data._latest[{x!r}] = run" for x in CALL_KINDS[next(iter(choices))].getters),
         *(["            if fext is None:", "                run.fext = None"] if forces else []),
-        "            for recompute in run.recompute:",
-        "                if recompute() is None:",
-        "                    data.recompute_held(run)",
+        "            if run.recompute:",
+        "                for recompute in run.recompute:",
+        "                    if recompute() is None:",
+        "                        data.recompute_held(run)",
         f"            return {returns}",
         "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # the fast path does not apply",
         "        pass",
@@ -177,20 +177,19 @@ def fast_call(
         f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
         f"    return {returns}",
     ]
-    scope |= {"clock": clock, "compute": compute, "last_call": last_call}
+    scope |= {"compute": compute, "last_call": last_call}
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function
 
 
 def frame_call(
-    name: str, of_joints: bool, doc: str, bound: str, guard: str, slow: Callable[..., Any], reference: Any = None
+    name: str, of_joints: bool, doc: str, bound: str, slow: Callable[..., Any], reference: Any = None
 ) -> Callable[..., Any]:
     """The function ``name(model, data, frame_id, reference_frame)``, or of a joint, ``name(model, data, joint_id,
     placement, reference_frame)`` and like calls: a builtin bound for the model's frames as they are, else ``slow``.
 
     bound      source text of the dict that holds the FramePlacements and the builtin by ``name``
-    guard      source text of what has to be true for the builtin
     slow       ``(model, data, about)``, with the arguments of ``about_frame``; binds the builtin for later calls
     reference  the reference frame by default
     """
@@ -199,7 +198,7 @@ def frame_call(
         f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
         "    try:",
         f"        frames, call = {bound}[{name!r}]",
-        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}{guard}:",
+        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}:",
         "            found = call(frame_id, reference_frame)",
         "            if found is not None:",
         "                return found",

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....calls import dynamics
 from ...native import operator_kernels, recorded_calls
 from ..types.arguments import Array
 
@@ -39,6 +39,19 @@ class Kind:
     places_path: bool = False
     result_in_data: bool = False
 
+    @cached_property
+    def getters(self) -> tuple[str, ...]:
+        """Those of the filled fields whose latest Run getters of Jacobians read."""
+        return tuple(name for name in ("J", "dJ") if name in self.fills)
+
+    @cached_property
+    def returns(self) -> int:
+        """What its builtin returns, see ``recorded_calls``: a tuple of parts if its fields are such."""
+        if self.result_in_data:
+            return recorded_calls.RESULT
+        parts = any(isinstance(recipe, Part) for recipe in self.fills.values())
+        return recorded_calls.PARTS if parts else recorded_calls.ARRAY
+
 
 @dataclass(frozen=True)
 class CallRecipe:
@@ -60,8 +73,20 @@ class CallRecipe:
 
     def at(self, run: Any, *inputs: Any) -> Array:
         """The result on other inputs."""
-        found: Array = dynamics.table_call(self.call, run.model, *inputs)
+        found: Array = run.library.compute(self.call, *inputs, gravity=run.gravity)
         return found[run.library.joints] if self.joints and run.library.joints is not None else found
+
+
+@dataclass(frozen=True)
+class Part:
+    """A recipe: one of the arrays of the call's result."""
+
+    k: int
+
+    def __call__(self, run: Any) -> Array:
+        """The array."""
+        found: Array = run.result[self.k]
+        return found
 
 
 # --- recipes that are one call; rows of joints are in the joints' frames ------------------------------------
@@ -307,11 +332,6 @@ ACCELERATED = f"{MOVING} a oa"
 ENERGIES = "kinetic_energy potential_energy mechanical_energy"
 
 
-def part(k: int) -> Recipe:
-    """A recipe: one of the arrays that the call returned."""
-    return lambda run: run.result[k]
-
-
 def constraint_forces(run: Any) -> Array:
     """Forces or impulses of the constraints."""
     return np.array(run.contact.force)
@@ -358,11 +378,11 @@ CALL_KINDS: dict[str, Kind] = {
         "centroidal_momentum_rate", "q v a", f"{MASSES} hg v vcom a", dhg=result, h=subtree_momenta, f=net_forces
     ),
     "rnea_derivatives": _kind(
-        "rnea_derivatives", "q v a", f"{ACCELERATED} tau oa_gf of", dtau_dq=part(0), dtau_dv=part(1), M=part(2),
+        "rnea_derivatives", "q v a", f"{ACCELERATED} tau oa_gf of", dtau_dq=Part(0), dtau_dv=Part(1), M=Part(2),
         oYcrb=moving_oYcrb,
     ),
     "aba_derivatives": _kind(
-        "aba_derivatives", "q v tau", f"{PLACES} ddq J dJ ov", ddq_dq=part(0), ddq_dv=part(1), Minv=part(2),
+        "aba_derivatives", "q v tau", f"{PLACES} ddq J dJ ov", ddq_dq=Part(0), ddq_dv=Part(1), Minv=Part(2),
         dtau_dq=lambda run: rnea_derivatives_at_ddq(run)[0], dtau_dv=lambda run: rnea_derivatives_at_ddq(run)[1],
     ),
     "gravity_derivatives": _kind("generalized_gravity_derivatives", "q", f"{PLACES} J g"),
@@ -370,7 +390,7 @@ CALL_KINDS: dict[str, Kind] = {
     "kinematics_derivatives1": _kind("forward_kinematics", "q v", MOVING, 1, True),
     "kinematics_derivatives2": _kind("forward_kinematics", "q v a", ACCELERATED, 2, True),
     "centroidal_derivatives": _kind(
-        "centroidal_dynamics_derivatives", "q v a", f"{ACCELERATED} hg dhg Ig com mass", Ag=part(3),
+        "centroidal_dynamics_derivatives", "q v a", f"{ACCELERATED} hg dhg Ig com mass", Ag=Part(3),
         tau=tau_without_weight,
     ),
     "constrained": _kind("", "", **FACTORS, ddq=result, lambda_c=constraint_forces),

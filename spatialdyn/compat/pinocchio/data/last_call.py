@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping
 from functools import partial
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -15,27 +15,25 @@ from ....engines.compiled.cpython import retarget, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ...native import recorded_calls
+from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel
 from ..types.arguments import Array
 from ..types.array_rows import Rows
 from ..types.motion import Force
-from .field_recipes import CALL_KINDS, CallRecipe, joint_placements, oMi
+from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
-
-clock = count(1).__next__  # stamps that order calls in time
 
 
 class Run:
     """The last call of one kind.
 
-    stamp           its time by ``clock``; 0 if there was no call
+    stamp           its time by ``recorded_calls.clock``, which builtins write; 0 if there was no call
     library         the LibraryModel of that call
     memory          the inputs, one after the other, then gravity; q, v, a, tau, gravity are views of it
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
-    last_J          the cell of its Data that holds the latest Run that filled J
     fext            forces on the library's joints (njoints, 6), or None
     bodies          inertias (njoints, 10) of the model at that call
     parents         parents of its joints
@@ -46,18 +44,18 @@ class Run:
     """
 
     __slots__ = (
-        "_a", "_own_result", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin", "frames",
-        "gravity", "kind", "last_J", "library", "memory", "parents", "q", "recompute", "result", "result_is_held",
-        "stamp", "tau",
+        "_a", "_own_result", "_stamp", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin",
+        "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute", "result",
+        "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(
         self, name: str, library: LibraryModel, parents: NDArray[np.intp], shape: tuple[int, ...] | None
     ) -> None:
         self.kind = CALL_KINDS[name]
-        self.stamp, self.library, self.parents = 0, library, parents
+        self.getters = self.kind.getters  # from a slot in 10 ns
+        self._stamp, self.library, self.parents = array("q", [0]), library, parents
         self.fext: Array | None = None
-        self.last_J: list[Any] = [None]
         self.frames: Any = None
         self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
@@ -83,6 +81,20 @@ class Run:
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: list[Callable[[], Any]] = []
         self.bound: dict[Any, Any] = {}
+
+    @property
+    def stamp(self) -> int:
+        """Time of the call."""
+        return self._stamp[0]
+
+    @stamp.setter
+    def stamp(self, value: int) -> None:
+        self._stamp[0] = value
+
+    @property
+    def stamp_words(self) -> dict[str, int]:
+        """Words of a builtin that writes the stamp."""
+        return {"clock": address(clock.now), "time": address(self._stamp)}
 
     @property
     def model(self) -> SdModel:
@@ -139,11 +151,10 @@ class Run:
             return unavailable
         names = kind.inputs.split()
         function = recorded_calls.recorded_call(
-            kind.call, tuple(names[len(names) - kind.unused_inputs :]), not kind.result_in_data, forces
+            kind.call, tuple(names[len(names) - kind.unused_inputs :]), kind.returns, forces
         )
-        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data}
-        axes = {f"axis{k}": n for k, n in enumerate(self.result.shape)}
-        return function.bind(library, self.memory, self.result, **library.words, **places, **axes)
+        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, "time": address(self._stamp)}
+        return function.bind(library, self.memory, self.result, self._stamp, **library.words, **places)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
@@ -158,7 +169,8 @@ class Run:
                 result = x
             else:
                 recipe = joint_placements if places else recipe
-                self.recompute.append(self._recompute_builtin(recipe, x) or partial(recompute_field, self, name))
+                builtin = self._copy_builtin(recipe, x) or self._recompute_builtin(recipe, x)
+                self.recompute.append(builtin or partial(recompute_field, self, name))
         self.result_is_held = result is not self._own_result
         if result is not self.result:
             if not self.result_is_held:
@@ -167,6 +179,14 @@ class Run:
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
+
+    def _copy_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
+        """A builtin that copies the result, or a part of it, to x; None if the recipe is another."""
+        found = self._own_result if recipe is RESULT else recipe(self) if isinstance(recipe, Part) else None
+        if found is None or not self.library.has_builtins or found.shape != x.shape:
+            return None
+        addresses = {"source": found.ctypes.data, "target": x.ctypes.data}
+        return recorded_calls.copy_builtin().bind(self._own_result, x, **addresses, count=x.size)
 
     def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
         """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
@@ -181,6 +201,20 @@ class Run:
         spec = SPECS[recipe.call]
         if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None
-        words = {f"{name}_address": array.ctypes.data for name, array in inputs.items()}
-        words[f"{spec.output.name}_address"] = x.ctypes.data
-        return recorded_calls.recompute(recipe.call).bind(library, x, *inputs.values(), **library.words, **words)
+        words = {f"address{k}": inputs[input.name].ctypes.data for k, input in enumerate(spec.present)}
+        return recorded_calls.recompute(recipe.call).bind(
+            library, x, *inputs.values(), **library.words, **words, out=x.ctypes.data
+        )
+
+
+class Assigned(Run):
+    """A field that was assigned whole, as a source of it."""
+
+    __slots__ = ()
+
+    def __init__(self, name: str, x: Array) -> None:
+        self.kind, self._stamp, self.q = Kind("", "", {name: RESULT}), array("q", [clock()]), None
+        self.result, self.cache, self.recompute = x, {}, []
+
+    def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
+        """Do nothing: no call writes it again."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from ....bodies.kinds import kind_of
 from ....model.assembly import IDENTITY
 from ..types.arguments import ArgumentError, module_of_caller
+from ..types.registered import Registered
 from .joint_data import JointData
 
 __all__ = ["JointModel"]
@@ -54,7 +55,6 @@ class JointModel(metaclass=Variant):
     """
 
     __slots__ = ("_owner", "id", "idx_q", "idx_v", "idx_vExtended")
-    lieGroup: Any  # set by liegroups, which imports this module
     _name = "JointModel"
     _nq, _nv, _unlimited = 1, 1, (1, 1)  # the first coordinates and velocities that can have a limit
     _steps: tuple[Step, ...] = ()
@@ -111,6 +111,10 @@ class JointModel(metaclass=Variant):
 
     def _fill(self, given: Mapping[str, Any]) -> None:
         """Take over what the constructor does not take, from a state."""
+
+    def lieGroup(self) -> Any:
+        """The configuration space of the joint."""
+        return Registered.classes["LieGroup"]._of_joint(self)
 
     def createData(self) -> JointData:
         """A JointData for the results of ``calc``."""

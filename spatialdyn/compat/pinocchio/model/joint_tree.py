@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import ModelError
-from ....model.model import missing
+from ....model.robot_checks import missing
 from ..coverage.strictness import MODELS, strict
 from ..types.arguments import expected
 from ..types.inertia import Inertia

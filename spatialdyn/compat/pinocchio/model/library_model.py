@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
-from ....calls.arguments import core_shape
+from ....calls import dynamics
 from ....engines.compiled import table_kernels
 from ....engines.compiled.cpython import READY, unavailable
 from ....errors import ModelError
@@ -118,12 +118,28 @@ class LibraryModel:
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in SPECS:
             raise AttributeError(f"no call {name!r}")
-        call: Callable[..., Any] = unavailable
-        if self.has_builtins:
-            axes = {f"axis{k}": n for k, n in enumerate(core_shape(self._model, SPECS[name].output) or (1,))}
-            call = recorded_calls.call_builtin(name).bind(self, **self.words, **axes)
-        self.__dict__[name] = call
+        call = self.__dict__[name] = self._bound(name)
         return call
+
+    def _bound(self, name: str, forces: bool = False) -> Callable[..., Any]:
+        """A call as a builtin, which returns None if not applicable."""
+        if not self.has_builtins:
+            return unavailable
+        return recorded_calls.call_builtin(name, forces).bind(self, **self.words)
+
+    def compute(self, name: str, *values: Any, gravity: Array | None = None) -> Any:
+        """A call, external forces last, if any; at the gravity of an earlier call: by a builtin, or with checks."""
+        if values and values[-1] is None:
+            values = values[:-1]
+        spec, found = SPECS[name], None
+        if spec.output.shape and (gravity is None or (gravity == self.gravity).all()):
+            if len(values) == sum(not x.optional for x in spec.present):
+                found = getattr(self, name)(*values)
+            else:
+                found = self._bound(name, True)(*values[:-1], values[-1].ravel())
+        if found is None:
+            found = dynamics.table_call(name, self.model if gravity is None else self.model_at(gravity), *values)
+        return found
 
     def off_norm(self, q: Array) -> bool:
         """Whether norms are not checked and a quaternion or (cos, sin) pair of q is off its unit norm."""

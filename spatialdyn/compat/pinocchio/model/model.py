@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....errors import ModelError
-from ....model.model import missing
+from ....model.robot_checks import missing
 from ..coverage.strictness import strict
 from ..types.arguments import ArgumentError, Array, expected
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
+from ..types.registered import Registered
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import JointModel
@@ -69,7 +70,6 @@ class Model(Tree, Arrays, Stored):
     """
 
     _format = FORMAT
-    createData: Any  # set by data.data, which imports this module
 
     def __init__(self, clone: Model | None = None) -> None:
         """A model with the universe alone, or a copy of another."""
@@ -231,6 +231,10 @@ class Model(Tree, Arrays, Stored):
     def check(self, data: Any) -> bool:
         """Whether a Data was made for a model of this size."""
         return bool(data.model is self or (len(data.oMi), len(data.oMf)) == (self.njoints, self.nframes))
+
+    def createData(self) -> Any:
+        """A Data for the results of the algorithms."""
+        return Registered.classes["Data"](self)
 
     def hasConfigurationLimit(self) -> list[bool]:
         """Whether each coordinate can have a limit."""

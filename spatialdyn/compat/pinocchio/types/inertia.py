@@ -12,7 +12,7 @@ from ...native import operators
 from ..coverage.strictness import strict
 from .arguments import ArgumentError, ValueRuntimeError, array, described, expected, row, rows
 from .motion import Motion
-from .pseudo_inertia import LogCholeskyParameters, Parameters, PseudoInertia, body_of, parameters_of
+from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, body_of, parameters_of
 from .random import GENERATOR
 from .rotations import skew
 from .se3 import SE3
@@ -203,9 +203,6 @@ matrix(self: Body) -> inertia = inertia_about_origin(self)
 
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  c = {row(self._x[1:4])}\n  I = \n{rows(self.inertia)}"
-
-
-Parameters._body = Inertia
 
 
 def _restored(x: Array) -> Inertia:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,11 +43,11 @@ class Parameters(Value):
     """Base of the forms of a rigid body that have ``toDynamicParameters``."""
 
     __slots__ = ()
-    _body: ClassVar[Any]  # Inertia; set by its module, which imports this one
 
     def toInertia(self) -> Any:
         """The Inertia of these parameters."""
-        return self._body.FromDynamicParameters(self.toDynamicParameters())  # type: ignore[attr-defined]
+        inertia: Any = Value._classes["Body"]
+        return inertia.FromDynamicParameters(self.toDynamicParameters())  # type: ignore[attr-defined]
 
 
 class PseudoInertia(Parameters):

@@ -3,16 +3,26 @@
 By default Numba compiles every function to machine code, C wrappers included, before it links its LLVM code into the
 callers. An ``inline`` function never runs by itself, so that step is left out. LLVM optimizes it all the same: without
 that, compiling would be faster still, but LLVM would fuse other products and answers change in the last digit.
+
+A kernel is made of some hundred such functions, two thirds of its time, so their LLVM code is kept on the disk: the
+next process compiles what is the kernel's own alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import copy
 from typing import Any
 
+from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.environment import Environment
 from numba.core.typed_passes import IRLegalization
+
+from .numba_cache import InlinedCache
+from .stamp import COMPILED, STAMP
 
 # Passes for features that no recursion uses: closures, with-blocks, array expressions, literal_unroll, parfors.
 _WITHOUT = {
@@ -79,6 +89,37 @@ class Inlining(CompilerBase):
     """The pipeline of an ``inline`` function: Numba's, less the passes for features that no recursion uses."""
 
     into: Any = _Into
+    cache = InlinedCache(STAMP, COMPILED)
+
+    def compile_extra(self, func: Callable[..., Any]) -> Any:
+        """The function as kept, else as compiled now; what is kept is read back at once, so both are the same code."""
+        digest = self.cache.digest(func, self.state)
+        content = self.cache.read(digest) if digest else None
+        if content is None:
+            compile_now: Any = super().compile_extra
+            made = compile_now(func)
+            content = _content(made) if digest else None
+            if content is None:
+                return made
+            self.cache.write(digest, content)
+        return self._of(*content)
+
+    def _of(self, description: Any, signature: Any, name: str, bitcode: bytes) -> Any:
+        """The result of compiling, as Numba would give it."""
+        context: Any = self.state.targetctx
+        library: Any = self.into.library(context.codegen(), name)
+        library._final_module = binding.parse_bitcode(bitcode)
+        library._finalize_final_module()
+        made_for: Any = Environment.from_fndesc
+        environment = made_for(description)
+        function = context.get_executable(library, description, environment)
+        context.insert_user_function(function, description, [library])
+        blank: Any = CompileResult._make([None] * len(CompileResult._fields))
+        return blank._replace(
+            typing_context=self.state.typingctx, target_context=context, library=library, entry_point=function,
+            environment=environment, fndesc=description, signature=signature, objectmode=False, lifted=(),
+            reload_init=(), referenced_envs=(),
+        )  # fmt: skip
 
     def define_pipelines(self) -> list[Any]:
         """The only pipeline."""
@@ -94,3 +135,20 @@ class InliningUnoptimized(Inlining):
     """The pipeline of ``inline_unoptimized``: LLVM optimizes the function, kernels included, in its caller alone."""
 
     into = _IntoLowered
+
+
+PIPELINES = {"inline": Inlining, "inline_unoptimized": InliningUnoptimized}
+
+
+def _content(made: Any) -> tuple[Any, Any, str, bytes] | None:
+    """What ``Inlining`` makes a compiled function from in any process.
+
+    None if the code holds addresses of this process, or more functions than this one and Numba's counts of references:
+    Numba numbers the functions of a process, so other code might have their names in the next.
+    """
+    module, description = made.library._final_module, copy(made.fndesc)
+    defined = {f.name for f in module.functions if not f.is_declaration} - {description.llvm_func_name}
+    if made.library.has_dynamic_globals or any(not name.startswith("NRT_") for name in defined):
+        return None
+    description.typemap = description.calltypes = None  # for the compiler, and large
+    return description, made.signature, made.library.name, module.as_bitcode()
