@@ -25,17 +25,32 @@ Array = np.ndarray
 aba = sd.kernels.aba
 
 
+@numba.njit(cache=True)
+def add_by(A, x, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ x, written in place. So small matrices are faster in loops than by BLAS."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            out[i] += A[k, i] * x[k]
+    return out
+
+
+@numba.njit(cache=True)
+def add_product(A, B, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ B, written in place."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            for j in range(B.shape[1]):
+                out[i, j] += A[k, i] * B[k, j]
+    return out
+
+
 @numba.njit
 def forward(bodies, x, u, k, K, size, low, high, h, X, U):  # type: ignore[no-untyped-def]
     """Semi-implicit steps under u + size k + K (X - x) within low and high; the motion X and its U are written."""
     n = len(low)
     q, v, a = X[0, :n].copy(), X[0, n:].copy(), np.empty(n)
     for t in range(len(u)):
-        for i in range(n):
-            U[t, i] = u[t, i] + size * k[t, i]
-            for j in range(2 * n):
-                U[t, i] += K[t, i, j] * (X[t, j] - x[t, j])
-            U[t, i] = min(max(U[t, i], low[i]), high[i])
+        U[t] = np.minimum(np.maximum(add_by(K[t].T, X[t] - x[t], u[t] + size * k[t]), low), high)
         aba(bodies, q, v, U[t], a)
         v += h * a
         q += h * v
@@ -64,25 +79,6 @@ def free_inverse(H, free):  # type: ignore[no-untyped-def]
                     for j in range(n):
                         X[i, j] -= factor * X[k, j]
     return X, True
-
-
-@numba.njit(cache=True)
-def add_by(A, x, out):  # type: ignore[no-untyped-def]
-    """out + Aᵀ x, written in place. So small matrices are faster in loops than by BLAS."""
-    for k in range(len(A)):
-        for i in range(len(out)):
-            out[i] += A[k, i] * x[k]
-    return out
-
-
-@numba.njit(cache=True)
-def add_product(A, B, out):  # type: ignore[no-untyped-def]
-    """out + Aᵀ B, written in place."""
-    for k in range(len(A)):
-        for i in range(len(out)):
-            for j in range(B.shape[1]):
-                out[i, j] += A[k, i] * B[k, j]
-    return out
 
 
 @numba.njit(cache=True)
@@ -116,10 +112,9 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
     C (T, 2n, 3n)  derivatives of the steps by (x, u); slope (T, 3n) and W (3n, 3n) of the cost of each
     g, H           of the cost of the last state
     """
-    n, less, HC, Q = 2 * k.shape[1], 0.0, np.empty_like(C[0]), np.empty_like(W)
+    n, less, HC = 2 * k.shape[1], 0.0, np.empty_like(C[0])
     for t in range(len(C) - 1, -1, -1):
-        np.dot(C[t].T, np.dot(H, C[t], HC), Q)
-        Q += W
+        Q = W + np.dot(C[t].T, np.dot(H, C[t], HC))
         r = add_by(C[t], g, slope[t].copy())
         Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
         k[t], inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
@@ -143,8 +138,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
     u, limits = np.array(u, float), (p.low, p.high, p.h)
     new, forces = x.copy(), u.copy()
     forward(p.model.bodies, x, u, k, K, size, *limits, new, forces)
-    found = cost_of(p, new, forces)
-    costs = [found[0]]
+    costs = [(found := cost_of(p, new, forces))[0]]
     while len(costs) < most and mu < 1e8:
         if size:  # the last step was taken
             x, u, new, forces, (_, slope, W, last) = new, forces, x, u, found
