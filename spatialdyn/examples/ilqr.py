@@ -50,7 +50,7 @@ def forward(bodies, x, u, k, K, size, low, high, h, X, U):  # type: ignore[no-un
     n = len(low)
     q, v, a = X[0, :n].copy(), X[0, n:].copy(), np.empty(n)
     for t in range(len(u)):
-        U[t] = np.minimum(np.maximum(add_by(K[t].T, X[t] - x[t], u[t] + size * k[t]), low), high)
+        U[t] = np.minimum(np.maximum(u[t] + size * k[t] + K[t] @ (X[t] - x[t]), low), high)
         aba(bodies, q, v, U[t], a)
         v += h * a
         q += h * v
