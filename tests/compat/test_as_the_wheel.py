@@ -155,6 +155,26 @@ def test_fields_read_after_gravity_changed_are_those_of_the_call() -> None:
         close(x, y)
 
 
+def test_fields_read_after_inertias_changed_are_those_of_the_call() -> None:
+    """Inertias are written in place to the table, and earlier ones forgotten but for what the last calls need."""
+    found = []
+    for pin in (ours, theirs):
+        model = biped(pin)
+        data, (q, v, a, _) = model.createData(), state(model)
+        pin.rnea(model, data, q, v, a)
+        for mass in np.linspace(2.0, 3.0, 80):
+            model.inertias[3].mass = mass
+            pin.crba(model, data, q)
+        model.inertias[2] = pin.Inertia(1.5, np.array([0.1, -0.2, 0.3]), np.diag([0.3, 0.4, 0.5]))
+        pin.computeCoriolisMatrix(model, data, q, v)
+        model.inertias[1].mass = 7.0
+        g = pin.computeGeneralizedGravity(model, data, q)
+        parts = [np.array(data.h[3].vector), np.array(data.Ycrb[1].matrix()), np.array(data.oYcrb[2].matrix())]
+        found.append([*parts, np.array(data.M), np.array(data.C), g, np.array(data.tau), pin.crba(model, data, q)])
+    for x, y in zip(*found, strict=True):
+        close(x, y)
+
+
 def test_edited_inertias_give_the_table_of_a_model_made_anew() -> None:
     model = tree(ours)
     data, q = model.createData(), ours.neutral(model)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from ...algebra.public_arrays import read_body
 from ...algebra.records import inertia_of, motion_of, put_inertia
 from ...algebra.scalars import inline, sqrt
 from ...bodies.table import BODIES
+from ...engines.compiled import jit
+from ...engines.compiled.cpython import Builtin
 from .operators import inertia_about_origin
 
 MOST = 1e100  # of numbers whose products stay finite
@@ -60,3 +63,16 @@ def put_inertias(bodies: Any, before: Any, after: Any, rows: Any, sums: Any) -> 
         sums[up, 1] += first + p * m
         sums[up, 2] += second + 2.0 * p * first + p * p * m
     return 0
+
+
+@cache
+def builtin() -> Builtin:
+    """``(before, after) -> True``: ``put_inertias``; returns None for its -1. Words: table, sizes, rows and sums."""
+    body = [
+        "if not (is_matrix(plan, before, 10) and is_matrix(plan, after, 10)): return return_none(plan)",
+        "given = matrix(before), matrix(after), at(rows, (njoints,)), at(sums, (count, 3))",
+        "if put_inertias(table_at(table), given[0], given[1], given[2], given[3]) != 0: return return_none(plan)",
+        "return return_true(plan)",
+    ]
+    scope = {"put_inertias": put_inertias, "table_at": jit.table_at}
+    return Builtin("put_inertias", ["before", "after"], ["table", "njoints", "count", "rows", "sums"], body, scope)

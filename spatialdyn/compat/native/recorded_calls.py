@@ -12,7 +12,7 @@ from array import array
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -85,56 +85,35 @@ def put_stamp(time: str = "time") -> list[str]:
     return ["places(clock, 1)[0] += 1", f"places({time}, 1)[0] = places(clock, 1)[0]"]
 
 
-class KernelCall(NamedTuple):
-    """A builtin that runs a sample kernel; kernels whose arguments have like ranks share it, which saves compiling.
+class KernelCall:
+    """A call of a sample kernel by a builtin; kernels whose arguments have like ranks share it, which saves compiling.
 
-    sizes, axes  of the inputs and of the output, as their Spec has them
-    words        of its plan: those that do not depend on the model
+    unused  vectors (nv,) that follow the inputs and are recorded only
+    words   of its plan: those that do not depend on the model
     """
 
-    builtin: Builtin
-    spec: Spec
-    sizes: tuple[str | int, ...]
-    axes: tuple[str | int, ...]
-    words: dict[str, int]
+    def __init__(self, make: Callable[..., Builtin], spec: Spec, unused: int = 0, **words: int) -> None:
+        inputs = [x for x in spec.present if x.name != "fext"]
+        self.sizes = [*(x.shape[0] if x.shape else 0 for x in inputs), *["nv"] * unused]
+        self.spec, self.words, self.axes = spec, words, numba_kernels.kernel_shape(spec.output)
+        kinds = "".join("v" if x else "r" for x in self.sizes)
+        self.builtin = make(kinds, len(self.axes), unused, len(inputs) < len(spec.present))
 
     def bind(self, *alive: Any, **given: int) -> Callable[..., Any]:
         """The function for the table and the sizes ``nq, nv, njoints`` of a model, and other words of its plan."""
-        sizes = {name: given.pop(name) for name in SIZES}
-        lengths = [int(sizes.get(str(x), x)) for x in self.sizes]
-        words = {f"size{k}": n for k, n in enumerate(lengths)} | {"kernel": kernel_address(self.spec)} | self.words
-        words |= {f"axis{k}": int(sizes.get(str(x), x)) for k, x in enumerate(self.axes)}
-        if "staged" in self.builtin.words:
-            count, words["given"] = math.prod(words[f"axis{k}"] for k in range(len(self.axes))), sum(lengths)
-            staged = np.empty(sum(lengths) + count)
-            words |= {
-                "staged": staged.ctypes.data,
-                "forces": 6 * sizes["njoints"],
-                "clock": address(clock.now),
-                "tuple": id(tuple),
-            }
-            alive = *alive, staged
-        return self.builtin.bind(*alive, **words, **given)
+        names = {name: given.pop(name) for name in SIZES}
+        sizes, axes = ([int(names.get(str(x), x)) for x in of] for of in (self.sizes, self.axes))
+        words = {"kernel": kernel_address(self.spec), "clock": address(clock.now), "tuple": id(tuple)} | self.words
+        words |= {f"size{k}": n for k, n in enumerate(sizes)} | {f"axis{k}": n for k, n in enumerate(axes)}
+        staged = np.empty(sum(sizes) + math.prod(axes))
+        words |= {"staged": staged.ctypes.data, "given": sum(sizes), "forces": 6 * names["njoints"]}
+        words |= {"memory": 0, "result": 0, "time": 0, **given}
+        return self.builtin.bind(*alive, staged, **{name: words[name] for name in self.builtin.words})
 
 
-def _kernel_call(
-    make: Callable[..., Builtin], spec: Spec, *more: Any, unused: Sequence[Argument] = (), **words: int
-) -> KernelCall:
-    inputs, axes = [*(x for x in spec.present if x.name != "fext"), *unused], numba_kernels.kernel_shape(spec.output)
-    kinds = "".join("v" if x.shape else "r" for x in inputs)
-    return KernelCall(
-        make(kinds, len(axes), *more), spec, tuple(x.shape[0] if x.shape else 0 for x in inputs), axes, words
-    )
-
-
-def call_builtin(name: str, forces: bool = False) -> KernelCall:
-    """``(*inputs) -> result`` of a public call for one sample; forces as of ``recorded_call``. Words: table, sizes."""
-    spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    return _kernel_call(_call, spec, 0, forces, memory=0, result=0, returns=ARRAY, time=0)
-
-
-def recorded_call(name: str, unused: tuple[str, ...] = (), returns: int = ARRAY, forces: bool = False) -> KernelCall:
-    """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result.
+def recorded_call(name: str, unused: int = 0, returns: int = ARRAY, forces: bool = False) -> KernelCall:
+    """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result, if bound to
+    memory for them.
 
     unused   vectors (nv,) that are recorded only
     returns  ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: the recorded result is
@@ -144,8 +123,7 @@ def recorded_call(name: str, unused: tuple[str, ...] = (), returns: int = ARRAY,
     Returns None if not applicable. Words: table, sizes, memory for the inputs, result, time.
     """
     spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    more = [Argument(x, ("nv",), "", "") for x in unused]
-    return _kernel_call(_call, spec, len(more), forces, unused=more, returns=returns)
+    return KernelCall(_call, spec, unused, returns=returns)
 
 
 @cache
@@ -197,11 +175,11 @@ def copy(x: Any, out: Any) -> None:
 
 def recompute(name: str) -> KernelCall:
     """``() -> True``: writes a public call's result at the recorded inputs in place. Words: table, sizes, addresses."""
-    return _kernel_call(_recompute, numba_kernels.variant(SPECS[name], frozenset()))
+    return KernelCall(_recompute, numba_kernels.variant(SPECS[name], frozenset()))
 
 
 @cache
-def _recompute(kinds: str, rank: int) -> Builtin:
+def _recompute(kinds: str, rank: int, *_: Any) -> Builtin:
     inputs, axes = range(len(kinds)), [f"axis{k}" for k in range(rank)]
     words = ["table", "kernel", *(f"size{k}" for k in inputs), *axes, *(f"address{k}" for k in inputs), "out"]
     arrays = [*(f"at(address{k}, (size{k},))" for k in inputs), f"at(out, ({', '.join(axes)},))"]

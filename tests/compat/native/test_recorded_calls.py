@@ -76,7 +76,7 @@ def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
     X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv + 3)
     stamp, before = np.zeros(1, np.int64), recorded_calls.clock()
-    function = recorded_calls.recorded_call("forward_kinematics", ("v", "a"), recorded_calls.RESULT)
+    function = recorded_calls.recorded_call("forward_kinematics", 2, recorded_calls.RESULT)
     assert bound(function, model, {"memory": memory, "result": X, "time": stamp})(s.q, s.v, s.a) is True
     assert before < stamp[0] < recorded_calls.clock()
     np.testing.assert_array_equal(X, table_call("forward_kinematics", model, s.q))
@@ -92,7 +92,7 @@ def test_an_input_may_lie_in_the_result() -> None:
     room = np.random.default_rng(0).normal(size=n + count + n)
     X = room[n : n + count].reshape(model.njoints, 4, 4)
     places = {"memory": memory, "result": X, "time": TIME}
-    call = bound(recorded_calls.recorded_call("forward_kinematics", ("v",), recorded_calls.RESULT), model, places)
+    call = bound(recorded_calls.recorded_call("forward_kinematics", 1, recorded_calls.RESULT), model, places)
     for given in (room[n : 2 * n], room[n + 2 : 2 : -1], room[n + count + n - 1 : n + count - 1 : -1]):
         before = given.copy()
         assert call(given, q) is True

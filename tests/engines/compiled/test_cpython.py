@@ -32,7 +32,7 @@ def state() -> Any:
 
 def bound(name: str, model: sd.Model) -> Any:
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    return recorded_calls.call_builtin(name).bind(model, table=model.address, **sizes)
+    return recorded_calls.recorded_call(name).bind(model, table=model.address, **sizes)
 
 
 def test_a_builtin_gives_the_bits_of_the_call(model: Any, state: Any) -> None:

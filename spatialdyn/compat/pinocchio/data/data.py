@@ -48,7 +48,6 @@ class Run:
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
     fext            forces on the library's joints (njoints, 6), or None
-    bodies          inertias (njoints, 10) of the model at that call
     parents         parents of its joints
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
@@ -57,9 +56,9 @@ class Run:
     """
 
     __slots__ = (
-        "_a", "_own_result", "_stamp", "_v", "bodies", "bound", "cache", "call", "contact", "fext", "forces_builtin",
-        "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute", "result",
-        "result_is_held", "tau",
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "fext",
+        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute",
+        "result", "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(
@@ -72,7 +71,7 @@ class Run:
         self.frames: Any = None
         self.contact: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
-        self.bodies: Array = np.empty((0, 10))
+        self._kept: tuple[int, Array] = 0, library.numbers.inertias
         model = library._model
         if shape is None:
             shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
@@ -90,6 +89,7 @@ class Run:
             at += size
         if self.kind.call == "aba":
             self._a = self.result
+        library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: list[Callable[[], Any]] = []
@@ -112,7 +112,17 @@ class Run:
     @property
     def model(self) -> SdModel:
         """The library's Model at the call."""
-        return self.library.model_at(self.gravity)
+        return self.library.model_at(self.gravity, self.bodies)
+
+    @property
+    def bodies(self) -> Array:
+        """Inertias (njoints, 10) of the model at the call."""
+        stamp, inertias = self._kept
+        return inertias if stamp == self.stamp else self.library.inertias_at(self.stamp)
+
+    def keep_inertias(self) -> None:
+        """Keep them."""
+        self._kept = self.stamp, self.bodies
 
     @property
     def v(self) -> Array:
@@ -141,6 +151,7 @@ class Run:
     def use_library(self, library: LibraryModel) -> None:
         """Point the builtins to an edited model: the same tree with other numbers."""
         self.library = library
+        library.runs.add(self)
         self.cache.clear()
         for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
             retarget(function, library)
@@ -162,10 +173,7 @@ class Run:
         library, kind = self.library, self.kind
         if not (library.has_builtins and kind.call):
             return unavailable
-        names = kind.inputs.split()
-        function = recorded_calls.recorded_call(
-            kind.call, tuple(names[len(names) - kind.unused_inputs :]), kind.returns, forces
-        )
+        function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
         places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, "time": address(self._stamp)}
         return function.bind(library, self.memory, self.result, self._stamp, **library.words, **places)
 
@@ -326,12 +334,11 @@ class Data(Stored, Registered, Copied):
         run: Run | None = self._runs.get(name)
         if run is not None and run.library is not library and run.library.joint_map is library.joint_map:
             run.use_library(library)
-            run.bodies = library.numbers.inertias
             self._bound.clear()
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
             run = self._runs[name] = Run(name, library, np.array(model.parents, np.intp), shape)
-            run.bodies, run.stamp = library.numbers.inertias, stamp
+            run.stamp = stamp
             self._bound.clear()
             self._sources.clear()
             run.hold(self._held, self._recompute)

@@ -15,7 +15,7 @@ from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ....recursions import spec
 from ...native.recorded_calls import PARTS
-from ..model.library_model import LibraryModel, frame_placements
+from ..model.library_model import LibraryModel, frame_placements, library_model
 from ..model.model import Model
 from ..types.arguments import (
     NUMBERS,
@@ -161,7 +161,7 @@ def fast_call(
         text += ["    if q is None:", f"        run = last_call(model, data, {last!r})"]
         text.append(f"        {', '.join(inputs)} = {', '.join(f'run.{x}.copy()' for x in inputs)}")
     text.append("    try:")
-    condition = f"run.library is model._library{when and f' and {when}'}"
+    condition = f"run.library is (model._library or library_model(model)){when and f' and {when}'}"
     for (kind, names), more in zip(choices.items(), [*given[1:], None], strict=True):
         call = f"run.call({', '.join(names)})"
         if forces:
@@ -188,7 +188,7 @@ def fast_call(
         f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
         f"    return {returns}",
     ]
-    scope |= {"compute": compute, "last_call": last_call}
+    scope |= {"compute": compute, "library_model": library_model, "last_call": last_call}
     function = function_from_text(name, text, scope, f"pinocchio {name}")
     function.__doc__ = doc
     return function

@@ -73,7 +73,7 @@ class CallRecipe:
 
     def at(self, run: Any, *inputs: Any) -> Array:
         """The result on other inputs."""
-        found: Array = run.library.compute(self.call, *inputs, gravity=run.gravity)
+        found: Array = run.library.compute(self.call, *inputs, at=(run.gravity, run.bodies))
         return found[run.library.joints] if self.joints and run.library.joints is not None else found
 
 

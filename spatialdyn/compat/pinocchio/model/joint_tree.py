@@ -141,7 +141,30 @@ class Gravity:
         if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
             library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
         else:
-            self._model._library = None
+            self._model._library = self._model._placement_numbers = None  # so that all is checked
+
+
+class EditedInertia:
+    """The owner of one of a model's inertias: the next call writes it to the LibraryModel."""
+
+    __slots__ = ("_attributes", "_inertia")
+
+    def __init__(self, attributes: dict[str, Any], inertia: Inertia) -> None:
+        self._attributes, self._inertia = attributes, inertia
+
+    def changed(self) -> None:
+        """List the inertia."""
+        self._attributes["_library"] = None
+        self._attributes["_edited_inertias"][id(self._inertia)] = self._inertia
+
+
+class Inertias(OwnedList[Inertia]):
+    """The inertias of a model."""
+
+    def _own(self, value: Inertia) -> Inertia:
+        made = super()._own(value)
+        made._owner = EditedInertia(self._owner._attributes, made)
+        return made
 
 
 class Joints(OwnedList[JointModel]):
@@ -173,7 +196,9 @@ class Tree:
         self._library: Any = None  # LibraryModel, None from an edit on
         self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
         self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
-        self._inertia_numbers: Any = None  # arrays of the LibraryModel, None from an edit on
+        self._inertia_numbers: Any = None  # array of the LibraryModel, None from an edit of the list on
+        self._inertia_rows: dict[int, int] = {}  # rows of that array, by id of the Inertia
+        self._edited_inertias: dict[int, Inertia] = {}  # by id, edited since
         self._placement_numbers: Any = None  # those of placements and of armature
         self._on_edit = Listener(self, "_library", "_placement_numbers")
         on_inertia_edit = Listener(self, "_library", "_inertia_numbers")
@@ -188,7 +213,7 @@ class Tree:
         self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
         self.joints: list[JointModel] = Joints(on_tree_edit, JointModel, [JointModelRX()])
         self.jointPlacements: list[SE3] = OwnedList(self._on_edit, SE3, [SE3.Identity()])
-        self.inertias: list[Inertia] = OwnedList(on_inertia_edit, Inertia, [Inertia.Zero()])
+        self.inertias: list[Inertia] = Inertias(on_inertia_edit, Inertia, [Inertia.Zero()])
         self.idx_qs, self.nqs = Indices([0]), Indices([0])
         self.idx_vs, self.nvs = Indices([0]), Indices([0])
         self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....calls import dynamics
-from ....engines.compiled import table_kernels
 from ....engines.compiled.cpython import READY, unavailable
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
@@ -25,8 +25,9 @@ from ....model.robot import Link, Mimic, Robot, RobotJoint
 from ....model.robot_checks import clear_rounding, make_joint, make_link
 from ....model.update import edited
 from ....recursions import SPECS
-from ...native import recorded_calls
-from ...native.edited_table import GRAVITY, put_inertias
+from ...native import edited_table, recorded_calls
+from ...native.edited_table import GRAVITY
+from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
 from ..types.arguments import Array
 from ..types.inertia import Inertia
@@ -35,6 +36,8 @@ from .model import Model
 
 Indices = NDArray[np.intp]
 ROOT = "universe"
+
+PAST = 64  # edits of inertias before the earlier ones are forgotten
 
 
 class ModelNumbers(NamedTuple):
@@ -76,25 +79,42 @@ class LibraryModel:
         self._model, self._model_numbers, self.numbers = model, numbers, numbers
         self.table, self.address = table, table.ctypes.data
         self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
-        self._at_gravity: dict[bytes, SdModel] = {}  # with the gravity of the last call that asked
+        self._at_call: dict[bytes, SdModel] = {}  # with gravity and inertias of the last call that asked
+        self.put_inertias: Any = None
+        self._sums = np.empty((model.nv + 1, 3))
+        self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
+        self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def with_model(self, model: SdModel, numbers: ModelNumbers, table: Any = None) -> LibraryModel:
-        """The LibraryModel of the same tree, as a Model with other numbers; by default with that Model's table."""
+    def with_model(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
+        """The LibraryModel of the same tree, as a Model with other numbers."""
         found = LibraryModel.__new__(LibraryModel)
         names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins")
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy() if table is None else table, numbers)
+        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
         return found
 
-    def with_inertias(self, numbers: ModelNumbers) -> LibraryModel | None:
-        """The LibraryModel with other inertias; None if they need checks. Its ``model`` is made at the first read."""
-        found = self.with_model(self._model, numbers, self.table.copy())
-        given = self.numbers.inertias, numbers.inertias, self.row_numbers, np.empty((self._model.nv + 1, 3))
-        if table_kernels.kernel(put_inertias, 2, 2, 1, 2)(found.address, *given):
-            return None
-        found._model_numbers = self._model_numbers
-        return found
+    def take_inertias(self, numbers: ModelNumbers) -> bool:
+        """Write other inertias to the table; False if they need checks. Its ``model`` is made at the next read."""
+        before = self.numbers.inertias
+        if self.put_inertias is None:
+            words = {name: x.ctypes.data for name, x in (("rows", self.row_numbers), ("sums", self._sums))}
+            self.put_inertias = edited_table.builtin().bind(
+                self, self._sums, table=self.address, njoints=len(before), count=len(self._sums), **words
+            )
+        if self.put_inertias(before, numbers.inertias) is None:
+            return False
+        self._past.append((clock(), before))
+        if len(self._past) == PAST:
+            for run in self.runs:
+                run.keep_inertias()
+            self._past.clear()
+        self.numbers = numbers
+        return True
+
+    def inertias_at(self, stamp: int) -> Array:
+        """Inertias (njoints, 10) at the time of a call."""
+        return next((inertias for end, inertias in self._past if stamp < end), self.numbers.inertias)
 
     @property
     def model(self) -> SdModel:
@@ -105,15 +125,19 @@ class LibraryModel:
             self._model, self._model_numbers = edited(self._model, links, {}, _numbers(self.gravity)), now
         return self._model
 
-    def model_at(self, gravity: Array) -> SdModel:
-        """The library's Model with the gravity (3,) of an earlier call."""
-        if (gravity == self.gravity).all():
+    def is_at(self, gravity: Array, inertias: Array) -> bool:
+        """Whether gravity (3,) and inertias (njoints, 10) are those of the table."""
+        return inertias is self.numbers.inertias and bool((gravity == self.gravity).all())
+
+    def model_at(self, gravity: Array, inertias: Array) -> SdModel:
+        """The library's Model with the gravity (3,) and the inertias (njoints, 10) of an earlier call."""
+        if self.is_at(gravity, inertias):
             return self.model
-        key = gravity.tobytes()
-        if key not in self._at_gravity:
-            self._at_gravity.clear()
-            self._at_gravity[key] = edited(self.model, {}, {}, _numbers(gravity))
-        return self._at_gravity[key]
+        key = gravity.tobytes() + inertias.tobytes()
+        if key not in self._at_call:
+            links = _changed_links(self.model, self.numbers.inertias, inertias)
+            self._at_call = {key: edited(self.model, links, {}, _numbers(gravity))}
+        return self._at_call[key]
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in SPECS:
@@ -125,20 +149,22 @@ class LibraryModel:
         """A call as a builtin, which returns None if not applicable."""
         if not self.has_builtins:
             return unavailable
-        return recorded_calls.call_builtin(name, forces).bind(self, **self.words)
+        return recorded_calls.recorded_call(name, forces=forces).bind(self, **self.words)
 
-    def compute(self, name: str, *values: Any, gravity: Array | None = None) -> Any:
-        """A call, external forces last, if any; at the gravity of an earlier call: by a builtin, or with checks."""
+    def compute(self, name: str, *values: Any, at: tuple[Array, Array] | None = None) -> Any:
+        """A call, external forces last, if any; ``at`` gravity and inertias of an earlier call: by a builtin, or with
+        checks.
+        """
         if values and values[-1] is None:
             values = values[:-1]
         spec, found = SPECS[name], None
-        if spec.output.shape and (gravity is None or (gravity == self.gravity).all()):
+        if spec.output.shape and (at is None or self.is_at(*at)):
             if len(values) == sum(not x.optional for x in spec.present):
                 found = getattr(self, name)(*values)
             else:
                 found = self._bound(name, True)(*values[:-1], values[-1].ravel())
         if found is None:
-            found = dynamics.table_call(name, self.model if gravity is None else self.model_at(gravity), *values)
+            found = dynamics.table_call(name, self.model if at is None else self.model_at(*at), *values)
         return found
 
     def off_norm(self, q: Array) -> bool:
@@ -175,12 +201,30 @@ def library_model(model: Model) -> LibraryModel:
     found: LibraryModel | None = model._library
     if found is None:
         before: LibraryModel | None = model._library_before
-        found = None if before is None else _updated(model, before)
+        if before is not None:
+            found = before if _takes_edit(model, before) else _updated(model, before)
         if found is None:
             found = _assembled(model)
             model._frame_placements = None
         vars(model).update(_library=found, _library_before=found)
     return found
+
+
+def _takes_edit(model: Model, before: LibraryModel) -> bool:
+    """Write the one inertia that was edited to the table; False if anything else was edited too."""
+    changed, numbers, placements = model._edited_inertias, before.numbers, model._placement_numbers
+    if len(changed) != 1 or placements is None or model._inertia_numbers is not numbers.inertias:
+        return False
+    if placements[0] is not numbers.placements or strict() is not numbers.strict or before.put_inertias is None:
+        return False
+    inertias = numbers.inertias.copy()
+    ((key, inertia),) = changed.items()
+    inertias[model._inertia_rows[key]] = inertia._x
+    if not before.take_inertias(ModelNumbers(inertias, numbers.placements, numbers.armature, numbers.strict)):
+        return False
+    changed.clear()
+    vars(model)["_inertia_numbers"] = inertias
+    return True
 
 
 def frame_placements(model: Model) -> FramePlacements:
@@ -210,8 +254,10 @@ def joints_as_frames(model: Model) -> FramePlacements:
 
 def _numbers_of(model: Model) -> ModelNumbers:
     """The numbers; inertias and placements are gathered again only if one of them was edited."""
-    if model._inertia_numbers is None:
+    if model._inertia_numbers is None or model._edited_inertias:
         gathered = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
+        model._edited_inertias.clear()
+        model._inertia_rows = {id(inertia): k for k, inertia in enumerate(model.inertias)}
         vars(model)["_inertia_numbers"] = gathered  # past the checks of Model, half a microsecond
     if model._placement_numbers is None:
         placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
@@ -280,9 +326,8 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     if same:
         if now.inertias is then.inertias:
             return before
-        found = before.with_inertias(now)
-        if found is not None:
-            return found
+        if before.take_inertias(now):
+            return before
     compiled = before.model
     robot, moved = compiled.robot, (now.placements != then.placements).any((1, 2))
     for at in np.flatnonzero(now.armature != then.armature):

@@ -60,19 +60,14 @@ class OwnedList(list[Value], Listed):
         return owned_copy(value, self._owner) if hasattr(value, "_owner") else value
 
     def __setitem__(self, at: Any, value: Any) -> None:
-        if isinstance(at, slice):
-            super().__setitem__(at, [self._own(x) for x in value])
-        else:
-            self._replace(at, value)
-        self._owner.changed()
-
-    def _replace(self, at: Any, value: Any) -> None:
         """Replace an entry; a Value is written in place, so that references to it see the new numbers."""
         there = self[at]
         if isinstance(there, Numbers) and type(there) is type(value):
             there._x[...] = value._x
+            there._owner.changed()
         else:
-            super().__setitem__(at, self._own(value))
+            super().__setitem__(at, [*map(self._own, value)] if isinstance(at, slice) else self._own(value))
+            self._owner.changed()
 
     def __delitem__(self, at: Any) -> None:
         super().__delitem__(at)
