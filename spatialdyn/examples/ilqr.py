@@ -25,6 +25,25 @@ Array = np.ndarray
 aba = sd.kernels.aba
 
 
+@numba.njit(cache=True)
+def add_by(A, x, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ x, written in place. So small matrices are faster in loops than by BLAS."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            out[i] += A[k, i] * x[k]
+    return out
+
+
+@numba.njit(cache=True)
+def add_product(A, B, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ B, written in place."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            for j in range(B.shape[1]):
+                out[i, j] += A[k, i] * B[k, j]
+    return out
+
+
 @numba.njit
 def forward(bodies, x, u, k, K, size, low, high, h, X, U):  # type: ignore[no-untyped-def]
     """Semi-implicit steps under u + size k + K (X - x) within low and high; the motion X and its U are written."""
@@ -65,17 +84,19 @@ def free_inverse(H, free):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True)
 def box_minimum(H, g, low, high):  # type: ignore[no-untyped-def]
     """x of the least ½ xᵀHx + gᵀx in a box, by projected Newton steps (Tassa 2014), and ``free_inverse`` of H there."""
-    x = np.minimum(np.maximum(0.0, low), high)
-    for _ in range(50):
-        slope = g + H @ x
+    x, was = np.minimum(np.maximum(0.0, low), high), np.zeros(len(g), np.bool_)
+    inverse, positive = H, True
+    for turn in range(50):
+        slope = add_by(H, x, g.copy())
         free = ~(((x <= low) & (slope >= 0.0)) | ((x >= high) & (slope <= 0.0)))
-        inverse, positive = free_inverse(H, free)
-        move, size = inverse @ slope, 1.0
+        if turn == 0 or (free != was).any():
+            (inverse, positive), was = free_inverse(H, free), free
+        move, size = add_by(inverse, slope, np.zeros(len(g))), 1.0
         if not positive or slope @ move <= 1e-20 * abs(g @ x):
             break
         while size > 1e-9:  # until the step, projected onto the box, goes down
             step = np.minimum(np.maximum(x - size * move, low), high) - x
-            if step @ (slope + 0.5 * (H @ step)) < 0.0:
+            if step @ (slope + add_by(H, 0.5 * step, np.zeros(len(g)))) < 0.0:
                 break
             size *= 0.5
         else:
@@ -91,19 +112,19 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
     C (T, 2n, 3n)  derivatives of the steps by (x, u); slope (T, 3n) and W (3n, 3n) of the cost of each
     g, H           of the cost of the last state
     """
-    n, less = 2 * k.shape[1], 0.0
+    n, less, HC = 2 * k.shape[1], 0.0, np.empty_like(C[0])
     for t in range(len(C) - 1, -1, -1):
-        CT = C[t].T
-        r, Q = slope[t] + CT @ g, W + CT @ (H @ C[t])
+        Q = W + np.dot(C[t].T, np.dot(H, C[t], HC))
+        r = add_by(C[t], g, slope[t].copy())
         Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
         k[t], inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
         if not positive:
             return np.nan
-        K[t] = -inverse @ Hux
-        KT, by_k = K[t].T, Huu @ k[t]
+        K[t] = add_product(-inverse, Hux, np.zeros_like(Hux))
+        by_k = add_by(Huu, k[t], np.zeros(len(gb)))
         less -= k[t] @ (gb + 0.5 * by_k)
-        g = r[:n] + KT @ (gb + by_k) + Hux.T @ k[t]
-        half = KT @ (0.5 * (Huu @ K[t]) + Hux) + 0.5 * Q[:n, :n]
+        g = add_by(Hux, k[t], add_by(K[t], gb + by_k, r[:n].copy()))
+        half = add_product(K[t], add_product(0.5 * Huu, K[t], Hux.copy()), 0.5 * Q[:n, :n])
         H = half + half.T
     return less
 
@@ -111,14 +132,13 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
 def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tuple[Array, Array, list[float], Array]:
     """States (T + 1, 2 nv), torques (T, nv), costs and gains (T, nv, 2 nv) of a minimum near the torques u."""
     need("scipy", "simulation")  # for Numba's matrix products
-    T, n, mu, size = len(u), p.model.nv, 0.0, 1.0
+    T, n, mu, size, taken = len(u), p.model.nv, 0.0, 1.0, 1.0
     x, k, K = np.zeros((T + 1, 2 * n)), np.zeros((T, n)), np.zeros((T, n, 2 * n))
     x[0] = np.concatenate([p.q0, p.v0])
     u, limits = np.array(u, float), (p.low, p.high, p.h)
     new, forces = x.copy(), u.copy()
     forward(p.model.bodies, x, u, k, K, size, *limits, new, forces)
-    found = cost_of(p, new, forces)
-    costs = [found[0]]
+    costs = [(found := cost_of(p, new, forces))[0]]
     while len(costs) < most and mu < 1e8:
         if size:  # the last step was taken
             x, u, new, forces, (_, slope, W, last) = new, forces, x, u, found
@@ -126,7 +146,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
             q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
             C = np.concatenate(sd.step_derivatives(p.model, q, v, u, p.h, friction=False), axis=2)
         less = backward(C, slope, W, *last, p.low - u, p.high - u, mu, k, K)
-        size = 0.0 if np.isnan(less) else 1.0
+        size = 0.0 if np.isnan(less) else min(1.0, 4.0 * taken)
         while size > 1e-3:
             with suppress(ValueError):  # the kernel's, of a motion that leaves the range of numbers
                 forward(p.model.bodies, x, u, k, K, size, *limits, new, forces)
@@ -137,7 +157,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
         if size <= 1e-3:
             size, mu = 0.0, max(10.0 * mu, 1e-6)
             continue
-        mu = mu / 10.0 if mu > 1e-6 else 0.0
+        mu, taken = (mu / 10.0 if mu > 1e-6 else 0.0), size
         costs.append(found[0])
         if costs[-2] - costs[-1] <= tolerance * abs(costs[-1]):
             break

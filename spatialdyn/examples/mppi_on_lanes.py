@@ -43,30 +43,26 @@ def reach(bodies, work, q, v, tau, goal, row, cost):  # type: ignore[no-untyped-
     while i > 0:
         X = seen_from_parent(bodies, work, i, q, X)
         i = bodies[i].parent
-    for j in range(3):
-        cost[0] = cost[0] + 100.0 * (X.p[j] - goal[j]) * (X.p[j] - goal[j])
-    for j in range(len(v)):
-        cost[0] = cost[0] + 0.1 * v[j] * v[j] + 1e-3 * tau[j] * tau[j]
+    cost[0] = sum(100.0 * (x - goal[j]) * (x - goal[j]) for j, x in enumerate(X.p))
+    cost[0] = cost[0] + sum(0.1 * v[j] * v[j] + 1e-3 * tau[j] * tau[j] for j in range(len(v)))
 
 
 KNOT = Argument("knots", (KNOTS, "nv"), "rad/s", "speeds"), Argument("share", (KNOTS,), "", "of each knot in a step")
 SERVOS = (V, *KNOT, Argument("gain", ("nv",), "N m s", "of servos"))
-THERE = Argument("goal", (3,), "m", "where to go"), Argument("row", (), "", "of the body that goes there", static=True)
+AT = Argument("goal", (3,), "m", "where to go"), Argument("row", (), "", "of the body that goes there", static=True)
+# regroup=True: neither law nor cost reads inertias
 LAW = Spec("servos", servos, None, SERVOS, TAU, "Servos along knots.", "", regroup=True)
-COST = Spec(
-    "reach", reach, table_dtype(X=Pose), (Q, V, TAU, *THERE), Argument("cost", (1,), "", ""), "To a goal.", "",
-    regroup=True,  # neither reads inertias
-)  # fmt: skip
+COST = Spec("reach", reach, table_dtype(X=Pose), (Q, V, TAU, *AT), Argument("cost", (1,), "", ""), "", "", regroup=True)
 
 
 def better(model: sd.Model, plan: Any, q: Any, v: Any, rng: np.random.Generator) -> Any:
     """A better plan (KNOTS, nv), and its torque of now."""
-    noise = NOISE * rng.standard_normal((SAMPLES, *plan.shape), np.float32)
+    half = rng.standard_normal((SAMPLES // 2, *plan.shape), np.float32)
+    noise = NOISE * np.concatenate([half, -half])  # motions and their mirror images: drawing takes time
     gain = GAIN / np.diagonal(sd.minverse(model, q))
     law = sd.Control(LAW, {"knots": (plan + noise)[:, None], "share": SHARE, "gain": gain})
-    aim = sd.Cost(COST, {"goal": GOAL, "row": model.nv})
-    options: Any = {"dtype": np.float32, "check": False, "friction": False}
-    found = sd.rollout(model, q, v, dt=DT, steps=STEPS, control=law, cost=aim, **options).cost
+    how: Any = {"cost": sd.Cost(COST, {"goal": GOAL, "row": model.nv}), "dtype": np.float32, "friction": False}
+    found = sd.rollout(model, q, v, dt=DT, steps=STEPS, control=law, check=False, **how).cost
     cost = np.nan_to_num(found, nan=np.inf) - np.nanmin(found)
     plan = plan + np.average(noise, 0, np.exp(-cost / (0.1 * np.median(cost))))
     return plan, gain * (plan[0] - v)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -109,12 +110,12 @@ class Spec:
     lacks: tuple[str, ...] = ()
     residual: tuple[str, ...] = ()
 
-    @property
+    @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:
         """The inputs that the call has."""
         return tuple(x for x in self.inputs if x is not None)
 
-    @property
+    @cached_property
     def states(self) -> tuple[Argument, ...]:
         """The inputs that are states of its own."""
         return tuple(x for x in self.present if x.start is not None)

@@ -10,6 +10,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from slow import slow_but
 from trees import random_state, random_tree
 
 import spatialdyn as sd
@@ -72,8 +73,11 @@ def off(found: Any, wanted: Any) -> float:
     return float(max(abs(x - y) for x, y in zip(found.ravel(), wanted.ravel(), strict=True)) / max(scale, 1e-300))
 
 
-@pytest.mark.parametrize("name", SPECS)
-@pytest.mark.parametrize(("seed", "options"), [(0, {}), (1, {"floating": True, "continuous": "cos_sin"})])
+TREES = [(0, {}), (1, {"floating": True, "continuous": "cos_sin"})]
+CASES = [(name, *tree) for tree in TREES for name in SPECS]
+
+
+@pytest.mark.parametrize(("name", "seed", "options"), slow_but([*CASES[::2], CASES[-1]], CASES))
 def test_every_call_rounds_to_what_float64_gives(name: str, seed: int, options: dict[str, Any]) -> None:
     model, values = tree(seed, 4, **options)
     found, truth = both(model, name, values)

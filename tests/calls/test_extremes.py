@@ -286,7 +286,7 @@ def test_logarithms_and_exponentials_in_float32(sign: float) -> None:
             assert off(move(start, v), sd.integrate(model, start, v)).max() <= 8 * FLOAT32 * EPS
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", slow_but([-1.0], [1.0, -1.0]))
 @pytest.mark.parametrize(
     "angle", [0.0, 1e-300, 1e-30, 1e-16, 1e-8, *(np.pi + s * 10.0**-k for s in (-1, 1) for k in (4, 8, 15))]
 )

@@ -145,7 +145,7 @@ def faults(row: Row, left: Side, right: Side, name: str, condition: float) -> li
 
 
 # each robot at once under one root, the other one in turn
-AT_ONCE = {(name, ROOTS[k % 2]) for k, name in enumerate(ROBOTS) if name not in LONG and k % 6 == 0}
+AT_ONCE = {(name, ROOTS[k % 2]) for k, name in enumerate(ROBOTS) if name not in LONG and k % 10 == 0}
 
 
 @pytest.mark.parametrize(("name", "root"), slow_but(AT_ONCE, [(name, root) for name in ROBOTS for root in ROOTS]))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow import slow_but
 
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.urdf.robot_files import find_robot
@@ -44,7 +45,7 @@ def missing(text: str) -> set[str]:
 
 
 @pytest.mark.filterwarnings("ignore:.*principal moments")  # some of the robots have such inertias
-@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", slow_but(PROGRAMS[::2], PROGRAMS), ids=lambda path: path.stem)
 def test_programs_give_the_same_numbers(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pinocchio")
     pytest.importorskip("lxml")

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.accuracy.results import Option, Tradeoff, mark_pareto
@@ -224,7 +225,7 @@ def test_a_trajectory_without_its_model_is_numbered(mixed: sd.Model, tmp_path: P
             run.plot(what)
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", slow_but([1], [1, 2]))
 def test_one_sample_is_drawn_and_none_refused(mixed: sd.Model, count: int) -> None:
     run = motion(mixed, count)
     run.plot(["q", "v", "tau", "p", "energy", "phase", "limits"])._repr_png_()

@@ -284,7 +284,7 @@ def test_any_two_of_one_name_load_or_are_refused_by_name() -> None:
                 loaded(ET.tostring(root, encoding="unicode"), {})
 
 
-@cases(120)
+@cases(80)
 @given(robots(), mutations, options, place)
 def test_a_mutated_robot_loads_and_answers_or_is_refused(robot: Any, changes: Any, chosen: Any, seed: int) -> None:
     model = loaded(ET.tostring(mutated(robot, changes), encoding="unicode"), chosen)
@@ -304,14 +304,14 @@ def test_spoilt_text_loads_and_answers_or_is_refused(
 
 
 @pytest.mark.slow(quick="test_a_mutated_robot_loads_and_answers_or_is_refused")
-@cases(1200)
+@cases(600)
 @given(robots(), mutations, options, place)
 def test_four_times_as_many_mutated_robots_do(robot: Any, changes: Any, chosen: Any, seed: int) -> None:
     test_a_mutated_robot_loads_and_answers_or_is_refused.hypothesis.inner_test(robot, changes, chosen, seed)
 
 
 @pytest.mark.slow(quick="test_spoilt_text_loads_and_answers_or_is_refused")
-@cases(800)
+@cases(400)
 @given(robots(), mutations, spoils, options, st.sampled_from(CODECS), st.booleans(), place)
 def test_four_times_as_many_spoilt_texts_do(
     robot: Any, changes: Any, accidents: Any, chosen: Any, codec: str, binary: bool, seed: int

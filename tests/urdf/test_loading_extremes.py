@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yourdfpy
+from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.commands.cli import main
@@ -127,7 +128,7 @@ def test_the_count_sees_a_search_through_a_list_and_a_walk_to_the_root() -> None
 
 
 @shapes
-@pytest.mark.parametrize("mimic", [False, True])
+@pytest.mark.parametrize("mimic", slow_but([True], [False, True]))
 def test_lines_run_from_text_to_model_grow_as_the_robot(shape: str, mimic: bool) -> None:
     assert curvature(lambda n: lines(lambda: sd.load_urdf(text(shape, n), mimic=mimic))) < CURVATURE
 
@@ -143,7 +144,10 @@ def test_comparisons_of_names_grow_as_the_robot(shape: str, mimic: bool) -> None
     assert curvature(work) < CURVATURE
 
 
-@pytest.mark.parametrize(("shape", "arguments"), [("chain", []), ("star", []), ("comb", []), ("comb", ["--json"])])
+SHOWN: list[tuple[str, list[str]]] = [("chain", []), ("star", []), ("comb", []), ("comb", ["--json"])]
+
+
+@pytest.mark.parametrize(("shape", "arguments"), slow_but(SHOWN[::3], SHOWN))
 def test_lines_and_letters_of_info_grow_as_the_robot(
     shape: str,
     arguments: list[str],

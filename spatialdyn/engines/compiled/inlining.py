@@ -85,8 +85,20 @@ for _kind in (_Into, _IntoLowered):
     _register(mutates_CFG=False, analysis_only=True)(_kind)
 
 
-class Inlining(CompilerBase):
-    """The pipeline of an ``inline`` function: Numba's, less the passes for features that no recursion uses."""
+class Plain(CompilerBase):
+    """The pipeline of a kernel: Numba's, less the passes for features that neither kernels nor recursions use."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The only pipeline."""
+        builder: Any = DefaultPassBuilder
+        passes = builder.define_nopython_pipeline(self.state)
+        passes.passes = [x for x in passes.passes if x[0].__name__ not in _WITHOUT]
+        passes.finalize()
+        return [passes]
+
+
+class Inlining(Plain):
+    """The pipeline of an ``inline`` function, for its callers alone."""
 
     into: Any = _Into
     cache = InlinedCache(STAMP, COMPILED)
@@ -123,9 +135,7 @@ class Inlining(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         """The only pipeline."""
-        builder: Any = DefaultPassBuilder
-        passes = builder.define_nopython_pipeline(self.state)
-        passes.passes = [x for x in passes.passes if x[0].__name__ not in _WITHOUT]
+        (passes,) = super().define_pipelines()
         passes.add_pass_after(self.into, IRLegalization)
         passes.finalize()
         return [passes]

@@ -21,11 +21,14 @@ from ..interrupt import interruptible
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
 
-PIPELINES: Mapping[str, Any]
+PIPELINES: Mapping[str, Any] = {}
+OWN: dict[str, Any] = {}
 try:
-    from .inlining import PIPELINES
+    from .inlining import PIPELINES, Plain
 except ImportError:  # a version of Numba with its parts elsewhere: compiling takes several times as long
-    PIPELINES = {}
+    pass
+else:
+    OWN = {"pipeline_class": Plain}
 
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
@@ -87,7 +90,7 @@ def numba_jit(
     """
     hand_over()
     flags = {name: x for name, x in FLAGS.items() if contract or name != "fastmath"}
-    dispatcher: Any = njit(**{**flags, "nogil": nogil, "no_cfunc_wrapper": not from_c})(function)
+    dispatcher: Any = njit(**{**flags, "nogil": nogil, "no_cfunc_wrapper": not from_c, **OWN})(function)
     if keep and not PLAIN:
         dispatcher._cache = NumbaCache(function)
     return compile_aside(dispatcher)

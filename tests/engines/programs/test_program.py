@@ -60,7 +60,9 @@ def test_listing_and_counts_of_a_small_program() -> None:
         "output[2] = x6",
         "output[3] = x7",
     ]
-    assert program.operations == dict(mul=1, add=1, div=1, sqrt=1, sincos=1, exp=0, atan2=0, select=1, abs=0, depth=2)
+    assert program.operations == dict(
+        mul=1, add=1, div=1, sqrt=1, sincos=1, exp=0, atan2=0, select=1, abs=0, ufp=0, depth=2
+    )
 
 
 def test_a_product_of_one_use_joins_its_sum() -> None:

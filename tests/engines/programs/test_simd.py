@@ -447,7 +447,7 @@ def test_blocks_cover_the_columns_and_no_more(width: int) -> None:
 @pytest.mark.parametrize("dtype", slow_but([np.float64], [np.float64, np.float32]))
 def test_any_number_of_columns_is_transposed_there_and_back(shape: Shape, dtype: Any) -> None:
     """Two inputs of c and 21 - c columns, which is each number to 20, dealt out to two outputs, signs turned."""
-    for c in range(1, 21, 2):
+    for c in (1, 4, 7, 8, 13, 20):
         tape = Tape()
         x = [tape.input(k) for k in range(21)]
         places = (tuple(range(c)), tuple(range(c, 21)))
@@ -465,7 +465,7 @@ def test_any_number_of_columns_is_transposed_there_and_back(shape: Shape, dtype:
 @pytest.mark.parametrize("dtype", slow_but([np.float64], [np.float64, np.float32]))
 def test_streamed_results_are_the_stored_ones(monkeypatch: pytest.MonkeyPatch, shape: Shape, dtype: Any) -> None:
     """Columns that are whole vectors and those that are not, cut into functions or not."""
-    for c in (1, 3, 5, 8, 16, 17, 49):
+    for c in (1, 5, 8, 17, 49):
         tape = Tape()
         x = [tape.input(k) for k in range(3)]
         results = [x[k % 3] * float(k + 2) for k in range(c)]

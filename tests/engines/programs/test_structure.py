@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from inputs import empty_memory, random_inputs
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -92,7 +93,7 @@ def test_numbers_are_constants_then_bounds() -> None:
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("one", [True, False])
-@pytest.mark.parametrize("name", ["rnea", "aba"])
+@pytest.mark.parametrize("name", slow_but(["aba"], ["rnea", "aba"]))
 def test_shared_code_gives_the_bits_of_own_code(
     monkeypatch: pytest.MonkeyPatch, name: str, one: bool, dtype: Any
 ) -> None:

@@ -354,7 +354,7 @@ SINGULAR = {"romeo", "romeo_laas_small"}  # their aba raises
 ROOTED = [*((name, "fixed") for name in CORPUS), *((x, "floating") for x in FLOATING_TOO if x in CORPUS)]
 
 
-@pytest.mark.parametrize(("name", "root"), slow_but([*ROOTED[::6], *ROOTED[len(CORPUS) :]], ROOTED))
+@pytest.mark.parametrize(("name", "root"), slow_but([*ROOTED[::10], *ROOTED[len(CORPUS) :: 2]], ROOTED))
 def test_programs_of_every_robot_equal_the_untraced_calls(name: str, root: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of inertias that no body can have
