@@ -45,17 +45,7 @@ def _pointer_at(typing_context: Any, address: Any) -> Any:
     return types.voidptr(address), generate
 
 
-def _stack(typing_context: Any, size: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = builder.alloca(cgutils.int8_t, arguments[0])
-        made.align = 64
-        return made
-
-    return types.voidptr(types.intp), generate
-
-
 pointer: Any = intrinsic(_pointer_at)
-on_stack: Any = intrinsic(_stack)  # (bytes) -> address of memory that lasts as long as the function that calls it
 
 
 @inline

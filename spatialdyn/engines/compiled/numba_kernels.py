@@ -33,12 +33,6 @@ from .stamp import STAMP
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
 _SIZES = {"nq": "bodies[0].q_index", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
-WORK_TEXT = ["work = empty(len(bodies), WORK)"] if PLAIN else [  # what malloc takes is a tenth of an arm's RNEA
-    f"if len(bodies) * WORK_SIZE <= {1 << 16}:",
-    "    work = carray(on_stack(len(bodies) * WORK_SIZE), (len(bodies),), WORK)",
-    "else:",
-    "    work = empty(len(bodies), WORK)",
-]  # fmt: skip
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that kernels take
 _LOCK = threading.RLock()
 
@@ -103,7 +97,7 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
         lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{ends[k]}")
         passed.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
     if spec.work is not None:
-        lines += WORK_TEXT
+        lines.append("work = empty(len(bodies), WORK)")
         passed.insert(1, "work")
     if spec.pivots:
         lines.append("pivots = empty(len(bodies) - 1)")
@@ -137,19 +131,14 @@ def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: d
 
 
 def _scope(spec: Spec) -> dict[str, Any]:
-    from numba import carray  # type: ignore[attr-defined]
-
-    from .jit import on_stack, rows_at, table_at
+    from .jit import rows_at, table_at
 
     return {
         "table_at": (lambda table: table) if PLAIN else table_at,
         "rows_at": (lambda rows, dtype: rows) if PLAIN else rows_at,
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
-        "carray": carray,
-        "on_stack": on_stack,
         "recursion": spec.recursion,
         "WORK": spec.work,
-        "WORK_SIZE": 0 if spec.work is None else spec.work.itemsize,
         "empty": np.empty,
         "unit_norm": unit_norm,
         "pivots_regular": pivots_regular,
