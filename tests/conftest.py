@@ -13,6 +13,7 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Spare the garbage collector what was imported and collected, which lives to the end: saves 9 % of compiling."""
+    """Spare the garbage collector what lives to the end, and call it seldom: saves 9 % and 6 % of compiling."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)

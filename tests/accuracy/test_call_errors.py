@@ -62,7 +62,7 @@ def worst(model: sd.Model, name: str, states: int = 1, seed: int = 0) -> float:
     return max(measured(model, name, s) for s in [state(model, rng) for _ in range(states)])
 
 
-@pytest.mark.parametrize("name", slow_but(NAMES[::6], NAMES))
+@pytest.mark.parametrize("name", slow_but(NAMES[::12], NAMES))
 def test_inverse_dynamics_and_mass_matrix_of_every_robot_are_next_to_exact(name: str) -> None:
     for _, model in accuracy.corpus([name]):
         assert worst(model, "rnea") <= ROBOT["rnea"]
@@ -104,7 +104,7 @@ def test_forward_dynamics_with_a_heavy_tip(m: float, spatial: bool) -> None:
 
 
 @pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize("m", slow_but({1e3, 1e9}, [m for m in TIP if m <= 1e9]))
+@pytest.mark.parametrize("m", slow_but({1e9}, [m for m in TIP if m <= 1e9]))
 def test_refinement_keeps_every_digit_of_a_heavy_tip_that_the_inputs_have(m: float, spatial: bool) -> None:
     found = errors(m, spatial, "refined")
     assert np.quantile(found, 0.9) <= REFINED

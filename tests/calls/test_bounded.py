@@ -192,6 +192,7 @@ def test_the_bound_grows_with_the_condition_of_m() -> None:
     assert all(a < b for a, b in itertools.pairwise(relative))
 
 
+@pytest.mark.slow(quick="test_no_error_is_above_its_bound")
 def test_what_is_solved_for_is_near_what_solves_it() -> None:
     """A right angle, where entries of M are next to 0, of a robot whose rotations are orthogonal to rounding alone:
     minverse itself, in exact arithmetic, is off by more than its bound there.

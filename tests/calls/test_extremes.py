@@ -160,7 +160,7 @@ def test_links_of_no_length() -> None:
     held(model, state(model, np.random.default_rng(3)), scale=10)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 1e-17, 1e-16, 1e-15, 1e-12, 1e-8])
+@pytest.mark.parametrize("tilt", slow_but([0.0, 1e-16, 1e-8], [0.0, 1e-17, 1e-16, 1e-15, 1e-12, 1e-8]))
 def test_axes_next_to_a_coordinate_axis(tilt: float) -> None:
     model = arm(tilt=tilt)
     held(model, usual(model))
@@ -169,7 +169,7 @@ def test_axes_next_to_a_coordinate_axis(tilt: float) -> None:
 LENGTHS = (1, 2, 3, 10, 30, 100, 2000)
 
 
-@pytest.mark.parametrize("n", slow_but(LENGTHS[:-1], LENGTHS))
+@pytest.mark.parametrize("n", slow_but((1, 3, 30), LENGTHS))
 def test_any_length(n: int) -> None:
     """In float32 from 10 links on the digits of q̈ go, not those of the torques that it takes: to its rounding."""
     model = chain(n, True)

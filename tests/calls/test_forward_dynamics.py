@@ -295,7 +295,7 @@ def oblique_chain(tip: float) -> sd.Model:
 
 
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: double-double of hundreds of samples takes minutes")
-@pytest.mark.parametrize("tip", slow_but([1.0, 1e9], [1.0, 1e6, 1e9]))
+@pytest.mark.parametrize("tip", slow_but([1e9], [1.0, 1e6, 1e9]))
 def test_extended_keeps_its_digits_where_refinement_does_not(tip: float) -> None:
     model, n = oblique_chain(tip), 512
     rng = np.random.default_rng(1)

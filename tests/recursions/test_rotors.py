@@ -444,6 +444,7 @@ def test_free_motion_keeps_energy_and_the_momentum_of_rotors(method: str) -> Non
     np.testing.assert_allclose(h, np.broadcast_to(h[0], h.shape), rtol=0.0, atol=1e-9 * abs(h).max())  # as without
 
 
+@pytest.mark.slow(quick="simulation/test_integrators.py::test_order_of_convergence")
 def test_the_variational_method_converges_to_the_motion_at_order_2() -> None:
     model = leg().with_(gravity=(0.0, 0.0, 0.0))
     x = states(model, 4)

@@ -265,6 +265,7 @@ def test_every_number_of_samples_gives_each_its_own_bits(robot: Any) -> None:
             np.testing.assert_array_equal(x, y)
 
 
+@pytest.mark.slow(quick="simulation/test_rollouts.py::test_a_rollout_is_so_many_simulations")
 def test_records_come_every_k_th_step_and_last(robot: Any) -> None:
     model, contacts, q0 = robot
     kept: dict[str, Any] = dict(dt=DT, steps=12, contacts=contacts, record_contacts=True)
@@ -485,6 +486,7 @@ def test_what_cannot_be_is_refused_by_name(robot: Any, changes: dict[str, Any], 
         sd.rollout(model, q0, np.zeros(18), dt=DT, steps=2, **given)
 
 
+@pytest.mark.slow(quick="test_limits_act_beside_feet")
 def test_more_than_twelve_points_run_but_not_on_lanes() -> None:
     made = sd.ModelBuilder("raft")
     made.add_body("raft", None, "floating", inertia=(3.0, (0, 0, 0), np.eye(3)))

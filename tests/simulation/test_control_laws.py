@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -175,7 +176,7 @@ def test_a_rollout_is_so_many_simulations(arm: sd.Model, method: str) -> None:
     np.testing.assert_allclose(low.states["past"], found.states["past"], atol=1e-4)
 
 
-@pytest.mark.parametrize("way", ["implicit", "lugre", "smooth"])
+@pytest.mark.parametrize("way", slow_but(["implicit"], ["implicit", "lugre", "smooth"]))
 def test_a_law_acts_beside_friction(arm: sd.Model, way: str) -> None:
     friction = sd.Friction([0.5, 0.4, 0.3], [0.1] * 3, [0.7, 0.6, 0.5], 0.05, 1.0, 1e4, 30.0)
     args = (arm, [0.1, 0.2, 0.3], [0.5, 0.0, -0.5], 0.03, 1e-3, "semi_implicit_euler")

@@ -223,6 +223,7 @@ def test_a_walker_sags_until_its_dry_joints_hold_it() -> None:
     assert free.q[-1, 1] < run.q[-1, 1] - 0.01
 
 
+@pytest.mark.slow(quick="simulation/test_contact_runs.py::test_limits_act_beside_feet")
 @compiled
 def test_float32_stands_as_float64_does() -> None:
     model, contacts, q0 = walker()

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -56,7 +57,7 @@ def assert_close(found: Any, expected: Any) -> None:
     assert abs(np.asarray(found) - expected).max() <= CLOSE * max(1.0, abs(np.asarray(expected)).max())
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("name", slow_but(CALLS[::3], CALLS))
 def test_python_code_equals_the_call_on_any_batch(model: sd.Model, name: str) -> None:
     frame = {"frame": model.frames[-1]} if name == "frame_jacobian" else {}
     k = sd.specialize(model, getattr(sd, name), **frame)
