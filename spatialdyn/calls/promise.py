@@ -107,7 +107,7 @@ class Promise:
 
     @property
     def report(self) -> dict[str, int]:
-        """How many samples each way has answered so far."""
+        """How many samples each way has answered in all calls so far; samples with NaN or infinity count for none."""
         with self._lock:
             return dict(self._counts)
 

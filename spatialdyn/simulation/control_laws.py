@@ -174,8 +174,10 @@ def check_recordable(spec: Any) -> None:
 def with_values(spec: Spec, given: Mapping[str, Any] | None) -> tuple[Spec, dict[str, Any], tuple[Any, ...]]:
     """A law without the optional inputs that have no value, copies of the values of the others, of static ones last.
 
-    Raises SimulationError for values that are missing or unknown.
+    Raises SimulationError for values that are missing or unknown, or no mapping.
     """
+    if given is not None and not isinstance(given, Mapping):
+        raise SimulationError(f'values of spec "{spec.name}" are {given!r}, expected a mapping of names to arrays')
     given = dict(given or {})
     others = {x.name: x for x in spec.present if x.start is None and x.name not in OF_STEP}
     for name in given:

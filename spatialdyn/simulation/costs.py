@@ -30,7 +30,8 @@ class Cost:
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or with axes of samples
             and steps
 
-    The cost of the last state is the caller's, of ``run.q`` and ``run.v``.
+    The cost of the last state is the caller's, of ``run.q`` and ``run.v``. The steps are another program than without a
+    cost, so motions may differ in their last bits.
     Raises  SimulationError as ``Control``, and for a Spec of more numbers or with states.
 
     >>> import numpy as np, spatialdyn as sd

@@ -239,6 +239,24 @@ def test_contacts_that_are_edited_take_effect_at_the_next_call(kind: str) -> Non
         close(x, y, 1e-9)  # K has a condition of some 1e5
 
 
+@pytest.mark.parametrize("way", ["forwardDynamics", "constraintDynamics"])
+def test_fields_after_calls_under_constraints_are_of_the_latest(way: str) -> None:
+    model, rng = tree(ours), np.random.default_rng(0)
+    contact = ours.RigidConstraintModel(ours.ContactType.CONTACT_3D, model, 3, ours.SE3.Identity(), ours.LOCAL)
+    data, datas, tau = model.createData(), [contact.createData()], np.ones(model.nv)
+    J, gamma = rng.normal(size=(3, model.nv)), np.zeros(3)
+    for _ in range(4):  # the first ones bind builtins
+        q = ours.integrate(model, ours.neutral(model), 0.3 * rng.normal(size=model.nv))
+        v = rng.normal(size=model.nv)
+        if way == "forwardDynamics":
+            ours.forwardDynamics(model, data, q, v, tau, J, gamma, 1e-6)
+        else:
+            ours.constraintDynamics(model, data, q, v, tau, [contact], datas, ours.ProximalSettings(1e-12, 1e-6, 5))
+        other = model.createData()
+        assert data.kinetic_energy == pytest.approx(ours.computeKineticEnergy(model, other, q, v), rel=1e-12)
+        close(data.com[0], ours.centerOfMass(model, other, q), 1e-12)
+
+
 @pytest.mark.slow(quick="compat/test_rigid_constraints.py::test_constraint_dynamics_is_pinocchios")
 def test_the_builtin_of_contacts_gives_what_python_gives() -> None:
     model = tree(ours)

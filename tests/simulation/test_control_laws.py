@@ -533,6 +533,8 @@ def test_what_is_no_cost_is_refused(arm: sd.Model) -> None:
         sd.SimulationError, match=r'spec "pid" has the outputs tau \(\'nv\',\), past_rate .*states past'
     ):
         sd.Cost(PID, {"reach": np.zeros(3), "gains": np.ones(3)})
+    with pytest.raises(sd.SimulationError, match='values of spec "toil" are 3, expected a mapping'):
+        sd.Cost(TOIL, 3)  # type: ignore[arg-type]
     with pytest.raises(sd.SimulationError, match='values of spec "toil" lack weight'):
         sd.Cost(TOIL, {"aim": np.zeros(3)})
     cost = sd.Cost(TOIL, {"aim": np.zeros(3), "weight": 1.0})

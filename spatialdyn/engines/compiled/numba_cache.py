@@ -15,12 +15,21 @@ from typing import Any
 
 import llvmlite
 import numba
+import numpy as np
 from numba import types
 from numba.core import compiler, serialize
 from numba.core.caching import _Cache
 from numba.core.runtime import rtsys  # type: ignore[attr-defined]
 
 from . import disk_cache
+from .numba_settings import setting
+
+
+def settings() -> tuple[Any, ...]:
+    """What compiled code depends on beside its sources: versions, and Numba's settings of optimization and checks."""
+    names = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_FLAGS")
+    chosen = [str(setting(name, "")) for name in names]
+    return numba.__version__, llvmlite.__version__, np.__version__, sys.version, *chosen
 
 
 class NumbaCache(_Cache):
@@ -30,8 +39,7 @@ class NumbaCache(_Cache):
         """Name the function by its code and its closure, which must hold all else that the code depends on."""
         code, cells = function.__code__, function.__closure__ or ()
         text = (code.co_code, code.co_consts, code.co_names, [cell.cell_contents for cell in cells])
-        versions = (numba.__version__, llvmlite.__version__, sys.version)
-        self._function = repr((function.__module__, function.__qualname__, text, versions))
+        self._function = repr((function.__module__, function.__qualname__, text, settings()))
         self._enabled = True
 
     @property
@@ -75,7 +83,7 @@ class InlinedCache:
     """The cache of the package's ``inline`` functions, of whose LLVM code the kernels of any process are made."""
 
     def __init__(self, stamp: str, rooms: tuple[str, ...]) -> None:
-        """Keep the functions of some rooms under a stamp of their sources."""
+        """Keep the functions of some rooms under a stamp of their files; what a process sets in a module goes unseen."""
         package, _, _ = __name__.partition(".")
         self._stamp, self._rooms = stamp, tuple(f"{package}.{room.replace('/', '.')}." for room in rooms)
 
@@ -87,9 +95,9 @@ class InlinedCache:
             or not all(map(_is_value, state.args))
         ):
             return ""
-        versions = (numba.__version__, llvmlite.__version__, sys.version, state.targetctx.codegen().magic_tuple())
+        target = (*settings(), state.targetctx.codegen().magic_tuple())
         name = (function.__module__, function.__qualname__, state.args, state.return_type, state.flags)
-        return hashlib.sha256(f"{self._stamp} {versions} {name}".encode()).hexdigest()
+        return hashlib.sha256(f"{self._stamp} {target} {name}".encode()).hexdigest()
 
     def read(self, digest: str) -> Any:
         """What was written under a name, or None."""

@@ -196,13 +196,19 @@ def test_a_kernel_is_named_by_its_text_closure_signature_and_processor() -> None
     assert kernel_name(twice("a")) == names[0]
 
 
-@pytest.mark.parametrize(("owner", "what"), [(numba, "__version__"), (llvmlite, "__version__"), (sys, "version")])
-def test_a_kernel_is_named_by_the_versions_that_compiled_it(
+BESIDE_SOURCES = [
+    *((owner, "__version__") for owner in (numba, llvmlite, np)), (sys, "version"),
+    *((numba.config, name) for name in ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("owner", "what"), BESIDE_SOURCES)
+def test_a_kernel_is_named_by_the_versions_and_settings_that_compiled_it(
     monkeypatch: pytest.MonkeyPatch, owner: Any, what: str
 ) -> None:
     before = kernel_name(twice("a"))
     with monkeypatch.context() as patch:
-        patch.setattr(owner, what, getattr(owner, what) + "+")
+        patch.setattr(owner, what, f"{getattr(owner, what)}+")
         assert kernel_name(twice("a")) != before
     assert kernel_name(twice("a")) == before
 
@@ -263,9 +269,9 @@ def test_an_inlined_function_is_named_by_all_that_its_code_depends_on(monkeypatc
         inlined_name(error_model="numpy"),
         inlined_name(fastmath=FastMathOptions({"contract"})),
     ]
-    for owner, what in ((numba, "__version__"), (llvmlite, "__version__"), (sys, "version")):
+    for owner, what in BESIDE_SOURCES:
         with monkeypatch.context() as patch:
-            patch.setattr(owner, what, getattr(owner, what) + "+")
+            patch.setattr(owner, what, f"{getattr(owner, what)}+")
             names.append(inlined_name())
     assert all(names)
     assert len(set(names)) == len(names)

@@ -126,8 +126,8 @@ def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) 
     except (AttributeError, KeyError, SystemError):  # the fast path does not apply
         return None
     if found is not None:
-        data.note_builtin_call(before)
-        data.note_builtin_call(run)
+        data.note_unstamped_call(before)
+        data.note_unstamped_call(run)
         data.__dict__["_contact"] = run.contact
     return found
 

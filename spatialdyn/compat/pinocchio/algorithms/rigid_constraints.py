@@ -161,8 +161,8 @@ def constraintDynamics(
             found: Array | None = call(q, v, tau, settings._x)
             if found is not None:
                 run.contact = solved
-                data.note_builtin_call(before)
-                data.note_builtin_call(run)
+                data.note_unstamped_call(before)
+                data.note_unstamped_call(run)
                 return found
     except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
         pass
