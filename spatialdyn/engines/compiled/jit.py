@@ -30,6 +30,7 @@ except ImportError:  # a version of Numba with its parts elsewhere: compiling ta
 else:
     OWN = {"pipeline_class": Plain}
 
+ON_STACK = 1 << 15  # bytes of a kernel's array of scratch; larger ones are allocated, which takes 20 ns
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
 }  # fmt: skip
@@ -45,7 +46,39 @@ def _pointer_at(typing_context: Any, address: Any) -> Any:
     return types.voidptr(address), generate
 
 
+def _memory(typing_context: Any, size: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        (size,) = arguments
+        large = builder.icmp_signed(">", size, size.type(ON_STACK))
+        small = builder.alloca(cgutils.int8_t, builder.select(large, size.type(0), size))
+        small.align = 64
+        found = cgutils.alloca_once_value(builder, small)
+        with builder.if_then(large, likely=False):
+            builder.store(context.nrt.allocate(builder, size), found)
+        return builder.load(found)
+
+    return types.voidptr(types.intp), generate
+
+
+def _release(typing_context: Any, address: Any, size: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address, size = arguments
+        with builder.if_then(builder.icmp_signed(">", size, size.type(ON_STACK)), likely=False):
+            context.nrt.free(builder, address)
+        return context.get_dummy_value()
+
+    return types.none(types.voidptr, types.intp), generate
+
+
 pointer: Any = intrinsic(_pointer_at)
+memory: Any = intrinsic(_memory)  # (bytes) -> memory of the calling function, on the stack if it is small
+release: Any = intrinsic(_release)  # (memory, bytes): give it back
+
+
+@inline
+def array_at(memory: Any, shape: tuple[int, ...], dtype: Any) -> Any:
+    """An array in memory."""
+    return carray(memory, shape, dtype)
 
 
 @inline
