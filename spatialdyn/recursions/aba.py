@@ -46,7 +46,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
 from .steps import moved_by_joint
 
 WORK = table_dtype(
@@ -268,13 +268,13 @@ def minverse_through_M(M: MassMatrix, q: Array) -> Array:
 
 SPECS = (
     Spec(
-        "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "aba", aba, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
         "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
         residual=("rnea", "minverse"),
     ),
     Spec(
-        "minverse", minverse, WORK_INVERSE, (Q,),
+        "minverse", minverse, WORK_INVERSE, (TURNED_Q,),
         Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
         "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
         "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,

@@ -14,12 +14,14 @@ from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
+from numba.np import arrayobj
 
 from ...algebra.scalars import compiled_as, inline, register
 from ...bodies.table import BODIES
 from ..interrupt import interruptible
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
+from .sines import turn as turn
 
 PIPELINES: Mapping[str, Any] = {}
 OWN: dict[str, Any] = {}
@@ -70,15 +72,28 @@ def _release(typing_context: Any, address: Any, size: Any) -> Any:
     return types.none(types.voidptr, types.intp), generate
 
 
+def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
+    array: Any = types.Array
+    kind = array(dtype.dtype, len(shape), "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = context.make_array(kind)(context, builder)
+        size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+        extents, strides = cgutils.unpack_tuple(builder, arguments[1]), [context.get_constant(types.intp, size)]
+        for extent in reversed(extents[1:]):
+            strides.insert(0, builder.mul(strides[0], extent))
+        arrayobj.populate_array(
+            made, builder.bitcast(arguments[0], made.data.type), extents, strides, strides[-1], meminfo=None
+        )
+        return made._getvalue()
+
+    return kind(memory, shape, dtype), generate
+
+
 pointer: Any = intrinsic(_pointer_at)
 memory: Any = intrinsic(_memory)  # (bytes) -> memory of the calling function, on the stack if it is small
 release: Any = intrinsic(_release)  # (memory, bytes): give it back
-
-
-@inline
-def array_at(memory: Any, shape: tuple[int, ...], dtype: Any) -> Any:
-    """An array in memory."""
-    return carray(memory, shape, dtype)
+array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: carray, compiled in half the time
 
 
 @inline

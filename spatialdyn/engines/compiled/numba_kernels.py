@@ -99,20 +99,23 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     for x in spec.present:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
-    taken = ("None" if x is None else f"{x.name}_rows" if x.table else x.name for x in spec.inputs)
-    passed = ["bodies", *taken, *([] if spec.parts else [spec.output.name])]
-    ends = [_extent(spec, *x.shape) for x in spec.parts]
-    for k in range(len(ends)):
-        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{ends[k]}")
-        passed.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
-    scratch = _scratch(spec)
-    first = int(spec.work is not None)  # the work table comes second, the other scratch last
-    passed[1:1] = [*scratch][:first]
-    passed += [*scratch][first:]
+    turned = {x.name for x in spec.present if x.turned and not PLAIN}
+    scratch = {f"{name}_turned": (["3", _extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
     for name, (shape, dtype) in scratch.items():
         lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
         lines.append(f"{name}_memory = memory({name}_size)")
         lines.append(f"{name} = array_at({name}_memory, ({', '.join(shape)},), {dtype})")
+    lines += [f"turn({name}, {name}_turned)" for name in turned]
+    passed = ["bodies"] if spec.work is None else ["bodies", "work"]
+    for x in spec.inputs:
+        name = "None" if x is None else x.name
+        passed.append(f"{name}_turned" if name in turned else f"{name}_rows" if x is not None and x.table else name)
+    passed += [] if spec.parts else [spec.output.name]
+    ends = [_extent(spec, *x.shape) for x in spec.parts]
+    for k in range(len(ends)):
+        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{ends[k]}")
+        passed.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
+    passed += ["pivots"] * spec.pivots + [f"scratch{k}" for k in range(len(spec.scratch))]
     lines.append(f"recursion({', '.join(passed)})")
     if spec.pivots:
         lines.append("regular = pivots_regular(bodies, q, pivots)")
@@ -153,7 +156,8 @@ def native() -> dict[str, Any]:
         }
     from . import jit
 
-    return {name: getattr(jit, name) for name in ("table_at", "rows_at", "memory", "array_at", "release")}
+    names = "table_at", "rows_at", "memory", "array_at", "release", "turn"
+    return {name: getattr(jit, name) for name in names}
 
 
 def _scope(spec: Spec) -> dict[str, Any]:
