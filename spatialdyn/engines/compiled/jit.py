@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numba import carray, njit, types  # type: ignore[attr-defined]
@@ -54,10 +54,14 @@ def _memory(typing_context: Any, size: Any) -> Any:
         large = builder.icmp_signed(">", size, size.type(ON_STACK))
         small = builder.alloca(cgutils.int8_t, builder.select(large, size.type(0), size))
         small.align = 64
-        found = cgutils.alloca_once_value(builder, small)
+        ways = {builder.block: small}
         with builder.if_then(large, likely=False):
-            builder.store(context.nrt.allocate(builder, size), found)
-        return builder.load(found)
+            allocated = context.nrt.allocate(builder, size)
+            ways[builder.block] = allocated
+        found = builder.phi(small.type)
+        for block, way in ways.items():
+            found.add_incoming(way, block)
+        return found
 
     return types.voidptr(types.intp), generate
 
@@ -77,14 +81,13 @@ def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
     kind = array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = context.make_array(kind)(context, builder)
+        made, put = context.make_array(kind)(context, builder), cast(Any, arrayobj.populate_array)
         size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
-        extents, strides = cgutils.unpack_tuple(builder, arguments[1]), [context.get_constant(types.intp, size)]
+        extents = [builder.extract_value(arguments[1], axis) for axis in range(kind.ndim)]
+        strides = [context.get_constant(types.intp, size)]
         for extent in reversed(extents[1:]):
             strides.insert(0, builder.mul(strides[0], extent))
-        arrayobj.populate_array(
-            made, builder.bitcast(arguments[0], made.data.type), extents, strides, strides[-1], meminfo=None
-        )
+        put(made, builder.bitcast(arguments[0], made.data.type), extents, strides, strides[-1], meminfo=None)
         return made._getvalue()
 
     return kind(memory, shape, dtype), generate

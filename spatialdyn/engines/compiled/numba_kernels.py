@@ -107,9 +107,8 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
         lines.append(f"{name} = array_at({name}_memory, ({', '.join(shape)},), {dtype})")
     lines += [f"turn({name}, {name}_turned)" for name in turned]
     passed = ["bodies"] if spec.work is None else ["bodies", "work"]
-    for x in spec.inputs:
-        name = "None" if x is None else x.name
-        passed.append(f"{name}_turned" if name in turned else f"{name}_rows" if x is not None and x.table else name)
+    ends_of = dict.fromkeys(turned, "_turned") | {x.name: "_rows" for x in spec.present if x.table}
+    passed += ["None" if x is None else x.name + ends_of.get(x.name, "") for x in spec.inputs]
     passed += [] if spec.parts else [spec.output.name]
     ends = [_extent(spec, *x.shape) for x in spec.parts]
     for k in range(len(ends)):

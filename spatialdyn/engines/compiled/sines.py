@@ -10,12 +10,12 @@ import math
 from typing import Any
 
 from llvmlite import binding, ir
-from numba import types  # type: ignore[attr-defined]
-from numba.core.registry import cpu_target
+from numba import types
 from numba.extending import intrinsic
 
 from ...algebra.scalars import inline
 from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
+from .numba_settings import setting
 
 TWO_OVER_PI = 2.0 / math.pi
 SHIFT = MAGIC["double"]
@@ -58,9 +58,11 @@ signed: Any = intrinsic(_signed)
 
 
 def has_fma() -> bool:
-    """Whether the processor for which Numba compiles has fused multiply-add."""
-    codegen: Any = cpu_target.target_context.codegen()
-    return binding.get_process_triple().startswith(("aarch64", "arm64")) or "+fma" in codegen._tm_features.split(",")
+    """Whether Numba compiles for a processor with fused multiply-add: the host, unless its settings name another."""
+    if setting("CPU_NAME", "") or setting("CPU_FEATURES", ""):
+        return False
+    arm = binding.get_process_triple().startswith(("aarch64", "arm64"))
+    return arm or bool(binding.get_host_cpu_features().get("fma"))
 
 
 @inline
