@@ -92,7 +92,9 @@ def _by_polynomials(q: Any, turned: Any) -> None:
         turned[2, k] = signed(c if quadrant & 1 else s, quadrant)
         beyond |= not abs(x) <= MAX_ANGLE
     if beyond:
-        _by_library(q, turned)
+        for k in range(q.size):
+            if not abs(q[k]) <= MAX_ANGLE:
+                turned[1, k], turned[2, k] = math.cos(q[k]), math.sin(q[k])
 
 
 turn = _by_polynomials if has_fma() else _by_library
