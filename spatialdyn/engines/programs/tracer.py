@@ -68,16 +68,20 @@ class Tape:
         return Number(self, self.line((INPUT, index, 0, 0, 0.0)), False)
 
     def number(self, value: Any) -> Number:
-        """A Number of a constant. Its sign is in the value: models of other numbers then have the same structure."""
+        """A Number of a constant. Its sign is in the value, unless that of the other sign is recorded: models of other
+        numbers then have the same structure, and x - k y is -k y + x.
+        """
         if isinstance(value, Number):
             return value
-        x = float(value)
+        x, at = float(value), 0
         if self.errors is not None and error_of(value):
             at = self.errors.setdefault(error_of(value), len(self.errors))
-            return Number(self, self.line((CONST, 0, 0, at, x)), False)
-        if x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
+        elif x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
             return Number(self, self.line((CONST, 0, 0, 0, abs(x))), bool(np.signbit(x)))
-        return Number(self, self.line((CONST, 0, 0, 0, x)), False)
+        opposite = self.known.get((CONST, 0, 0, at, -x))
+        if opposite is not None:
+            return Number(self, opposite, True)
+        return Number(self, self.line((CONST, 0, 0, at, x)), False)
 
     def absorbs(self, value: float) -> bool:
         """Whether operations absorb a 0 or ±1."""
