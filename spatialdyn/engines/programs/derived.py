@@ -136,7 +136,7 @@ def _with_derivative(
     parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
     forward = options.derivative == "jvp"
     further, results = [], []
-    turns = [_turns(tape, bodies, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
+    turns = [_turns(bodies, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
     every = [turn for those in turns for _, turn in those]
     if forward:
         tangents: list[Any] = []
@@ -173,7 +173,7 @@ def _with_derivative(
     return Recording(Program(tape, outputs, next(order)), layout)
 
 
-def _turns(tape: Tape, bodies: NDArray[Any], q: Sequence[Any]) -> list[tuple[int, Turn]]:
+def _turns(bodies: NDArray[Any], q: Sequence[Any]) -> list[tuple[int, Turn]]:
     """For each freedom by which a quaternion of q turns, its index and how it turns the rotation matrix R.
 
     Along a turn φ in the body's own axes R' = R [φ]×: a column's derivative is another column.

@@ -264,16 +264,18 @@ def scratch(dtype: np.dtype | None, rows: int) -> list[Row] | None:
 
 
 def evaluate(
-    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], pivots: NDArray[Any] | None
-) -> NDArray[Any]:
+    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], pivots: NDArray[Any] | None,
+    start: float = 0.0,
+) -> NDArray[Any]:  # fmt: skip
     """The output of a recursion on a table of Rows and object arrays by name; an optional input may be missing.
 
     A static table is a list of Rows too.
 
     shape   of the output; a scalar is an array of one
     pivots  (rows,) of objects, written in place if the recursion has pivots
+    start   what entries hold that the recursion does not write
     """
-    out = np.full(shape or (1,), 0.0, dtype=object)
+    out = np.full(shape or (1,), start, dtype=object)
     passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
     passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
     sizes = sizes_of(rows, [(x, inputs[x.name]) for x in spec.present if x.table is not None])
