@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import typing
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,7 @@ from ..engines.numbers.enclosures import Enclosure, rounded
 from ..errors import ShapeError, SpatialDynError
 from .arguments import aligned, as_array, as_number
 from .specialize_request import SpecializeRequest
+from .specialized import Specialized
 from .states import random_configuration
 
 Array = NDArray[np.float64]
@@ -124,6 +126,17 @@ class Promise:
         ways = ", ".join(f"{way} {count}" for way, count in self.report.items())
         return f'<Promise {self._spec.name} of "{self._request.model.name}" within {within}: {ways}>'
 
+    if not typing.TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_") or not hasattr(Specialized, name):
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            call = self._spec.name
+            raise AttributeError(
+                f"a Promise has no {name}: each sample has a program of its own choice; expected that of one program, "
+                f"sd.specialize(model, sd.{call}).{name}, or with its error sd.bounded(model, sd.{call}).{name}"
+            )
+
     def __reduce__(self) -> tuple[Any, ...]:
         return self._made_by
 
@@ -184,7 +197,7 @@ class Promise:
             held = self._holds(values[at], bounds[at])
             way[at[held]], at = 2, at[~held]
         if len(at):
-            raise SpatialDynError(self._failure(at, values, bounds, batch))
+            raise SpatialDynError(self._failure(at, values, bounds, batch, rows))
         return values, way
 
     # -- ways
@@ -239,7 +252,10 @@ class Promise:
             return 0.0
         return float(self._holds(np.asarray(values), np.asarray(bounds)).mean())
 
-    def _failure(self, at: NDArray[np.intp], values: Array, bounds: Array, batch: tuple[int, ...]) -> str:
+    def _failure(
+        self, at: NDArray[np.intp], values: Array, bounds: Array, batch: tuple[int, ...], rows: Sequence[Array]
+    ) -> str:
+        """What the error says. ``rows`` are the inputs."""
         n = len(values)
         largest = abs(values.reshape(n, -1)).max(axis=1, initial=0.0)[at]
         worst = bounds.reshape(n, -1).max(axis=1, initial=0.0)[at]
@@ -249,7 +265,12 @@ class Promise:
         named = [str(x[0] if len(x) == 1 else x) for x in places]
         more = f" and {len(at) - LISTED} others" if len(at) > LISTED else ""
         where = f" in sample{'s' if len(at) > 1 else ''} {', '.join(named)}{more}" if batch else ""
-        of = f"bound {worst[0]:.1e} of {largest[0]:.1e}" + (f" in sample {named[0]}" if len(at) > 1 else "")
+        of = f"bound {worst[0]:.1e} of {largest[0]:.1e}"
+        if math.isnan(worst[0]) or math.isnan(largest[0]):
+            sizes = [abs(x[at[0]]).max(initial=0.0) for x in rows]
+            k = int(np.argmax(sizes))
+            of = f"no way has a bound where {self._request.inputs()[k].name} has {sizes[k]:.1e}"
+        of += f" in sample {named[0]}" if len(at) > 1 else ""
         return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}"
 
 

@@ -83,7 +83,7 @@ def specialize(
               (), "com:JOINT" (3,), "inertia:JOINT" (6,), xx xy xz yy yz zz about the com; "payload:FRAME" (10,) adds
               a body in that frame: mass, com x y z, inertia xx xy xz yy yz zz about its com; "payload" alone adds it
               in the frame of a chain's last joint. Or a mapping: {"payload": "hand"}. Values are not checked: a mass
-              may be negative.
+              may be negative. In exported code they are named by kind and position, ``payload_4`` if it is the fourth
     outputs   joint names or indices that select entries of the axes "nv" and "njoints" of the results
     frame, reference, classical   as of the public calls that have them
     constraints  Constraints of this model, of calls with a table of them, in float64. The result of

@@ -153,7 +153,8 @@ class Specialized:
         """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
 
         It computes one sample, in arrays in C order, without argument checks: if a joint has zero articulated inertia
-        it divides by zero. Parameters are named by kind and position: the third input is ``mass_3``.
+        it divides by zero. Parameters are named by kind and position, since names of joints are no identifiers: the
+        third input is ``mass_3``, a payload that is the fourth ``payload_4``.
 
         name         of the function, by default that of the call, several joined by "_"
         derivatives  with the external interface of CasADi instead: ``name`` and ``jac_name``, the derivatives of each
@@ -175,8 +176,11 @@ class Specialized:
         """The program as a ``casadi.Function`` of one sample, with named inputs and results.
 
         It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
-        aba by their own recursions, in about half the operations of CasADi's. It has no argument checks and no
-        range: a joint with zero articulated inertia divides by zero. Derivatives by a configuration are by its
+        aba by their own recursions, in about half the operations of CasADi's. Inputs are named as in ``c_code``: a
+        payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with zero
+        articulated inertia divides by zero. So it is with ``bounded``: where its program says that a bound is infinite
+        (angles above 1e5, joints of next to no articulated inertia, numbers beyond the range) the exported one gives
+        what its lines give, which is no promise there. Derivatives by a configuration are by its
         entries, as CasADi's always are: with quaternions or (cos, sin) pairs export the next configuration too, by
         ``sd.integrate``, so that all of it stays in coordinates.
 
@@ -194,8 +198,9 @@ class Specialized:
 
         It runs on the host, on lanes, wherever JAX runs; samples may have leading axes that broadcast. Inputs that
         are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
-        a configuration. There is no forward mode and no second derivative: asking for one raises. Errors of values,
-        of a joint without inertia say, are raised by JAX, with the message of this library inside.
+        a configuration. There is no forward mode (``jacfwd``, ``jvp``: take ``jacrev``, or ``derivative="jvp"`` outside
+        of JAX) and no second derivative: asking for one raises. Errors of values, of a joint without inertia say, are
+        raised by JAX, with the message of this library inside.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
@@ -212,9 +217,10 @@ class Specialized:
     def to_torch(self) -> Callable[..., Any]:
         """The program as a function of PyTorch tensors on the CPU, for autograd, torch.func.grad and torch.vmap.
 
-        Samples may have leading axes that broadcast. Inputs that are all float32 give float32, others float64;
-        derivatives are computed in float64, by entries of a configuration. There is no second derivative: asking for
-        one raises.
+        Samples may have leading axes that broadcast. Inputs that are all float32 give float32; float32 beside float64
+        is promoted to float64, as in torch's own operations, and so is all else. Derivatives are computed in float64,
+        by entries of a configuration, and have the dtype of their input. There is no second derivative: asking for one
+        raises.
 
         Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
             not on the CPU, and where PyTorch is not installed (extra "torch")

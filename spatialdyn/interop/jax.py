@@ -52,7 +52,15 @@ def to_jax(made: Differentiable) -> Callable[..., Any]:
         single = all(x.dtype == np.float32 for x in given)
         dtype = np.float32 if single else jax.dtypes.canonicalize_dtype(np.float64)
         shapes = made.aligned([x.shape for x in given])
-        found = results(*(x.astype(dtype).reshape(shape) for x, shape in zip(given, shapes, strict=True)))
+        try:
+            found = results(*(x.astype(dtype).reshape(shape) for x, shape in zip(given, shapes, strict=True)))
+        except TypeError as error:
+            if "forward-mode" not in str(error):
+                raise
+            beside = 'sd.specialize(..., derivative="jvp") is a program along a direction, outside of JAX'
+            raise TypeError(
+                f"{made.name} has no forward mode (jvp, jacfwd), expected grad, vjp or jacrev; {beside}"
+            ) from error
         return found if made.several else found[0]
 
     function.__name__ = function.__qualname__ = made.name

@@ -80,10 +80,17 @@ class Control:
     def __repr__(self) -> str:
         return f"<Control: {self.spec.name}{', held' if self.held else ''}>"
 
-    def axes(self, model: Model) -> list[tuple[int, ...]]:
-        """Axes before those of the input, of each value that has any: of steps, or of samples and steps."""
-        found = [x.shape[: x.ndim - len(core)] for x, core in self._cores(model)]
-        return [x for x in found if x]
+    def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
+        """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
+        found = {}
+        for name, (x, core) in zip(self._given, self._cores(model), strict=True):
+            found[f'{name} of spec "{self.spec.name}"'] = x.shape[: x.ndim - len(core)]
+        return {name: lead for name, lead in found.items() if lead}
+
+    @property
+    def _given(self) -> list[str]:
+        """The names of the values, in the order of the Spec."""
+        return [x.name for x in self.spec.present if x.name in self.values]
 
     def _cores(self, model: Model) -> list[tuple[Array, tuple[int, ...]]]:
         """The values, and the shapes of their inputs."""
@@ -93,8 +100,7 @@ class Control:
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
         """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError."""
         found = {}
-        names = [x.name for x in self.spec.present if x.name in self.values]
-        for name, (value, core) in zip(names, self._cores(model), strict=True):
+        for name, (value, core) in zip(self._given, self._cores(model), strict=True):
             lead = value.shape[: value.ndim - len(core)]
             allowed = [(1, x) for x in (samples, steps)[max(0, 2 - len(lead)) :]]
             fits = len(lead) <= 2 and all(a in b for a, b in zip(lead, allowed, strict=True))
@@ -109,8 +115,13 @@ class Control:
 def check_control(control: Any) -> Control | None:
     """The argument ``control``. Raises SimulationError for something else than a Control or None."""
     if control is not None and not isinstance(control, Control):
-        raise SimulationError(f"control is {control!r}, expected a Control or None")
+        raise SimulationError(f"control is {shown(control)}, expected a Control or None")
     return control
+
+
+def shown(given: Any) -> str:
+    """What stands in place of a Control or a Cost: of a Spec, which is long, its name."""
+    return f'the Spec "{given.name}"' if isinstance(given, Spec) else repr(given)
 
 
 # --- a law in a step ------------------------------------------------------------------------------------
@@ -152,11 +163,21 @@ def law_on(
                 given[x.name] = states[name] if name in states else inputs[name]
         sizes = sizes_of(rows, [(x, given[x.name]) for x in spec.present if x.table is not None])
         widths = [math.prod(shape_in(x.shape, sizes)) for x in parts]
-        out = evaluate(spec, rows, (sum(widths),), given, np.zeros(len(rows) - 1, object))
+        out = evaluated(spec, rows, (sum(widths),), given)
         wanted, *made = np.split(out, np.cumsum(widths)[:-1])
         return wanted, {OWN_INPUT + x.name: y for x, y in zip(spec.states, made, strict=True)}
 
     return law
+
+
+def evaluated(
+    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], start: float = 0.0
+) -> Any:
+    """``tracer.evaluate`` of a caller's Spec, whose name is in its TypeErrors. ``start`` is what is not written."""
+    try:
+        return evaluate(spec, rows, shape, inputs, np.zeros(len(rows) - 1, object), start)
+    except TypeError as error:
+        raise TypeError(f'spec "{spec.name}": {error}') from error
 
 
 # --- checks ---------------------------------------------------------------------------------------------

@@ -10,16 +10,15 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
-from ..engines.programs.tracer import evaluate
 from ..errors import SimulationError
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from .control_laws import AFTER, OF_STEP, OWN_INPUT, Control, check_recordable, law_on, with_values
+from .control_laws import AFTER, OF_STEP, OWN_INPUT, Control, check_recordable, evaluated, law_on, shown, with_values
 
 COST = "cost"
 OWN = "cost."  # before the names of a cost's inputs among those of the law that it becomes part of
+STATE = OWN_INPUT + COST  # the sum, as a step names it
+UNWRITTEN = float("0")  # an object of its own, which a cost leaves where it writes nothing
 
 
 class Cost:
@@ -32,7 +31,8 @@ class Cost:
 
     The cost of the last state is the caller's, of ``run.q`` and ``run.v``. The steps are another program than without a
     cost, so motions may differ in their last bits.
-    Raises  SimulationError as ``Control``, and for a Spec of more numbers or with states.
+    Raises  SimulationError as ``Control``, and for a Spec of more numbers or with states; in ``rollout`` for one that
+            writes no number
 
     >>> import numpy as np, spatialdyn as sd
     >>> from spatialdyn.recursions.spec import TAU, Argument, Q, Spec
@@ -65,7 +65,7 @@ class Cost:
 def check_cost(cost: Any) -> Cost:
     """The argument ``cost``. Raises SimulationError for something else than a Cost or None."""
     if not isinstance(cost, Cost):
-        raise SimulationError(f"cost is {cost!r}, expected a Cost or None")
+        raise SimulationError(f"cost is {shown(cost)}, expected a Cost or None: sd.Cost(spec, values)")
     return cost
 
 
@@ -98,7 +98,11 @@ def _summed(law: Spec | None, cost: Spec) -> Spec:
         known = {x.name: given[x.name if x.name in OF_STEP else OWN + x.name] for x in cost.present}
         if TAU.name in known:
             known[TAU.name] = given[TAU.name] + tau
-        after[0] = given[COST][0] + evaluate(cost, rows, (1,), known, np.zeros(len(rows) - 1, object))[0]
+        (of_step,) = evaluated(cost, rows, (1,), known, UNWRITTEN)
+        if of_step is UNWRITTEN:
+            what = f"{cost.output.name}[0]"
+            raise SimulationError(f'recursion of spec "{cost.name}" does not write {what}, expected the cost of a step')
+        after[0] = given[COST][0] + of_step
 
     parts = (TAU, *ends, Argument(COST + AFTER, (1,), cost.output.unit, total.meaning))
     name = cost.name if law is None else f"{law.name}_{cost.name}"

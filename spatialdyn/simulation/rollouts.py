@@ -108,9 +108,10 @@ def rollout(
     Returns a Rollout, which unpacks as (q, v).
     Raises
         ShapeError for shapes that do not match
-        SimulationError for an invalid dt, steps, record, dtype or method, and for a state that is not finite, naming
-            the sample and the time; for friction as ``simulate``, and where check finds Coulomb's law violated by more
-            than 0.01 rad/s or m/s, or a contact's, naming sample, time and point
+        SimulationError for an invalid dt, steps, record, dtype or method, and for a state or cost that is not finite,
+            naming the sample and the time; for friction as ``simulate``, and where check finds Coulomb's law violated
+            by more than 0.01 rad/s or m/s, or a contact's, naming sample, time and point; TypeError naming the Spec of
+            a law or cost that cannot be recorded
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
         ModelError for a model with mimic joints, a kp of a joint whose position is not one number, and more than 12
@@ -145,13 +146,12 @@ def rollout(
     forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
     if pd is not None:
         forcing |= _law(model, pd)
-    start, axes = _states(model, q0, v0), [x.shape[:-1] for x, _ in forcing.values()]
+    start, axes = _states(model, q0, v0), {name: x.shape[:-1] for name, (x, _) in forcing.items()}
     if control is not None:
-        axes += control.axes(model)
-    several = {name: x.shape[:1] for name, (x, _) in forcing.items() if x.ndim == 3}
-    several |= {f"values of control ({k})": x[:1] for k, x in enumerate(axes[len(forcing) :]) if len(x) == 2}
+        axes |= control.axes(model)
+    several = {name: lead[:1] for name, lead in axes.items() if len(lead) == 2}
     (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
-    T = _steps(steps, [lead[-1] for lead in axes if lead])
+    T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
     inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
     inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
     held = None
@@ -191,8 +191,8 @@ def rollout(
         check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
-        _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control, touch)
-    single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not any(len(lead) == 2 for lead in axes)
+        _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control, touch, cost)
+    single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not several
     single = single and all(len(x) == 1 for x in beside.starts)
     if isinstance(record, str):
         records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
@@ -255,16 +255,21 @@ def _law(model: Model, pd: PD) -> dict[str, tuple[Array, int]]:
     }
 
 
-def _steps(steps: int | None, found: list[int]) -> int:
-    """T from the argument and from the axes of inputs. Raises ShapeError if they differ."""
+def _steps(steps: int | None, found: dict[str, int]) -> int:
+    """T from the argument and from the axes of inputs, by name. Raises ShapeError if they differ."""
     if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
         raise SimulationError(f"steps is {steps!r}, expected a whole number of 0 or more")
-    several = {k for k in found if k != 1} | ({int(steps)} if steps is not None else set())
-    if len(several) > 1:
-        raise ShapeError(f"inputs and steps give {sorted(several)} steps, expected one number")
+    several = {name: k for name, k in found.items() if k != 1}
+    if steps is not None:
+        several["argument steps"] = int(steps)
+    numbers = list(several.values())
+    if len(set(numbers)) > 1:
+        listed = ", ".join(f"{name} {k}" for name, k in several.items())
+        beside = "; an input of samples has an axis of steps too, which may be 1" if found else ""
+        raise ShapeError(f"numbers of steps differ: {listed}, expected one{beside}")
     if not several and not found:
         raise SimulationError("steps is None, expected a whole number: no input has an axis of steps")
-    return several.pop() if several else 1
+    return numbers[0] if numbers else 1
 
 
 def _step_input(name: str, x: Array, shape: tuple[int, int, int]) -> StepInput:
@@ -334,6 +339,7 @@ def _run(
     found: Rubbing | None = None,
     control: Control | None = None,
     touch: Touching | None = None,
+    cost: Cost | None = None,
 ) -> None:
     static: tuple[Any, ...]
     last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
@@ -359,7 +365,7 @@ def _run(
                 forcing = [StepInput(x.rows.astype(dtype, copy=False)) for x in given]
             again = time_loop.run(kernel, start, forcing, records, steps, every)
     if len(again):
-        _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt, touch, found)
+        _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt, touch, found, cost)
     if check and touch is not None and records[2].shape[1]:
         lost = samples_unsolved(touch, records[2][:, -1])
         if len(lost):
@@ -392,11 +398,13 @@ def _again(
     dt: float,
     touch: Touching | None = None,
     found: Rubbing | None = None,
+    cost: Cost | None = None,
 ) -> None:
-    """Run some samples through all steps by the program in NumPy."""
+    """Run some samples through all steps by the program in NumPy. The sum of a cost is the last of the states."""
     # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
     program = _program(model, *kind, static)
     lost, reason = np.full(len(again), -1), ""
+    of_cost = np.zeros(len(again), np.bool_)  # whether the cost alone is not finite
     now = [x[again] for x in states]
     rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in inputs.values()]
     for k in range(steps):
@@ -408,8 +416,9 @@ def _again(
         before = now
         ends = np.cumsum([0, *(s.shape[1] for s in now)])
         now = [np.stack(results[a:b], 1) for a, b in pairwise(ends)]
-        finite = np.logical_and.reduce([np.isfinite(s).all(1) for s in now])
-        just = np.flatnonzero((lost < 0) & ~finite)
+        finite = np.logical_and.accumulate([np.isfinite(s).all(1) for s in now])
+        just = np.flatnonzero((lost < 0) & ~finite[-1])
+        of_cost[just] = cost is not None and finite[-2, just]
         if held is not None and check and len(just) and not reason:
             at = again[just[0]]
             acting = {name: x[at, min(k, x.shape[1] - 1)] for name, x in zip(inputs, rows, strict=True)}
@@ -426,6 +435,11 @@ def _again(
             earliest = int(np.flatnonzero(lost == lost[lost >= 0].min())[0])
             when = f"sample {int(again[earliest])}, step from t = {lost[earliest] * dt:.9g} s"
             raise SimulationError(f"{when}: {reason}")
+        if cost is not None and of_cost[first]:
+            raise SimulationError(
+                f"cost of sample {int(again[first])} is not finite in the step from t = {lost[first] * dt:.9g} s "
+                f'({int((lost >= 0).sum())} samples in all), expected finite numbers of spec "{cost.spec.name}"'
+            )
         raise SimulationError(
             f"state of sample {int(again[first])} is not finite after t = {(lost[first] + 1) * dt:.9g} s "
             f"({int((lost >= 0).sum())} samples in all), expected finite inputs and a smaller dt"

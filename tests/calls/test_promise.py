@@ -131,6 +131,23 @@ def test_double_double_answers_where_float64_has_lost_its_digits() -> None:
     assert relative_errors(found, truth(model, "aba", given)).max() <= 1e-13
 
 
+def test_where_no_way_has_a_bound_the_input_is_named() -> None:
+    k = sd.specialize(sd.load_urdf("two_link"), sd.rnea, tolerance=1e-9)
+    words = "no way has a bound where q has 1.0e+200, by float64, double-double"
+    with pytest.raises(sd.SpatialDynError, match=re.escape(words)):
+        k([1e200, 0.3], [1.0, 2.0], [0.0, 0.0])
+
+
+def test_what_only_one_program_has_is_named(arm: sd.Model) -> None:
+    k = sd.specialize(arm, sd.rnea, tolerance=1e-9)
+    for name in ("c_code", "to_jax", "operations"):
+        words = f"a Promise has no {name}: .* sd.specialize\\(model, sd.rnea\\).{name}, .* sd.bounded\\("
+        with pytest.raises(AttributeError, match=words):
+            getattr(k, name)
+    with pytest.raises(AttributeError, match="'Promise' object has no attribute 'unknown'"):
+        k.__getattr__("unknown")
+
+
 def test_a_result_near_zero_needs_an_absolute_tolerance() -> None:
     model = sd.load_urdf("two_link")
     up = [np.pi / 2, 0.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -540,13 +541,42 @@ def test_what_is_no_cost_is_refused(arm: sd.Model) -> None:
     cost = sd.Cost(TOIL, {"aim": np.zeros(3), "weight": 1.0})
     hold = sd.PD(np.ones(3), np.ones(3), np.zeros(3))
     for given, words in (
-        ({"cost": TOIL}, "cost is .*, expected a Cost or None"),
+        ({"cost": TOIL}, r'cost is the Spec "toil", expected a Cost or None: sd\.Cost\(spec, values\)'),
+        ({"control": PID}, 'control is the Spec "pid", expected a Control or None'),
         ({"cost": cost, "pd": hold}, "cost and pd are given, expected control in place of pd"),
     ):
         with pytest.raises(sd.SimulationError, match=words):
             sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, **given)  # type: ignore[arg-type]
     with pytest.raises(sd.SimulationError, match="the rollout has no cost"):
         _ = sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=0).cost
+    for name, recursion, error, words in (
+        ("idle", lambda bodies, q, cost: None, sd.SimulationError, r'spec "idle" does not write cost\[0\], expected'),
+        ("zero", lambda bodies, q, cost: cost.fill(0.0), None, ""),
+        ("short", lambda bodies, q: None, TypeError, 'spec "short": .* takes 2 positional arguments but 3 were given'),
+        ("sharp", lambda bodies, q, cost: cost.fill(1.0 if q[0] > 0.0 else 0.0), TypeError, 'spec "sharp": .*no truth'),
+    ):
+        made = sd.Cost(Spec(name, recursion, None, (Q,), Argument("cost", (1,), "", ""), "", ""))
+        with nullcontext() if error is None else pytest.raises(error, match=words):
+            assert sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, cost=made).cost == 0.0
     wrong = sd.Cost(TOIL, {"aim": np.zeros(2), "weight": 1.0})
     with pytest.raises(sd.ShapeError, match=r'cost.aim of spec "toil" has shape \(2,\), expected'):
         sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, cost=wrong)
+
+
+def test_a_cost_that_is_not_finite_is_named_with_sample_and_time(arm: sd.Model) -> None:
+    """Its state is sound. An axis that does not fit is that of the cost's value, too."""
+    start, tau, aim = np.zeros((2, 4, 3)), np.zeros((4, 6, 3)), np.zeros((4, 6, 3))
+    aim[2, 3, 1] = np.nan
+
+    def run(**values: Any) -> Any:
+        return sd.rollout(arm, *start, tau, dt=0.5, cost=sd.Cost(TOIL, {"aim": aim, "weight": 1.0, **values}))
+
+    words = r'cost of sample 2 is not finite in the step from t = 1\.5 s \(1 samples in all\), .* of spec "toil"'
+    with pytest.raises(sd.SimulationError, match=words):
+        run()
+    with pytest.raises(sd.ShapeError, match=r'tau \(4,\), cost\.aim of spec "toil" \(5,\)'):
+        run(aim=np.zeros((5, 6, 3)))
+    with pytest.raises(
+        sd.ShapeError, match=r'differ: tau 6, cost\.aim of spec "toil" 4, expected one; an input of sam'
+    ):
+        run(aim=np.zeros((4, 3)))

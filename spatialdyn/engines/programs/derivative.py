@@ -4,14 +4,16 @@ Both walk the lines of a program once, forwards or backwards, and record the der
 three times its operations. Where a program selects, the derivative is that of the branch selected.
 
 A sum such as x cos θ + y sin θ has the derivative y cos θ - x sin θ by θ, which a program that turns vectors holds as
-well: where it does, one product takes the place of four (``_turned``).
+well: where it does, one product takes the place of four. So it is with a turn of a quaternion, along which the columns
+of its rotation matrix move by each other (``_Turned``): derivatives of all calls of arms, legs and floating trees then
+take at most three times the operations.
 
 Source: Griewank and Walther, Evaluating derivatives, 2nd ed. (2008), chapters 3.1 and 3.2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ...algebra import scalars
@@ -37,10 +39,12 @@ from .operations import (
     signed,
 )
 from .program import Program
-from .replay import folded
+from .replay import constant_of, folded
 from .tracer import Number, Tape
 
 Partial = Callable[..., Sequence[Any]]
+Slopes = dict[int, Any]  # derivatives of a line, by source
+Turn = Mapping[int, Any]  # a further input that turns values of a program: their derivatives, by line of the tape
 
 
 def _angle(x: Any, a: Any, b: Any) -> Sequence[Any]:
@@ -67,15 +71,18 @@ PARTIALS: dict[int, Partial] = {
 }
 
 
-def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+def jvp(
+    tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[Any], turns: Sequence[Turn] = ()
+) -> tuple[list[Any], list[Any]]:
     """The outputs of a program recorded on a tape, and their derivatives along the tangents of its inputs.
 
-    tangents  one per input: Numbers, or floats, of which 0 costs nothing
+    tangents  one per input, then one per turn: Numbers, or floats, of which 0 costs nothing. The tangents of the inputs
+              of a turn hold it too, for values that it does not name
     """
     lines: list[Any] = []
     moved: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
-    turned, spared = _turned(tape, program, walked)
+    turned = _Turned(tape, program, walked, turns)
     for at, (code, places, given, x) in enumerate(walked):
         if code == INPUT:
             moved.append(tangents[places[0]])
@@ -91,23 +98,28 @@ def jvp(tape: Tape, program: Program, inputs: Sequence[Any], tangents: Sequence[
             total = (rates[0] - x * rates[1]) * (1.0 / given[1])
         else:
             for k, (by, rate) in enumerate(zip(PARTIALS[code](x, *given), rates, strict=True)):
-                if (at, k) not in spared:
+                if (at, k) not in turned.spared:
                     total = total + by * rate
-        for angle, slope in turned.get(at, ()):
-            total = total + slope * moved[angle]
+        for source, slope in turned.slopes.get(at, {}).items():
+            k = source - len(walked)
+            total = total + slope * (moved[source] if k < 0 else tangents[program.inputs + k])
         moved.append(total)
     return _outputs(program, lines), _outputs(program, moved)
 
 
-def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """The outputs of a program recorded on a tape, and the derivatives of Σ weight · output by each input.
+def vjp(
+    tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[Any], turns: Sequence[Turn] = ()
+) -> tuple[list[Any], list[Any]]:
+    """The outputs of a program recorded on a tape, and the derivatives of Σ weight · output by each input and turn.
 
     weights  one per output: Numbers, or floats, of which 0 costs nothing
+
+    What a turn names counts in the derivative by the turn, and no more in those by its inputs.
     """
     lines: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
-    turned, spared = _turned(tape, program, walked)
-    adjoints: list[Any] = [0.0] * len(lines)
+    turned = _Turned(tape, program, walked, turns)
+    adjoints: list[Any] = [0.0] * (len(lines) + len(turns))
     for (at, minus), weight in zip(program.outputs, weights, strict=True):
         adjoints[at] = adjoints[at] + (-weight if minus else weight)
     found: list[Any] = [0.0] * len(inputs)
@@ -126,16 +138,16 @@ def vjp(tape: Tape, program: Program, inputs: Sequence[Any], weights: Sequence[A
             shares = [share, -x * share]
         else:
             shares = [by * weight for by in PARTIALS[code](x, *given)] if places else []
-        for angle, slope in turned.get(at, ()):
-            adjoints[angle] = adjoints[angle] + slope * weight
+        for source, slope in turned.slopes.get(at, {}).items():
+            adjoints[source] = adjoints[source] + slope * weight
         for i, (k, share) in enumerate(zip(places, shares, strict=True)):
-            if (at, i) in spared:
+            if (at, i) in turned.spared:
                 continue
             if k >= 0:
                 adjoints[k] = adjoints[k] + share
             else:
                 adjoints[-k - 1] = adjoints[-k - 1] - share
-    return _outputs(program, lines), found
+    return _outputs(program, lines), found + adjoints[len(lines) :]
 
 
 def jacobian(program: Program) -> Program:
@@ -169,73 +181,125 @@ def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[A
 
 
 class _Term(NamedTuple):
-    """A product of a sum that has sin θ or cos θ as a factor.
+    """A product of a sum, one of whose factors turns.
 
     place   its line, and which operand that factor is
-    angle   the line of θ
     sign    of it in the sum
-    factor  the other one
-    turn    the code of the factor, and θ
+    slopes  derivatives of that factor, by source
+    other   the other factor
     """
 
     place: tuple[int, int]
-    angle: int
     sign: int
-    factor: Any
-    turn: tuple[int, Any]
+    slopes: Slopes
+    other: Any
 
 
 # of a sum or product, the operands that are added, and their signs; the others are multiplied
 SUMMANDS = {MUL: (), ADD: ((0, 1), (1, 1)), SUB: ((0, 1), (1, -1)), FMA: ((2, 1),), FMS: ((2, -1),), FNMA: ((2, 1),)}
 
 
-def _turned(
-    tape: Tape, program: Program, walked: Sequence[Any]
-) -> tuple[dict[int, list[tuple[int, Any]]], set[tuple[int, int]]]:
-    """Derivatives of sums by an angle that the program has as values.
+class _Turned:
+    """Derivatives of sums that the program has as values.
 
-    Returns (turned, spared): for some lines, the line of an angle and the value that is the line's derivative by it;
-    and the operands, as (line, which), whose part in derivatives that is.
+    A source is the line of an angle, or for turn k the number of lines + k.
+
+    slopes  of some lines, by source
+    spared  the operands, as (line, which), whose part in derivatives those are
     """
-    uses = [0] * len(walked)
-    for op in program.lines:
-        for k in operands(op):
-            uses[k] += 1
-    for k, _ in program.outputs:
-        uses[k] += 2
-    terms: dict[int, list[_Term]] = {}  # of each sum that is not part of another one alone
-    for at, (code, places, given, _) in enumerate(walked):
-        if code not in SUMMANDS:
-            continue
-        terms[at] = []
+
+    def __init__(self, tape: Tape, program: Program, walked: Sequence[Any], turns: Sequence[Turn]) -> None:
+        """Of a program's lines as ``_replayed`` gives them."""
+        self._tape, self._walked, self._turns = tape, walked, turns
+        self.slopes: dict[int, Slopes] = {}
+        self.spared: set[tuple[int, int]] = set()
+        self._terms: dict[int, list[_Term]] = {}  # of each sum that is not part of another one alone
+        self._mixed: set[int] = set()  # sums that depend on more than the sources of their terms
+        self._whole: dict[int, Slopes] = {}  # of lines that depend on those sources alone
+        uses = [0] * len(walked)
+        for op in program.lines:
+            for k in operands(op):
+                uses[k] += 1
+        for k, _ in program.outputs:
+            uses[k] += 2
+        for at, (code, places, given, x) in enumerate(walked):
+            if not isinstance(x, Number) or self._turns_itself(at):
+                continue
+            if code in SUMMANDS:
+                self._add_terms(at, uses)
+            elif code in (SIN, COS):
+                self._whole[at] = {places[0]: scalars.cos(given[0]) if code == SIN else -scalars.sin(given[0])}
+        for at in list(self._terms):
+            self._find(at)
+
+    def _turns_itself(self, at: int) -> bool:
+        """Whether a line has derivatives by turns; they are kept."""
+        code, places, _, x = self._walked[at]
+        found = {len(self._walked) + k: turn[x.line] for k, turn in enumerate(self._turns) if x.line in turn}
+        if found:
+            self._whole[at] = {k: -slope if x.minus else slope for k, slope in found.items()}
+            if code != INPUT:
+                self.slopes[at] = self._whole[at]
+                self.spared.update((at, k) for k in range(len(places)))
+        return bool(found)
+
+    def _add_terms(self, at: int, uses: Sequence[int]) -> None:
+        """The terms of a sum, with those of sums that it alone reads."""
+        code, places, given, _ = self._walked[at]
+        sign = -1 if code == FNMA else 1
+        parts = [] if code in (ADD, SUB) else [(0, sign, given[1]), (1, sign, given[0])]
+        terms = self._terms[at] = []
         for k, sign in SUMMANDS[code]:
-            if uses[places[k]] == 1:
-                terms[at] += [x._replace(sign=sign * x.sign) for x in terms.pop(places[k], ())]
-        for k in (0, 1) if code not in (ADD, SUB) else ():
-            turn, angles, angle, _ = walked[places[k]]
-            if turn in (SIN, COS):
-                term = _Term((at, k), angles[0], -1 if code == FNMA else 1, given[1 - k], (turn, *angle))
-                terms[at].append(term)
-    turned: dict[int, list[tuple[int, Any]]] = {}
-    spared: set[tuple[int, int]] = set()
-    for at, found in terms.items():
-        for angle in dict.fromkeys(x.angle for x in found):
-            those = [x for x in found if x.angle == angle]
-            value = _known_slope(tape, those)
-            if value is not None:
-                turned.setdefault(at, []).append((angle, value))
-                spared.update(x.place for x in those)
-    return turned, spared
+            if uses[places[k]] == 1 and places[k] in self._terms:
+                terms += [x._replace(sign=sign * x.sign) for x in self._terms.pop(places[k])]
+                if places[k] in self._mixed:
+                    self._mixed.add(at)
+            else:
+                parts.append((k, sign, 1.0))
+        for k, sign, other in parts:
+            slopes = self._find(places[k])
+            if slopes is not None:
+                terms.append(_Term((at, k), sign, slopes, other))
+            elif constant_of(given[k]) is None:
+                self._mixed.add(at)
+
+    def _find(self, at: int) -> Slopes | None:
+        """The slopes of a line that depends on their sources alone, else None; those of a sum are looked for once."""
+        if at not in self.slopes and at in self._terms:
+            left = self._terms[at]
+            found: Slopes = {}
+            for sources, those in _groups(left):
+                known = {source: _known_slope(self._tape, source, those) for source in sources}
+                free = all(x is not None for x in known.values())
+                if free and (len(sources) == 1 or len(sources) < len(those)):
+                    found |= known
+                    self.spared.update(x.place for x in those)
+                else:
+                    self._mixed.add(at)
+            self.slopes[at] = found
+            if at not in self._mixed:
+                self._whole[at] = found
+        return self._whole.get(at)
 
 
-def _known_slope(tape: Tape, terms: Sequence[_Term]) -> Any:
-    """The derivative of a sum by its angle if the tape has it already, else None."""
+def _groups(terms: Sequence[_Term]) -> list[tuple[set[int], list[_Term]]]:
+    """Terms with their sources, by groups that share none."""
+    groups: list[tuple[set[int], list[_Term]]] = []
+    for x in terms:
+        with_it = [g for g in groups if g[0] & set(x.slopes)]
+        groups = [g for g in groups if not g[0] & set(x.slopes)]
+        groups.append((set(x.slopes).union(*(g[0] for g in with_it)), [*(y for g in with_it for y in g[1]), x]))
+    return groups
+
+
+def _known_slope(tape: Tape, source: int, terms: Sequence[_Term]) -> Any:
+    """The derivative of a sum by a source if the tape has it already, else None."""
     count = len(tape.lines)
     total: Any = 0.0
     for x in terms:
-        code, angle = x.turn
-        slope = scalars.cos(angle) * x.factor if code == SIN else -scalars.sin(angle) * x.factor
-        total = total + slope if x.sign > 0 else total - slope
+        if source in x.slopes:
+            slope = x.slopes[source] * x.other
+            total = total + slope if x.sign > 0 else total - slope
     for new in tape.lines[count:]:
         total = None
         del tape.known[new]

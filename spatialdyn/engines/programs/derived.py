@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...bodies.kinds import CONTINUED, R1
+from ...algebra.rotations import rotation
+from ...bodies.kinds import CONTINUED, LENGTHS, NV, R1, UNITS
 from ...errors import SpatialDynError
 from ...recursions import SPECS
 from ...recursions.spec import Spec
 from ..compiled.numba_kernels import variant
 from . import host_cpu, recording
-from .derivative import jvp, vjp
+from .derivative import Turn, jvp, vjp
 from .error_bound import Bounded, Bounding
 from .kernel_layout import KernelLayout
 from .operations import SUB
@@ -135,16 +136,20 @@ def _with_derivative(
     parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
     forward = options.derivative == "jvp"
     further, results = [], []
+    turns = [_turns(bodies, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
+    every = [turn for those in turns for _, turn in those]
     if forward:
         tangents: list[Any] = []
-        for mover, part in zip(arrays, parts, strict=True):
+        turning: list[Any] = []
+        for mover, part, those in zip(arrays, parts, turns, strict=True):
             further.append(len(bodies) - 1 if mover else len(part))
             along = [tape.input(next(order)) for _ in range(further[-1])]
+            turning += [along[freedom] for freedom, _ in those]
             if mover:
                 rest = [0.0] * len(part)
                 along = jvp(tape, _mover(mover, bodies), [*part, *[0.0] * len(along)], [*rest, *along])[1]
             tangents += along
-        values, rates = jvp(tape, program, inputs, tangents)
+        values, rates = jvp(tape, program, inputs, [*tangents, *turning], every)
         results = [[rates[k] for k in places] for places in layout.outputs]
     else:
         weights: list[Any] = [0.0] * len(program.outputs)
@@ -152,17 +157,41 @@ def _with_derivative(
             further.append(len(places))
             for k in places:
                 weights[k] = tape.input(next(order))
-        values, found = vjp(tape, program, inputs, weights)
-        for mover, part, first in zip(arrays, parts, ends, strict=False):
+        values, found = vjp(tape, program, inputs, weights, every)
+        by_turn = iter(found[len(inputs) :])
+        for mover, part, first, those in zip(arrays, parts, ends, turns, strict=False):
             by = found[first : first + len(part)]
             if mover:
                 by = vjp(tape, _mover(mover, bodies), [*part, *[0.0] * (len(bodies) - 1)], by)[1][len(part) :]
+            for freedom, _ in those:
+                by[freedom] = by[freedom] + next(by_turn)
             results.append(by)
     outputs = [*values, *itertools.chain.from_iterable(results)]
     at = itertools.count(len(values))
     beside = tuple(tuple(next(at) for _ in part) for part in results)
     layout = replace(layout, inputs=(*layout.inputs, *further), outputs=(*layout.outputs, *beside))
     return Recording(Program(tape, outputs, next(order)), layout)
+
+
+def _turns(bodies: NDArray[Any], q: Sequence[Any]) -> list[tuple[int, Turn]]:
+    """For each freedom by which a quaternion of q turns, its index and how it turns the rotation matrix R.
+
+    Along a turn φ in the body's own axes R' = R [φ]×: a column's derivative is another column.
+    """
+    found: list[tuple[int, Turn]] = []
+    for i, row in enumerate(bodies[1:]):
+        kind = int(row["kind"])
+        if UNITS[kind] == 4:
+            first = int(row["q_index"]) + LENGTHS[kind]
+            R = rotation(*q[first : first + 4])
+            for k in range(3):
+                after, before = (k + 1) % 3, (k + 2) % 3
+                turn: dict[int, Any] = {}
+                for r in (0, 3, 6):
+                    for x, slope in ((R[r + after], R[r + before]), (R[r + before], -R[r + after])):
+                        turn[x.line] = -slope if x.minus else slope
+                found.append((i + NV[kind] - 3 + k, turn))
+    return found
 
 
 def _mover(name: str, bodies: NDArray[Any]) -> Program:

@@ -46,6 +46,7 @@ class TieredProgram:
         self._calls = np.zeros(1, np.int64)  # how many single samples are interpreted until compiling pays
         self._seconds = math.nan  # how long batches are interpreted until then
         self._compiled: dict[tuple[bool, bool], batch_kernels.Kernel | None] = {}
+        self._batches: dict[bool, batch_kernels.Kernel] = {}  # those compiled for batches, by stream
         self._looked: set[tuple[bool, bool]] = set()  # the same, whose structure's code was looked for
         if not (self._from_cache(one=True) or self._from_cache(one=False)):
             self.recording
@@ -85,12 +86,15 @@ class TieredProgram:
 
     def batch(self, samples: int, stream: bool = False) -> Batches:
         """What computes a batch of so many samples; ``stream`` for large results."""
+        known = self._batches.get(stream)
+        if known is not None:
+            return known
         with self._lock:
             if self._at_hand(one=False, stream=stream) is None and self._expect() > 0.0:
                 self._seconds -= 1e-9 * TILE_LINE_NS * self.interpreted.lines * samples
                 if self._seconds > 0.0:
                     return (self._at_hand(one=False) if stream else None) or self._tiles
-            return self.compiled(one=False, stream=stream)
+            return self._batches.setdefault(stream, self.compiled(one=False, stream=stream))
 
     @cached_property
     def _tiles(self) -> InterpretedBatches:

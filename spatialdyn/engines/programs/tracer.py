@@ -68,16 +68,20 @@ class Tape:
         return Number(self, self.line((INPUT, index, 0, 0, 0.0)), False)
 
     def number(self, value: Any) -> Number:
-        """A Number of a constant. Its sign is in the value: models of other numbers then have the same structure."""
+        """A Number of a constant. Its sign is in the value, unless that of the other sign is recorded: models of other
+        numbers then have the same structure, and x - k y is -k y + x.
+        """
         if isinstance(value, Number):
             return value
-        x = float(value)
+        x, at = float(value), 0
         if self.errors is not None and error_of(value):
             at = self.errors.setdefault(error_of(value), len(self.errors))
-            return Number(self, self.line((CONST, 0, 0, at, x)), False)
-        if x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
+        elif x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
             return Number(self, self.line((CONST, 0, 0, 0, abs(x))), bool(np.signbit(x)))
-        return Number(self, self.line((CONST, 0, 0, 0, x)), False)
+        opposite = self.known.get((CONST, 0, 0, at, -x))
+        if opposite is not None:
+            return Number(self, opposite, True)
+        return Number(self, self.line((CONST, 0, 0, at, x)), False)
 
     def absorbs(self, value: float) -> bool:
         """Whether operations absorb a 0 or ±1."""
@@ -260,16 +264,18 @@ def scratch(dtype: np.dtype | None, rows: int) -> list[Row] | None:
 
 
 def evaluate(
-    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], pivots: NDArray[Any] | None
-) -> NDArray[Any]:
+    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], pivots: NDArray[Any] | None,
+    start: float = 0.0,
+) -> NDArray[Any]:  # fmt: skip
     """The output of a recursion on a table of Rows and object arrays by name; an optional input may be missing.
 
     A static table is a list of Rows too.
 
     shape   of the output; a scalar is an array of one
     pivots  (rows,) of objects, written in place if the recursion has pivots
+    start   what entries hold that the recursion does not write
     """
-    out = np.full(shape or (1,), 0.0, dtype=object)
+    out = np.full(shape or (1,), start, dtype=object)
     passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
     passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
     sizes = sizes_of(rows, [(x, inputs[x.name]) for x in spec.present if x.table is not None])

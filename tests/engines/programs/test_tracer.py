@@ -112,8 +112,10 @@ def test_equal_operations_are_one_line_whatever_their_order_and_sign() -> None:
     assert len(tape.lines) == 7
     assert same(2.0 * x, x * 2.0)
     assert len(tape.lines) == 9  # the constant 2 and one product
-    assert not same(-2.0 * x, -(x * 2.0))  # a constant keeps its sign: other numbers have the same structure
-    assert len(tape.lines) == 11
+    assert same(-2.0 * x, -(x * 2.0))  # the constant of the other sign is at hand
+    assert len(tape.lines) == 9
+    assert (-3.0 * x).minus is False  # else a constant keeps its sign: other numbers have the same structure
+    assert same(y - 3.0 * x, y + -3.0 * x)
 
 
 def test_sine_and_cosine_of_an_angle_are_written_once_each() -> None:
