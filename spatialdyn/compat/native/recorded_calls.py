@@ -15,9 +15,10 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]
 
 from ...algebra import public_arrays, spatial
-from ...algebra.records import pose_of
+from ...algebra.records import motion_of, pose_of, put_pose
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
 from ...engines.compiled import jit, numba_kernels
@@ -297,27 +298,139 @@ def frame_motion(classical: bool) -> Builtin:
     return Builtin(label, ["frame", "reference"], words, body, scope, optional=1)
 
 
+@inline
+def _rows_at(bodies: Any, address: int) -> Any:
+    """The scratch rows of ``joint_jacobians`` at an address."""
+    return carray(jit.pointer(address), (len(bodies),), kinematics.WORK)
+
+
+@inline
+def _placed_jacobian(bodies: Any, work: Any, row: int, placement: Any, reference: int, J: Any) -> None:
+    """``frame_jacobian`` from the poses of the rows in the world."""
+    J[:] = 0.0
+    X, i = spatial.compose(pose_of(work[row].X), public_arrays.read_pose(placement)), row
+    while i > 0:
+        m = spatial.motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
+        if reference == LOCAL:
+            m = spatial.motion_to_child(X, m)
+        elif reference == LOCAL_WORLD_ALIGNED:
+            m = spatial.motion_at_child(X.p, m)
+        public_arrays.write_motion(J[:, i - 1], m)
+        i = bodies[i].parent
+
+
 @cache
 def frame_jacobian(name: str) -> Builtin:
     """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
 
-    Words: table, six (6), sizes, addresses of the inputs, reference ids, frames; joints are rows of the table.
+    Words: table, six (6), sizes, addresses of the inputs, reference ids, the rows of ``jacobians`` (0: none) and the
+    stamps, which are equal if the rows are those of the call, frames; joints are rows of the table.
     """
     spec = SPECS[name]
     inputs = [x for x in spec.present if not x.static]
-    words = ["table", *SIZES[::2], "six", "nv", *(f"{x.name}_address" for x in inputs), *REFERENCES, *FRAMES]
+    words = ["table", *SIZES[::2], "six", "nv", *(f"{x.name}_address" for x in inputs), *REFERENCES]
+    words += ["placed_rows", "time", *FRAMES]
     passed = "".join(f"at({x.name}_address, {_shape_text(x)}), " for x in inputs)
     body = [
         "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
         "if k < 0 or code < 0: return return_none(plan)",
         *make_answer(words, "six", 2),
-        "p, out = at(placements + 128 * k, (4, 4)), " + f"at(word(answer, {DATA}), (6, nv))",
-        f"if sample_kernel(table, {passed}places(joints, frames)[k], p, code, out) != {numba_kernels.OK}:",
+        "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
+        + f"at(word(answer, {DATA}), (6, nv))",
+        "if placed_rows != 0 and word(time, 0) == word(time, 1):",
+        "    bodies = table_at(table)",
+        "    placed(bodies, rows_at(bodies, placed_rows), i, p, code, out)",
+        f"elif sample_kernel(table, {passed}i, p, code, out) != {numba_kernels.OK}:",
         "    return discard(plan, answer)",
         "return answer",
     ]
-    scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code}
+    scope = {
+        "sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code, "table_at": jit.table_at,
+        "placed": _placed_jacobian, "rows_at": _rows_at,
+    }  # fmt: skip
     return Builtin(name, ["frame", "reference"], words, body, scope)
+
+
+@inline
+def _write_poses(bodies: Any, work: Any, X: Any) -> None:
+    """Write the poses of the joints from those of the rows in the world."""
+    for i in range(1, len(bodies)):
+        if bodies[i].joint > 0:
+            public_arrays.write_pose(X[bodies[i].joint], pose_of(work[i].X))
+
+
+@cache
+def jacobians() -> Builtin:
+    """``(q) -> (6, nv)``: ``joint_jacobians``; records q and the result, keeps its rows and writes poses of the joints.
+
+    Words: table, six (6), sizes, memory for q, result, rows, held oMi (0: none), stamps of the call and of the rows.
+    """
+    words = ["table", *SIZES[::2], "six", "nv", "memory", "result", "placed_rows", "oMi", "clock", "time"]
+    body = [
+        *_check_arguments(SPECS["joint_jacobians"].present),
+        "bodies = table_at(table)",
+        "if not unit_norm(bodies, q_in): return return_none(plan)",
+        *make_answer(words, "six", 2),
+        f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
+        "places(time, 2)[1] = 0",
+        "jacobians(bodies, work, q_in, out)",
+        "if not all_finite(out): return discard(plan, answer)",
+        "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
+        *record(q="nq"),
+        f"copy(at(word(answer, {DATA}), (6 * nv,)), at(result, (6 * nv,)))",
+        *put_stamp(),
+        "places(time, 2)[1] = word(time, 0)",
+        "return answer",
+    ]
+    scope = {
+        "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "rows_at": _rows_at,
+        "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses, "copy": copy,
+    }  # fmt: skip
+    return Builtin("joint_jacobians", ["q"], words, body, scope)
+
+
+@inline
+def _compose_rows(bodies: Any, work: Any, X: Any, V: Any) -> None:
+    """Write poses of the joints in the world, and velocities, from the rows of ``joint_velocities``."""
+    put_pose(work[0].X, identity_pose())
+    public_arrays.write_motion(V[0], motion_of(work[0].v))
+    for i in range(1, len(bodies)):
+        put_pose(work[i].X, spatial.compose(pose_of(work[bodies[i].parent].X), pose_of(work[i].X)))
+        if bodies[i].joint > 0:
+            public_arrays.write_motion(V[bodies[i].joint], motion_of(work[i].v))
+    _write_poses(bodies, work, X)
+
+
+@cache
+def motions(name: str) -> Builtin:
+    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, with the velocities and the poses in the
+    world; records the inputs. ``() -> True``: at the recorded inputs.
+
+    Words: table, sizes, memory, stamp, addresses of poses, velocities and the result.
+    """
+    spec = SPECS[name]
+    words = ["table", *SIZES, "memory", "clock", "time", "oMi", "v_out", "out"]
+    sizes = {x.name: str(x.shape[0]) for x in spec.present}
+    firsts = [" + ".join(["0", *[*sizes.values()][:k]]) for k in range(len(sizes))]
+    taken = [f"at(first + 8 * ({k}), ({size},))" for k, size in zip(firsts, sizes.values(), strict=True)]
+    new = [*_check_arguments(spec.present), "if not unit_norm(bodies, q_in): return return_none(plan)", *record(**sizes)]
+    body = [
+        "first, bodies = memory, table_at(table)",
+        "if n > 0:",
+        *(f"    {line}" for line in new),
+        "work, X, found = empty(len(bodies), WORK), at(oMi, (njoints, 4, 4)), at(out, (njoints, 6))",
+        f"recursion(bodies, work, {', '.join(taken)}, found)",
+        "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
+        "if not (all_finite(X) and all_finite(found)): return return_none(plan)",
+        "if n > 0:",
+        *(f"    {line}" for line in put_stamp()),
+        "return return_true(plan)",
+    ]
+    scope = {
+        "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "WORK": spec.work,
+        "empty": np.empty, "recursion": spec.recursion, "compose_rows": _compose_rows, "copy": copy,
+    }  # fmt: skip
+    return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
 
 
 HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others

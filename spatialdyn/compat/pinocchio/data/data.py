@@ -19,7 +19,7 @@ from ....calls.arguments import core_shape
 from ....engines.compiled.cpython import retarget, unavailable
 from ....errors import ShapeError
 from ....model.model import Model as SdModel
-from ....recursions import SPECS
+from ....recursions import SPECS, kinematics
 from ...native import recorded_calls
 from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel, library_model
@@ -53,12 +53,14 @@ class Run:
     contact         factors of the constrained system, of a kind that solves one
     frames          FramePlacements at that call, of a kind that places frames
     cache           field -> (stamp, array), of fields that were read
+    placed_rows     of a call of ``joint_jacobians``, its scratch, from which Jacobians of frames follow
+    oMi             the held field that such a call writes, if any
     """
 
     __slots__ = (
         "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "fext",
-        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "parents", "q", "recompute",
-        "result", "result_is_held", "tau",
+        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "oMi", "parents", "placed_rows",
+        "q", "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(
@@ -66,10 +68,13 @@ class Run:
     ) -> None:
         self.kind = CALL_KINDS[name]
         self.getters = self.kind.getters  # from a slot in 10 ns
-        self._stamp, self.library, self.parents = array("q", [0]), library, parents
+        # of the call, and of the call that left ``placed_rows``
+        self._stamp, self.library, self.parents = array("q", [0, 0]), library, parents
         self.fext: Array | None = None
         self.frames: Any = None
         self.contact: Any = None
+        self.oMi: Array | None = None
+        self.placed_rows: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
         self._kept: tuple[int, Array] = 0, library.numbers.inertias
         model = library._model
@@ -89,6 +94,8 @@ class Run:
             at += size
         if self.kind.call == "aba":
             self._a = self.result
+        if self.kind.call == "joint_jacobians" and library.has_builtins:
+            self.placed_rows = np.empty(model.nv + 1, kinematics.WORK)
         library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
         self.forces_builtin: Callable[..., Any] | None = None
@@ -150,7 +157,7 @@ class Run:
 
     def use_library(self, library: LibraryModel) -> None:
         """Point the builtins to an edited model: the same tree with other numbers."""
-        self.library = library
+        self.library, self._stamp[1] = library, 0
         library.runs.add(self)
         self.cache.clear()
         for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
@@ -173,17 +180,27 @@ class Run:
         library, kind = self.library, self.kind
         if not (library.has_builtins and kind.call):
             return unavailable
+        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, **self.stamp_words}
+        alive = (library, self.memory, self.result, self._stamp)
+        if self.placed_rows is not None:
+            places |= {"six": 6, "placed_rows": self.placed_rows.ctypes.data}
+            places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
+            return recorded_calls.jacobians().bind(*alive, self.placed_rows, self.oMi, **places, **library.words)
         function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
-        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, "time": address(self._stamp)}
-        return function.bind(library, self.memory, self.result, self._stamp, **library.words, **places)
+        return function.bind(*alive, **library.words, **places)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
         self.recompute, result = [], self._own_result
-        by_call = self.kind.places_path and self.library.has_builtins and self.library.joints is None
+        one_to_one = self.library.has_builtins and self.library.joints is None
+        moving = self._moving(held) if one_to_one else {}
+        by_call = {*held} if self.kind.places_path and one_to_one else {*moving}
+        if self.placed_rows is not None and one_to_one:
+            by_call.add("oMi")
+            self.oMi = held.get("oMi")
         for name, x in held.items():
             recipe = self.kind.fills.get(name)
-            if recipe is None or by_call:
+            if recipe is None or name in by_call:
                 continue
             places = recipe is oMi and self.library.joints is None
             if (recipe is RESULT or (places and self.kind.call == "forward_kinematics")) and self._may_share(x):
@@ -192,11 +209,37 @@ class Run:
                 recipe = joint_placements if places else recipe
                 builtin = self._copy_builtin(recipe, x) or self._recompute_builtin(recipe, x)
                 self.recompute.append(builtin or partial(recompute_field, self, name))
+        if moving and self.kind.call == "forward_kinematics":
+            result = moving["oMi"]
         self.result_is_held = result is not self._own_result
         if result is not self.result:
             if not self.result_is_held:
                 result[...] = self.result
-            self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
+            self.result = result
+        self.call, self.forces_builtin = self._bind_and_call, None
+        if moving:
+            self._bind_motions(moving)
+
+    def _moving(self, held: Mapping[str, Array]) -> dict[str, Array]:
+        """Those of the held oMi, v and a that one builtin computes: none if not both oMi and v are held."""
+        inputs = self.kind.inputs.split()
+        found = {x: held[x] for x in ("oMi", "v", "a") if x in held and x in self.kind.fills and (x != "a" or x in inputs)}
+        if not {"oMi", "v"} <= found.keys() or (self.kind.call == "forward_kinematics" and len(found) != len(inputs)):
+            return {}
+        return found
+
+    def _bind_motions(self, moving: Mapping[str, Array]) -> None:
+        """Compute these fields by one builtin, which is the call too if that places the joints."""
+        name = "joint_accelerations" if "a" in moving else "joint_velocities"
+        words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
+        words |= {"out": [*moving.values()][-1].ctypes.data, "memory": self.memory.ctypes.data, **self.stamp_words}
+        builtin = recorded_calls.motions(name).bind(
+            self.library, self.memory, self._stamp, *moving.values(), **words, **self.library.words
+        )
+        if self.kind.call == "forward_kinematics":
+            self.call = builtin
+        else:
+            self.recompute.append(builtin)
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
