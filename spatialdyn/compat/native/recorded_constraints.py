@@ -13,9 +13,11 @@ from ...engines.compiled.cpython import Builtin
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.kkt import bordered_inverse, constrained
-from .recorded_calls import SIZES, copy, make_answer, record
+from .recorded_calls import SIZES, copy, make_answer, put_stamp, record
 
-FACTORS = ("L", "Y", "C", "force")  # words of a plan: addresses of the factors that ``recursions.kkt`` computes
+# words of a plan: addresses of the factors that ``recursions.kkt`` computes, and stamps of two calls: the one at which
+# M and the bias are, and this one
+RECORDED = ("L", "Y", "C", "force", "clock", "before", "time")
 CHECK_AND_COMPUTE_M = [
     f"if not is_matrix(plan, J, nv) or word(word(J, {SHAPE}), 0) != m: return return_none(plan)",
     "if damping != 0 and not is_real(plan, damping): return return_none(plan)",
@@ -29,11 +31,13 @@ SOLVE = [
     "bodies = table_at(table)",
     "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return return_none(plan)",
 ]
-RECORD = [  # the factors
+RECORD = [
     "copy2(L_in, at(L, (nv, nv)))",
     "copy2(Y_in, at(Y, (m, nv)))",
     "copy2(C_in, at(C, (m, m)))",
     "copy(force_in, at(force, (m,)))",
+    *put_stamp("before"),
+    *put_stamp(),
 ]
 
 
@@ -59,9 +63,9 @@ def scope_of_constraints() -> dict[str, Any]:
 def dynamics() -> Builtin:
     """``(q, v, tau, J, drift[, damping]) -> a``: forward dynamics under constraints; returns None if not applicable.
 
-    Words: table, sizes, m, memory for q and v, bias, result, factors.
+    Words: table, sizes, m, memory for q and v, bias, result, factors, stamps.
     """
-    words = ["table", *SIZES, "m", "memory", "bias", "result", *FACTORS]
+    words = ["table", *SIZES, "m", "memory", "bias", "result", *RECORDED]
     body = [
         "if not is_vector(plan, q, nq): return return_none(plan)",
         "if not (is_vector(plan, v, nv) and is_vector(plan, tau, nv)): return return_none(plan)",
@@ -89,9 +93,9 @@ def dynamics() -> Builtin:
 def impact() -> Builtin:
     """``(q, v, J[, restitution[, damping]]) -> v after an impact``; returns None if not applicable.
 
-    Words: table, sizes, m, memory for q, M, result, factors.
+    Words: table, sizes, m, memory for q, M, result, factors, stamps.
     """
-    words = ["table", *SIZES, "m", "memory", "M", "result", *FACTORS]
+    words = ["table", *SIZES, "m", "memory", "M", "result", *RECORDED]
     body = [
         "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
         "if restitution != 0 and not is_real(plan, restitution): return return_none(plan)",
@@ -119,9 +123,9 @@ def impact() -> Builtin:
 def inverse() -> Builtin:
     """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``; returns None if not applicable.
 
-    Words: table, sizes, m, axes of the result, memory for q, M, factors.
+    Words: table, sizes, m, axes of the result, memory for q, M, factors, stamps.
     """
-    words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *FACTORS]
+    words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *RECORDED]
     body = [
         "if not is_vector(plan, q, nq): return return_none(plan)",
         "q_in = vector(q, nq)",

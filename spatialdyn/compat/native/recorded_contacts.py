@@ -30,7 +30,7 @@ from ...recursions.kkt import solve_factored
 from ...recursions.spec import LOCAL
 from .operators import log_pose, relative_pose
 from .recorded_calls import SIZES, copy, make_answer, record
-from .recorded_constraints import FACTORS, RECORD, scope_of_constraints
+from .recorded_constraints import RECORD, RECORDED, scope_of_constraints
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
 ABSOLUTE, RELATIVE, MU, MOST, ITERATIONS, ABSOLUTE_RESIDUAL, RELATIVE_RESIDUAL = range(7)  # of ProximalSettings
@@ -130,9 +130,9 @@ def contact_dynamics() -> Builtin:
     """``(q, v, tau, settings (7,)) -> a`` under contacts; returns None if not applicable, as for dependent contacts.
 
     Words: table, sizes, m, number of contacts, addresses of arrays of addresses: contacts, data; of the rows of joints;
-    memory for q and v, bias, result, factors.
+    memory for q and v, bias, result, factors, stamps.
     """
-    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "memory", "bias", "result", *FACTORS]
+    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "memory", "bias", "result", *RECORDED]
     body = [
         "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
         "if not (is_vector(plan, tau, nv) and is_vector(plan, settings, 7)): return return_none(plan)",

@@ -161,8 +161,8 @@ def constraintDynamics(
             found: Array | None = call(q, v, tau, settings._x)
             if found is not None:
                 run.contact = solved
-                data.note_unstamped_call(before)
-                data.note_unstamped_call(run)
+                data.note_builtin_call(before)
+                data.note_builtin_call(run)
                 return found
     except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
         pass
@@ -189,8 +189,9 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
     arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
-    words = {**library.words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    call = contact_dynamics().bind(library, arrays, models, datas, m=len(f.force), count=len(pairs), **words)
+    words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
+    words |= {"m": len(f.force), "count": len(pairs), "before": every.stamp_words["time"]}
+    call = contact_dynamics().bind(library, arrays, models, datas, every, run, **words)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 

@@ -408,11 +408,6 @@ class Data(Stored, Registered, Copied):
             if recompute() is None:
                 self.recompute_held(run)
 
-    def note_unstamped_call(self, run: Run) -> None:
-        """``note_builtin_call`` of a Run whose builtin writes no stamp."""
-        run.stamp = clock()
-        self.note_builtin_call(run)
-
     def recompute_held(self, run: Run) -> None:
         """Recompute the held fields that a Run fills by their recipes."""
         for name in [*self._held]:
