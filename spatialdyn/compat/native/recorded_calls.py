@@ -403,8 +403,8 @@ def _compose_rows(bodies: Any, work: Any, X: Any, V: Any) -> None:
 
 @cache
 def motions(name: str) -> Builtin:
-    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, with the velocities and the poses in the
-    world; records the inputs. ``() -> True``: at the recorded inputs.
+    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world;
+    records the inputs. ``() -> True``: at the recorded inputs.
 
     Words: table, sizes, memory, stamp, addresses of poses, velocities and the result.
     """
@@ -413,7 +413,11 @@ def motions(name: str) -> Builtin:
     sizes = {x.name: str(x.shape[0]) for x in spec.present}
     firsts = [" + ".join(["0", *[*sizes.values()][:k]]) for k in range(len(sizes))]
     taken = [f"at(first + 8 * ({k}), ({size},))" for k, size in zip(firsts, sizes.values(), strict=True)]
-    new = [*_check_arguments(spec.present), "if not unit_norm(bodies, q_in): return return_none(plan)", *record(**sizes)]
+    new = [
+        *_check_arguments(spec.present),
+        "if not unit_norm(bodies, q_in): return return_none(plan)",
+        *record(**sizes),
+    ]
     body = [
         "first, bodies = memory, table_at(table)",
         "if n > 0:",

@@ -151,7 +151,12 @@ def _solve(
         places = {"memory": call.memory, reads: call.result, "result": run.result}
         places |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
         words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in places.items()}}
-        words |= {"before": call.stamp_words["time"], "m": len(f.C), "rows": model.nv + len(f.C), "columns": model.nv + len(f.C)}
+        words |= {
+            "before": call.stamp_words["time"],
+            "m": len(f.C),
+            "rows": model.nv + len(f.C),
+            "columns": model.nv + len(f.C),
+        }
         builtin = make()
         bound = builtin.bind(library, call, run, f, **{name: words[name] for name in builtin.words})
         data._bound[kind] = library, call, run, bound

@@ -283,7 +283,7 @@ def computeConstraintDynamicsDerivatives(
     pairs, run = _pairs(contact_models, contact_datas), data._runs.get("contacts")
     _settings(settings)
     size = sum(x.residualSize() for x, _ in pairs)
-    if run is None or len(run.contact.force) != size or library_of(model, data).numbers.inertias is not run.bodies:
+    if run is None or len(run.contact.force) != size or library_of(model, data).inertias is not run.bodies:
         raise SimulationError("data holds no such contacts, expected constraintDynamics to be called before")
     solved, every = run.contact, data._runs["all"]
     at, n, m = _at(model, data, every.q, every.v, run.result), model.nv, size

@@ -76,7 +76,7 @@ class Run:
         self.oMi: Array | None = None
         self.placed_rows: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
-        self._kept: tuple[int, Array] = 0, library.numbers.inertias
+        self._kept: tuple[int, Array] = 0, library.inertias
         model = library._model
         if shape is None:
             shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
@@ -223,7 +223,9 @@ class Run:
     def _moving(self, held: Mapping[str, Array]) -> dict[str, Array]:
         """Those of the held oMi, v and a that one builtin computes: none if not both oMi and v are held."""
         inputs = self.kind.inputs.split()
-        found = {x: held[x] for x in ("oMi", "v", "a") if x in held and x in self.kind.fills and (x != "a" or x in inputs)}
+        found = {
+            x: held[x] for x in ("oMi", "v", "a") if x in held and x in self.kind.fills and (x != "a" or x in inputs)
+        }
         if not {"oMi", "v"} <= found.keys() or (self.kind.call == "forward_kinematics" and len(found) != len(inputs)):
             return {}
         return found
@@ -279,16 +281,13 @@ def _assigned_kind(name: str) -> Kind:
 class Assigned(Run):
     """A field that was assigned whole, as a source of it."""
 
-    __slots__ = ("name", "stamp")  # a slot: no builtin writes it
+    __slots__ = ("stamp",)  # a slot: no builtin writes it
 
-    def __init__(self, name: str) -> None:
-        self.name, self.kind = name, _assigned_kind(name)
-        self.q, self.recompute, self.cache = None, [], {}
-
-    def assign(self, x: Array) -> None:
-        """Take an array as the field from now on."""
-        self.stamp, self.result = clock(), x
-        self.cache[self.name] = self.stamp, x
+    def __init__(self, name: str, x: Array) -> None:
+        """The array is the field from now on."""
+        self.kind, self.q, self.recompute, self.result = _assigned_kind(name), None, [], x
+        self.stamp = clock()
+        self.cache = {name: (self.stamp, x)}
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Do nothing: no call writes it again."""
@@ -457,11 +456,8 @@ class Data(Stored, Registered, Copied):
 
     def _assign(self, name: str, x: Array) -> None:
         """Make an array the source of a field that is not held."""
-        source: Any = self._runs.get(name)
-        if source is None:
-            source = self._runs[name] = Assigned(name)
-            self._sources.clear()
-        source.assign(x)
+        self._runs[name] = Assigned(name, x)
+        self._sources.pop(name, None)
 
     def latest(self, name: str, of_call: bool = False) -> Run | None:
         """The latest source of a field, if any; ``of_call``: the latest call that recorded its inputs."""
@@ -581,8 +577,7 @@ for _name in (*FIELDS, *SCRATCH.split()):
 
 def _restored(model: Model, fields: dict[str, Array]) -> Data:
     data = Data(model)
-    for name, x in fields.items():
-        data._assign(name, x)
+    data._runs.update((name, Assigned(name, x)) for name, x in fields.items())
     return data
 
 
