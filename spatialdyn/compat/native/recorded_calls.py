@@ -247,7 +247,8 @@ def motion_in_reference(X: Pose, placement: Pose, m: Motion, reference: int) -> 
     """Motion m of a body, in its joint's frame at X, expressed in a reference at a frame on the body."""
     if reference == WORLD:
         return spatial.motion_to_parent(X, m)
-    return express_in(spatial.compose(X, placement), spatial.motion_to_child(placement, m), reference)
+    here = spatial.motion_to_child(placement, m)
+    return here if reference == LOCAL else express_in(spatial.compose(X, placement), here, reference)
 
 
 @inline

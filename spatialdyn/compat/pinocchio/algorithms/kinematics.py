@@ -59,7 +59,8 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._frame_placements and run.library is model._library and call() is not None:
-            data.note_builtin_call(run)
+            if run.recompute:
+                data.note_builtin_call(run)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
@@ -108,8 +109,9 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     try:
         placements, run, frames, call = data._bound["all frames"]
         if placements is model._frame_placements and run.library is model._library and call(q) is not None:
-            data.note_builtin_call(run)
-            data.note_builtin_call(frames)
+            if run.recompute or frames.recompute:
+                data.note_builtin_call(run)
+                data.note_builtin_call(frames)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
