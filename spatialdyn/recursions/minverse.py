@@ -42,6 +42,7 @@ from ..algebra.spatial import (
     scale_motion,
     zero_motion,
 )
+from ..bodies.kinds import CONTINUED
 from .aba import coupled_to_partner
 from .coriolis import to_root_aligned_axes
 from .rotors import add_couple
@@ -80,8 +81,10 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         d = 1.0 / D
         if b.geared:
             U = add_couple(U, rotate(pose_of(parent.X).R, vec_of(b.rotor)))
-        if b.parent > 0:
-            Ia = subtract_outer(IA, U, scale_force(d, U))
+        Ia = subtract_outer(IA, U, scale_force(d, U))
+        if b.kind == CONTINUED:  # in the place of its parent
+            put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), Ia))
+        elif b.parent > 0:
             put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_at_parent(p, Ia)))
         put_force(here.U, U)
         here.d = d
@@ -111,7 +114,8 @@ def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
             if b.partner > 0:
                 Mij = Mij - d * (bodies[b.partner].coupling * Minv[b.partner - 1, j - 1])
             Minv[i - 1, j - 1] = Mij
-            put_force(work[j].F, force_at_parent(p, add_force(F, scale_force(Mij, U))))
+            F = add_force(F, scale_force(Mij, U))
+            put_force(work[j].F, F if b.kind == CONTINUED else force_at_parent(p, F))
 
     for j in range(1, n + 1):
         root = j
@@ -119,7 +123,9 @@ def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
             root = bodies[root].parent
         for i in range(root, j + 1):  # zero for rows of another branch from the world
             here, parent = work[i], work[bodies[i].parent]
-            P = motion_at_child(vec_of(here.X.p), motion_of(parent.P))
+            P = motion_of(parent.P)
+            if bodies[i].kind != CONTINUED:
+                P = motion_at_child(vec_of(here.X.p), P)
             Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
             if bodies[i].coupled:
                 Mij = Mij - here.d * (bodies[i].coupling * Minv[bodies[i].parent - 1, j - 1])
