@@ -21,6 +21,8 @@ from ...algebra import public_arrays, spatial
 from ...algebra.records import motion_of, pose_of, put_pose
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
+from ...bodies.joints import place_joint
+from ...bodies.kinds import CONTINUED
 from ...engines.compiled import jit, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.cpython import Builtin, dims, kernel_address
@@ -28,6 +30,7 @@ from ...engines.object_layout import DATA
 from ...recursions import SPECS, kinematics
 from ...recursions.kinematics import classical_acceleration, express_in
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
+from ...recursions.steps import placed_in_world
 from . import operator_kernels
 from .edited_table import GRAVITY
 
@@ -299,25 +302,15 @@ def frame_motion(classical: bool) -> Builtin:
     return Builtin(label, ["frame", "reference"], words, body, scope, optional=1)
 
 
+ON_TABLE = {  # names that bodies of builtins on the table use
+    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "empty": np.empty, "copy": copy,
+}  # fmt: skip
+
+
 @inline
 def _rows_at(bodies: Any, address: int) -> Any:
     """The scratch rows of ``joint_jacobians`` at an address."""
     return carray(jit.pointer(address), (len(bodies),), kinematics.WORK)
-
-
-@inline
-def _placed_jacobian(bodies: Any, work: Any, row: int, placement: Any, reference: int, J: Any) -> None:
-    """``frame_jacobian`` from the poses of the rows in the world."""
-    J[:] = 0.0
-    X, i = spatial.compose(pose_of(work[row].X), public_arrays.read_pose(placement)), row
-    while i > 0:
-        m = spatial.motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
-        if reference == LOCAL:
-            m = spatial.motion_to_child(X, m)
-        elif reference == LOCAL_WORLD_ALIGNED:
-            m = spatial.motion_at_child(X.p, m)
-        public_arrays.write_motion(J[:, i - 1], m)
-        i = bodies[i].parent
 
 
 @cache
@@ -345,10 +338,8 @@ def frame_jacobian(name: str) -> Builtin:
         "    return discard(plan, answer)",
         "return answer",
     ]
-    scope = {
-        "sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code, "table_at": jit.table_at,
-        "placed": _placed_jacobian, "rows_at": _rows_at,
-    }  # fmt: skip
+    scope = {**ON_TABLE, "sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code}
+    scope |= {"placed": kinematics.placed_frame_jacobian, "rows_at": _rows_at}
     return Builtin(name, ["frame", "reference"], words, body, scope)
 
 
@@ -383,10 +374,7 @@ def jacobians() -> Builtin:
         "places(time, 2)[1] = word(time, 0)",
         "return answer",
     ]
-    scope = {
-        "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "rows_at": _rows_at,
-        "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses, "copy": copy,
-    }  # fmt: skip
+    scope = {**ON_TABLE, "rows_at": _rows_at, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
     return Builtin("joint_jacobians", ["q"], words, body, scope)
 
 
@@ -431,10 +419,7 @@ def motions(name: str) -> Builtin:
         *(f"    {line}" for line in put_stamp()),
         "return return_true(plan)",
     ]
-    scope = {
-        "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "WORK": spec.work,
-        "empty": np.empty, "recursion": spec.recursion, "compose_rows": _compose_rows, "copy": copy,
-    }  # fmt: skip
+    scope = {**ON_TABLE, "WORK": spec.work, "recursion": spec.recursion, "compose_rows": _compose_rows}
     return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
 
 
@@ -442,29 +427,18 @@ HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were re
 
 
 @inline
-def _place_path(bodies: Any, work: Any, path: Any, row: int, poses: Any, local: Any, held: int) -> Pose:
-    """Write the poses of the joints that carry a row, in the world (held 1, 3) and their parents (2, 3); the last.
-
-    work holds the poses of the rows in their parents.
-    """
-    n, i = 0, row
-    while i > 0:
-        path[n] = i
-        n += 1
-        i = bodies[i].parent
-    X, last = identity_pose(), identity_pose()
-    for k in range(n - 1, -1, -1):
-        i = path[k]
-        last = spatial.compose(last, pose_of(work[i].X))
-        joint = bodies[i].joint
-        if joint > 0:  # the last row of the joint
-            X = spatial.compose(X, last)
-            if held & 1:
-                public_arrays.write_pose(poses[joint], X)
-            if held & 2:
-                public_arrays.write_pose(local[joint], last)
-            last = identity_pose()
-    return X
+def _place_path(bodies: Any, work: Any, q: Any, row: int, poses: Any, local: Any, held: int) -> None:
+    """Place the rows that carry a row in the world; write the poses of their joints there, if held, and in parents."""
+    put_pose(work[0].X, identity_pose())
+    for i in range(1, row + 1):
+        b = bodies[i]
+        if b.last_row >= row:
+            if held & 2 and b.kind != CONTINUED:
+                place_joint(bodies, i, q, work[i].X)
+                public_arrays.write_pose(local[bodies[i + b.dofs - 1].joint], pose_of(work[i].X))
+            X = placed_in_world(bodies, work, i, q)
+            if held & 1 and b.joint > 0:
+                public_arrays.write_pose(poses[b.joint], X)
 
 
 @cache
@@ -480,23 +454,20 @@ def frame_jacobian_at() -> Builtin:
         "k, bodies = index(plan, frame, frames), table_at(table)",
         "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
         *make_answer(words, "six", 2),
-        f"p, out = at(placements + 128 * k, (4, 4)), at(word(answer, {DATA}), (6, nv))",
-        "work = empty(len(bodies), WORK)",
-        "jacobian(bodies, work, q_in, places(joints, frames)[k], p, code, out)",
+        "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
+        + f"at(word(answer, {DATA}), (6, nv))",
+        "work, held = empty(len(bodies), WORK), (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
+        "place_path(bodies, work, q_in, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
+        "jacobian(bodies, work, i, p, code, out)",
         "if not all_finite(out): return discard(plan, answer)",
-        "held = (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
-        "if held != 0 or oMf != 0:",
-        "    path, poses, local = empty(len(bodies), intp), at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4))",
-        "    X = place_path(bodies, work, path, places(joints, frames)[k], poses, local, held)",
-        "    if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(X, read_pose(p)))",
+        "if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(pose_of(work[i].X), read_pose(p)))",
         *record(q="nq"),
         *put_stamp(),
         "return answer",
     ]
     scope = {
-        **vars(public_arrays), "jacobian": kinematics.frame_jacobian, "unit_norm": unit_norm, "copy": copy,
-        "all_finite": all_finite, "place_path": _place_path, "compose": spatial.compose, "table_at": jit.table_at,
-        "empty": np.empty, "intp": np.intp, "WORK": kinematics.WORK,
+        **vars(public_arrays), **ON_TABLE, "jacobian": kinematics.placed_frame_jacobian, "place_path": _place_path,
+        "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK,
     }  # fmt: skip
     return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
 
