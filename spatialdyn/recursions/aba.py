@@ -46,7 +46,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, A, MassMatrix, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, MassMatrix, Spec, V
 from .steps import moved_by_joint
 
 WORK = table_dtype(
@@ -78,8 +78,6 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
     n = len(bodies) - 1
     if v is not None:
         put_motion(work[0].v, zero_motion())
-    put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
-    put_force(work[0].pA, zero_force())
 
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -118,11 +116,12 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
         pa = add_force(pa, scale_force(d * u, U))
-        put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
-        put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
-        if v is not None and b.geared:
-            spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
-            put_force(parent.pA, add_couple(force_of(parent.pA), spun))
+        if b.parent > 0:
+            put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
+            put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
+            if v is not None and b.geared:
+                spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
+                put_force(parent.pA, add_couple(force_of(parent.pA), spun))
         put_force(here.U, U)
         here.d = d
         here.u = u
@@ -189,7 +188,7 @@ def acceleration_through_M(M: MassMatrix, q: Array, v: Array, tau: Array, fext: 
 
 SPECS = (
     Spec(
-        "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "aba", aba, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
         "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
         residual=("rnea", "minverse"),

@@ -47,7 +47,7 @@ from .aba import coupled_to_partner
 from .coriolis import to_root_aligned_axes
 from .rotors import add_couple
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import Argument, MassMatrix, Q, Spec
+from .spec import TURNED_Q, Argument, MassMatrix, Spec
 
 WORK = table_dtype(
     X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
@@ -141,7 +141,7 @@ def minverse_through_M(M: MassMatrix, q: Array) -> Array:
 
 SPECS = (
     Spec(
-        "minverse", minverse, WORK, (Q,),
+        "minverse", minverse, WORK, (TURNED_Q,),
         Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
         "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
         "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,

@@ -304,7 +304,11 @@ def frame_motion(classical: bool) -> Builtin:
 
 ON_TABLE = {  # names that bodies of builtins on the table use
     "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "empty": np.empty, "copy": copy,
+    "turn": jit.turn,
 }  # fmt: skip
+
+
+TURN_Q = ["turned = empty((3, nq))", "turn(q_in, turned)"]  # q beside its cosines and sines, as ``TURNED_Q``
 
 
 @inline
@@ -362,10 +366,11 @@ def jacobians() -> Builtin:
         *_check_arguments(SPECS["joint_jacobians"].present),
         "bodies = table_at(table)",
         "if not unit_norm(bodies, q_in): return return_none(plan)",
+        *TURN_Q,
         *make_answer(words, "six", 2),
         f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
         "places(time, 2)[1] = 0",
-        "jacobians(bodies, work, q_in, out)",
+        "jacobians(bodies, work, turned, out)",
         "if not all_finite(out): return discard(plan, answer)",
         "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
         *record(q="nq"),
@@ -412,7 +417,9 @@ def motions(name: str) -> Builtin:
         "if n > 0:",
         *(f"    {line}" for line in new),
         "work, X, found = empty(len(bodies), WORK), at(oMi, (njoints, 4, 4)), at(out, (njoints, 6))",
-        f"recursion(bodies, work, {', '.join(taken)}, found)",
+        f"q_in = {taken[0]}",
+        *TURN_Q,
+        f"recursion(bodies, work, turned, {', '.join(taken[1:])}, found)",
         "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
         "if not (all_finite(X) and all_finite(found)): return return_none(plan)",
         "if n > 0:",
