@@ -16,8 +16,9 @@ from ....constraints.contact import solve as solved
 from ....engines.compiled.cpython import Builtin
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import vector
+from ..data.run import Run
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, number
 from ..types.frame import Convention

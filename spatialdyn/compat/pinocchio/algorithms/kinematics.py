@@ -9,8 +9,9 @@ import numpy as np
 
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import IDENTITY, REFERENCES, about_frame, fast_calls, frame_call, frame_index, reference_code
+from ..data.run import Run
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import documented_rows

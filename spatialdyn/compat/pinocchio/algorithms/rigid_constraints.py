@@ -18,8 +18,9 @@ from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.kinematics import WORK
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
+from ..data.run import Run
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model

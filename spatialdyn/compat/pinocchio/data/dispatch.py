@@ -32,8 +32,9 @@ from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.motion import Force
 from ..types.se3 import SE3
 from ..types.tracked_list import Rows
-from .data import Data, Run, library_of
+from .data import Data, library_of
 from .field_recipes import CALL_KINDS
+from .run import Run
 
 
 def vector(name: str, value: Any, size: int) -> Array:
