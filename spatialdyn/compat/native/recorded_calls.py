@@ -304,7 +304,7 @@ def frame_motion(classical: bool) -> Builtin:
 
 ON_TABLE = {  # names that bodies of builtins on the table use
     "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "empty": np.empty, "copy": copy,
-    "turn": jit.turn,
+    "turn": jit.turn, "allocate": jit.memory, "array_at": jit.array_at, "release": jit.release,
 }  # fmt: skip
 
 
@@ -463,18 +463,21 @@ def frame_jacobian_at() -> Builtin:
         *make_answer(words, "six", 2),
         "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
         + f"at(word(answer, {DATA}), (6, nv))",
-        "work, held = empty(len(bodies), WORK), (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
+        "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
+        "scratch = allocate(space)",
+        "work = array_at(scratch, (len(bodies),), WORK)",
         "place_path(bodies, work, q_in, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
         "jacobian(bodies, work, i, p, code, out)",
-        "if not all_finite(out): return discard(plan, answer)",
         "if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(pose_of(work[i].X), read_pose(p)))",
+        "release(scratch, space)",
+        "if not all_finite(out): return discard(plan, answer)",
         *record(q="nq"),
         *put_stamp(),
         "return answer",
     ]
     scope = {
         **vars(public_arrays), **ON_TABLE, "jacobian": kinematics.placed_frame_jacobian, "place_path": _place_path,
-        "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK,
+        "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK, "WORK_SIZE": kinematics.WORK.itemsize,
     }  # fmt: skip
     return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
 
