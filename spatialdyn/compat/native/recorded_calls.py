@@ -303,12 +303,14 @@ def frame_motion(classical: bool) -> Builtin:
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "empty": np.empty, "copy": copy,
+    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
     "turn": jit.turn, "allocate": jit.memory, "array_at": jit.array_at, "release": jit.release,
+    "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
 
 
-TURN_Q = ["turned = empty((3, nq))", "turn(q_in, turned)"]  # q beside its cosines and sines, as ``TURNED_Q``
+# q beside its cosines and sines, as a recursion takes ``TURNED_Q``
+TURN_Q = ["angles = allocate(24 * nq)", "turned = array_at(angles, (3, nq), FLOAT)", "turn(q_in, turned)"]
 
 
 @inline
@@ -371,6 +373,7 @@ def jacobians() -> Builtin:
         f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
         "places(time, 2)[1] = 0",
         "jacobians(bodies, work, turned, out)",
+        "release(angles, 24 * nq)",
         "if not all_finite(out): return discard(plan, answer)",
         "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
         *record(q="nq"),
@@ -416,17 +419,27 @@ def motions(name: str) -> Builtin:
         "first, bodies = memory, table_at(table)",
         "if n > 0:",
         *(f"    {line}" for line in new),
-        "work, X, found = empty(len(bodies), WORK), at(oMi, (njoints, 4, 4)), at(out, (njoints, 6))",
+        "X, found, space = at(oMi, (njoints, 4, 4)), at(out, (njoints, 6)), len(bodies) * WORK_SIZE",
+        "scratch = allocate(space)",
+        "work = array_at(scratch, (len(bodies),), WORK)",
         f"q_in = {taken[0]}",
         *TURN_Q,
         f"recursion(bodies, work, turned, {', '.join(taken[1:])}, found)",
         "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
+        "release(angles, 24 * nq)",
+        "release(scratch, space)",
         "if not (all_finite(X) and all_finite(found)): return return_none(plan)",
         "if n > 0:",
         *(f"    {line}" for line in put_stamp()),
         "return return_true(plan)",
     ]
-    scope = {**ON_TABLE, "WORK": spec.work, "recursion": spec.recursion, "compose_rows": _compose_rows}
+    scope = {
+        **ON_TABLE,
+        "WORK": spec.work,
+        "WORK_SIZE": spec.work.itemsize,
+        "recursion": spec.recursion,
+        "compose_rows": _compose_rows,
+    }
     return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
 
 
