@@ -433,13 +433,9 @@ def motions(name: str) -> Builtin:
         *(f"    {line}" for line in put_stamp()),
         "return return_true(plan)",
     ]
-    scope = {
-        **ON_TABLE,
-        "WORK": spec.work,
-        "WORK_SIZE": spec.work.itemsize,
-        "recursion": spec.recursion,
-        "compose_rows": _compose_rows,
-    }
+    work: Any = spec.work
+    scope = {**ON_TABLE, "WORK": work, "WORK_SIZE": work.itemsize, "recursion": spec.recursion}
+    scope["compose_rows"] = _compose_rows
     return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
 
 
