@@ -151,6 +151,7 @@ def _solve(
         call = data._runs[source]
         places = {"memory": call.memory, reads: call.result, "result": run.result}
         places |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
+        places["scratch"] = recorded_constraints.scratch_of(model.nv, len(f.C))
         words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in places.items()}}
         words |= {
             "before": call.stamp_words["time"],
@@ -159,7 +160,7 @@ def _solve(
             "columns": model.nv + len(f.C),
         }
         builtin = make()
-        bound = builtin.bind(library, call, run, f, **{name: words[name] for name in builtin.words})
+        bound = builtin.bind(library, call, run, f, places, **{name: words[name] for name in builtin.words})
         data._bound[kind] = library, call, run, bound
     return f
 

@@ -17,6 +17,7 @@ from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.kinematics import WORK
+from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
 from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
@@ -190,6 +191,7 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
     arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
+    arrays["scratch"] = scratch_of(len(f.L), len(f.force))
     words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
     words |= {"m": len(f.force), "count": len(pairs), "before": every.stamp_words["time"]}
     call = contact_dynamics().bind(library, arrays, models, datas, every, run, **words)
