@@ -303,12 +303,9 @@ def frame_motion(classical: bool) -> Builtin:
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
-    "turn": jit.turn, "allocate": jit.memory, "array_at": jit.array_at, "release": jit.release,
-    "FLOAT": numba_kernels.FLOAT,
+    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy, "turn": jit.turn,
+    "allocate": jit.memory, "array_at": jit.array_at, "release": jit.release, "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
-
-
 # q beside its cosines and sines, as a recursion takes ``TURNED_Q``
 TURN_Q = ["angles = allocate(24 * nq)", "turned = array_at(angles, (3, nq), FLOAT)", "turn(q_in, turned)"]
 
@@ -368,8 +365,8 @@ def jacobians() -> Builtin:
         *_check_arguments(SPECS["joint_jacobians"].present),
         "bodies = table_at(table)",
         "if not unit_norm(bodies, q_in): return return_none(plan)",
-        *TURN_Q,
         *make_answer(words, "six", 2),
+        *TURN_Q,
         f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
         "places(time, 2)[1] = 0",
         "jacobians(bodies, work, turned, out)",

@@ -51,11 +51,11 @@ class ModelNumbers(NamedTuple):
 class LibraryModel:
     """The library's Model behind a Model.
 
-    model   the library's Model: same q, v and armature, ``continuous="cos_sin"``
-    table   a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
-    rows    (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
-    inertias  (njoints, 10) those of the table
-    joints  None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
+    model     the library's Model: same q, v and armature, ``continuous="cos_sin"``
+    table     a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
+    inertias  (njoints, 10) of its joints' bodies, a new array after an edit
+    rows      (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
+    joints    None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
     Calls of the library for one sample are attributes, as builtins: ``library.integrate(q, v)``, which returns None if
     not applicable.
