@@ -6,6 +6,7 @@ from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, table
 from ..algebra.scalars import inline
 from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
 from ..bodies.joints import place_joint
+from ..bodies.kinds import CONTINUED
 from .rotors import add_couple
 from .signatures import Bodies, Config, Matrix, Work
 from .spec import TURNED_Q, Argument, Spec
@@ -20,7 +21,6 @@ WORK = table_dtype(
 def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
     """RBDA table 6.2 in body coordinates; both triangles of M are written."""
     n = len(bodies) - 1
-    put_inertia(work[0].Ic, inertia_of(bodies[0].inertia))
     for i in range(1, n + 1):
         place_joint(bodies, i, q, work[i].X)
         put_inertia(work[i].Ic, inertia_of(bodies[i].inertia))
@@ -30,13 +30,17 @@ def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
     for i in range(n, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         Ic = inertia_of(here.Ic)
-        put_inertia(parent.Ic, add_inertia(inertia_of(parent.Ic), inertia_to_parent(pose_of(here.X), Ic)))
+        if b.kind == CONTINUED:  # in the place of its parent
+            put_inertia(parent.Ic, add_inertia(inertia_of(parent.Ic), Ic))
+        elif b.parent > 0:
+            put_inertia(parent.Ic, add_inertia(inertia_of(parent.Ic), inertia_to_parent(pose_of(here.X), Ic)))
 
         F = momentum(Ic, motion_of(b.S))
         M[i - 1, i - 1] = power(motion_of(b.S), F) + b.armature
         j = i
         while bodies[j].parent > 0:
-            F = force_to_parent(pose_of(work[j].X), F)
+            if bodies[j].kind != CONTINUED:
+                F = force_to_parent(pose_of(work[j].X), F)
             if j == i and b.geared:
                 F = add_couple(F, vec_of(b.rotor))
             j = bodies[j].parent

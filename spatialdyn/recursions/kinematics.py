@@ -17,13 +17,14 @@ from ..algebra.spatial import (
     compose,
     cross_motion,
     identity_pose,
+    motion_at_child,
     motion_to_child,
     motion_to_parent,
     scale_motion,
     sub_motion,
     zero_motion,
 )
-from ..bodies.joints import joint_motion, place_joint
+from ..bodies.joints import joint_motion
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import (
     CLASSICAL,
@@ -39,7 +40,7 @@ from .spec import (
     Spec,
     V,
 )
-from .steps import seen_from_parent
+from .steps import placed_in_world, seen_from_parent
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in the world, outward; of frames, in its parent, on the walk
@@ -58,12 +59,9 @@ def forward_kinematics(bodies: Bodies, work: Work, q: Config, X: Array) -> None:
     put_pose(work[0].X, identity_pose())
     write_pose(X[0], identity_pose())
     for i in range(1, len(bodies)):
-        b = bodies[i]
-        place_joint(bodies, i, q, work[i].X)
-        here = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
-        put_pose(work[i].X, here)
-        if b.joint > 0:
-            write_pose(X[b.joint], here)
+        here = placed_in_world(bodies, work, i, q)
+        if bodies[i].joint > 0:
+            write_pose(X[bodies[i].joint], here)
 
 
 @inline
@@ -71,11 +69,8 @@ def joint_jacobians(bodies: Bodies, work: Work, q: Config, J: Matrix) -> None:
     """Column i: S of row i in world coordinates."""
     put_pose(work[0].X, identity_pose())
     for i in range(1, len(bodies)):
-        b = bodies[i]
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
-        put_pose(work[i].X, X)
-        write_motion(J[:, i - 1], motion_to_parent(X, motion_of(b.S)))
+        X = placed_in_world(bodies, work, i, q)
+        write_motion(J[:, i - 1], motion_to_parent(X, motion_of(bodies[i].S)))
 
 
 @inline
@@ -85,10 +80,8 @@ def joint_jacobians_dot(bodies: Bodies, work: Work, q: Config, v: Vector, dJ: Ma
     put_motion(work[0].v, zero_motion())
     for i in range(1, len(bodies)):
         b = bodies[i]
-        place_joint(bodies, i, q, work[i].X)
-        X = compose(pose_of(work[b.parent].X), pose_of(work[i].X))
+        X = placed_in_world(bodies, work, i, q)
         vi = add_motion(motion_of(work[b.parent].v), motion_to_parent(X, joint_motion(bodies, i, v)))
-        put_pose(work[i].X, X)
         put_motion(work[i].v, vi)
         write_motion(dJ[:, i - 1], cross_motion(vi, motion_to_parent(X, motion_of(b.S))))
 
@@ -135,6 +128,22 @@ def frame_jacobian(
     i = row
     while i > 0:
         write_motion(J[:, i - 1], express_in(X, motion_of(work[i].v), reference))
+        i = bodies[i].parent
+
+
+@inline
+def placed_frame_jacobian(bodies: Bodies, work: Work, row: int, placement: Matrix, reference: int, J: Matrix) -> None:
+    """``frame_jacobian`` where work has the poses of the rows that carry the frame in the world."""
+    J[:] = 0.0
+    X = compose(pose_of(work[row].X), read_pose(placement))
+    i = row
+    while i > 0:
+        Ji = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
+        if reference == LOCAL:
+            Ji = motion_to_child(X, Ji)
+        if reference == LOCAL_WORLD_ALIGNED:
+            Ji = motion_at_child(X.p, Ji)
+        write_motion(J[:, i - 1], Ji)
         i = bodies[i].parent
 
 

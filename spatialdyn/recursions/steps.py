@@ -1,11 +1,12 @@
-"""Steps that recursions share: a body's velocity from its parent's, and one step of a frame's walk to the world."""
+"""Steps that recursions share: a body's pose and velocity from its parent's, and one of a frame's walk to the world."""
 
 from __future__ import annotations
 
-from ..algebra.records import motion_of, pose_of
+from ..algebra.records import motion_of, pose_of, put_pose
 from ..algebra.scalars import inline
 from ..algebra.spatial import Motion, Pose, add_motion, compose, motion_to_child
 from ..bodies.joints import joint_motion, place_joint
+from ..bodies.kinds import CONTINUED
 from .signatures import Bodies, Config, Record, Vector, Work
 
 
@@ -20,6 +21,18 @@ def body_velocity(bodies: Bodies, work: Work, i: int, v: Vector) -> Motion:
 def moved_by_joint(here: Record, parent: Record, vJ: Motion) -> Motion:
     """The same v_i from vJ = S q̇, for recursions that also need vJ, as in v_i × vJ."""
     return add_motion(motion_to_child(pose_of(here.X), motion_of(parent.v)), vJ)
+
+
+@inline
+def placed_in_world(bodies: Bodies, work: Work, i: int, q: Config) -> Pose:
+    """Pose of row i in the world from that of its parent, which both are in their scratch rows."""
+    b, here = bodies[i], work[i]
+    if b.kind == CONTINUED:
+        put_pose(here.X, pose_of(work[b.parent].X))
+    else:
+        place_joint(bodies, i, q, here.X)
+        put_pose(here.X, compose(pose_of(work[b.parent].X), pose_of(here.X)))
+    return pose_of(here.X)
 
 
 @inline

@@ -194,6 +194,18 @@ def test_edited_inertias_give_the_table_of_a_model_made_anew() -> None:
         assert library_model(model.copy()).model == library.model
 
 
+def test_several_inertias_edited_between_two_calls_count_from_the_next_call_on() -> None:
+    model = tree(ours)
+    data, q = model.createData(), ours.neutral(model)
+    for k in range(3):
+        ours.crba(model, data, q)
+        for joint in (2, 5, 7):
+            model.inertias[joint].mass = 1.0 + k + joint
+        model.inertias[5].lever = np.array([0.1 * k, 0.2, 0.0])
+        anew = model.copy()
+        close(ours.crba(model, data, q), ours.crba(anew, anew.createData(), q))
+
+
 def test_an_impossible_inertia_is_refused_at_the_next_call_as_before() -> None:
     model = tree(ours)
     data, q = model.createData(), ours.neutral(model)

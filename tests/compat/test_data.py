@@ -110,6 +110,40 @@ def test_held_placements_follow_a_frames_jacobian(case: Any) -> None:
     close(held.homogeneous, fresh.oMf[k].homogeneous)
 
 
+def test_a_frames_jacobian_is_at_the_last_q_however_it_was_given(case: Any) -> None:
+    """A column is no argument of a builtin, which would keep the poses that the Jacobian follows from."""
+    pin, model, data, (q, v, *_) = case
+    k, other, joints = model.nframes - 1, pin.integrate(model, q, v), data.oMi
+    for reference in (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED):
+        wanted = {id(at): pin.computeFrameJacobian(model, model.createData(), at, k, reference) for at in (q, other)}
+        for at, given in ((q, q), (other, other), (q, q), (other, other[:, None])):
+            J = pin.computeJointJacobians(model, data, given)
+            close(J, pin.computeJointJacobians(model, model.createData(), at))
+            for _ in range(2):
+                close(pin.getFrameJacobian(model, data, k, reference), wanted[id(at)])
+            placed = model.createData()
+            pin.forwardKinematics(model, placed, at)
+            close(joints[4].homogeneous, placed.oMi[4].homogeneous)
+
+
+@pytest.mark.parametrize("call", ["forwardKinematics", "computeRNEADerivatives", "centerOfMass"])
+def test_held_motions_follow_the_calls(case: Any, call: str) -> None:
+    """With one, two and three of the fields that one builtin computes."""
+    pin, model, _, (q, *moved) = case
+    names = ("oMi", "v", "a")
+    for held in (names[1:2], names[:2], names):
+        data = model.createData()
+        for k in range(3):
+            given = pin.integrate(model, q, 0.1 * k * moved[0]), moved[k], moved[k - 1]
+            getattr(pin, call)(model, data, *given)
+            fresh = model.createData()
+            getattr(pin, call)(model, fresh, *given)
+            for name in held:
+                parts = "homogeneous" if name == "oMi" else "vector"
+                for x, y in zip(getattr(data, name), getattr(fresh, name), strict=True):
+                    close(getattr(x, parts), getattr(y, parts))
+
+
 @pytest.mark.parametrize("read", [False, True])
 def test_a_data_made_before_a_frame_was_added_is_refused(read: bool) -> None:
     model = biped(ours)

@@ -10,7 +10,8 @@ from ...algebra.records import inertia_of, motion_of, put_inertia
 from ...algebra.scalars import inline, sqrt
 from ...bodies.table import BODIES
 from ...engines.compiled import jit
-from ...engines.compiled.cpython import Builtin
+from ...engines.compiled.cpython import Builtin, dims
+from ...engines.object_layout import DATA
 from .operators import inertia_about_origin
 
 MOST = 1e100  # of numbers whose products stay finite
@@ -24,24 +25,17 @@ def _length(x: float, y: float, z: float) -> Any:
 
 
 @inline
-def put_inertias(bodies: Any, before: Any, after: Any, rows: Any, sums: Any) -> int:
-    """Write the inertias (njoints, 10) that changed to their rows, and all bounds of composite inertias.
+def sound(inertia: Any) -> bool:
+    """Whether the numbers (10,) of an inertia are finite, none beyond ``MOST``, and its mass is not negative."""
+    for i in range(10):
+        if not abs(inertia[i]) < MOST:
+            return False
+    return bool(inertia[0] >= 0.0)
 
-    rows (njoints,) numbers of rows, sums (rows, 3) scratch. Returns -1, with the table as it was, for numbers that are
-    not finite, a negative mass, or any beyond ``MOST``; else 0.
-    """
-    for k in range(1, len(rows)):
-        if not after[k, 0] >= 0.0:
-            return -1
-        for i in range(10):
-            if not abs(after[k, i]) < MOST:
-                return -1
-    for k in range(1, len(rows)):
-        same = True
-        for i in range(10):
-            same = same and before[k, i] == after[k, i]
-        if not same:
-            put_inertia(bodies[int(rows[k])].inertia, inertia_about_origin(read_body(after[k])))
+
+@inline
+def put_bounds(bodies: Any, sums: Any) -> None:
+    """Write all bounds of composite inertias; sums (rows, 3) is scratch."""
     for i in range(len(bodies)):
         for j in range(3):
             sums[i, j] = 0.0
@@ -62,17 +56,34 @@ def put_inertias(bodies: Any, before: Any, after: Any, rows: Any, sums: Any) -> 
         sums[up, 0] += m
         sums[up, 1] += first + p * m
         sums[up, 2] += second + 2.0 * p * first + p * p * m
-    return 0
 
 
 @cache
 def builtin() -> Builtin:
-    """``(before, after) -> True``: ``put_inertias``; returns None for its -1. Words: table, sizes, rows and sums."""
+    """``(inertias (njoints, 10), joint, inertia (10,)) -> (njoints, 10)``: the inertias with that of a joint, which is
+    written to its row; returns None, with the table as it was, if it is not ``sound``.
+
+    Words: table, njoints, ten (10), numbers of rows (njoints,), scratch (count, 3).
+    """
+    words = ["table", "njoints", "ten", "rows", "sums", "count"]
     body = [
-        "if not (is_matrix(plan, before, 10) and is_matrix(plan, after, 10)): return return_none(plan)",
-        "given = matrix(before), matrix(after), at(rows, (njoints,)), at(sums, (count, 3))",
-        "if put_inertias(table_at(table), given[0], given[1], given[2], given[3]) != 0: return return_none(plan)",
-        "return return_true(plan)",
+        "k = index(plan, joint, njoints)",
+        "if k < 0 or not (is_matrix(plan, before, ten) and is_vector(plan, inertia, ten)): return return_none(plan)",
+        "given, bodies = vector(inertia, ten), table_at(table)",
+        "if not sound(given): return return_none(plan)",
+        f"answer = new_array(plan, 2, {dims(words, 'njoints')})",
+        "if answer == 0: return 0",
+        f"then, now = matrix(before), at(word(answer, {DATA}), (njoints, 10))",
+        "for i in range(njoints):",
+        "    for j in range(10): now[i, j] = then[i, j]",
+        "for j in range(10): now[k, j] = given[j]",
+        "if k > 0:",
+        "    put(bodies[int(at(rows, (njoints,))[k])].inertia, about_origin(read(given)))",
+        "    put_bounds(bodies, at(sums, (count, 3)))",
+        "return answer",
     ]
-    scope = {"put_inertias": put_inertias, "table_at": jit.table_at}
-    return Builtin("put_inertias", ["before", "after"], ["table", "njoints", "count", "rows", "sums"], body, scope)
+    scope = {
+        "sound": sound, "put": put_inertia, "about_origin": inertia_about_origin, "read": read_body,
+        "put_bounds": put_bounds, "table_at": jit.table_at,
+    }  # fmt: skip
+    return Builtin("put_inertia", ["before", "joint", "inertia"], words, body, scope)

@@ -15,11 +15,14 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]
 
 from ...algebra import public_arrays, spatial
-from ...algebra.records import pose_of
+from ...algebra.records import motion_of, pose_of, put_pose
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
+from ...bodies.joints import place_joint
+from ...bodies.kinds import CONTINUED
 from ...engines.compiled import jit, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.cpython import Builtin, dims, kernel_address
@@ -27,6 +30,7 @@ from ...engines.object_layout import DATA
 from ...recursions import SPECS, kinematics
 from ...recursions.kinematics import classical_acceleration, express_in
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
+from ...recursions.steps import placed_in_world
 from . import operator_kernels
 from .edited_table import GRAVITY
 
@@ -246,7 +250,8 @@ def motion_in_reference(X: Pose, placement: Pose, m: Motion, reference: int) -> 
     """Motion m of a body, in its joint's frame at X, expressed in a reference at a frame on the body."""
     if reference == WORLD:
         return spatial.motion_to_parent(X, m)
-    return express_in(spatial.compose(X, placement), spatial.motion_to_child(placement, m), reference)
+    here = spatial.motion_to_child(placement, m)
+    return here if reference == LOCAL else express_in(spatial.compose(X, placement), here, reference)
 
 
 @inline
@@ -297,56 +302,156 @@ def frame_motion(classical: bool) -> Builtin:
     return Builtin(label, ["frame", "reference"], words, body, scope, optional=1)
 
 
+ON_TABLE = {  # names that bodies of builtins on the table use
+    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy, "turn": jit.turn,
+    "allocate": jit.memory, "array_at": jit.array_at, "release": jit.release, "FLOAT": numba_kernels.FLOAT,
+}  # fmt: skip
+# q beside its cosines and sines, as a recursion takes ``TURNED_Q``
+TURN_Q = ["angles = allocate(24 * nq)", "turned = array_at(angles, (3, nq), FLOAT)", "turn(q_in, turned)"]
+
+
+@inline
+def _rows_at(bodies: Any, address: int) -> Any:
+    """The scratch rows of ``joint_jacobians`` at an address."""
+    return carray(jit.pointer(address), (len(bodies),), kinematics.WORK)
+
+
 @cache
 def frame_jacobian(name: str) -> Builtin:
     """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
 
-    Words: table, six (6), sizes, addresses of the inputs, reference ids, frames; joints are rows of the table.
+    Words: table, six (6), sizes, addresses of the inputs, reference ids, the rows of ``jacobians`` (0: none) and the
+    stamps, which are equal if the rows are those of the call, frames; joints are rows of the table.
     """
     spec = SPECS[name]
     inputs = [x for x in spec.present if not x.static]
-    words = ["table", *SIZES[::2], "six", "nv", *(f"{x.name}_address" for x in inputs), *REFERENCES, *FRAMES]
+    words = ["table", *SIZES[::2], "six", "nv", *(f"{x.name}_address" for x in inputs), *REFERENCES]
+    words += ["placed_rows", "time", *FRAMES]
     passed = "".join(f"at({x.name}_address, {_shape_text(x)}), " for x in inputs)
     body = [
         "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
         "if k < 0 or code < 0: return return_none(plan)",
         *make_answer(words, "six", 2),
-        "p, out = at(placements + 128 * k, (4, 4)), " + f"at(word(answer, {DATA}), (6, nv))",
-        f"if sample_kernel(table, {passed}places(joints, frames)[k], p, code, out) != {numba_kernels.OK}:",
+        "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
+        + f"at(word(answer, {DATA}), (6, nv))",
+        "if placed_rows != 0 and word(time, 0) == word(time, 1):",
+        "    bodies = table_at(table)",
+        "    placed(bodies, rows_at(bodies, placed_rows), i, p, code, out)",
+        f"elif sample_kernel(table, {passed}i, p, code, out) != {numba_kernels.OK}:",
         "    return discard(plan, answer)",
         "return answer",
     ]
-    scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code}
+    scope = {**ON_TABLE, "sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code}
+    scope |= {"placed": kinematics.placed_frame_jacobian, "rows_at": _rows_at}
     return Builtin(name, ["frame", "reference"], words, body, scope)
+
+
+@inline
+def _write_poses(bodies: Any, work: Any, X: Any) -> None:
+    """Write the poses of the joints from those of the rows in the world."""
+    for i in range(1, len(bodies)):
+        if bodies[i].joint > 0:
+            public_arrays.write_pose(X[bodies[i].joint], pose_of(work[i].X))
+
+
+@cache
+def jacobians() -> Builtin:
+    """``(q) -> (6, nv)``: ``joint_jacobians``; records q and the result, keeps its rows and writes poses of the joints.
+
+    Words: table, six (6), sizes, memory for q, result, rows, held oMi (0: none), stamps of the call and of the rows.
+    """
+    words = ["table", *SIZES[::2], "six", "nv", "memory", "result", "placed_rows", "oMi", "clock", "time"]
+    body = [
+        *_check_arguments(SPECS["joint_jacobians"].present),
+        "bodies = table_at(table)",
+        "if not unit_norm(bodies, q_in): return return_none(plan)",
+        *make_answer(words, "six", 2),
+        *TURN_Q,
+        f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
+        "places(time, 2)[1] = 0",
+        "jacobians(bodies, work, turned, out)",
+        "release(angles, 24 * nq)",
+        "if not all_finite(out): return discard(plan, answer)",
+        "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
+        *record(q="nq"),
+        f"copy(at(word(answer, {DATA}), (6 * nv,)), at(result, (6 * nv,)))",
+        *put_stamp(),
+        "places(time, 2)[1] = word(time, 0)",
+        "return answer",
+    ]
+    scope = {**ON_TABLE, "rows_at": _rows_at, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
+    return Builtin("joint_jacobians", ["q"], words, body, scope)
+
+
+@inline
+def _compose_rows(bodies: Any, work: Any, X: Any, V: Any) -> None:
+    """Write poses of the joints in the world, and velocities, from the rows of ``joint_velocities``."""
+    put_pose(work[0].X, identity_pose())
+    public_arrays.write_motion(V[0], motion_of(work[0].v))
+    for i in range(1, len(bodies)):
+        put_pose(work[i].X, spatial.compose(pose_of(work[bodies[i].parent].X), pose_of(work[i].X)))
+        if bodies[i].joint > 0:
+            public_arrays.write_motion(V[bodies[i].joint], motion_of(work[i].v))
+    _write_poses(bodies, work, X)
+
+
+@cache
+def motions(name: str) -> Builtin:
+    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world;
+    records the inputs. ``() -> True``: at the recorded inputs.
+
+    Words: table, sizes, memory, stamp, addresses of poses, velocities and the result.
+    """
+    spec = SPECS[name]
+    words = ["table", *SIZES, "memory", "clock", "time", "oMi", "v_out", "out"]
+    sizes = {x.name: str(x.shape[0]) for x in spec.present}
+    firsts = [" + ".join(["0", *[*sizes.values()][:k]]) for k in range(len(sizes))]
+    taken = [f"at(first + 8 * ({k}), ({size},))" for k, size in zip(firsts, sizes.values(), strict=True)]
+    new = [
+        *_check_arguments(spec.present),
+        "if not unit_norm(bodies, q_in): return return_none(plan)",
+        *record(**sizes),
+    ]
+    body = [
+        "first, bodies = memory, table_at(table)",
+        "if n > 0:",
+        *(f"    {line}" for line in new),
+        "X, found, space = at(oMi, (njoints, 4, 4)), at(out, (njoints, 6)), len(bodies) * WORK_SIZE",
+        "scratch = allocate(space)",
+        "work = array_at(scratch, (len(bodies),), WORK)",
+        f"q_in = {taken[0]}",
+        *TURN_Q,
+        f"recursion(bodies, work, turned, {', '.join(taken[1:])}, found)",
+        "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
+        "release(angles, 24 * nq)",
+        "release(scratch, space)",
+        "if not (all_finite(X) and all_finite(found)): return return_none(plan)",
+        "if n > 0:",
+        *(f"    {line}" for line in put_stamp()),
+        "return return_true(plan)",
+    ]
+    work: Any = spec.work
+    scope = {**ON_TABLE, "WORK": work, "WORK_SIZE": work.itemsize, "recursion": spec.recursion}
+    scope["compose_rows"] = _compose_rows
+    return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
 
 
 HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
 
 
 @inline
-def _place_path(bodies: Any, work: Any, path: Any, row: int, poses: Any, local: Any, held: int) -> Pose:
-    """Write the poses of the joints that carry a row, in the world (held 1, 3) and their parents (2, 3); the last.
-
-    work holds the poses of the rows in their parents.
-    """
-    n, i = 0, row
-    while i > 0:
-        path[n] = i
-        n += 1
-        i = bodies[i].parent
-    X, last = identity_pose(), identity_pose()
-    for k in range(n - 1, -1, -1):
-        i = path[k]
-        last = spatial.compose(last, pose_of(work[i].X))
-        joint = bodies[i].joint
-        if joint > 0:  # the last row of the joint
-            X = spatial.compose(X, last)
-            if held & 1:
-                public_arrays.write_pose(poses[joint], X)
-            if held & 2:
-                public_arrays.write_pose(local[joint], last)
-            last = identity_pose()
-    return X
+def _place_path(bodies: Any, work: Any, q: Any, row: int, poses: Any, local: Any, held: int) -> None:
+    """Place the rows that carry a row in the world; write the poses of their joints there, if held, and in parents."""
+    put_pose(work[0].X, identity_pose())
+    for i in range(1, row + 1):
+        b = bodies[i]
+        if b.last_row >= row:
+            if held & 2 and b.kind != CONTINUED:
+                place_joint(bodies, i, q, work[i].X)
+                public_arrays.write_pose(local[bodies[i + b.dofs - 1].joint], pose_of(work[i].X))
+            X = placed_in_world(bodies, work, i, q)
+            if held & 1 and b.joint > 0:
+                public_arrays.write_pose(poses[b.joint], X)
 
 
 @cache
@@ -362,23 +467,23 @@ def frame_jacobian_at() -> Builtin:
         "k, bodies = index(plan, frame, frames), table_at(table)",
         "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
         *make_answer(words, "six", 2),
-        f"p, out = at(placements + 128 * k, (4, 4)), at(word(answer, {DATA}), (6, nv))",
-        "work = empty(len(bodies), WORK)",
-        "jacobian(bodies, work, q_in, places(joints, frames)[k], p, code, out)",
+        "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
+        + f"at(word(answer, {DATA}), (6, nv))",
+        "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
+        "scratch = allocate(space)",
+        "work = array_at(scratch, (len(bodies),), WORK)",
+        "place_path(bodies, work, q_in, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
+        "jacobian(bodies, work, i, p, code, out)",
+        "if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(pose_of(work[i].X), read_pose(p)))",
+        "release(scratch, space)",
         "if not all_finite(out): return discard(plan, answer)",
-        "held = (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
-        "if held != 0 or oMf != 0:",
-        "    path, poses, local = empty(len(bodies), intp), at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4))",
-        "    X = place_path(bodies, work, path, places(joints, frames)[k], poses, local, held)",
-        "    if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(X, read_pose(p)))",
         *record(q="nq"),
         *put_stamp(),
         "return answer",
     ]
     scope = {
-        **vars(public_arrays), "jacobian": kinematics.frame_jacobian, "unit_norm": unit_norm, "copy": copy,
-        "all_finite": all_finite, "place_path": _place_path, "compose": spatial.compose, "table_at": jit.table_at,
-        "empty": np.empty, "intp": np.intp, "WORK": kinematics.WORK,
+        **vars(public_arrays), **ON_TABLE, "jacobian": kinematics.placed_frame_jacobian, "place_path": _place_path,
+        "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK, "WORK_SIZE": kinematics.WORK.itemsize,
     }  # fmt: skip
     return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
 

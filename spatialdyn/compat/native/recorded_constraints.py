@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...algebra.scalars import inline
 from ...engines.compiled import jit, numba_kernels
@@ -13,27 +14,46 @@ from ...engines.compiled.cpython import Builtin
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.kkt import bordered_inverse, constrained
-from .recorded_calls import SIZES, copy, make_answer, record
+from .recorded_calls import SIZES, copy, make_answer, put_stamp, record
 
-FACTORS = ("L", "Y", "C", "force")  # words of a plan: addresses of the factors that ``recursions.kkt`` computes
+# words of a plan: addresses of the factors that ``recursions.kkt`` computes, and stamps of two calls: the one at which
+# M and the bias are, and this one
+RECORDED = ("L", "Y", "C", "force", "clock", "before", "time", "scratch")
+
+
+def take_scratch(**shapes: str) -> list[str]:
+    """Statements that take arrays ``x_in`` of these shapes from the memory at ``scratch``, one after the other.
+
+    To allocate one takes 0.1 µs.
+    """
+    sizes = {x: shape.replace(", ", " * ") for x, shape in shapes.items()}
+    return [y for x in shapes for y in (f"{x}_in = at(scratch, ({shapes[x]},))", f"scratch += 8 * {sizes[x]}")]
+
+
+def scratch_of(nv: int, m: int) -> NDArray[np.float64]:
+    """The memory for all scratch of a builtin under m constraints: of less than this many numbers."""
+    return np.empty((2 * nv + 2 * m + 20) * (nv + m))
+
+
 CHECK_AND_COMPUTE_M = [
     f"if not is_matrix(plan, J, nv) or word(word(J, {SHAPE}), 0) != m: return return_none(plan)",
     "if damping != 0 and not is_real(plan, damping): return return_none(plan)",
     "J_in, mu = matrix(J), real(damping) if damping != 0 else 0.0",
     "if not mu >= 0.0: return return_none(plan)",
-    "M_in, x_in = empty((nv, nv)), empty(nv)",
-    "L_in, Y_in, C_in, force_in, g_in = empty((nv, nv)), empty((m, nv)), empty((m, m)), empty(m), empty(m)",
+    *take_scratch(M="nv, nv", x="nv", L="nv, nv", Y="m, nv", C="m, m", force="m", g="m"),
     f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return return_none(plan)",
 ]
 SOLVE = [
     "bodies = table_at(table)",
     "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return return_none(plan)",
 ]
-RECORD = [  # the factors
+RECORD = [
     "copy2(L_in, at(L, (nv, nv)))",
     "copy2(Y_in, at(Y, (m, nv)))",
     "copy2(C_in, at(C, (m, m)))",
     "copy(force_in, at(force, (m,)))",
+    *put_stamp("before"),
+    *put_stamp(),
 ]
 
 
@@ -59,9 +79,9 @@ def scope_of_constraints() -> dict[str, Any]:
 def dynamics() -> Builtin:
     """``(q, v, tau, J, drift[, damping]) -> a``: forward dynamics under constraints; returns None if not applicable.
 
-    Words: table, sizes, m, memory for q and v, bias, result, factors.
+    Words: table, sizes, m, memory for q and v, bias, result, factors, stamps, scratch.
     """
-    words = ["table", *SIZES, "m", "memory", "bias", "result", *FACTORS]
+    words = ["table", *SIZES, "m", "memory", "bias", "result", *RECORDED]
     body = [
         "if not is_vector(plan, q, nq): return return_none(plan)",
         "if not (is_vector(plan, v, nv) and is_vector(plan, tau, nv)): return return_none(plan)",
@@ -69,7 +89,7 @@ def dynamics() -> Builtin:
         "q_in, v_in, tau_in = vector(q, nq), vector(v, nv), vector(tau, nv)",
         *CHECK_AND_COMPUTE_M,
         "copy(vector(drift, m), g_in)",
-        "b_in = empty(nv)",
+        *take_scratch(b="nv"),
         f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return return_none(plan)",
         "for i in range(nv): x_in[i] = tau_in[i] - b_in[i]",
         *SOLVE,
@@ -89,9 +109,9 @@ def dynamics() -> Builtin:
 def impact() -> Builtin:
     """``(q, v, J[, restitution[, damping]]) -> v after an impact``; returns None if not applicable.
 
-    Words: table, sizes, m, memory for q, M, result, factors.
+    Words: table, sizes, m, memory for q, M, result, factors, stamps, scratch.
     """
-    words = ["table", *SIZES, "m", "memory", "M", "result", *FACTORS]
+    words = ["table", *SIZES, "m", "memory", "M", "result", *RECORDED]
     body = [
         "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
         "if restitution != 0 and not is_real(plan, restitution): return return_none(plan)",
@@ -119,9 +139,9 @@ def impact() -> Builtin:
 def inverse() -> Builtin:
     """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``; returns None if not applicable.
 
-    Words: table, sizes, m, axes of the result, memory for q, M, factors.
+    Words: table, sizes, m, axes of the result, memory for q, M, factors, stamps, scratch.
     """
-    words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *FACTORS]
+    words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *RECORDED]
     body = [
         "if not is_vector(plan, q, nq): return return_none(plan)",
         "q_in = vector(q, nq)",

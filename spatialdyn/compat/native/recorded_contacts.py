@@ -29,8 +29,8 @@ from ...recursions.kinematics import WORK, classical_acceleration, frame_jacobia
 from ...recursions.kkt import solve_factored
 from ...recursions.spec import LOCAL
 from .operators import log_pose, relative_pose
-from .recorded_calls import SIZES, copy, make_answer, record
-from .recorded_constraints import FACTORS, RECORD, scope_of_constraints
+from .recorded_calls import SIZES, make_answer, record
+from .recorded_constraints import RECORD, RECORDED, scope_of_constraints, take_scratch
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
 ABSOLUTE, RELATIVE, MU, MOST, ITERATIONS, ABSOLUTE_RESIDUAL, RELATIVE_RESIDUAL = range(7)  # of ProximalSettings
@@ -130,9 +130,9 @@ def contact_dynamics() -> Builtin:
     """``(q, v, tau, settings (7,)) -> a`` under contacts; returns None if not applicable, as for dependent contacts.
 
     Words: table, sizes, m, number of contacts, addresses of arrays of addresses: contacts, data; of the rows of joints;
-    memory for q and v, bias, result, factors.
+    memory for q and v, bias, result, factors, stamps, scratch.
     """
-    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "memory", "bias", "result", *FACTORS]
+    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "memory", "bias", "result", *RECORDED]
     body = [
         "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
         "if not (is_vector(plan, tau, nv) and is_vector(plan, settings, 7)): return return_none(plan)",
@@ -142,9 +142,8 @@ def contact_dynamics() -> Builtin:
         f"    size += at(word(contacts, k), ({GIVEN},))[0]",
         f"    if at(word(contacts, k), ({GIVEN},))[1] > 1.0: return return_none(plan)",
         f"if size != m or not s[{MU}] >= 0.0: return return_none(plan)",
-        "M_in, x_in, r_in, b_in = empty((nv, nv)), empty(nv), empty(nv), empty(nv)",
-        "L_in, Y_in, C_in, force_in, g_in = empty((nv, nv)), empty((m, nv)), empty((m, m)), empty(m), empty(m)",
-        "J_in, J1, J2 = empty((m, nv)), empty((6, nv)), empty((6, nv))",
+        *take_scratch(M="nv, nv", x="nv", r="nv", b="nv", L="nv, nv", Y="m, nv", C="m, m", force="m", g="m"),
+        *take_scratch(J="m, nv", J1="6, nv", J2="6, nv"),
         f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return return_none(plan)",
         f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return return_none(plan)",
         "bodies, first = table_at(table), 0",
@@ -152,7 +151,8 @@ def contact_dynamics() -> Builtin:
         "for k in range(count):",
         f"    c, own = at(word(contacts, k), ({GIVEN},)), at(word(datas, k), ({FOUND},))",
         "    end = first + int(c[0])",
-        "    put(bodies, work, q_in, v_in, at(rows, (njoints,)), c, own, J1, J2, J_in[first:end], g_in[first:end])",
+        "    J_own, g_own = J_in[first:end], g_in[first:end]",
+        "    put(bodies, work, q_in, v_in, at(rows, (njoints,)), c, own, J1_in, J2_in, J_own, g_own)",
         "    first = end",
         "for i in range(nv): r_in[i] = tau_in[i] - b_in[i]",
         f"if solve(bodies, M_in, J_in, r_in, g_in, s[{MU}], L_in, Y_in, C_in, x_in, force_in) != m: "
@@ -171,5 +171,5 @@ def contact_dynamics() -> Builtin:
         "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
         "return answer",
     ]
-    scope = {**scope_of_constraints(), "put": put_contact, "proximally": solve_proximally, "WORK": WORK, "copy": copy}
+    scope = {**scope_of_constraints(), "put": put_contact, "proximally": solve_proximally, "WORK": WORK}
     return Builtin("contact_dynamics", ["q", "v", "tau", "settings"], words, body, scope)

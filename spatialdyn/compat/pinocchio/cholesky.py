@@ -20,13 +20,13 @@ def decompose(model: Model, data: Data) -> Array:
     library, M = library_of(model, data), data.array("M")
     if not M.any() and M.size:
         raise InertiaError("data.M is zero, expected crba to have been called")
-    return stored(data, factor(library.model, M.T))  # reads the upper triangle
+    return stored(data, factor(library._model, M.T))  # reads the upper triangle; of the model, the tree alone
 
 
 def solve(model: Model, data: Data, v: Any) -> Array:
     """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
     library, y = library_of(model, data), vector("v", v, model.nv)
-    return solve_factored(library.model, _lower(data), y)
+    return solve_factored(library._model, _lower(data), y)
 
 
 def computeMinv(model: Model, data: Data) -> Array:
@@ -59,5 +59,5 @@ def _lower(data: Data) -> Array:
     if not (D > 0.0).all():
         raise InertiaError("data.D is not positive, expected cholesky.decompose to have been called")
     L = np.array(data.array("U").T, order="C")
-    np.fill_diagonal(L, D)
+    L.ravel()[:: len(L) + 1] = D
     return L

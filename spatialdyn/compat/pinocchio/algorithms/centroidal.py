@@ -8,7 +8,7 @@ import numpy as np
 
 from ..data.data import Data, library_of
 from ..data.dispatch import compute, fast_calls, frame_index, joint_index, last_call
-from ..data.field_recipes import subtree_masses, world_com
+from ..data.field_recipes import mass, subtree_masses, world_com
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import ACCELERATION, KinematicLevel
@@ -39,8 +39,7 @@ def computeSubtreeMasses(model: Model, data: Data) -> None:
 
 
 def _masses(model: Model) -> Array:
-    inertias = np.array([inertia._x for inertia in model.inertias]).reshape(-1, 10)
-    return subtree_masses(inertias, np.array(model.parents, np.intp))
+    return subtree_masses([inertia._x.item(0) for inertia in model.inertias], model.parents)
 
 
 def _com_inputs(model: Model, data: Data, q: Any, v: Any, a: Any, level: Any, subtrees: Any) -> tuple[Any, ...]:
@@ -107,7 +106,7 @@ def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_
     root, run = joint_index(model, subtree_root_joint_id), last_call(model, data, "J")
     if model.mimicking_joints:
         raise NotImplementedError("Jacobians of subtrees' centres of mass with mimic joints are not supported")
-    m, c, J = subtree_masses(run.bodies, run.parents), world_com(run), data.array("J")
+    m, c, J = mass(run), world_com(run), data.array("J")
     out = np.zeros((3, model.nv))
     below, above = set(model.subtrees[root]) if root else set(range(1, model.njoints)), set(model.supports[root])
     for k in below | above - {0}:

@@ -16,8 +16,9 @@ from ....constraints.contact import solve as solved
 from ....engines.compiled.cpython import Builtin
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import vector
+from ..data.run import Run
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, number
 from ..types.frame import Convention
@@ -126,8 +127,8 @@ def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) 
     except (AttributeError, KeyError, SystemError):  # the fast path does not apply
         return None
     if found is not None:
-        data.note_unstamped_call(before)
-        data.note_unstamped_call(run)
+        data.note_builtin_call(before)
+        data.note_builtin_call(run)
         data.__dict__["_contact"] = run.contact
     return found
 
@@ -150,10 +151,16 @@ def _solve(
         call = data._runs[source]
         places = {"memory": call.memory, reads: call.result, "result": run.result}
         places |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
-        words = {**library.words, **{name: x.ctypes.data for name, x in places.items()}}
-        words |= {"m": len(f.C), "rows": model.nv + len(f.C), "columns": model.nv + len(f.C)}
+        places["scratch"] = recorded_constraints.scratch_of(model.nv, len(f.C))
+        words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in places.items()}}
+        words |= {
+            "before": call.stamp_words["time"],
+            "m": len(f.C),
+            "rows": model.nv + len(f.C),
+            "columns": model.nv + len(f.C),
+        }
         builtin = make()
-        bound = builtin.bind(library, call, run, f, **{name: words[name] for name in builtin.words})
+        bound = builtin.bind(library, call, run, f, places, **{name: words[name] for name in builtin.words})
         data._bound[kind] = library, call, run, bound
     return f
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ....errors import SpatialDynError
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, fast_calls, joint_index, last_call, named, reference_code
+from ..data.run import Run
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, ValueRuntimeError, documented_rows, expected
 from ..types.se3 import SE3

@@ -144,7 +144,9 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         frames = joints_as_frames(model) if of_joints else frame_placements(model)
         if library.has_builtins:
             words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
-            words |= {"six": 6, **library.words, **REFERENCES, **frames.words(rows=True)}
+            rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
+            words |= {"six": 6, "placed_rows": rows, "time": run.stamp_words["time"]}
+            words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
             call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
         run.bound[name] = frames, call
         return found

@@ -9,8 +9,9 @@ import numpy as np
 
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import IDENTITY, REFERENCES, about_frame, fast_calls, frame_call, frame_index, reference_code
+from ..data.run import Run
 from ..model.library_model import frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import documented_rows
@@ -59,7 +60,8 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._frame_placements and run.library is model._library and call() is not None:
-            data.note_builtin_call(run)
+            if run.recompute:
+                data.note_builtin_call(run)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
@@ -108,8 +110,9 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     try:
         placements, run, frames, call = data._bound["all frames"]
         if placements is model._frame_placements and run.library is model._library and call(q) is not None:
-            data.note_builtin_call(run)
-            data.note_builtin_call(frames)
+            if run.recompute or frames.recompute:
+                data.note_builtin_call(run)
+                data.note_builtin_call(frames)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass

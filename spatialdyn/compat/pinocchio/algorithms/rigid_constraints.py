@@ -17,9 +17,11 @@ from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.kinematics import WORK
+from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
-from ..data.data import Data, Run, library_of
+from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
+from ..data.run import Run
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
@@ -161,8 +163,8 @@ def constraintDynamics(
             found: Array | None = call(q, v, tau, settings._x)
             if found is not None:
                 run.contact = solved
-                data.note_unstamped_call(before)
-                data.note_unstamped_call(run)
+                data.note_builtin_call(before)
+                data.note_builtin_call(run)
                 return found
     except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
         pass
@@ -189,8 +191,10 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
     arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
-    words = {**library.words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    call = contact_dynamics().bind(library, arrays, models, datas, m=len(f.force), count=len(pairs), **words)
+    arrays["scratch"] = scratch_of(len(f.L), len(f.force))
+    words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
+    words |= {"m": len(f.force), "count": len(pairs), "before": every.stamp_words["time"]}
+    call = contact_dynamics().bind(library, arrays, models, datas, every, run, **words)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 
@@ -282,7 +286,7 @@ def computeConstraintDynamicsDerivatives(
     pairs, run = _pairs(contact_models, contact_datas), data._runs.get("contacts")
     _settings(settings)
     size = sum(x.residualSize() for x, _ in pairs)
-    if run is None or len(run.contact.force) != size or library_of(model, data).numbers.inertias is not run.bodies:
+    if run is None or len(run.contact.force) != size or library_of(model, data).inertias is not run.bodies:
         raise SimulationError("data holds no such contacts, expected constraintDynamics to be called before")
     solved, every = run.contact, data._runs["all"]
     at, n, m = _at(model, data, every.q, every.v, run.result), model.nv, size

@@ -32,8 +32,9 @@ from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.motion import Force
 from ..types.se3 import SE3
 from ..types.tracked_list import Rows
-from .data import Data, Run, library_of
+from .data import Data, library_of
 from .field_recipes import CALL_KINDS
+from .run import Run
 
 
 def vector(name: str, value: Any, size: int) -> Array:
@@ -210,8 +211,7 @@ def frame_call(
         "    try:",
         f"        frames, call = {bound}[{name!r}]",
         f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}:",
-        "            found = call(frame_id, reference_frame)",
-        "            if found is not None:",
+        "            if (found := call(frame_id, reference_frame)) is not None:",
         "                return found",
         "    except (AttributeError, KeyError):  # the fast path does not apply",
         "        pass",

@@ -225,7 +225,7 @@ def diagonal(L: Array) -> Array:
 def unit_upper(L: Array) -> Array:
     """U = Lᵀ of an L with D on its diagonal."""
     found = np.array(np.tril(L).T, order="C")
-    np.fill_diagonal(found, 1.0)
+    found.ravel()[:: len(L) + 1] = 1.0
     return found
 
 
@@ -242,18 +242,17 @@ def world_com(run: Any) -> Array:
     return np.asarray(np.einsum("kij,kj->ki", X[:, :3, :3], c) + X[:, :3, 3])
 
 
-def subtree_masses(inertias: Array, parents: NDArray[np.intp]) -> Array:
-    """Mass of each joint's subtree, from inertias (njoints, 10) and parents."""
-    m: Array = inertias[:, 0].copy()
-    m[0] = 0.0
+def subtree_masses(masses: list[float], parents: list[int]) -> Array:
+    """Mass of each joint's subtree, from those of the bodies and parents; the universe's own does not count."""
+    m = [0.0, *masses[1:]]
     for k in range(len(m) - 1, 0, -1):
         m[parents[k]] += m[k]
-    return m
+    return np.array(m)
 
 
 def mass(run: Any) -> Array:
     """Mass of each joint's subtree."""
-    return subtree_masses(run.bodies, run.parents)
+    return subtree_masses(run.bodies[:, 0].tolist(), run.parents.tolist())
 
 
 def Ig(run: Any) -> Array:

@@ -41,9 +41,8 @@ PAST = 64  # edits of inertias before the earlier ones are forgotten
 
 
 class ModelNumbers(NamedTuple):
-    """The numbers of a Model that a LibraryModel is assembled from, and whether norms are checked."""
+    """The numbers of a Model that a LibraryModel is assembled from beside inertias, and whether norms are checked."""
 
-    inertias: Array
     placements: Array
     armature: Array
     strict: bool
@@ -52,16 +51,17 @@ class ModelNumbers(NamedTuple):
 class LibraryModel:
     """The library's Model behind a Model.
 
-    model   the library's Model: same q, v and armature, ``continuous="cos_sin"``
-    table   a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
-    rows    (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
-    joints  None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
+    model     the library's Model: same q, v and armature, ``continuous="cos_sin"``
+    table     a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
+    inertias  (njoints, 10) of its joints' bodies, a new array after an edit
+    rows      (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
+    joints    None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
     Calls of the library for one sample are attributes, as builtins: ``library.integrate(q, v)``, which returns None if
     not applicable.
     """
 
-    def __init__(self, model: SdModel, joint_map: Indices, numbers: ModelNumbers) -> None:
+    def __init__(self, model: SdModel, joint_map: Indices, inertias: Array, numbers: ModelNumbers) -> None:
         """From the library's model, its joint that carries each joint's body, and the numbers it was assembled from."""
         self.joint_map = joint_map
         self.rows = np.array([model.joints[k].row for k in joint_map], np.intp)
@@ -73,61 +73,62 @@ class LibraryModel:
         self.unit_parts = [part for part in parts if part is not None]  # slices of q: quaternions and (cos, sin) pairs
         self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
-        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
+        self.takes_edits = self.has_builtins and self.joints is None
+        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
 
-    def _take(self, model: SdModel, table: Any, numbers: ModelNumbers) -> None:
-        self._model, self._model_numbers, self.numbers = model, numbers, numbers
+    def _take(self, model: SdModel, table: Any, inertias: Array, numbers: ModelNumbers) -> None:
+        self._model, self._model_inertias, self.inertias, self.numbers = model, inertias, inertias, numbers
         self.table, self.address = table, table.ctypes.data
         self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
         self._at_call: dict[bytes, SdModel] = {}  # with gravity and inertias of the last call that asked
-        self.put_inertias: Any = None
-        self._sums = np.empty((model.nv + 1, 3))
+        self._put_inertia: Any = None
         self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def with_model(self, model: SdModel, numbers: ModelNumbers) -> LibraryModel:
+    def with_model(self, model: SdModel, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
         """The LibraryModel of the same tree, as a Model with other numbers."""
         found = LibraryModel.__new__(LibraryModel)
-        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins")
+        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins",
+                 "takes_edits")  # fmt: skip
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), numbers)
+        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
         return found
 
-    def take_inertias(self, numbers: ModelNumbers) -> bool:
-        """Write other inertias to the table; False if they need checks. Its ``model`` is made at the next read."""
-        before = self.numbers.inertias
-        if self.put_inertias is None:
-            words = {name: x.ctypes.data for name, x in (("rows", self.row_numbers), ("sums", self._sums))}
-            self.put_inertias = edited_table.builtin().bind(
-                self, self._sums, table=self.address, njoints=len(before), count=len(self._sums), **words
-            )
-        if self.put_inertias(before, numbers.inertias) is None:
+    def put_inertia(self, joint: int, inertia: Array) -> bool:
+        """Write the inertia (10,) of a joint to the table; False if it needs checks. The next read makes ``model``."""
+        before = self.inertias
+        if self._put_inertia is None:
+            sums = np.empty((len(self._model.bodies), 3))
+            words = {"rows": self.row_numbers.ctypes.data, "sums": sums.ctypes.data, "count": len(sums)}
+            words |= {"table": self.address, "njoints": len(before), "ten": 10}
+            self._put_inertia = edited_table.builtin().bind(self, sums, **words)
+        after = self._put_inertia(before, joint, inertia)
+        if after is None:
             return False
-        self._past.append((clock(), before))
+        self._past.append((clock.now[0] + 1, before))
         if len(self._past) == PAST:
             for run in self.runs:
                 run.keep_inertias()
             self._past.clear()
-        self.numbers = numbers
+        self.inertias = after
         return True
 
     def inertias_at(self, stamp: int) -> Array:
         """Inertias (njoints, 10) at the time of a call."""
-        return next((inertias for end, inertias in self._past if stamp < end), self.numbers.inertias)
+        return next((inertias for end, inertias in self._past if stamp < end), self.inertias)
 
     @property
     def model(self) -> SdModel:
         """The library's Model."""
-        now, then = self.numbers, self._model_numbers
-        if now is not then or not (self.gravity == self._model.gravity).all():
-            links = _changed_links(self._model, then.inertias, now.inertias)
-            self._model, self._model_numbers = edited(self._model, links, {}, _numbers(self.gravity)), now
+        if self.inertias is not self._model_inertias or not (self.gravity == self._model.gravity).all():
+            links = _changed_links(self._model, self._model_inertias, self.inertias)
+            self._model, self._model_inertias = edited(self._model, links, {}, _numbers(self.gravity)), self.inertias
         return self._model
 
     def is_at(self, gravity: Array, inertias: Array) -> bool:
         """Whether gravity (3,) and inertias (njoints, 10) are those of the table."""
-        return inertias is self.numbers.inertias and bool((gravity == self.gravity).all())
+        return inertias is self.inertias and bool((gravity == self.gravity).all())
 
     def model_at(self, gravity: Array, inertias: Array) -> SdModel:
         """The library's Model with the gravity (3,) and the inertias (njoints, 10) of an earlier call."""
@@ -135,7 +136,7 @@ class LibraryModel:
             return self.model
         key = gravity.tobytes() + inertias.tobytes()
         if key not in self._at_call:
-            links = _changed_links(self.model, self.numbers.inertias, inertias)
+            links = _changed_links(self.model, self.inertias, inertias)
             self._at_call = {key: edited(self.model, links, {}, _numbers(gravity))}
         return self._at_call[key]
 
@@ -206,24 +207,24 @@ def library_model(model: Model) -> LibraryModel:
         if found is None:
             found = _assembled(model)
             model._frame_placements = None
-        vars(model).update(_library=found, _library_before=found)
+        own = vars(model)
+        own["_library"] = own["_library_before"] = found
     return found
 
 
 def _takes_edit(model: Model, before: LibraryModel) -> bool:
-    """Write the one inertia that was edited to the table; False if anything else was edited too."""
-    changed, numbers, placements = model._edited_inertias, before.numbers, model._placement_numbers
-    if len(changed) != 1 or placements is None or model._inertia_numbers is not numbers.inertias:
+    """Write the inertias that were edited to the table; False if anything else was edited too."""
+    changed, placements = model._edited_inertias, model._placement_numbers
+    if not changed or placements is None or model._inertia_numbers is not before.inertias:
         return False
-    if placements[0] is not numbers.placements or strict() is not numbers.strict or before.put_inertias is None:
+    numbers = before.numbers
+    if placements[0] is not numbers.placements or strict() is not numbers.strict or not before.takes_edits:
         return False
-    inertias = numbers.inertias.copy()
-    ((key, inertia),) = changed.items()
-    inertias[model._inertia_rows[key]] = inertia._x
-    if not before.take_inertias(ModelNumbers(inertias, numbers.placements, numbers.armature, numbers.strict)):
-        return False
+    for key, inertia in changed.items():
+        if not before.put_inertia(model._inertia_rows[key], inertia._x):
+            return False
     changed.clear()
-    vars(model)["_inertia_numbers"] = inertias
+    vars(model)["_inertia_numbers"] = before.inertias  # past the checks of Model, half a microsecond
     return True
 
 
@@ -252,18 +253,17 @@ def joints_as_frames(model: Model) -> FramePlacements:
     return compiled.frames
 
 
-def _numbers_of(model: Model) -> ModelNumbers:
-    """The numbers; inertias and placements are gathered again only if one of them was edited."""
+def _numbers_of(model: Model) -> tuple[Array, ModelNumbers]:
+    """Inertias and other numbers; inertias and placements are gathered again only if one of them was edited."""
     if model._inertia_numbers is None or model._edited_inertias:
-        gathered = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
         model._edited_inertias.clear()
         model._inertia_rows = {id(inertia): k for k, inertia in enumerate(model.inertias)}
-        vars(model)["_inertia_numbers"] = gathered  # past the checks of Model, half a microsecond
+        model._inertia_numbers = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
     if model._placement_numbers is None:
         placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
         model._placement_numbers = placements, model._arrays["armature"].copy()
     placements, armature = model._placement_numbers
-    return ModelNumbers(model._inertia_numbers, placements, armature, strict())
+    return model._inertia_numbers, ModelNumbers(placements, armature, strict())
 
 
 def _numbers(x: Array) -> tuple[float, float, float]:
@@ -312,22 +312,18 @@ def _assembled(model: Model) -> LibraryModel:
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
     gravity = _numbers(model.gravity._x[:3])
     compiled = SdModel(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
-    return LibraryModel(compiled, np.array(last, np.intp), _numbers_of(model))
+    return LibraryModel(compiled, np.array(last, np.intp), *_numbers_of(model))
 
 
 def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     """The LibraryModel after an edit of numbers alone; None if it has to be assembled again."""
-    if before.joints is not None or not before.has_builtins:
+    if not before.takes_edits:
         return None
-    now, then = _numbers_of(model), before.numbers
+    (inertias, now), then = _numbers_of(model), before.numbers
     _check_gravity(model)
     same = now.placements is then.placements and now.armature is then.armature and now.strict == then.strict
-    same = same and before.gravity.tolist() == model.gravity._x[:3].tolist()
-    if same:
-        if now.inertias is then.inertias:
-            return before
-        if before.take_inertias(now):
-            return before
+    if same and inertias is before.inertias and before.gravity.tolist() == model.gravity._x[:3].tolist():
+        return before
     compiled = before.model
     robot, moved = compiled.robot, (now.placements != then.placements).any((1, 2))
     for at in np.flatnonzero(now.armature != then.armature):
@@ -343,8 +339,8 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
         joints[k] = make_joint(edited_joint)
     gravity = _numbers(model.gravity._x[:3])
     norms = None if now.strict == then.strict else not now.strict
-    links = _changed_links(compiled, then.inertias, now.inertias)
-    return before.with_model(edited(compiled, links, joints, gravity, norms), now)
+    links = _changed_links(compiled, before.inertias, inertias)
+    return before.with_model(edited(compiled, links, joints, gravity, norms), inertias, now)
 
 
 def _check_gravity(model: Model) -> None:

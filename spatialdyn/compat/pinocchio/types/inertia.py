@@ -15,14 +15,15 @@ from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, body_of, param
 from .random import GENERATOR
 from .rotations import skew
 from .se3 import SE3
-from .symmetric import PLACES, six
+from .symmetric import six
 from .value import InFrames, Summable, as_array, on_table, part, preset
 
 __all__ = ["Inertia"]
 
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
-_body_of, _fault = on_table("""
+_rotational, _body_of, _fault = on_table("""
+rotational(I: Body) -> rot = Mat3(I.I.xx, I.I.xy, I.I.xz, I.I.xy, I.I.yy, I.I.yz, I.I.xz, I.I.yz, I.I.zz)
 body_of(mass: number, lever: vec, inertia: rot) -> body = Body(mass, lever, lower_triangle(inertia))
 fault(inertia: rot) -> number = fault_of_inertia(inertia)
 """)
@@ -115,8 +116,7 @@ class Inertia(
 
         Any symmetric matrix can be set, in strict mode only one that a body can have.
         """
-        made: Array = self._x[4:][PLACES]
-        return made
+        return _rotational(self)  # type: ignore[no-any-return]
 
     @inertia.setter
     def inertia(self, value: Any) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import ArgumentError, Array, array, described, row, rows
-from .random import GENERATOR, uniform
+from .random import GENERATOR
 from .rotations import Quaternion
 from .value import Value, as_array, on_table, on_values, part, preset
 
@@ -20,7 +20,7 @@ act(self: Pose, point: vec) -> vec = point_to_parent(self, point)
 actInv(self: Pose, point: vec) -> vec = point_to_child(self, point)
 pose_of(rotation: rot, translation: vec) -> pose = Pose(rotation, translation)
 pose_of(quat: Quat, translation: vec) -> pose = Pose(rotation_matrix(quat), translation)
-Random(u: vec, translation: vec) -> Pose = Pose(rotation_matrix(random_rotation(u)), translation)
+Random(u: motion) -> Pose = Pose(rotation_matrix(random_rotation(u.v)), sub(scale(2.0, u.w), Vec(1.0, 1.0, 1.0)))
 """)
 _fraction = on_values(
     "Interpolate(A: Pose, B: Pose, alpha: number) -> Pose",
@@ -56,10 +56,10 @@ class SE3(
 
     rotation = part("rotation", np.s_[:3, :3], "The rotation matrix (3, 3), a view.")
     translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
-    homogeneous = np = property(lambda self: self._x.copy(), doc="The homogeneous matrix (4, 4), a copy.")
-    __array__ = as_array(lambda self: self._x.copy())
 
-    inverse, toActionMatrix, toActionMatrixInverse, _to_parent, _to_child, Identity = on_table("""
+    _matrix, inverse, toActionMatrix, toActionMatrixInverse, _to_parent, _to_child, Identity = on_table("""
+matrix(self: Pose) -> pose = self
+    The homogeneous matrix (4, 4), a copy.
 inverse(self: Pose) -> Pose = inverse(self)
     The pose of the reference frame in the frame.
 toActionMatrix(self: Pose) -> tangent = Tangent(self.R, matmul(skew(self.p), self.R))
@@ -71,7 +71,8 @@ actInv(self: Pose, other: Pose) -> Pose = relative_pose(self, other)
 Identity() -> Pose = identity_pose()
     The identity.
 """)  # the other classes that an SE3 moves have _to_parent and _to_child too
-    Identity, __invert__ = staticmethod(Identity), inverse
+    Identity, __invert__, __array__ = staticmethod(Identity), inverse, as_array(_matrix)
+    homogeneous = np = property(_matrix)
 
     setIdentity = preset(lambda: IDENTITY, "the identity")[1]
     setRandom = preset(lambda: SE3.Random()._x, "a uniform random rotation and a translation within ±1 m")[1]
@@ -79,7 +80,7 @@ Identity() -> Pose = identity_pose()
     @staticmethod
     def Random() -> SE3:
         """A uniform random rotation and a random translation within ±1 m."""
-        return _random(GENERATOR.random(3), uniform(3))  # type: ignore[no-any-return]
+        return _random(GENERATOR.random(6))  # type: ignore[no-any-return]
 
     @staticmethod
     def Interpolate(A: SE3, B: SE3, alpha: float) -> SE3:

@@ -1,0 +1,279 @@
+"""Run: inputs and result of the last call of a kind, and the builtins that compute them and the held fields."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....calls.arguments import core_shape
+from ....engines.compiled.cpython import retarget, unavailable
+from ....model.model import Model as SdModel
+from ....recursions import SPECS, kinematics
+from ...native import recorded_calls
+from ...native.recorded_calls import address, clock
+from ..model.library_model import LibraryModel
+from ..types.arguments import Array
+from ..types.motion import Force
+from ..types.tracked_list import Rows
+from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
+from .field_recipes import result as RESULT
+
+
+class Run:
+    """The last call of one kind.
+
+    stamp           its time by ``recorded_calls.clock``, which builtins write; 0 if there was no call
+    library         the LibraryModel of that call
+    memory          the inputs, one after the other, then gravity; q, v, a, tau, gravity are views of it
+    result          what the library returned; the held array of a field if that is the same (``result_is_held``)
+    call            the library's call as a builtin that records inputs and result; returns None if not applicable
+    forces_builtin  ``call`` with external forces; None until it is bound
+    recompute       functions that recompute the other held fields from the recorded inputs
+    fext            forces on the library's joints (njoints, 6), or None
+    parents         parents of its joints
+    bound           builtins about the inputs, by name and kind of frame
+    contact         factors of the constrained system, of a kind that solves one
+    frames          FramePlacements at that call, of a kind that places frames
+    cache           field -> (stamp, array), of fields that were read
+    placed_rows     of a call of ``joint_jacobians``, its scratch, from which Jacobians of frames follow
+    oMi             the held field that such a call writes, if any
+    """
+
+    __slots__ = (
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "fext",
+        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "oMi", "parents", "placed_rows",
+        "q", "recompute", "result", "result_is_held", "tau",
+    )  # fmt: skip
+
+    def __init__(
+        self, name: str, library: LibraryModel, parents: NDArray[np.intp], shape: tuple[int, ...] | None
+    ) -> None:
+        self.kind = CALL_KINDS[name]
+        self.getters = self.kind.getters  # from a slot in 10 ns
+        # of the call, and of the call that left ``placed_rows``
+        self._stamp, self.library, self.parents = array("q", [0, 0]), library, parents
+        self.fext: Array | None = None
+        self.frames: Any = None
+        self.contact: Any = None
+        self.oMi: Array | None = None
+        self.placed_rows: Any = None
+        self.cache: dict[str, tuple[int, Array]] = {}
+        self._kept: tuple[int, Array] = 0, library.inertias
+        model = library._model
+        if shape is None:
+            shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
+        sizes = [(x, model.nq if x == "q" else model.nv) for x in self.kind.inputs.split()]
+        self.memory: Array = np.empty(sum(size for _, size in sizes) + 3)
+        self.gravity, self.memory[-3:] = self.memory[-3:], library.gravity
+        self.result: Array = np.empty(shape)
+        self._own_result, self.result_is_held = self.result, False
+        self.q: Any = None
+        self._v: Array | None = None
+        self._a: Array | None = None
+        at = 0
+        for x, size in sizes:
+            setattr(self, {"v": "_v", "a": "_a"}.get(x, x), self.memory[at : at + size])
+            at += size
+        if self.kind.call == "aba":
+            self._a = self.result
+        if self.kind.call == "joint_jacobians" and library.has_builtins:
+            self.placed_rows = np.empty(model.nv + 1, kinematics.WORK)
+        library.runs.add(self)
+        self.call: Callable[..., Any] = self._bind_and_call
+        self.forces_builtin: Callable[..., Any] | None = None
+        self.recompute: list[Callable[[], Any]] = []
+        self.bound: dict[Any, Any] = {}
+
+    @property
+    def stamp(self) -> int:
+        """Time of the call."""
+        return self._stamp[0]
+
+    @stamp.setter
+    def stamp(self, value: int) -> None:
+        self._stamp[0] = value
+
+    @property
+    def stamp_words(self) -> dict[str, int]:
+        """Words of a builtin that writes the stamp."""
+        return {"clock": address(clock.now), "time": address(self._stamp)}
+
+    @property
+    def model(self) -> SdModel:
+        """The library's Model at the call."""
+        return self.library.model_at(self.gravity, self.bodies)
+
+    @property
+    def bodies(self) -> Array:
+        """Inertias (njoints, 10) of the model at the call."""
+        stamp, inertias = self._kept
+        return inertias if stamp == self.stamp else self.library.inertias_at(self.stamp)
+
+    def keep_inertias(self) -> None:
+        """Keep them."""
+        self._kept = self.stamp, self.bodies
+
+    @property
+    def v(self) -> Array:
+        """Velocities of the call; zeros if it took none."""
+        return np.zeros(self.library.words["nv"]) if self._v is None else self._v
+
+    @property
+    def a(self) -> Array:
+        """Accelerations that the call took or computed; zeros if neither."""
+        return np.zeros(self.library.words["nv"]) if self._a is None else self._a
+
+    def call_with_forces(self, fext: Any, *inputs: Any) -> Any:
+        """``call`` with a list of one Force for each joint; returns None if not applicable."""
+        library = self.library
+        fits = isinstance(fext, (list, Rows)) and len(fext) == library.words["njoints"] and library.joints is None
+        if not fits or {*map(type, fext)} != {Force}:
+            return None
+        given = np.concatenate([force._x for force in fext])
+        if self.forces_builtin is None:
+            self.forces_builtin = self._bind(True)
+        result = self.forces_builtin(*inputs, given)
+        if result is not None:
+            self.fext = given.reshape(-1, 6)
+        return result
+
+    def use_library(self, library: LibraryModel) -> None:
+        """Point the builtins to an edited model: the same tree with other numbers."""
+        self.library, self._stamp[1] = library, 0
+        library.runs.add(self)
+        self.cache.clear()
+        for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
+            retarget(function, library)
+
+    def store_inputs(self, *inputs: Array) -> None:
+        """Copy the inputs to ``memory``, in order."""
+        at = 0
+        for x in inputs:
+            self.memory[at : at + x.size] = x
+            at += x.size
+        self.gravity[:] = self.library.gravity
+
+    def _bind_and_call(self, *inputs: Any) -> Any:
+        """Bind the builtin and call it."""
+        self.call = self._bind(False)
+        return self.call(*inputs)
+
+    def _bind(self, forces: bool) -> Callable[..., Any]:
+        library, kind = self.library, self.kind
+        if not (library.has_builtins and kind.call):
+            return unavailable
+        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, **self.stamp_words}
+        alive = (library, self.memory, self.result, self._stamp)
+        if self.placed_rows is not None:
+            places |= {"six": 6, "placed_rows": self.placed_rows.ctypes.data}
+            places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
+            return recorded_calls.jacobians().bind(*alive, self.placed_rows, self.oMi, **places, **library.words)
+        function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
+        return function.bind(*alive, **library.words, **places)
+
+    def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
+        """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
+        self.recompute, result = [], self._own_result
+        one_to_one = self.library.has_builtins and self.library.joints is None
+        moving = self._moving(held) if one_to_one else {}
+        by_call = {*held} if self.kind.places_path and one_to_one else {*moving}
+        if self.placed_rows is not None and one_to_one:
+            by_call.add("oMi")
+            self.oMi = held.get("oMi")
+        for name, x in held.items():
+            recipe = self.kind.fills.get(name)
+            if recipe is None or name in by_call:
+                continue
+            places = recipe is oMi and self.library.joints is None
+            if (recipe is RESULT or (places and self.kind.call == "forward_kinematics")) and self._may_share(x):
+                result = x
+            else:
+                recipe = joint_placements if places else recipe
+                builtin = self._copy_builtin(recipe, x) or self._recompute_builtin(recipe, x)
+                self.recompute.append(builtin or partial(recompute_field, self, name))
+        if moving and self.kind.call == "forward_kinematics":
+            result = moving["oMi"]
+        self.result_is_held = result is not self._own_result
+        if result is not self.result and not self.result_is_held:
+            result[...] = self.result
+        if result is not self.result or moving or self.placed_rows is not None:
+            self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
+        if moving:
+            self._bind_motions(moving)
+
+    def _moving(self, held: Mapping[str, Array]) -> dict[str, Array]:
+        """Those of the held oMi, v and a that one builtin computes: none if not both oMi and v are held."""
+        inputs = self.kind.inputs.split()
+        found = {
+            x: held[x] for x in ("oMi", "v", "a") if x in held and x in self.kind.fills and (x != "a" or x in inputs)
+        }
+        if not {"oMi", "v"} <= found.keys() or (self.kind.call == "forward_kinematics" and len(found) != len(inputs)):
+            return {}
+        return found
+
+    def _bind_motions(self, moving: Mapping[str, Array]) -> None:
+        """Compute these fields by one builtin, which is the call too if that places the joints."""
+        name = "joint_accelerations" if "a" in moving else "joint_velocities"
+        words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
+        words |= {"out": [*moving.values()][-1].ctypes.data, "memory": self.memory.ctypes.data, **self.stamp_words}
+        builtin = recorded_calls.motions(name).bind(
+            self.library, self.memory, self._stamp, *moving.values(), **words, **self.library.words
+        )
+        if self.kind.call == "forward_kinematics":
+            self.call = builtin
+        else:
+            self.recompute.append(builtin)
+
+    def _may_share(self, x: Array) -> bool:
+        return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
+
+    def _copy_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
+        """A builtin that copies the result, or a part of it, to x; None if the recipe is another."""
+        found = self._own_result if recipe is RESULT else recipe(self) if isinstance(recipe, Part) else None
+        if found is None or not self.library.has_builtins or found.shape != x.shape:
+            return None
+        addresses = {"source": found.ctypes.data, "target": x.ctypes.data}
+        return recorded_calls.copy_builtin().bind(self._own_result, x, **addresses, count=x.size)
+
+    def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
+        """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
+        library = self.library
+        if (
+            not isinstance(recipe, CallRecipe)
+            or not library.has_builtins
+            or (recipe.joints and library.joints is not None)
+        ):
+            return None
+        inputs = {name: getattr(self, name) for name in recipe.inputs.split()}
+        spec = SPECS[recipe.call]
+        if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
+            return None
+        words = {f"address{k}": inputs[input.name].ctypes.data for k, input in enumerate(spec.present)}
+        return recorded_calls.recompute(recipe.call).bind(
+            library, x, *inputs.values(), **library.words, **words, out=x.ctypes.data
+        )
+
+
+@cache
+def _assigned_kind(name: str) -> Kind:
+    return Kind("", "", {name: RESULT})
+
+
+class Assigned(Run):
+    """A field that was assigned whole, as a source of it."""
+
+    __slots__ = ("stamp",)  # a slot: no builtin writes it
+
+    def __init__(self, name: str, x: Array) -> None:
+        """The array is the field from now on."""
+        self.kind, self.q, self.recompute, self.result = _assigned_kind(name), None, [], x
+        self.stamp = clock()
+        self.cache = {name: (self.stamp, x)}
+
+    def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
+        """Do nothing: no call writes it again."""
