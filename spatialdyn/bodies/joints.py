@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..algebra.euclidean import Vec, add, add_mat3, dot, rotate, scale, zero
+from ..algebra.euclidean import Mat3, Vec, add, add_mat3, dot, rotate, scale, zero
 from ..algebra.records import mat3_of, motion_of, pose_of, put_mat3, put_pose, put_vec, vec_of
 from ..algebra.rotations import NORM_ROUNDING, blend, rotation, turn
-from ..algebra.scalars import cos, inline, sin
+from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import Motion, Pose, add_motion, compose, identity_pose, scale_motion, zero_motion
+from .coordinates import coordinate, cosine, sine
 from .kinds import CONTINUED, FLOATING, HELICAL, LENGTHS, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL, UNITS
 from .table import ANY_NORM
 
@@ -23,21 +24,33 @@ def place_joint(bodies: Any, i: int, q: Any, X: Any) -> None:
     b = bodies[i]
     k = b.q_index
     if b.kind == REVOLUTE:
-        put_mat3(X.R, add_mat3(mat3_of(b.axial), blend(cos(q[k]), mat3_of(b.transverse), sin(q[k]), mat3_of(b.skewed))))
+        put_mat3(X.R, _rotated(b, cosine(q, k), sine(q, k)))
         put_vec(X.p, vec_of(b.X.p))
     elif b.kind == REVOLUTE_CS:
-        put_mat3(X.R, add_mat3(mat3_of(b.axial), blend(q[k], mat3_of(b.transverse), q[k + 1], mat3_of(b.skewed))))
+        put_mat3(X.R, _rotated(b, coordinate(q, k), coordinate(q, k + 1)))
         put_vec(X.p, vec_of(b.X.p))
     elif b.kind == PRISMATIC:
         T = pose_of(b.X)
-        put_pose(X, Pose(T.R, add(T.p, rotate(T.R, scale(q[k], vec_of(b.S.v))))))
+        put_pose(X, Pose(T.R, add(T.p, rotate(T.R, scale(coordinate(q, k), vec_of(b.S.v))))))
     elif b.kind == CONTINUED:
         put_pose(X, identity_pose())
     elif b.kind == HELICAL:
-        put_mat3(X.R, add_mat3(mat3_of(b.axial), blend(cos(q[k]), mat3_of(b.transverse), sin(q[k]), mat3_of(b.skewed))))
-        put_vec(X.p, add(vec_of(b.X.p), rotate(mat3_of(b.X.R), scale(q[k], vec_of(b.S.v)))))
+        put_mat3(X.R, _rotated(b, cosine(q, k), sine(q, k)))
+        put_vec(X.p, add(vec_of(b.X.p), rotate(mat3_of(b.X.R), scale(coordinate(q, k), vec_of(b.S.v)))))
     else:
         put_pose(X, compose(pose_of(b.X), _general(bodies, i, q)))
+
+
+@inline
+def _rotated(b: Any, c: Scalar, s: Scalar) -> Mat3:
+    """R of a joint with one axis, from the cosine and sine of its angle."""
+    return add_mat3(mat3_of(b.axial), blend(c, mat3_of(b.transverse), s, mat3_of(b.skewed)))
+
+
+@inline
+def _turned(q: Any, k: int) -> Mat3:
+    """R of the quaternion from q_k on."""
+    return rotation(coordinate(q, k), coordinate(q, k + 1), coordinate(q, k + 2), coordinate(q, k + 3))
 
 
 @inline
@@ -45,15 +58,15 @@ def _general(bodies: Any, i: int, q: Any) -> Pose:
     """X_J(q) of the kinds with more than one coordinate."""
     kind, k = bodies[i].kind, bodies[i].q_index
     if kind == SPHERICAL:
-        return Pose(rotation(q[k], q[k + 1], q[k + 2], q[k + 3]), zero())
+        return Pose(_turned(q, k), zero())
     if kind == FLOATING:
-        return Pose(rotation(q[k + 3], q[k + 4], q[k + 5], q[k + 6]), Vec(q[k], q[k + 1], q[k + 2]))
+        return Pose(_turned(q, k + 3), Vec(coordinate(q, k), coordinate(q, k + 1), coordinate(q, k + 2)))
     # planar: the three rows are the two axes of the plane and its normal
-    p = add(scale(q[k], vec_of(bodies[i].S.v)), scale(q[k + 1], vec_of(bodies[i + 1].S.v)))
+    p = add(scale(coordinate(q, k), vec_of(bodies[i].S.v)), scale(coordinate(q, k + 1), vec_of(bodies[i + 1].S.v)))
     normal = vec_of(bodies[i + 2].S.w)
     if kind == PLANAR:
-        return Pose(turn(normal, cos(q[k + 2]), sin(q[k + 2])), p)
-    return Pose(turn(normal, q[k + 2], q[k + 3]), p)
+        return Pose(turn(normal, cosine(q, k + 2), sine(q, k + 2)), p)
+    return Pose(turn(normal, coordinate(q, k + 2), coordinate(q, k + 3)), p)
 
 
 @inline
@@ -87,7 +100,7 @@ def norms_within(bodies: Any, q: Any, tolerance: Any) -> bool:
             k = bodies[i].q_index + LENGTHS[kind]
             square = 0.0
             for m in range(k, k + count):
-                square += q[m] * q[m]
+                square += coordinate(q, m) * coordinate(q, m)
             if abs(square - 1.0) > tolerance:
                 return False
     return True

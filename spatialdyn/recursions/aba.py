@@ -46,7 +46,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
 from .steps import moved_by_joint
 
 WORK = table_dtype(
@@ -86,8 +86,6 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
     n = len(bodies) - 1
     if v is not None:
         put_motion(work[0].v, zero_motion())
-    put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
-    put_force(work[0].pA, zero_force())
 
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -124,11 +122,12 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
         pa = add_force(pa, scale_force(d * u, U))
-        put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
-        put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
-        if v is not None and b.geared:
-            spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
-            put_force(parent.pA, add_couple(force_of(parent.pA), spun))
+        if b.parent > 0:
+            put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
+            put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
+            if v is not None and b.geared:
+                spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
+                put_force(parent.pA, add_couple(force_of(parent.pA), spun))
         put_force(here.U, U)
         here.d = d
         here.u = u
@@ -195,7 +194,6 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
 def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector) -> None:
     """M⁻¹ column by column through one articulated sweep."""
     n = len(bodies) - 1
-    put_articulated(work[0].IA, articulated(inertia_of(bodies[0].inertia)))
     for i in range(1, n + 1):
         place_joint(bodies, i, q, work[i].X)
         put_articulated(work[i].IA, articulated(inertia_of(bodies[i].inertia)))
@@ -211,7 +209,8 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         if b.geared:
             U = add_couple(U, in_row_axes(b, X))
         Ia = subtract_outer(IA, U, scale_force(d, U))
-        put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
+        if b.parent > 0:
+            put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
         put_force(here.U, U)
         here.d = d
         pivots[i - 1] = D
@@ -269,13 +268,13 @@ def minverse_through_M(M: MassMatrix, q: Array) -> Array:
 
 SPECS = (
     Spec(
-        "aba", aba, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "aba", aba, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
         "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
         residual=("rnea", "minverse"),
     ),
     Spec(
-        "minverse", minverse, WORK_INVERSE, (Q,),
+        "minverse", minverse, WORK_INVERSE, (TURNED_Q,),
         Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
         "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
         "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,

@@ -10,7 +10,7 @@ from ..algebra.spatial import Force, Motion, Pose
 from .aba import aba_inward, aba_outward, aba_resolve, acceleration_through_M
 from .rnea import rnea
 from .signatures import Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # of aba, as are the fields to u; each refinement computes X anew, to the same bits
@@ -62,7 +62,7 @@ def aba_refined(
 
 SPECS = (
     Spec(
-        "aba_refined", aba_refined, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "aba_refined", aba_refined, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm and two "
         "steps of refinement by the RNEA.",
         "Featherstone, RBDA (2008), tables 7.1 and 5.1.", pivots=True, regroup=True, scratch=(("nv",),),

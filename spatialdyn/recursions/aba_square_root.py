@@ -46,7 +46,7 @@ from .aba import acceleration_through_M
 from .rnea import rnea
 from .rotors import add_couple, in_row_axes
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
 from .square_root_inertia import body_rows
 from .square_root_rows import Row, put_row, reflect, row_of, triangular
 from .steps import moved_by_joint
@@ -288,7 +288,7 @@ def _hand_over(here: Record, parent: Record, rows: int) -> None:
 
 SPECS = (
     Spec(
-        "aba_square_root", aba_square_root, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "aba_square_root", aba_square_root, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm on square "
         "roots of inertias.",
         "after Featherstone, RBDA (2008), table 7.1; a derivation of our own from Gauss's principle of least "

@@ -19,7 +19,7 @@ from ..bodies.joints import joint_motion, place_joint
 from .rnea import WORK as WORK_RNEA
 from .rnea import rnea
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, A, Argument, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TURNED_Q, A, Argument, Spec, V
 from .steps import body_velocity, moved_by_joint
 
 WORK_VELOCITY = table_dtype(
@@ -80,12 +80,12 @@ def joint_forces(
 
 SPECS = (
     Spec(
-        "joint_velocities", joint_velocities, WORK_VELOCITY, (Q, V),
+        "joint_velocities", joint_velocities, WORK_VELOCITY, (TURNED_Q, V),
         Argument("V", ("njoints", 6), "m/s | rad/s", "of each joint's body in its own frame, linear first; row 0 is 0"),
         "Spatial velocities of all bodies.", "Featherstone, RBDA (2008), eq. 5.7.",
     ),
     Spec(
-        "joint_accelerations", joint_accelerations, WORK_ACCELERATION, (Q, V, A),
+        "joint_accelerations", joint_accelerations, WORK_ACCELERATION, (TURNED_Q, V, A),
         Argument(
             "accelerations", ("njoints", 6), "m/s² | rad/s²",
             "of each joint's body in its own frame, linear first; row 0 is 0",
@@ -93,7 +93,7 @@ SPECS = (
         "Spatial accelerations of all bodies; gravity is no part of them.", "Featherstone, RBDA (2008), eq. 5.8.",
     ),
     Spec(
-        "joint_forces", joint_forces, WORK_RNEA, (Q, V, A, FEXT_OPTIONAL),
+        "joint_forces", joint_forces, WORK_RNEA, (TURNED_Q, V, A, FEXT_OPTIONAL),
         Argument(
             "F", ("njoints", 6), "N | N m",
             "on each joint's body by its joint, in the body's frame, linear first; row 0 is 0",

@@ -49,7 +49,7 @@ from ..bodies.joints import joint_motion, place_joint
 from .energy import WORK_MOMENT, mass_moment
 from .rotors import add_couple, rotor_couple, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import A, Argument, Q, Spec, V
+from .spec import TURNED_Q, A, Argument, Spec, V
 from .steps import body_velocity, moved_by_joint
 
 WORK = table_dtype(
@@ -282,17 +282,17 @@ _SOURCE = "after Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot (20
 _ABOUT = "linear first, world axes, about the centre of mass"
 SPECS = (
     Spec(
-        "center_of_mass", center_of_mass, WORK_MOMENT, (Q,),
+        "center_of_mass", center_of_mass, WORK_MOMENT, (TURNED_Q,),
         Argument("c", (3,), "m", "centre of mass of what moves, in the world"),
         "Centre of mass of the moving bodies.", "the definition.",
     ),
     Spec(
-        "center_of_mass_velocity", center_of_mass_velocity, WORK, (Q, V),
+        "center_of_mass_velocity", center_of_mass_velocity, WORK, (TURNED_Q, V),
         Argument("vc", (3,), "m/s", "velocity of the centre of mass, in the world"),
         "Velocity of the centre of mass.", "the definition.",
     ),
     Spec(
-        "center_of_mass_velocity_derivatives", center_of_mass_velocity_derivatives, WORK, (Q, V),
+        "center_of_mass_velocity_derivatives", center_of_mass_velocity_derivatives, WORK, (TURNED_Q, V),
         Argument(
             "dvc", (2, 3, "nv"), "m/(s rad) | 1/s; m/rad | 1",
             "∂vc/∂q along integrate(q, e_k), and ∂vc/∂v = J, in the world",
@@ -301,33 +301,33 @@ SPECS = (
         "the definition.",
     ),
     Spec(
-        "center_of_mass_acceleration", center_of_mass_acceleration, WORK, (Q, V, A),
+        "center_of_mass_acceleration", center_of_mass_acceleration, WORK, (TURNED_Q, V, A),
         Argument("ac", (3,), "m/s²", "acceleration of the centre of mass, in the world"),
         "Acceleration of the centre of mass; gravity plays no part in it.", "the definition.",
     ),
     Spec(
-        "com_jacobian", center_of_mass_jacobian, WORK, (Q,),
+        "com_jacobian", center_of_mass_jacobian, WORK, (TURNED_Q,),
         Argument("J", (3, "nv"), "m/rad | 1", "Jacobian of the centre of mass, in the world"),
         "Jacobian of the centre of mass: its velocity is J v.", _SOURCE,
     ),
     Spec(
-        "centroidal_momentum", centroidal_momentum, WORK_TOTAL, (Q, V),
+        "centroidal_momentum", centroidal_momentum, WORK_TOTAL, (TURNED_Q, V),
         Argument("h", (6,), "kg m/s | kg m²/s", "momentum, " + _ABOUT),
         "Momentum of the robot about its centre of mass.", _SOURCE, regroup=True,
     ),
     Spec(
-        "centroidal_momentum_rate", centroidal_momentum_rate, WORK_TOTAL, (Q, V, A),
+        "centroidal_momentum_rate", centroidal_momentum_rate, WORK_TOTAL, (TURNED_Q, V, A),
         Argument("dh", (6,), "N | N m", "rate of change of momentum, " + _ABOUT),
         "Rate of change of the centroidal momentum: the net force on the robot, its weight counted.", _SOURCE,
         regroup=True,
     ),
     Spec(
-        "centroidal_map", centroidal_map, WORK_COMPOSITE, (Q,),
+        "centroidal_map", centroidal_map, WORK_COMPOSITE, (TURNED_Q,),
         Argument("Ag", (6, "nv"), "kg m | kg m² | kg", "momentum per joint velocity, " + _ABOUT),
         "Centroidal momentum matrix: the centroidal momentum is Ag v.", _SOURCE, regroup=True,
     ),
     Spec(
-        "centroidal_map_dot", centroidal_map_dot, WORK, (Q, V),
+        "centroidal_map_dot", centroidal_map_dot, WORK, (TURNED_Q, V),
         Argument("dAg", (6, "nv"), "kg m/s | kg m²/s | kg/s", "time derivative of the map, " + _ABOUT),
         "Time derivative of the centroidal momentum matrix along v.", _SOURCE,
     ),

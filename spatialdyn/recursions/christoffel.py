@@ -27,7 +27,7 @@ from ..algebra.spatial import Inertia, Motion, Pose, add_inertia, force_at_paren
 from ..bodies.kinds import CONTINUED
 from .coriolis import to_root_aligned_axes
 from .signatures import Array, Bodies, Config, Matrix, Work
-from .spec import Argument, Q, Spec
+from .spec import TURNED_Q, Argument, Spec
 
 WORK = table_dtype(
     X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
@@ -140,14 +140,14 @@ _UNIT = "kg m² | kg m | kg"
 _SOURCE = "after Echeandia and Wensing, Coriolis matrix and Christoffel symbols (2021)."
 SPECS = (
     Spec(
-        "christoffel_symbols", christoffel_symbols, WORK, (Q,),
+        "christoffel_symbols", christoffel_symbols, WORK, (TURNED_Q,),
         Argument("Gamma", ("nv", "nv", "nv"), _UNIT, "symbols Γ_ijk with C_ij = Σ_k Γ_ijk v_k"),
         "Christoffel symbols of the first kind of M(q); for spherical, floating and planar joints those of their "
         "velocities, by Koszul's formula.",
         _SOURCE, regroup=True,
     ),
     Spec(
-        "mass_matrix_derivatives", mass_matrix_derivatives, WORK, (Q,),
+        "mass_matrix_derivatives", mass_matrix_derivatives, WORK, (TURNED_Q,),
         Argument("dM", ("nv", "nv", "nv"), _UNIT, "∂M_ij/∂q_k along integrate(q, e_k)"),
         "Derivatives of the mass matrix M(q) by the configuration.", _SOURCE, regroup=True,
     ),

@@ -68,7 +68,7 @@ from .hamilton import WORK_RATE as WORK_MOMENTUM
 from .hamilton import rate
 from .rotors import add_couple, of_other, rotor_factor, rotor_in_root_axes
 from .signatures import Bodies, Config, Matrix, Vector, Work
-from .spec import TAU, A, Argument, Q, Spec, V
+from .spec import TAU, TURNED_Q, A, Argument, Spec, V
 from .steps import body_velocity
 
 WORK = table_dtype(
@@ -258,18 +258,18 @@ def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector,
 _SOURCE = "Echeandia and Wensing, Coriolis matrix and Christoffel symbols (2021), with B in twelve numbers."
 SPECS = (
     Spec(
-        "coriolis_matrix", coriolis_matrix, WORK, (Q, V),
+        "coriolis_matrix", coriolis_matrix, WORK, (TURNED_Q, V),
         Argument("C", ("nv", "nv"), "kg m²/s | kg m/s | kg/s", "Coriolis matrix of the Christoffel symbols"),
         "Coriolis matrix C(q, v): C v + g(q) is the bias torque, C + Cᵀ = dM/dt, and dM/dt - 2C is skew-symmetric.",
         _SOURCE, regroup=True,
     ),
     Spec(
-        "mass_matrix_dot", mass_matrix_dot, WORK_RATE, (Q, V),
+        "mass_matrix_dot", mass_matrix_dot, WORK_RATE, (TURNED_Q, V),
         Argument("dM", ("nv", "nv"), "kg m²/s | kg m/s | kg/s", "time derivative of M, symmetric"),
         "Time derivative of the mass matrix M(q) along v.", "after Featherstone, RBDA (2008), table 6.2.", regroup=True,
     ),
     Spec(
-        "coriolis_transpose_times_velocity", coriolis_transpose_times_velocity, WORK_MOMENTUM, (Q, V), TAU,
+        "coriolis_transpose_times_velocity", coriolis_transpose_times_velocity, WORK_MOMENTUM, (TURNED_Q, V), TAU,
         "Cᵀ(q, v) v without C: the momentum p = M v obeys dp/dt = Cᵀ v + tau - g(q), and Cᵀ v is the gradient of the "
         "kinetic energy where v are velocities of coordinates.",
         "after Echeandia and Wensing, Coriolis matrix and Christoffel symbols (2021).", regroup=True,
@@ -277,7 +277,7 @@ SPECS = (
     Spec(
         "modified_rnea", modified_rnea, WORK_MODIFIED,
         (
-            Q, V,
+            TURNED_Q, V,
             Argument("v_r", V.shape, V.unit, "reference velocities"),
             Argument("a_r", A.shape, A.unit, "reference accelerations"),
         ),

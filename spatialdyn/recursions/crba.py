@@ -8,7 +8,7 @@ from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inert
 from ..bodies.joints import place_joint
 from .rotors import add_couple
 from .signatures import Bodies, Config, Matrix, Work
-from .spec import Argument, Q, Spec
+from .spec import TURNED_Q, Argument, Spec
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
@@ -49,7 +49,7 @@ def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
 
 SPECS = (
     Spec(
-        "crba", crba, WORK, (Q,),
+        "crba", crba, WORK, (TURNED_Q,),
         Argument("M", ("nv", "nv"), "kg m² | kg m | kg", "mass matrix, symmetric, both triangles filled"),
         "Joint-space mass matrix M(q) by the composite rigid body algorithm.",
         "Featherstone, RBDA (2008), table 6.2.", regroup=True,

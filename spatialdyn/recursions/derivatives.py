@@ -74,7 +74,7 @@ from .aba import aba, acceleration_through_M, inverse_columns
 from .coriolis import to_root_aligned_axes
 from .rotors import add_couple, rotor_factor, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
-from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Argument, MassMatrix, Q, Spec, V
+from .spec import FEXT, FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # pose of the row relative to its parent's, in root-aligned axes; outward
@@ -316,7 +316,7 @@ _ALONG = "along integrate(q, e_k)"
 _BY_Q = "N m/rad | N | N/m"
 SPECS = (
     Spec(
-        "rnea_derivatives", rnea_derivatives, WORK, (Q, V, A, FEXT_OPTIONAL),
+        "rnea_derivatives", rnea_derivatives, WORK, (TURNED_Q, V, A, FEXT_OPTIONAL),
         Argument(
             "dtau", (3, "nv", "nv"), f"{_BY_Q}; N m s/rad | N s | N s/m; kg m² | kg m | kg",
             f"∂tau/∂q {_ALONG}, ∂tau/∂v and ∂tau/∂a = M",
@@ -325,7 +325,7 @@ SPECS = (
         _SOURCE, regroup=True,
     ),
     Spec(
-        "aba_derivatives", aba_derivatives, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL),
+        "aba_derivatives", aba_derivatives, WORK_FORWARD, (TURNED_Q, V, TAU, FEXT_OPTIONAL),
         Argument(
             "da", (3, "nv", "nv"), "1/s² | 1/(m s²) | m/s²; 1/s | 1/(m s) | m/s; 1/(kg m²) | 1/(kg m) | 1/kg",
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
@@ -337,12 +337,12 @@ SPECS = (
         through_M=aba_derivatives_through_M,
     ),
     Spec(
-        "generalized_gravity_derivatives", static_torque_derivatives, WORK_STATIC, (Q, None),
+        "generalized_gravity_derivatives", static_torque_derivatives, WORK_STATIC, (TURNED_Q, None),
         Argument("dg", ("nv", "nv"), _BY_Q, f"∂g_i/∂q_k {_ALONG}"),
         "Derivatives of the gravity torque g(q): the stiffness that gravity makes.", _SOURCE, regroup=True,
     ),
     Spec(
-        "static_torque_derivatives", static_torque_derivatives, WORK_STATIC, (Q, FEXT),
+        "static_torque_derivatives", static_torque_derivatives, WORK_STATIC, (TURNED_Q, FEXT),
         Argument("dtau", ("nv", "nv"), _BY_Q, f"∂tau_i/∂q_k {_ALONG}, each force fixed in its joint's frame"),
         "Derivatives of the torque g(q) - Σ Jᵀ fext that holds the robot still.", _SOURCE, regroup=True,
     ),

@@ -8,7 +8,7 @@ from ..algebra.scalars import inline
 from ..algebra.spatial import Motion, Pose, momentum, power, zero_motion
 from ..bodies.joints import place_joint
 from .signatures import Bodies, Config, Vector, Work
-from .spec import Argument, Q, Spec, V
+from .spec import TURNED_Q, Argument, Spec, V
 from .steps import body_velocity
 
 WORK_KINETIC = table_dtype(
@@ -66,12 +66,12 @@ def potential_energy(bodies: Bodies, work: Work, q: Config, V: Vector) -> None:
 
 SPECS = (
     Spec(
-        "kinetic_energy", kinetic_energy, WORK_KINETIC, (Q, V), Argument("T", (), "J", "kinetic energy"),
+        "kinetic_energy", kinetic_energy, WORK_KINETIC, (TURNED_Q, V), Argument("T", (), "J", "kinetic energy"),
         "Kinetic energy T = ½ vᵀ M(q) v, reflected rotor inertia counted.",
         "Featherstone, RBDA (2008), eq. 2.67.",
     ),
     Spec(
-        "potential_energy", potential_energy, WORK_MOMENT, (Q,), Argument("V", (), "J", "potential energy"),
+        "potential_energy", potential_energy, WORK_MOMENT, (TURNED_Q,), Argument("V", (), "J", "potential energy"),
         "Potential energy V(q) = -Σ m gᵀ c of gravity; zero where the centre of mass is at the world's origin.",
         "the definition.",
     ),

@@ -39,7 +39,7 @@ from .aba import aba_inward, aba_outward
 from .energy import potential_energy
 from .rotors import add_rotor_momentum, of_other
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, Argument, MassMatrix, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, Argument, MassMatrix, Spec, V
 from .steps import body_velocity
 
 WORK_MOMENTUM = table_dtype(
@@ -228,26 +228,26 @@ _ABA = "after Featherstone, RBDA (2008), table 7.1, with momenta in place of tor
 _SWEEP = "a derivation of our own from Hamilton's principle; momenta are summed inward as RBDA table 5.1 sums forces."
 SPECS = (
     Spec(
-        "momentum", generalized_momentum, WORK_MOMENTUM, (Q, V), P,
+        "momentum", generalized_momentum, WORK_MOMENTUM, (TURNED_Q, V), P,
         "Joint momenta p = M(q) v, without forming M.",
         "after Featherstone, RBDA (2008), table 5.1, with velocities in place of accelerations.", regroup=True,
     ),
     Spec(
-        "velocity_from_momentum", velocity_from_momentum, WORK_VELOCITY, (Q, P), V,
+        "velocity_from_momentum", velocity_from_momentum, WORK_VELOCITY, (TURNED_Q, P), V,
         "Joint velocities v = M(q)⁻¹ p of given joint momenta, without forming M.", _ABA, pivots=True, regroup=True,
         through_M=velocity_through_M,
     ),
     Spec(
-        "hamiltonian", hamiltonian, WORK_ENERGY, (Q, P), Argument("H", (), "J", "energy"),
+        "hamiltonian", hamiltonian, WORK_ENERGY, (TURNED_Q, P), Argument("H", (), "J", "energy"),
         "Hamiltonian H(q, p) = ½ pᵀ M(q)⁻¹ p + V(q): the energy as a function of positions and momenta.", _ABA,
         pivots=True, through_M=hamiltonian_through_M,
     ),
     Spec(
-        "momentum_rate", momentum_rate, WORK_RATE, (Q, V, TAU, FEXT_OPTIONAL), _RATE,
+        "momentum_rate", momentum_rate, WORK_RATE, (TURNED_Q, V, TAU, FEXT_OPTIONAL), _RATE,
         "Rate ṗ = C(q, v)ᵀ v + tau - g(q) + Σ Jᵀ fext of the joint momenta p = M(q) v.", _SWEEP, regroup=True,
     ),
     Spec(
-        "hamilton_field", hamilton_rows, WORK, (Q, P, TAU, FEXT_OPTIONAL),
+        "hamilton_field", hamilton_rows, WORK, (TURNED_Q, P, TAU, FEXT_OPTIONAL),
         Argument("rates", (2, "nv"), "rad/s | m/s; N m | N", "joint velocities, and rates of the joint momenta"),
         "Hamilton's equations in one array: v = M(q)⁻¹ p and ṗ = C(q, v)ᵀ v + tau - g(q) + Σ Jᵀ fext, one above "
         "the other; ``hamilton_equations`` gives the pair.", _SWEEP, pivots=True, regroup=True,

@@ -25,7 +25,20 @@ from ..algebra.spatial import (
 )
 from ..bodies.joints import joint_motion, place_joint
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import CLASSICAL, LOCAL, LOCAL_WORLD_ALIGNED, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
+from .spec import (
+    CLASSICAL,
+    LOCAL,
+    LOCAL_WORLD_ALIGNED,
+    PLACEMENT,
+    REFERENCE,
+    ROW,
+    TURNED_Q,
+    WORLD,
+    A,
+    Argument,
+    Spec,
+    V,
+)
 from .steps import seen_from_parent
 
 WORK = table_dtype(
@@ -228,48 +241,48 @@ _BODY = "the definition, walked from the frame to the world."
 _JACOBIAN = ("m/rad | 1", "linear first, in the reference")
 SPECS = (
     Spec(
-        "forward_kinematics", forward_kinematics, WORK, (Q,),
+        "forward_kinematics", forward_kinematics, WORK, (TURNED_Q,),
         Argument("X", ("njoints", 4, 4), "m", "pose of each joint in the world; row 0 is the world"),
         "Poses of all joints in the world.", "Featherstone, RBDA (2008), section 4.4.",
     ),
     Spec(
-        "joint_jacobians", joint_jacobians, WORK, (Q,),
+        "joint_jacobians", joint_jacobians, WORK, (TURNED_Q,),
         Argument("J", (6, "nv"), "m/rad | 1", "each joint's motion subspace in world coordinates, linear first"),
         "Jacobian of every joint at once: the columns that carry a body are its Jacobian in the world.",
         "Featherstone, RBDA (2008), section 2.11.",
     ),
     Spec(
-        "joint_jacobians_dot", joint_jacobians_dot, WORK, (Q, V),
+        "joint_jacobians_dot", joint_jacobians_dot, WORK, (TURNED_Q, V),
         Argument("dJ", (6, "nv"), "m/(rad s) | 1/s", "time derivative of each column, linear first"),
         "Time derivative of joint_jacobians along v.", "Featherstone, RBDA (2008), eq. 2.45.",
     ),
     Spec(
-        "frame_placement", frame_placement, WORK, (Q, ROW, PLACEMENT),
+        "frame_placement", frame_placement, WORK, (TURNED_Q, ROW, PLACEMENT),
         Argument("X", (4, 4), "m", "pose of the frame in the world"),
         "Pose of a frame in the world.", _BODY,
     ),
     Spec(
-        "frame_jacobian", frame_jacobian, WORK, (Q, ROW, PLACEMENT, REFERENCE),
+        "frame_jacobian", frame_jacobian, WORK, (TURNED_Q, ROW, PLACEMENT, REFERENCE),
         Argument("J", (6, "nv"), *_JACOBIAN),
         "Jacobian J of a frame: its velocity is J v.", _BODY,
     ),
     Spec(
-        "frame_jacobian_dot", frame_jacobian_dot, WORK_RATE, (Q, V, ROW, PLACEMENT, REFERENCE),
+        "frame_jacobian_dot", frame_jacobian_dot, WORK_RATE, (TURNED_Q, V, ROW, PLACEMENT, REFERENCE),
         Argument("dJ", (6, "nv"), "m/(rad s) | 1/s", "time derivative of each column, linear first, in the reference"),
         "Time derivative of frame_jacobian along v.", _BODY,
     ),
     Spec(
-        "frame_velocity", frame_velocity, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),
+        "frame_velocity", frame_velocity, WORK, (TURNED_Q, V, ROW, PLACEMENT, REFERENCE),
         Argument("V", (6,), "m/s | rad/s", "velocity of the frame, linear first, in the reference"),
         "Velocity of a frame.", _BODY,
     ),
     Spec(
-        "frame_acceleration", frame_acceleration, WORK, (Q, V, A, ROW, PLACEMENT, REFERENCE, CLASSICAL),
+        "frame_acceleration", frame_acceleration, WORK, (TURNED_Q, V, A, ROW, PLACEMENT, REFERENCE, CLASSICAL),
         Argument("acceleration", (6,), "m/s² | rad/s²", "acceleration of the frame, linear first, in the reference"),
         "Acceleration of a frame, spatial or classical.", _BODY,
     ),
     Spec(
-        "jacobian_dot_times_v", jacobian_dot_times_v, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),
+        "jacobian_dot_times_v", jacobian_dot_times_v, WORK, (TURNED_Q, V, ROW, PLACEMENT, REFERENCE),
         Argument("drift", (6,), "m/s² | rad/s²", "linear first, in the reference"),
         "J̇ v, what a frame accelerates by at zero joint acceleration: J a + J̇ v is the derivative of J v.\n\n"
         "    It is a spatial acceleration in local and world, a classical one in local_world_aligned.", _BODY,

@@ -10,7 +10,7 @@ from .aba import acceleration_through_M
 from .crba import crba
 from .rnea import rnea
 from .signatures import Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, A, Q, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # of crba, then of rnea
@@ -88,7 +88,7 @@ def solve_outward(bodies: Bodies, L: Matrix, x: Vector) -> None:
 
 SPECS = (
     Spec(
-        "crba_solve", crba_solve, WORK, (Q, V, TAU, FEXT_OPTIONAL), A,
+        "crba_solve", crba_solve, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) through the mass matrix, factored as sparse "
         "as the tree.",
         "Featherstone, RBDA (2008), chapter 6: CRBA, and the factorization LᵀD L.", pivots=True, regroup=True,

@@ -51,7 +51,7 @@ from .derivatives import add_rotor, motion_outward
 from .kinematics import express_in
 from .rotors import add_couple, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import CLASSICAL, LOCAL, PLACEMENT, REFERENCE, ROW, WORLD, A, Argument, Q, Spec, V
+from .spec import CLASSICAL, LOCAL, PLACEMENT, REFERENCE, ROW, TURNED_Q, WORLD, A, Argument, Spec, V
 from .steps import seen_from_parent
 
 WORK = table_dtype(
@@ -245,7 +245,7 @@ _BODY = "the definition, walked from the frame to the world."
 _ALONG, _WHERE = "along integrate(q, e_k)", "linear first, in the reference"
 SPECS = (
     Spec(
-        "frame_velocity_derivatives", frame_velocity_derivatives, WORK, (Q, V, ROW, PLACEMENT, REFERENCE),
+        "frame_velocity_derivatives", frame_velocity_derivatives, WORK, (TURNED_Q, V, ROW, PLACEMENT, REFERENCE),
         Argument(
             "dV", (2, 6, "nv"), "m/(s rad) | 1/s; m/rad | 1", f"∂V/∂q {_ALONG} and ∂V/∂v = J, {_WHERE}",
         ),
@@ -253,7 +253,7 @@ SPECS = (
     ),
     Spec(
         "frame_acceleration_derivatives", frame_acceleration_derivatives, WORK,
-        (Q, V, A, ROW, PLACEMENT, REFERENCE, CLASSICAL),
+        (TURNED_Q, V, A, ROW, PLACEMENT, REFERENCE, CLASSICAL),
         Argument(
             "dA", (3, 6, "nv"), "m/(s² rad) | 1/s²; m/(s rad) | 1/s; m/rad | 1",
             f"∂A/∂q {_ALONG}, ∂A/∂v and ∂A/∂a = J, {_WHERE}",
@@ -263,7 +263,7 @@ SPECS = (
         _BODY,
     ),
     Spec(
-        "centroidal_dynamics_derivatives", centroidal_dynamics_derivatives, WORK_MOMENTUM, (Q, V, A),
+        "centroidal_dynamics_derivatives", centroidal_dynamics_derivatives, WORK_MOMENTUM, (TURNED_Q, V, A),
         Argument(
             "dh", (4, 6, "nv"), "kg m/(s rad) | kg/s; kg m/(s² rad) | kg/s²; kg m/s | kg/s; kg m | kg",
             f"∂h/∂q {_ALONG}, ∂(dh/dt)/∂q, ∂(dh/dt)/∂v and ∂(dh/dt)/∂a = ∂h/∂v = Ag, linear first, world axes, about "

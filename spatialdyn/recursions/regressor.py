@@ -44,7 +44,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .kinematics import frame_motion
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import PLACEMENT, ROW, A, Argument, Q, Spec, V
+from .spec import PLACEMENT, ROW, TURNED_Q, A, Argument, Spec, V
 from .steps import body_velocity, moved_by_joint
 
 WORK = table_dtype(
@@ -219,7 +219,7 @@ SPECS = (
         "Inertial parameters π of what each joint moves, in the order of the regressors' columns.", _DEFINITION,
     ),
     Spec(
-        "joint_torque_regressor", joint_torque_regressor, WORK, (Q, V, A),
+        "joint_torque_regressor", joint_torque_regressor, WORK, (TURNED_Q, V, A),
         Argument(
             "Y", ("nv", "njoints", 10), "N m | N per kg, kg m, kg m²",
             f"torque per inertial parameter of each joint's body ({_TEN})",
@@ -228,23 +228,23 @@ SPECS = (
         "terms of their own.", _SOURCE,
     ),
     Spec(
-        "body_regressor", body_regressor, WORK_POSE, (Q, V, A, ROW, PLACEMENT),
+        "body_regressor", body_regressor, WORK_POSE, (TURNED_Q, V, A, ROW, PLACEMENT),
         Argument("Y", (6, 10), "N | N m per kg, kg m, kg m²", "force per parameter, linear first, in the frame"),
         "Regressor of the force that moves a body which rides on a frame, against gravity: parameters and force in "
         "the frame's coordinates.", _SOURCE,
     ),
     Spec(
-        "kinetic_energy_regressor", kinetic_energy_regressor, WORK_VELOCITY, (Q, V),
+        "kinetic_energy_regressor", kinetic_energy_regressor, WORK_VELOCITY, (TURNED_Q, V),
         Argument("Y", ("njoints", 10), "J per kg, kg m, kg m²", f"energy per parameter of each joint's body ({_TEN})"),
         "Regressor of kinetic energy: T is Σ Y π + ½ armature v².", _DEFINITION,
     ),
     Spec(
-        "potential_energy_regressor", potential_energy_regressor, WORK_GRAVITY, (Q,),
+        "potential_energy_regressor", potential_energy_regressor, WORK_GRAVITY, (TURNED_Q,),
         Argument("Y", ("njoints", 10), "J per kg, kg m, kg m²", f"energy per parameter of each joint's body ({_TEN})"),
         "Regressor of potential energy: V is Σ Y π.", _DEFINITION,
     ),
     Spec(
-        "static_regressor", static_regressor, WORK_POSE, (Q,),
+        "static_regressor", static_regressor, WORK_POSE, (TURNED_Q,),
         Argument(
             "Y", (3, "njoints", 4), "m/kg | 1/kg", "centre of mass per mass and first moment x y z of each joint's body"
         ),

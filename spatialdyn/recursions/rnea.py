@@ -23,7 +23,7 @@ from ..bodies.joints import joint_motion, place_joint
 from .rnea_off_norm import add_off_norm_forces
 from .rotors import add_couple, of_other
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
-from .spec import FEXT, FEXT_OPTIONAL, TAU, A, Q, Spec, V
+from .spec import FEXT, FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
@@ -132,20 +132,20 @@ def newton_euler(I: Inertia, here: Record, v: Vector, a: Vector) -> Force:
 _SOURCE = "Featherstone, RBDA (2008), table 5.1, in classical accelerations (Luh, Walker, Paul 1980)."
 SPECS = (
     Spec(
-        "rnea", rnea, WORK, (Q, V, A, FEXT_OPTIONAL), TAU,
+        "rnea", rnea, WORK, (TURNED_Q, V, A, FEXT_OPTIONAL), TAU,
         "Inverse dynamics τ = M(q) a + C(q, v) v + g(q) - Σ Jᵀ fext by the recursive Newton-Euler algorithm.", _SOURCE,
         regroup=True,
     ),
     Spec(
-        "nonlinear_effects", rnea, WORK, (Q, V, None, None), TAU,
+        "nonlinear_effects", rnea, WORK, (TURNED_Q, V, None, None), TAU,
         "Bias torque C(q, v) v + g(q): the torque at zero acceleration.", _SOURCE, regroup=True,
     ),
     Spec(
-        "generalized_gravity", rnea, WORK, (Q, None, None, None), TAU,
+        "generalized_gravity", rnea, WORK, (TURNED_Q, None, None, None), TAU,
         "Gravity torque g(q) = ∂V/∂q: the torque that holds the robot still.", _SOURCE, regroup=True,
     ),
     Spec(
-        "static_torque", rnea, WORK, (Q, None, None, FEXT), TAU,
+        "static_torque", rnea, WORK, (TURNED_Q, None, None, FEXT), TAU,
         "Torque g(q) - Σ Jᵀ fext that holds the robot still under external forces.", _SOURCE, regroup=True,
     ),
 )  # fmt: skip

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -34,6 +34,8 @@ class Argument:
     table           of a static table, its dtype; the value is a StaticTable
     sizes           of a static table, the columns of its header that are sizes of arrays
     unit_norm       the quaternions and (cos, sin) pairs of a configuration have to be of unit norm
+    turned          of a configuration, that the recursion reads it by ``bodies.coordinates`` alone, so that kernels can
+                    hand it beside its cosines and sines
     moved_by        of a configuration, the name of the call that moves it by a displacement, an element of its tangent
     per_coordinate  an output indexed by coordinates rather than summed over them: with mimic joints, the independent
                     entries are taken where another output is contracted with G
@@ -51,6 +53,7 @@ class Argument:
     optional: bool = False
     static: bool = False
     unit_norm: bool = False
+    turned: bool = False
     moved_by: str = ""
     per_coordinate: bool = False
     is_force: bool = False
@@ -153,6 +156,7 @@ def sizes_of(bodies: Bodies, tables: Iterable[tuple[Argument, Any]] = ()) -> dic
 
 
 Q = Argument("q", ("nq",), "rad | m", "joint positions", unit_norm=True, moved_by="integrate")
+TURNED_Q = replace(Q, turned=True)
 V = Argument("v", ("nv",), "rad/s | m/s", "joint velocities")
 A = Argument("a", ("nv",), "rad/s² | m/s²", "joint accelerations")
 TAU = Argument("tau", ("nv",), "N m | N", "joint torques", is_force=True)

@@ -13,7 +13,7 @@ from ..algebra.spatial import Force, Inertia, Motion, Pose, add_force, cross_for
 from .centroidal import momentum_outward
 from .energy import WORK_MOMENT, mass_moment
 from .signatures import Bodies, Config, Matrix, Vector, Work
-from .spec import A, Argument, Q, Spec, V
+from .spec import TURNED_Q, A, Argument, Spec, V
 
 WORK = table_dtype(
     X=Pose,  # of centroidal.momentum_outward, as are the fields to dI
@@ -79,16 +79,17 @@ _SOURCE = "the definition."
 _WHERE = "of what each joint carries, in the axes of its body's frame; row 0: of the robot, in the world's"
 SPECS = (
     Spec(
-        "subtree_centers_of_mass", subtree_centers_of_mass, WORK_MOMENT, (Q,),
+        "subtree_centers_of_mass", subtree_centers_of_mass, WORK_MOMENT, (TURNED_Q,),
         Argument("c", ("njoints", 3), "m", "of what each joint carries, in its body's frame; row 0: in the world"),
         "Centres of mass of all subtrees.", _SOURCE,
     ),
     Spec(
-        "subtree_com_velocities", subtree_com_velocities, WORK, (Q, V), Argument("vc", ("njoints", 3), "m/s", _WHERE),
+        "subtree_com_velocities", subtree_com_velocities, WORK, (TURNED_Q, V),
+        Argument("vc", ("njoints", 3), "m/s", _WHERE),
         "Velocities of the centres of mass of all subtrees.", _SOURCE,
     ),
     Spec(
-        "subtree_com_accelerations", subtree_com_accelerations, WORK, (Q, V, A),
+        "subtree_com_accelerations", subtree_com_accelerations, WORK, (TURNED_Q, V, A),
         Argument("ac", ("njoints", 3), "m/s²", _WHERE),
         "Accelerations of the centres of mass of all subtrees; gravity plays no part in them.", _SOURCE,
     ),

@@ -7,19 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
+from numba.np import arrayobj
 
 from ...algebra.scalars import compiled_as, inline, register
 from ...bodies.table import BODIES
 from ..interrupt import interruptible
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
+from .sines import turn as turn
 
 PIPELINES: Mapping[str, Any] = {}
 OWN: dict[str, Any] = {}
@@ -30,6 +32,7 @@ except ImportError:  # a version of Numba with its parts elsewhere: compiling ta
 else:
     OWN = {"pipeline_class": Plain}
 
+ON_STACK = 1 << 15  # bytes of a kernel's array of scratch; larger ones are allocated, which takes 20 ns
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
 }  # fmt: skip
@@ -45,7 +48,55 @@ def _pointer_at(typing_context: Any, address: Any) -> Any:
     return types.voidptr(address), generate
 
 
+def _memory(typing_context: Any, size: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        (size,) = arguments
+        large = builder.icmp_signed(">", size, size.type(ON_STACK))
+        small = builder.alloca(cgutils.int8_t, builder.select(large, size.type(0), size))
+        small.align = 64
+        ways = {builder.block: small}
+        with builder.if_then(large, likely=False):
+            allocated = context.nrt.allocate(builder, size)
+            ways[builder.block] = allocated
+        found = builder.phi(small.type)
+        for block, way in ways.items():
+            found.add_incoming(way, block)
+        return found
+
+    return types.voidptr(types.intp), generate
+
+
+def _release(typing_context: Any, address: Any, size: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address, size = arguments
+        with builder.if_then(builder.icmp_signed(">", size, size.type(ON_STACK)), likely=False):
+            context.nrt.free(builder, address)
+        return context.get_dummy_value()
+
+    return types.none(types.voidptr, types.intp), generate
+
+
+def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
+    array: Any = types.Array
+    kind = array(dtype.dtype, len(shape), "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made, put = context.make_array(kind)(context, builder), cast(Any, arrayobj.populate_array)
+        size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+        extents = [builder.extract_value(arguments[1], axis) for axis in range(kind.ndim)]
+        strides = [context.get_constant(types.intp, size)]
+        for extent in reversed(extents[1:]):
+            strides.insert(0, builder.mul(strides[0], extent))
+        put(made, builder.bitcast(arguments[0], made.data.type), extents, strides, strides[-1], meminfo=None)
+        return made._getvalue()
+
+    return kind(memory, shape, dtype), generate
+
+
 pointer: Any = intrinsic(_pointer_at)
+memory: Any = intrinsic(_memory)  # (bytes) -> memory of the calling function, on the stack if it is small
+release: Any = intrinsic(_release)  # (memory, bytes): give it back
+array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: carray, compiled in half the time
 
 
 @inline

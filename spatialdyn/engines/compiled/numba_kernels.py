@@ -33,6 +33,7 @@ from .stamp import STAMP
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
 _SIZES = {"nq": "bodies[0].q_index", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
+FLOAT = np.dtype(np.float64)
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that kernels take
 _LOCK = threading.RLock()
 
@@ -71,6 +72,14 @@ def _size_checks(spec: Spec, argument: Argument) -> list[str]:
     ]
 
 
+def _scratch(spec: Spec) -> dict[str, tuple[list[str], str]]:
+    """Shapes, as expressions in the kernel's names, and dtypes of a recursion's scratch, in its order."""
+    found = {} if spec.work is None else {"work": (["len(bodies)"], "WORK")}
+    if spec.pivots:
+        found["pivots"] = ["len(bodies) - 1"], "FLOAT"
+    return found | {f"scratch{k}": ([_extent(spec, x) for x in shape], "FLOAT") for k, shape in enumerate(spec.scratch)}
+
+
 def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel."""
     arrays = [x for x in spec.present if x.shape]
@@ -90,24 +99,28 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     for x in spec.present:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
-    taken = ("None" if x is None else f"{x.name}_rows" if x.table else x.name for x in spec.inputs)
-    passed = ["bodies", *taken, *([] if spec.parts else [spec.output.name])]
+    turned = {x.name for x in spec.present if x.turned and not PLAIN}
+    scratch = {f"{name}_turned": (["3", _extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
+    for name, (shape, dtype) in scratch.items():
+        lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
+        lines.append(f"{name}_memory = memory({name}_size)")
+        lines.append(f"{name} = array_at({name}_memory, ({', '.join(shape)},), {dtype})")
+    lines += [f"turn({name}, {name}_turned)" for name in turned]
+    passed = ["bodies"] if spec.work is None else ["bodies", "work"]
+    ends_of = dict.fromkeys(turned, "_turned") | {x.name: "_rows" for x in spec.present if x.table}
+    passed += ["None" if x is None else x.name + ends_of.get(x.name, "") for x in spec.inputs]
+    passed += [] if spec.parts else [spec.output.name]
     ends = [_extent(spec, *x.shape) for x in spec.parts]
     for k in range(len(ends)):
         lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{ends[k]}")
         passed.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
-    if spec.work is not None:
-        lines.append("work = empty(len(bodies), WORK)")
-        passed.insert(1, "work")
-    if spec.pivots:
-        lines.append("pivots = empty(len(bodies) - 1)")
-        passed.append("pivots")
-    for k, shape in enumerate(spec.scratch):
-        lines.append(f"scratch{k} = empty(({', '.join(_extent(spec, size) for size in shape)},))")
-        passed.append(f"scratch{k}")
+    passed += ["pivots"] * spec.pivots + [f"scratch{k}" for k in range(len(spec.scratch))]
     lines.append(f"recursion({', '.join(passed)})")
     if spec.pivots:
-        lines += ["if not pivots_regular(bodies, q, pivots):", f"    {fail(PIVOT)}"]
+        lines.append("regular = pivots_regular(bodies, q, pivots)")
+    lines += [f"release({name}_memory, {name}_size)" for name in scratch]
+    if spec.pivots:
+        lines += ["if not regular:", f"    {fail(PIVOT)}"]
     if spec.output.unit_norm:
         lines += [f"if not unit_norm(bodies, {spec.output.name}):", f"    {fail(UNIT)}"]
     return [*lines, f"if not all_finite({spec.output.name}):", f"    {fail(NONFINITE)}"]
@@ -130,16 +143,31 @@ def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: d
     return made
 
 
-def _scope(spec: Spec) -> dict[str, Any]:
-    from .jit import rows_at, table_at
+def native() -> dict[str, Any]:
+    """The functions of ``jit`` that kernels call; in plain Python the table is passed and scratch is an array."""
+    if PLAIN:
+        return {
+            "table_at": lambda table: table,
+            "rows_at": lambda rows, dtype: rows,
+            "memory": lambda size: size,
+            "array_at": lambda memory, shape, dtype: np.empty(shape, dtype),
+            "release": lambda memory, size: None,
+        }
+    from . import jit
 
+    names = "table_at", "rows_at", "memory", "array_at", "release", "turn"
+    return {name: getattr(jit, name) for name in names}
+
+
+def _scope(spec: Spec) -> dict[str, Any]:
     return {
-        "table_at": (lambda table: table) if PLAIN else table_at,
-        "rows_at": (lambda rows, dtype: rows) if PLAIN else rows_at,
+        **native(),
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
         "recursion": spec.recursion,
         "WORK": spec.work,
-        "empty": np.empty,
+        "WORK_SIZE": 0 if spec.work is None else spec.work.itemsize,
+        "FLOAT": FLOAT,
+        "FLOAT_SIZE": FLOAT.itemsize,
         "unit_norm": unit_norm,
         "pivots_regular": pivots_regular,
         "all_finite": all_finite,

@@ -23,14 +23,14 @@ def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = No
     from . import jit
 
     names = [f"x{k}" for k in range(len(ranks))]
-    passed = ["bodies", *(["empty(len(bodies), WORK)"] if work is not None else []), *names]
-    body = ["stamp", "bodies = table_at(table)", f"return function({', '.join(passed)})"]
-    scope: dict[str, Any] = {
-        "table_at": (lambda table: table) if numba_kernels.PLAIN else jit.table_at,
-        "function": function,
-        "WORK": work,
-        "empty": np.empty,
-    }
+    body = ["stamp", "bodies = table_at(table)"]
+    if work is None:
+        body.append(f"return function(bodies, {', '.join(names)})")
+    else:
+        body += ["size = len(bodies) * WORK_SIZE", "work = memory(size)"]
+        body.append(f"status = function(bodies, array_at(work, (len(bodies),), WORK), {', '.join(names)})")
+        body += ["release(work, size)", "return status"]
+    scope = numba_kernels.native() | {"function": function, "WORK": work, "WORK_SIZE": work.itemsize if work else 0}
     made = numba_kernels.kernel_from_text(f"table_{function.__name__}", ["table", *names], body, scope)
     array: Any = types.Array
     return jit.compile_signature(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from ...algebra.rotations import UNIT_TOLERANCE
 from ...errors import SpatialDynError
+from ..polynomials import MAX_ANGLE
 from .kernel_layout import KernelLayout
 from .operations import ADD, CONST, COS, FMA, FMS, FNMA, FORMS, INPUT, MUL, SIN, SUB
 from .program import Program
 from .schedule import angles
-from .simd import MAX_ANGLE
 
 # Codes beside those of FORMS. ALSO is no instruction: it stands behind a TURN for the value of the cosine.
 ALSO, TURN, NEGATE, FINITE, WITHIN, ABOVE, END = range(-7, 0)

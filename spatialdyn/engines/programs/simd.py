@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...algebra.rotations import UNIT_TOLERANCE
+from ..polynomials import MAX_ANGLE
 from .host_cpu import host, lanes_of, object_code
 from .kernel_layout import Float32Range, KernelLayout
 from .llvm_module import module
@@ -27,8 +28,6 @@ from .operations import CONST, FORMS, INPUT, signed
 from .program import Program
 from .schedule import Schedule
 from .structure import Numbers
-
-MAX_ANGLE = 1e5  # samples whose angles have a larger root sum of squares are recomputed with the exact sine
 
 
 def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:

@@ -55,7 +55,9 @@ BORROWED: dict[str, set[str]] = {
     "numba.core.compiler_lock.global_compiler_lock": {COMPILED + "jit.py"},
     "_search_new_conversions": {COMPILED + "jit.py"},
     "_explain_matching_error": {COMPILED + "jit.py"},
-    # addresses in compiled code
+    # addresses and arrays in compiled code
+    "numba.np.arrayobj": {COMPILED + "jit.py"},
+    "_getvalue": {COMPILED + "jit.py"},
     "numba.core.cgutils": {COMPILED + "jit.py"},
     # CPython builtins that read NumPy's array objects
     "ctypes": {

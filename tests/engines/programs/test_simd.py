@@ -20,13 +20,13 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.algebra import scalars
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.polynomials import MAX_ANGLE
 from spatialdyn.engines.programs import host_cpu, recording, schedule, simd
 from spatialdyn.engines.programs.error_bound import REDUCED, TURN
 from spatialdyn.engines.programs.host_cpu import LoadedCode
 from spatialdyn.engines.programs.kernel_layout import Float32Range, KernelLayout
 from spatialdyn.engines.programs.operations import FORMS, UFP
 from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.simd import MAX_ANGLE
 from spatialdyn.engines.programs.tracer import Number, Tape
 from spatialdyn.recursions import SPECS
 

@@ -1,0 +1,100 @@
+"""cos and sin of all coordinates of a configuration at once, for kernels: SIMD code, which the C library's are not.
+
+The polynomials of the programs' lanes (``polynomials``). Larger angles, and processors without fused multiply-add,
+take the C library's.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from llvmlite import binding, ir
+from numba import types
+from numba.extending import intrinsic
+
+from ...algebra.scalars import inline
+from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
+from .numba_settings import setting
+
+TWO_OVER_PI = 2.0 / math.pi
+SHIFT = MAGIC["double"]
+LARGE, SMALL, LEAST = HALF_PI["double", True]
+S0, S1, S2, S3, S4, S5 = SINE["double"]
+C0, C1, C2, C3, C4, C5 = COSINE["double"]
+
+
+def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """A product and a sum, rounded once."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+def _bits(typing_context: Any, x: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.int64(types.float64), generate
+
+
+def _signed(typing_context: Any, x: Any, quadrant: Any) -> Any:
+    """A number, negated in the quadrants 2 and 3 of each turn."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        x, quadrant = arguments
+        word = quadrant.type
+        sign = builder.and_(builder.shl(quadrant, word(62)), word(-(1 << 63)))
+        return builder.bitcast(builder.xor(builder.bitcast(x, word), sign), x.type)
+
+    return types.float64(types.float64, types.int64), generate
+
+
+fused: Any = intrinsic(_fused)
+bits: Any = intrinsic(_bits)
+signed: Any = intrinsic(_signed)
+
+
+def has_fma() -> bool:
+    """Whether Numba compiles for a processor with fused multiply-add: the host, unless its settings name another."""
+    if setting("CPU_NAME", "") or setting("CPU_FEATURES", ""):
+        return False
+    arm = binding.get_process_triple().startswith(("aarch64", "arm64"))
+    return arm or bool(binding.get_host_cpu_features().get("fma"))
+
+
+@inline
+def _by_library(q: Any, turned: Any) -> None:
+    """Write q, cos q and sin q (3, nq) by the C library."""
+    for k in range(q.size):
+        turned[0, k], turned[1, k], turned[2, k] = q[k], math.cos(q[k]), math.sin(q[k])
+
+
+@inline
+def _by_polynomials(q: Any, turned: Any) -> None:
+    """The same within 1.5 ulp, by SIMD code."""
+    beyond = False
+    for k in range(q.size):
+        x = q[k]
+        shifted = fused(x, TWO_OVER_PI, SHIFT)
+        n = shifted - SHIFT
+        whole = fused(n, -LARGE, x)
+        r = fused(n, -LEAST, fused(n, -SMALL, whole))
+        low = fused(n, -SMALL, whole - r)
+        z = r * r
+        p = fused(z, fused(z, fused(z, fused(z, fused(z, S5, S4), S3), S2), S1), S0)
+        c = fused(z, fused(z, fused(z, fused(z, fused(z, fused(z, C5, C4), C3), C2), C1), C0), -0.5)
+        s, c, quadrant = fused(z, fused(r, p, low), r), fused(z, c, 1.0), bits(shifted)
+        turned[0, k] = x
+        turned[1, k] = signed(s if quadrant & 1 else c, quadrant + 1)
+        turned[2, k] = signed(c if quadrant & 1 else s, quadrant)
+        beyond |= not abs(x) <= MAX_ANGLE
+    if beyond:
+        for k in range(q.size):
+            if not abs(q[k]) <= MAX_ANGLE:
+                turned[1, k], turned[2, k] = math.cos(q[k]), math.sin(q[k])
+
+
+turn = _by_polynomials if has_fma() else _by_library
