@@ -25,6 +25,7 @@ def bounded(
     reference: str = "local",
     classical: bool = False,
     constraints: Any = None,
+    exact_inputs: bool = False,
 ) -> Specialized:
     """A call of one model as a compiled program that returns (result, bound): no entry is off by more than its bound.
 
@@ -34,15 +35,16 @@ def bounded(
     sharper; M⁻¹ has a bound too, so that the result's grows with M's condition number, up to infinity.
 
     The exact result is that on the model's numbers as they are, at the inputs as they are; in float32 at any inputs
-    that round to those, and its bound counts that. Of what is solved for it is what exact rnea, or crba, is solved by:
-    rotations of 1.5708 are orthogonal to rounding alone, and on them exact recursions agree no better. A sample that
-    the program leaves to the table kernel (angles whose root sum of squares is above 1e5, joints of next to no
-    articulated inertia, numbers beyond float32's safe range) has an infinite bound. Angles of 1e4 loosen no bound, but
-    prismatic joints far out do: M of a panda whose fingers are 100 m out is so uneven that aba's bound is a thousand
-    times its error, for some 200 elsewhere.
+    that round to those, and its bound counts that, unless ``exact_inputs``. Of what is solved for it is what exact
+    rnea, or crba, is solved by: rotations of 1.5708 are orthogonal to rounding alone, and on them exact recursions
+    agree no better. A sample that the program leaves to the table kernel (angles whose root sum of squares is above
+    1e5, joints of next to no articulated inertia, numbers beyond float32's safe range) has an infinite bound.
+    Angles of 1e4 loosen no bound, but prismatic joints far out do: M of a panda whose fingers are 100 m out is so
+    uneven that aba's bound is a thousand times its error, for some 200 elsewhere.
 
     model, dtype, fixed, inputs, outputs, frame, reference, classical, constraints   as of ``specialize``
     call   a public call such as ``sd.rnea``
+    exact_inputs  True: in float32 inputs are float32 numbers, exact as they are; bounds are then a third smaller
 
     Returns a Specialized of two results: that of the call, and a bound of each of its entries, in the same units.
 
@@ -54,13 +56,12 @@ def bounded(
 
     Raises
         SpatialDynError for a call that has no program (it branches on values, or the robot is too large), and under
-            NUMBA_DISABLE_JIT; and as ``specialize``
+            NUMBA_DISABLE_JIT; for inputs that float32 rounds with ``exact_inputs``; and as ``specialize``
     """
     if not callable(call):
         raise SpatialDynError(f"call is {call!r}, expected one public call, such as sd.rnea")
     constants = {} if fixed is None else fixed
-    request = read_request(
-        model, call, dtype, constants, inputs, outputs, frame, reference, classical, constraints, bounds=True
-    )
-    arguments = (model, call, dtype, fixed, inputs, outputs, frame, reference, classical, constraints)
+    words = (inputs, outputs, frame, reference, classical, constraints)
+    request = read_request(model, call, dtype, constants, *words, bounds=True, exact_inputs=exact_inputs)
+    arguments = (model, call, dtype, fixed, *words, exact_inputs)
     return check_program(of_request(request, bounded, arguments), "bounds")

@@ -93,8 +93,8 @@ def specialize(
               a step's parts lie side by side too
     derivative   "jvp": along a direction. The program also takes a tangent of each input, dq dv ... in their order, and
               also returns the derivatives of the results along them, dtau. "vjp": of Σ weight · result. It also takes
-              the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some three
-              times the operations, in float64. A sample beyond the program's range is an error. A configuration's
+              the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some two to
+              three times the operations, in float64. A sample beyond the program's range is an error. A configuration's
               tangents and derivatives are those of a displacement (nv,), as those of ``rnea_derivatives`` are
     tolerance  relative to the largest entry of a sample's result, or (relative, absolute): the answer is a Promise,
               each sample computed by the first of float32, float64 and double-double whose bound is within it, in

@@ -19,7 +19,7 @@ from ..engines.programs.parameters import Parameter
 from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..recursions.spec import Argument, Spec
-from .arguments import as_array, check_model, core_shape, frame_row_and_placement
+from .arguments import as_array, as_flag, check_model, core_shape, frame_row_and_placement
 from .failures import off_unit_norm
 from .specs import specs_of, static_of
 
@@ -42,6 +42,7 @@ class SpecializeRequest(NamedTuple):
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
     bounds         whether a result is followed by a bound on its error; of one call
     derivative     "jvp", "vjp", "gradient" (as "vjp", by entries of a configuration) or "" for none
+    exact_inputs   whether inputs of a float32 bound are float32 numbers, not roundings of others
     """
 
     model: Model
@@ -56,6 +57,7 @@ class SpecializeRequest(NamedTuple):
     output_places: tuple[NDArray[np.intp], ...] | None
     bounds: bool = False
     derivative: str = ""
+    exact_inputs: bool = False
 
     @property
     def options(self) -> recording.ProgramOptions:
@@ -63,8 +65,9 @@ class SpecializeRequest(NamedTuple):
         fixed = tuple((name, tuple(x.tolist())) for name, x in self.constants.items())
         places = () if self.output_places is None else tuple(tuple(x.ravel().tolist()) for x in self.output_places)
         return recording.ProgramOptions(
-            fixed, self.parameters, places, self.dtype == np.float32, bounds=self.bounds, derivative=self.derivative
-        )
+            fixed, self.parameters, places, self.dtype == np.float32, False, self.bounds, self.derivative,
+            self.exact_inputs,
+        )  # fmt: skip
 
     @property
     def tables(self) -> tuple[Any, ...]:
@@ -139,6 +142,7 @@ def read_request(
     constraints: Any,
     bounds: bool = False,
     derivative: str | None = None,
+    exact_inputs: bool = False,
 ) -> SpecializeRequest:
     """The request of ``specialize``'s arguments, or of ``bounded``'s. Raises as they do."""
     if check_model(model).mimic_matrix is not None:
@@ -173,6 +177,7 @@ def read_request(
         output_places=_output_places(model, outputs, specs, tuple(values.values())),
         bounds=bounds,
         derivative=derivative or "",
+        exact_inputs=as_flag("exact_inputs", exact_inputs) and _dtype(dtype) == np.float32,
     )
 
 

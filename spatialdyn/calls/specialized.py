@@ -346,6 +346,9 @@ class Specialized:
             made = x.astype(dtype, copy=False)
         if dtype == np.float32 and not np.isfinite(made[np.isfinite(x)]).all():
             raise NonFiniteError(f"{name} holds {abs(x[np.isfinite(x)]).max()}, expected the range of float32")
+        if self._request.exact_inputs and not np.array_equal(made, x, equal_nan=True):
+            given = x[(made != x) & ~np.isnan(x)].flat[0]
+            raise SpatialDynError(f"{name} holds {given!r}, expected numbers of float32, as exact_inputs=True says")
         if name in self._driving and not made.all():
             lost = (made == 0.0) & (x != 0.0)  # only exact zeros may give exact zeros
             made = np.where(lost, np.copysign(float32_range.SMALLEST, made), made)

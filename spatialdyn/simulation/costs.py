@@ -17,7 +17,6 @@ from .control_laws import AFTER, OF_STEP, OWN_INPUT, Control, check_recordable, 
 
 COST = "cost"
 OWN = "cost."  # before the names of a cost's inputs among those of the law that it becomes part of
-STATE = OWN_INPUT + COST  # the sum, as a step names it
 UNWRITTEN = float("0")  # an object of its own, which a cost leaves where it writes nothing
 
 

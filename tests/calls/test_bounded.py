@@ -136,6 +136,34 @@ def test_float32_bounds_hold_for_inputs_that_were_rounded_to_it() -> None:
         np.testing.assert_array_equal(one, two)
 
 
+EXACT = [("two_link", "rnea"), ("ur5", "rnea"), ("panda", "rnea"), ("floating", "aba")]
+
+
+@pytest.mark.parametrize(("name", "call"), slow_but(EXACT[:1], EXACT))
+def test_bounds_of_exact_inputs_are_smaller_and_hold(name: str, call: str) -> None:
+    """Inputs that are float32 numbers; others are refused, so that nothing is rounded and not counted."""
+    model, function = MODELS[name](), getattr(sd, call)
+    given = [x.astype(np.float32) for x in states(model, call, SAMPLES)]
+    k = sd.bounded(model, function, dtype=np.float32, exact_inputs=True)
+    values, bounds = k(*given)
+    same, wider = sd.bounded(model, function, dtype=np.float32)(*given)
+    np.testing.assert_array_equal(values, same)
+    program, shape = recorded_call(model, call)
+    exact = [x.astype(np.float64) for x in given]
+    lows = [normed(model, exact[0]), *(0.0 * x for x in exact[1:])]
+    high, low = program(*(np.ascontiguousarray(np.concatenate(x, axis=1).T) for x in (exact, lows)))
+    high, low = (x.T.reshape((SAMPLES, *shape)) for x in (high, low))
+    errors, known = abs((values.astype(np.float64) - high) - low), np.isfinite(bounds)
+    assert known.mean() > 0.9
+    assert (errors <= bounds).all()
+    assert np.median(bounds[known] / wider[known]) < 0.85
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(k))(*given)[1], bounds)
+    with pytest.raises(
+        sd.SpatialDynError, match=r"q holds .*0\.1.*, expected numbers of float32, as exact_inputs=True"
+    ):
+        k(given[0] * 0.0 + np.float64(0.1), *given[1:])
+
+
 def test_one_sample_batches_and_given_results_agree() -> None:
     model = MODELS["ur5"]()
     k = sd.bounded(model, sd.aba)

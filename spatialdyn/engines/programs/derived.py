@@ -56,7 +56,7 @@ def _with_bounds(
         program, layout = recording.record(specs, bodies, static, options, dtype)
         with_errors = recording.record(specs, bodies, static, options, dtype, errors=True).program
         made = Bounding(dtype, with_errors.operations["depth"], fma)
-        inputs = made.inputs(program.inputs, layout.units)
+        inputs = made.inputs(program.inputs, layout.units, options.exact_inputs)
         results = made.run(program, inputs, bounds=False)
         found = made.run(with_errors, inputs)
         return _beside(made, program, layout, results, made.beside(results, found, layout.outputs[0]))
@@ -65,7 +65,7 @@ def _with_bounds(
     given, solving = (variant(SPECS[name], {x.name for x in spec.present}) for name in spec.residual)
     back, inverse = (recording.record((x,), bodies, (), whole, dtype, errors=True).program for x in (given, solving))
     made = Bounding(dtype, sum(x.operations["depth"] for x in (program, back, inverse)) + len(bodies), fma)
-    inputs = made.inputs(program.inputs, layout.units)
+    inputs = made.inputs(program.inputs, layout.units, options.exact_inputs)
     results = made.run(program, inputs, bounds=False)
     columns = _columns(spec, options, bodies, inputs)
     n = len(bodies) - 1

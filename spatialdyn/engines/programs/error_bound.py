@@ -86,18 +86,18 @@ class Bounding:
         self._above, self._narrow = UNDERFLOW[size], size == 4
         self._turned, self._reduced = TURN[size, fma], REDUCED[size]
 
-    def inputs(self, count: int, units: Sequence[Sequence[int]] = ()) -> list[Bounded]:
-        """The inputs of a program. In float32 they are off by half an ulp, as they may have been rounded to it; those
-        of a group of unit norm by what norms it.
+    def inputs(self, count: int, units: Sequence[Sequence[int]] = (), exact: bool = False) -> list[Bounded]:
+        """The inputs of a program. In float32 they are off by half an ulp unless they are exact, as they may have been
+        rounded to it; those of a group of unit norm by what norms it.
         """
-        columns = [self.tape.input(k) for k in range(count)]
-        found = [Bounded(x, self.rounding(x) if self._narrow else 0.0) for x in columns]
+        columns, rounded = [self.tape.input(k) for k in range(count)], self._narrow and not exact
+        found = [Bounded(x, self.rounding(x) if rounded else 0.0) for x in columns]
         for group in units:
             excess: Any = -1.0
             for k in group:
                 excess = self._line(FMA, columns[k], columns[k], excess)
             # (1 + s)^(-1/2) - 1 is at most 0.51 |s|, and s was rounded four times
-            norms = self.fused(0.51 / self.u, self.magnitude(excess), 2.5 + self._narrow)
+            norms = self.fused(0.51 / self.u, self.magnitude(excess), 2.5 + rounded)
             for k in group:
                 found[k] = Bounded(columns[k], norms * self.magnitude(columns[k]))
         return found

@@ -18,7 +18,7 @@ from ..polynomials import MAX_ANGLE
 from .kernel_layout import KernelLayout
 from .operations import ADD, CONST, COS, FMA, FMS, FNMA, FORMS, INPUT, MUL, SIN, SUB
 from .program import Program
-from .schedule import angles
+from .schedule import angles, late
 
 # Codes beside those of FORMS. ALSO is no instruction: it stands behind a TURN for the value of the cosine.
 ALSO, TURN, NEGATE, FINITE, WITHIN, ABOVE, END = range(-7, 0)
@@ -158,7 +158,7 @@ class _Encoder:
     def behind(self) -> list[Row]:
         """The checks of angles and results, and the end."""
         rows: list[Row] = []
-        for group in angles(self.program, late=bool(self.layout.pivots)):
+        for group in angles(self.program, late(self.program, self.layout)):
             rows += self.reach([self.value(line) for line in group])
         lines, outputs = self.program.lines, self.program.outputs
         for place, least in self.layout.pivots:

@@ -52,6 +52,7 @@ class ProgramOptions(NamedTuple):
     ranged         reject samples whose result may depend on numbers below or above float32's range
     double_double  in double-double, on the table without regrouping: its numbers are exact
     bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
+    exact_inputs   of bounds in float32: inputs are numbers of it, not roundings of others
     derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
                    outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
                    each input as further outputs. Of a configuration they are by displacements; "gradient" is "vjp" by
@@ -65,6 +66,7 @@ class ProgramOptions(NamedTuple):
     double_double: bool = False
     bounds: bool = False
     derivative: str = ""
+    exact_inputs: bool = False
 
 
 ALL = ProgramOptions()

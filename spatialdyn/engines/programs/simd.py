@@ -26,7 +26,7 @@ from .llvm_module import module
 from .llvm_vectors import ZERO, Vectors
 from .operations import CONST, FORMS, INPUT, signed
 from .program import Program
-from .schedule import Schedule
+from .schedule import Schedule, late
 from .structure import Numbers
 
 
@@ -50,7 +50,7 @@ class _Writer:
         self.program, self.layout = program, layout
         self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
         self.lanes, self.fma, self.stream = lanes, fma, stream
-        self.schedule = Schedule(program, late=bool(layout.pivots))
+        self.schedule = Schedule(program, late(program, layout))
         self.numbers = Numbers(program, layout)
         self.whole = self.schedule.whole
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked

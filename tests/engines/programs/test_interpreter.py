@@ -328,12 +328,14 @@ def test_inputs_and_results_of_unit_norm_are_checked_in_order(group: tuple[int, 
     assert 100 < found[0].sum() < 500
 
 
-@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize(("late", "pivots"), [(False, False), (True, True), (False, True)])
 @pytest.mark.parametrize("whole", [False, True])
 def test_squares_of_angles_are_summed_as_compiled_code_sums_them(
-    late: bool, whole: bool, monkeypatch: pytest.MonkeyPatch
+    late: bool, pivots: bool, whole: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the order of lines, with pivots of outputs, and function by function in long programs."""
+    """In the order of lines, with pivots in that of outputs unless the program is long, function by function in very
+    long ones.
+    """
 
     def turns(*x: Number) -> list[Any]:
         sines = [scalars.sin(x[k]) for k in (4, 1, 6)]
@@ -343,7 +345,10 @@ def test_squares_of_angles_are_summed_as_compiled_code_sums_them(
     if not whole:
         monkeypatch.setattr(schedule, "MOST_WHOLE", 5)
         monkeypatch.setattr(schedule, "CHUNK_LENGTH", 6)
-    program, layout = program_of(turns, 7, pivots=((2, -9.0),) * late)
+    program, layout = program_of(turns, 7, pivots=((2, -9.0),) * pivots)
+    if not late:
+        monkeypatch.setattr(schedule, "MOST_LATE", len(program.lines) - 1)
+    assert schedule.late(program, layout) == late
     groups = schedule.angles(program, late)
     assert (len(groups) == 1) == whole
     x = np.random.default_rng(1).normal(size=(7, 3000))
