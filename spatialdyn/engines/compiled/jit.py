@@ -32,7 +32,7 @@ except ImportError:  # a version of Numba with its parts elsewhere: compiling ta
 else:
     OWN = {"pipeline_class": Plain}
 
-ON_STACK = 1 << 15  # bytes of a kernel's array of scratch; larger ones are allocated, which takes 20 ns
+ON_STACK = 1 << 13  # bytes of a kernel's array of scratch; larger ones are allocated, which takes 20 ns
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
 }  # fmt: skip

@@ -24,7 +24,7 @@ S0, S1, S2, S3, S4, S5 = SINE["double"]
 C0, C1, C2, C3, C4, C5 = COSINE["double"]
 
 
-def _fused(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     """A product and a sum, rounded once."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -52,7 +52,7 @@ def _signed(typing_context: Any, x: Any, quadrant: Any) -> Any:
     return types.float64(types.float64, types.int64), generate
 
 
-fused: Any = intrinsic(_fused)
+fma: Any = intrinsic(_fma)
 bits: Any = intrinsic(_bits)
 signed: Any = intrinsic(_signed)
 
@@ -78,15 +78,15 @@ def _by_polynomials(q: Any, turned: Any) -> None:
     beyond = False
     for k in range(q.size):
         x = q[k]
-        shifted = fused(x, TWO_OVER_PI, SHIFT)
+        shifted = fma(x, TWO_OVER_PI, SHIFT)
         n = shifted - SHIFT
-        whole = fused(n, -LARGE, x)
-        r = fused(n, -LEAST, fused(n, -SMALL, whole))
-        low = fused(n, -SMALL, whole - r)
+        whole = fma(n, -LARGE, x)
+        r = fma(n, -LEAST, fma(n, -SMALL, whole))
+        low = fma(n, -SMALL, whole - r)
         z = r * r
-        p = fused(z, fused(z, fused(z, fused(z, fused(z, S5, S4), S3), S2), S1), S0)
-        c = fused(z, fused(z, fused(z, fused(z, fused(z, fused(z, C5, C4), C3), C2), C1), C0), -0.5)
-        s, c, quadrant = fused(z, fused(r, p, low), r), fused(z, c, 1.0), bits(shifted)
+        p = fma(z, fma(z, fma(z, fma(z, fma(z, S5, S4), S3), S2), S1), S0)
+        c = fma(z, fma(z, fma(z, fma(z, fma(z, fma(z, C5, C4), C3), C2), C1), C0), -0.5)
+        s, c, quadrant = fma(z, fma(r, p, low), r), fma(z, c, 1.0), bits(shifted)
         turned[0, k] = x
         turned[1, k] = signed(s if quadrant & 1 else c, quadrant + 1)
         turned[2, k] = signed(c if quadrant & 1 else s, quadrant)
