@@ -43,6 +43,8 @@ def _run(arguments: argparse.Namespace) -> int:
         folder = Path(given).is_dir()
         read, faults = _folder(Path(given)) if folder else ([_script(Path(given))], [])
         scripts += read
+        if not (read or faults):
+            raise SpatialDynError(f'folder "{given}" has no Python files')
         if arguments.json:
             continue
         for fault in faults:
@@ -57,6 +59,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _script(path: Path) -> Script:
+    if path.suffix == ".ipynb":
+        raise SpatialDynError(f'script "{path}" is a notebook, expected a Python file: jupyter nbconvert --to script')
     try:
         source = path.read_text(encoding="utf-8")
         return Script(str(path), uses(source), changes(source))

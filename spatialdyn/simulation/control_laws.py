@@ -25,7 +25,7 @@ from ..engines.compiled.numba_kernels import variant
 from ..engines.programs import batch_kernels, recording, structure
 from ..engines.programs.recording import Recording
 from ..engines.programs.tracer import evaluate
-from ..errors import ShapeError, SimulationError
+from ..errors import ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
@@ -173,11 +173,15 @@ def law_on(
 def evaluated(
     spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], start: float = 0.0
 ) -> Any:
-    """``tracer.evaluate`` of a caller's Spec, whose name is in its TypeErrors. ``start`` is what is not written."""
+    """``tracer.evaluate`` of a caller's Spec, whose name is in its errors. ``start`` is what is not written."""
     try:
         return evaluate(spec, rows, shape, inputs, np.zeros(len(rows) - 1, object), start)
-    except TypeError as error:
-        raise TypeError(f'spec "{spec.name}": {error}') from error
+    except SpatialDynError:
+        raise
+    except (TypeError, ValueError, IndexError, ZeroDivisionError) as error:
+        named = f'spec "{spec.name}": '
+        kind = ZeroDivisionError if isinstance(error, ZeroDivisionError) else TypeError
+        raise kind(named + str(error).removeprefix(named)) from error
 
 
 # --- checks ---------------------------------------------------------------------------------------------

@@ -111,6 +111,26 @@ def test_kinematic_regressors_are_the_wheels(reference: str) -> None:
         close(x, y)
 
 
+def test_kinematic_regressors_of_the_universe_are_refused_as_by_the_wheel() -> None:
+    for pin in (ours, theirs):
+        model = tree(pin)
+        data = model.createData()
+        for call in (pin.computeJointKinematicRegressor, pin.computeFrameKinematicRegressor):
+            with pytest.raises(ValueError, match="_id"):
+                call(model, data, 0, pin.LOCAL)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_an_inertia_that_is_not_finite_is_refused_as_by_the_wheel(number: float) -> None:
+    for pin in (ours, theirs):
+        I = pin.Inertia.Identity()
+        for A in (np.full((3, 3), number), np.diag([1.0, number, 1.0])):
+            with pytest.raises(RuntimeError, match="symmetric"):
+                I.inertia = A
+            with pytest.raises(RuntimeError, match="symmetric"):
+                pin.Inertia(1.0, np.zeros(3), A)
+
+
 def test_a_kinematic_regressor_is_a_difference_of_placements() -> None:
     model, step = tree(ours), 1e-6
     q = ours.integrate(model, ours.neutral(model), np.linspace(-0.5, 0.5, model.nv))

@@ -573,6 +573,20 @@ def test_a_held_field_cannot_be_resized_under_the_calls_that_fill_it() -> None:
         data.M.resize((1,), refcheck=False)
 
 
+def test_a_call_follows_a_field_of_its_name_that_was_assigned_or_copied() -> None:
+    """``nle`` is a field and a kind of call."""
+    model = biped(ours)
+    q, v = state(model)[:2]
+    data = model.createData()
+    data.nle = np.ones(model.nv)
+    expected = ours.nonLinearEffects(model, data, q, v).copy()
+    np.testing.assert_array_equal(data.nle, expected)
+    again = data.copy()
+    ours.nonLinearEffects(model, again, q, 2.0 * v)
+    np.testing.assert_array_equal(ours.nonLinearEffects(model, again, q, v), expected)
+    np.testing.assert_array_equal(again.nle, expected)
+
+
 def test_a_field_assigned_before_it_is_read_stays_until_a_call_fills_it() -> None:
     """Getters compute from the inputs of calls, whatever was assigned since."""
     model = biped(ours)

@@ -239,8 +239,17 @@ def test_a_folder_has_a_table_by_file(tmp_path: Path, capsys: pytest.CaptureFixt
     (tmp_path / "sub" / "bad.py").unlink()
     assert cli.main(["port", str(tmp_path)]) == 0
     capsys.readouterr()
+    (tmp_path / "sub" / "other.py").write_text("print(1)")
     assert cli.main(["port", str(tmp_path / "sub")]) == 0
-    assert "none of 0 files uses Pinocchio" in capsys.readouterr().out
+    assert "none of 1 files uses Pinocchio" in capsys.readouterr().out
+
+
+def test_notebooks_and_folders_without_python_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "lesson.ipynb").write_text('{"cells": []}')
+    assert cli.main(["port", str(tmp_path / "lesson.ipynb")]) == 2
+    assert "notebook" in capsys.readouterr().err
+    assert cli.main(["port", str(tmp_path)]) == 2
+    assert "has no Python files" in capsys.readouterr().err
 
 
 def test_json_holds_every_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

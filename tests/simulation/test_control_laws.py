@@ -553,6 +553,7 @@ def test_what_is_no_cost_is_refused(arm: sd.Model) -> None:
         ("idle", lambda bodies, q, cost: None, sd.SimulationError, r'spec "idle" does not write cost\[0\], expected'),
         ("zero", lambda bodies, q, cost: cost.fill(0.0), None, ""),
         ("short", lambda bodies, q: None, TypeError, 'spec "short": .* takes 2 positional arguments but 3 were given'),
+        ("wide", lambda bodies, q, cost: cost.__setitem__(1, q[0]), TypeError, 'spec "wide": index 1'),
         ("sharp", lambda bodies, q, cost: cost.fill(1.0 if q[0] > 0.0 else 0.0), TypeError, 'spec "sharp": .*no truth'),
     ):
         made = sd.Cost(Spec(name, recursion, None, (Q,), Argument("cost", (1,), "", ""), "", ""))

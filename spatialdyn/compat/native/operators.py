@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ...algebra import lie
@@ -113,12 +114,12 @@ def lower_triangle(J: Mat3) -> Sym:
 
 @inline
 def fault_of_inertia(J: Mat3) -> Scalar:
-    """ASYMMETRIC or NEGATIVE if no body has the rotational inertia J, else SOUND.
+    """ASYMMETRIC (or not finite) or NEGATIVE if no body has the rotational inertia J, else SOUND.
 
     J is positive semidefinite if and only if no coefficient of its characteristic polynomial is negative.
     """
     size = abs(J.xx) + abs(J.yy) + abs(J.zz) + abs(J.yx) + abs(J.zx) + abs(J.zy)
-    if max(abs(J.xy - J.yx), abs(J.xz - J.zx), abs(J.yz - J.zy)) > ROUNDING * size:
+    if not max(abs(J.xy - J.yx), abs(J.xz - J.zx), abs(J.yz - J.zy)) <= ROUNDING * size < math.inf:
         return ASYMMETRIC
     two = J.yy * J.zz - J.zy * J.zy + J.xx * J.zz - J.zx * J.zx + J.xx * J.yy - J.yx * J.yx
     three = J.xx * (J.yy * J.zz - J.zy * J.zy) - J.yx * (J.yx * J.zz - J.zy * J.zx)

@@ -126,7 +126,7 @@ def _function(
         entries += [f"{x}[{rows * j + i}]" for i in range(rows) for j in range(columns)]
         owners += [k] * (rows * columns)
     used = {owners[op.a] for op in program.lines if op.code == INPUT}
-    text = SourceText(program, entries, {code: form.c for code, form in FORMS.items()})
+    text = SourceText(program, entries, {code: form.c for code, form in FORMS.items()}, "INFINITY")
     lines = [f"    const casadi_real *{x} = arg[{k}] ? arg[{k}] : zeros;" for k, x in enumerate(read) if k in used]
     lines += [f"    const casadi_real {line};" for line in text.lines()]
     for k, taken in enumerate(places):

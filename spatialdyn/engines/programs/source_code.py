@@ -19,7 +19,7 @@ Shapes = Mapping[str, tuple[int, ...]]
 
 def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
     """``void name(const double *q, ..., double *out)``: arrays of one sample in C order, outputs last."""
-    text = SourceText(program, _entries(inputs, "{}[{}]"), {code: form.c for code, form in FORMS.items()})
+    text = SourceText(program, _entries(inputs, "{}[{}]"), {code: form.c for code, form in FORMS.items()}, "INFINITY")
     sizes = ", ".join(f"{x}{_shown(shape)}" for x, shape in inputs.items())
     made = ", ".join(f"{x}{_shown(shape)}" for x, shape in outputs.items())
     parameters = [*(f"const double *{x}" for x in inputs), *(f"double *{x}" for x in outputs)]
@@ -40,7 +40,9 @@ def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
 
 def python_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
     """``def name(q, ...)`` with NumPy: arrays of any leading batch shape, broadcast; returns the output or outputs."""
-    text = SourceText(program, _entries(inputs, "{}[..., {}]"), {code: form.python for code, form in FORMS.items()})
+    text = SourceText(
+        program, _entries(inputs, "{}[..., {}]"), {code: form.python for code, form in FORMS.items()}, "np.inf"
+    )
     used = {FORMS[op.code].imports for op in program.lines if op.code in FORMS}
     functions = ", ".join(sorted(used - {""}))
     lines = ["import numpy as np"] + [f"from numpy import {functions}"] * bool(functions) + ["", ""]
@@ -71,15 +73,15 @@ def _shown(shape: Sequence[int]) -> str:
 class SourceText:
     """The statements of a program in one language."""
 
-    def __init__(self, program: Program, inputs: Sequence[str], forms: Mapping[int, str]) -> None:
-        """``forms`` is the language's column of FORMS."""
-        self._program, self._inputs, self._forms = program, inputs, forms
+    def __init__(self, program: Program, inputs: Sequence[str], forms: Mapping[int, str], infinity: str) -> None:
+        """``forms`` is the language's column of FORMS, ``infinity`` its word for it."""
+        self._program, self._inputs, self._forms, self._infinity = program, inputs, forms, infinity
 
     def _at(self, k: int) -> str:
         """An operand: its name, its entry of an input or its value, with its sign."""
         op = self._program.lines[k if k >= 0 else -k - 1]
         if op.code == CONST:
-            return repr(op.value if k >= 0 else -op.value)
+            return repr(op.value if k >= 0 else -op.value).replace("inf", self._infinity)
         if k < 0:
             return f"-{self._at(-k - 1)}"
         return self._inputs[op.a] if op.code == INPUT else f"x{k}"

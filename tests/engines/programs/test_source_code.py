@@ -144,6 +144,17 @@ def test_c_code_compiles_and_equals_the_call(model: sd.Model, names: tuple[str, 
         assert_close(x, y)
 
 
+@COMPILER
+def test_code_of_bounds_has_infinity_in_both_languages(model: sd.Model, tmp_path: Path) -> None:
+    k = sd.bounded(model, sd.crba)
+    assert "INFINITY" in k.c_code("f")
+    (tmp_path / "f.c").write_text(k.c_code("f"))
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", "-c", "f.c"], cwd=tmp_path, check=True)
+    q = given(model, k, ())
+    for found, expected in zip(run_python(k.python_code("f"), "f")(*q), k(*q), strict=True):
+        assert_close(found, expected)
+
+
 def test_names_that_are_none_are_refused(model: sd.Model) -> None:
     k = sd.specialize(model, sd.generalized_gravity)
     for name in ("", "a b", "1st", "système", 3):

@@ -148,11 +148,29 @@ def computeJointKinematicRegressor(
     model: Model, data: Data, joint_id: int, reference_frame: Any, placement: SE3 | None = None
 ) -> Array:
     """Y (6, 6 (njoints - 1)), from ``data.oMi``: what a joint's frame, or one placed on the joint, moves by where the
-    placements of joints move, each by a motion in its own frame.
+    placements of joints move, each by a motion in its own frame. Raises ModelError for the universe.
     """
     library_of(model, data)
-    at, code = joint_index(model, joint_id), reference_code(reference_frame)
-    here = data.oMi[at] if placement is None else data.oMi[at] * expected(placement, SE3, "placement")
+    at = joint_index(model, joint_id)
+    placed = SE3.Identity() if placement is None else expected(placement, SE3, "placement")
+    return _kinematic_regressor(model, data, ("joint_id", at), at, placed, reference_frame)
+
+
+def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Array:
+    """``computeJointKinematicRegressor`` of a frame of the model."""
+    library_of(model, data)
+    at = frame_index(model, frame_id)
+    frame = model.frames[at]
+    return _kinematic_regressor(model, data, ("frame_id", at), frame.parentJoint, frame.placement, reference_frame)
+
+
+def _kinematic_regressor(
+    model: Model, data: Data, given: tuple[str, int], at: int, placement: SE3, reference_frame: Any
+) -> Array:
+    name, index = given
+    if index == 0:
+        raise ModelError(f"{name} is 0, the universe, which no joint moves, expected another")
+    code, here = reference_code(reference_frame), data.oMi[at] * placement
     found = np.zeros((6, 6 * (model.njoints - 1)))
     turn = SE3(here.rotation, np.zeros(3)) if code == ALIGNED else SE3.Identity()
     for k in list(model.supports[at])[1:]:
@@ -160,13 +178,6 @@ def computeJointKinematicRegressor(
         X = X if code == IN_WORLD else turn * here.actInv(X)
         found[:, 6 * (k - 1) : 6 * k] = X.action
     return found
-
-
-def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Array:
-    """``computeJointKinematicRegressor`` of a frame of the model."""
-    library_of(model, data)
-    frame = model.frames[frame_index(model, frame_id)]
-    return computeJointKinematicRegressor(model, data, frame.parentJoint, reference_frame, frame.placement)
 
 
 def _index(name: str, value: Any, n: int) -> int:

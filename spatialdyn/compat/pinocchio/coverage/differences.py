@@ -73,6 +73,14 @@ data fields that are scratch: Yaba, Fcrb, U, D, joints ... | present | Attribute
 getFrameJacobian, getJointJacobian before computeJointJacobians | zeros | an error that names the call to make first
 getFrameJacobian after forwardKinematics at another q | a mixture of both | the Jacobian at the q of data.J
 indices of joints and frames that are not there, in getters | a crash or memory | RangeError
+copies of a Data, pickled ones too | its scratch goes with it | its fields do: what is computed from an earlier call's
+    arguments, such as getFrameJacobian, centerOfMass(model, data) or computeMinverse(model, data), says that the call
+    has to come first
+data.oMf after getFrameJacobian, getFrameJacobianTimeVariation, computeFrameKinematicRegressor | placed by them | as
+    before: updateFramePlacements or framesForwardKinematics place it
+calls without q after an edit of a joint's placement | from the oMi and liMi of before | from the q of before, on the
+    edited model
+computeJointKinematicRegressor, computeFrameKinematicRegressor of models with mimic joints | an error | the result
 quaternions and (cos, sin) pairs off their unit norm by more than 1e-6 | accepted | ConfigurationError | strict
 configurations off their unit norm, not strict: difference, interpolate, distance where Pinocchio has NaN, as to the
     limits of a free flyer | NaN or infinite entries | finite: coordinates of joints with several are clipped to 1e30
@@ -124,10 +132,16 @@ loadRotorParameters called twice | adds the rotors to the armature twice | once
 saveToText, saveToXML, saveToBinary | Boost archives | files of this package, which Pinocchio does not read
 attributes of a kind, such as axis, of model.joints[i] | by extract() | of the JointModel itself too
 model.joints[k] = ... | replaces a joint without its indices | ModelError that says what to do
-matrices of results and of Data, such as data.M and data.J | in Fortran order | in C order, with the same entries
+matrices of results, of Data and of SE3, such as data.M, data.J and rotation | in Fortran order | in C order, with the
+    same entries
 Jexp6, Jlog6, log6 near the identity, log3, log6 near half a turn | up to 1e-7 off at angles of 1e-3, and 4e-14 off
     near half a turn | exact to rounding at every angle
 Hlog3 at the identity | NaN | half the cross product, its limit
+rpy.matrixToRpy of a roll of half a turn with entries of -0, or with a pitch of a quarter turn | one of the triples
+    that are equal to rounding | another of them
+items of lists of Data: com[0, 1], mass[True], com[0] = [1, 2, 3], a slice | a list, a number, a TypeError, a StdVec |
+    a TypeError, an array, the vector, a list
+isinstance(JointModelFreeFlyer(), JointModel) | False | True
 SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
 an Inertia less a heavier one | a centre of mass divided by 2e-16 | the body that, added again, gives the first
 Inertia.FromDynamicParameters, Inertia.inverse without mass | NaN or infinite | InertiaError

@@ -78,6 +78,11 @@ def _initial(model: Model, name: str) -> Array:
     return x
 
 
+def assigned(name: str) -> str:
+    """The key of a field that was assigned among ``_runs``: "nle" is a kind of call too."""
+    return f"{name} ="
+
+
 class Data(Stored, Registered, Copied):
     """Results of the algorithms for a Model; ``model.createData()`` makes one. One for each thread.
 
@@ -190,7 +195,7 @@ class Data(Stored, Registered, Copied):
 
     def _assign(self, name: str, x: Array) -> None:
         """Make an array the source of a field that is not held."""
-        self._runs[name] = Assigned(name, x)
+        self._runs[assigned(name)] = Assigned(name, x)
         self._sources.pop(name, None)
 
     def latest(self, name: str, of_call: bool = False) -> Run | None:
@@ -311,7 +316,7 @@ for _name in (*FIELDS, *SCRATCH.split()):
 
 def _restored(model: Model, fields: dict[str, Array]) -> Data:
     data = Data(model)
-    data._runs.update((name, Assigned(name, x)) for name, x in fields.items())
+    data._runs.update((assigned(name), Assigned(name, x)) for name, x in fields.items())
     return data
 
 

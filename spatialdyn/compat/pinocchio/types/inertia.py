@@ -211,5 +211,5 @@ def _refuse(inertia: Any) -> None:
     """Raise ValueRuntimeError for a matrix that is not symmetric, or has negative eigenvalues."""
     J = array(inertia, (3, 3), "inertia")
     if _fault(J) == operators.ASYMMETRIC:
-        raise ValueRuntimeError(f"inertia is {J.tolist()}, expected a symmetric matrix")
+        raise ValueRuntimeError(f"inertia is {J.tolist()}, expected a finite symmetric matrix")
     raise ValueRuntimeError(f"inertia has the eigenvalues {np.linalg.eigvalsh(J)}, expected none below 0")
