@@ -4,20 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .euclidean import (
-    Mat3,
-    Sym,
-    Vec,
-    add,
-    add_mat3,
-    add_sym,
-    apply_sym,
-    congruence,
-    matmul,
-    rotate,
-    transpose,
-    unrotate,
-)
+from .euclidean import Mat3, Sym, add, add_mat3, add_sym, apply_sym, congruence, matmul, rotate, transpose, unrotate
 from .scalars import inline
 from .spatial import Force, Inertia, Motion, Pose
 
@@ -80,20 +67,14 @@ def subtract_outer(A: Articulated, U: Force, W: Force) -> Articulated:
 
 @inline
 def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
-    """An articulated inertia from child to parent coordinates: Xᵀ A X, symmetric by construction."""
-    R = X.R
+    """An articulated inertia from child to parent coordinates: Xᵀ A X, symmetric by construction.
+
+    With everything rotated, H' = H + p̃ M and I' = I - H p̃ + p̃ H'ᵀ.
+    """
+    R, p = X.R, X.p
     M = congruence(R, A.M)
     H = matmul(matmul(R, A.H), transpose(R))
-    return articulated_at_parent(X.p, Articulated(congruence(R, A.I), H, M))
-
-
-@inline
-def articulated_at_parent(p: Vec, A: Articulated) -> Articulated:
-    """An articulated inertia about the origin that p is measured from, from one about the origin at p.
-
-    H' = H + p̃ M and I' = I - H p̃ + p̃ H'ᵀ.
-    """
-    I, H, M = A.I, A.H, A.M
+    I = congruence(R, A.I)
     G = Mat3(
         H.xx + (p.y * M.xz - p.z * M.xy), H.xy + (p.y * M.yz - p.z * M.yy), H.xz + (p.y * M.zz - p.z * M.yz),
         H.yx + (p.z * M.xx - p.x * M.xz), H.yy + (p.z * M.xy - p.x * M.yz), H.yz + (p.z * M.xz - p.x * M.zz),

@@ -1,4 +1,4 @@
-"""Forward dynamics q̈ = M(q)⁻¹ (τ - C q̇ - g) by the articulated body algorithm."""
+"""Forward dynamics q̈ = M(q)⁻¹ (τ - C q̇ - g) by the articulated body algorithm, and M(q)⁻¹ by the same sweep."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from ..algebra.spatial import (
 from ..bodies.joints import joint_motion, place_joint
 from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
-from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, MassMatrix, Spec, V
+from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
 from .steps import moved_by_joint
 
 WORK = table_dtype(
@@ -59,6 +59,14 @@ WORK = table_dtype(
     U=Force,  # IA S, and n J e of a rotor; inward
     d=float,  # 1 / D = 1 / (S·IA S + armature); inward
     u=float,  # τ - S·pA, and n J e·c of a rotor; inward
+)
+WORK_INVERSE = table_dtype(
+    X=Pose,  # pose of the row in its parent; outward
+    IA=Articulated,  # as in WORK
+    U=Force,  # as in WORK
+    d=float,  # as in WORK
+    F=Force,  # force that a unit torque of this row leaves on the row reached; inward, column by column
+    P=Motion,  # acceleration that the unit torque causes; outward, column by column
 )
 
 
@@ -103,9 +111,7 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         D = power(S, U) + b.armature
         u = tau[i - 1] - power(S, pA)
         if b.partner > 0:
-            k = work[b.partner]
-            W = force_to_parent(pose_of(k.X), force_of(k.U))
-            U, D = coupled_to_partner(bodies[b.partner].coupling, k.d, W, S, U, D)
+            U, D = coupled_to_partner(bodies, work, i, U, D)
             u = u - felt_of_partner(bodies, work, i, v)
         d = 1.0 / D
         if b.geared:
@@ -129,14 +135,17 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
 
 
 @inline
-def coupled_to_partner(m: Scalar, d: Scalar, W: Force, S: Motion, U: Force, D: Scalar) -> tuple[Force, Scalar]:
-    """U and D of a row S that shares motors with the row behind it, its partner k, which is eliminated.
+def coupled_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -> tuple[Force, Scalar]:
+    """U and D of a row that shares motors with the row behind it, its partner k, which is eliminated.
 
-    With m the coupling and d = 1/D_k, q̈_k has the term -m d q̈_i. Its force -m d W, W = U_k in row i, is felt with q̈_i,
-    and in the equation of row i the rest of q̈_k brings back the same: twice in D.
+    With m the coupling, q̈_k has the term -m/D_k q̈_i. Its force -m/D_k U_k is felt with q̈_i, and in the equation of row
+    i the rest of q̈_k brings back the same: twice in D.
     """
-    W = scale_force(-m * d, W)
-    return add_force(U, W), D + 2.0 * power(S, W) - m * m * d
+    k = bodies[i].partner
+    partner, m = work[k], bodies[k].coupling
+    W = force_to_parent(pose_of(partner.X), scale_force(-m * partner.d, force_of(partner.U)))
+    twice = 2.0 * power(motion_of(bodies[i].S), W)
+    return add_force(U, W), D + twice - m * m * partner.d
 
 
 @inline
@@ -181,9 +190,80 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
         a[i - 1] = qdd
 
 
+@inline
+def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector) -> None:
+    """M⁻¹ column by column through one articulated sweep."""
+    n = len(bodies) - 1
+    for i in range(1, n + 1):
+        place_joint(bodies, i, q, work[i].X)
+        put_articulated(work[i].IA, articulated(inertia_of(bodies[i].inertia)))
+
+    for i in range(n, 0, -1):
+        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        X, S, IA = pose_of(here.X), motion_of(b.S), articulated_of(here.IA)
+        U = articulated_force(IA, S)
+        D = power(S, U) + b.armature
+        if b.partner > 0:
+            U, D = coupled_to_partner(bodies, work, i, U, D)
+        d = 1.0 / D
+        if b.geared:
+            U = add_couple(U, in_row_axes(b, X))
+        Ia = subtract_outer(IA, U, scale_force(d, U))
+        if b.parent > 0:
+            put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
+        put_force(here.U, U)
+        here.d = d
+        pivots[i - 1] = D
+    inverse_columns(bodies, work, Minv)
+
+
+@inline
+def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
+    """M⁻¹ from the X, U and d = 1/D of an articulated sweep.
+
+    Inward, F_j is the force that a unit torque at row j leaves on the row it has reached; outward, P the
+    acceleration it causes. Only rows i <= j are computed, the rest is symmetry.
+    """
+    n = len(bodies) - 1
+    put_motion(work[0].P, zero_motion())
+    for i in range(n, 0, -1):
+        b, here = bodies[i], work[i]
+        X, S, U, d = pose_of(here.X), motion_of(b.S), force_of(here.U), here.d
+        for j in range(1, n + 1):
+            Minv[i - 1, j - 1] = 0.0
+        Minv[i - 1, i - 1] = d
+        put_force(here.F, force_to_parent(X, scale_force(d, U)))
+        for j in range(i + 1, b.last_row + 1):
+            F = force_of(work[j].F)
+            Mij = -d * power(S, F)
+            if b.partner > 0:
+                Mij = Mij - d * (bodies[b.partner].coupling * Minv[b.partner - 1, j - 1])
+            Minv[i - 1, j - 1] = Mij
+            put_force(work[j].F, force_to_parent(X, add_force(F, scale_force(Mij, U))))
+
+    for j in range(1, n + 1):
+        root = j
+        while bodies[root].parent > 0:
+            root = bodies[root].parent
+        for i in range(root, j + 1):  # zero for rows of another branch from the world
+            here, parent = work[i], work[bodies[i].parent]
+            P = motion_to_child(pose_of(here.X), motion_of(parent.P))
+            Mij = Minv[i - 1, j - 1] - here.d * power(P, force_of(here.U))
+            if bodies[i].coupled:
+                Mij = Mij - here.d * (bodies[i].coupling * Minv[bodies[i].parent - 1, j - 1])
+            put_motion(here.P, add_motion(P, scale_motion(Mij, motion_of(bodies[i].S))))
+            Minv[i - 1, j - 1] = Mij
+            Minv[j - 1, i - 1] = Mij
+
+
 def acceleration_through_M(M: MassMatrix, q: Array, v: Array, tau: Array, fext: Array) -> Array:
     """a = M⁻¹ (tau - rnea(q, v, 0))."""
     return M.solve(tau - M.call("rnea", q, v, 0.0 * v, fext))
+
+
+def minverse_through_M(M: MassMatrix, q: Array) -> Array:
+    """M⁻¹ itself."""
+    return M.inverse
 
 
 SPECS = (
@@ -192,5 +272,12 @@ SPECS = (
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
         "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, through_M=acceleration_through_M,
         residual=("rnea", "minverse"),
+    ),
+    Spec(
+        "minverse", minverse, WORK_INVERSE, (TURNED_Q,),
+        Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse mass matrix, both triangles filled"),
+        "Inverse M(q)⁻¹ of the mass matrix, without forming M.",
+        "after Featherstone, RBDA (2008), table 7.1, with unit torques.", pivots=True, regroup=True,
+        through_M=minverse_through_M, residual=("crba", "minverse"),
     ),
 )  # fmt: skip

@@ -70,9 +70,8 @@ from ..algebra.spatial import (
 )
 from ..bodies.joints import joint_motion, place_joint
 from ..bodies.kinds import CONTINUED
-from .aba import aba, acceleration_through_M
+from .aba import aba, acceleration_through_M, inverse_columns
 from .coriolis import to_root_aligned_axes
-from .minverse import inverse_columns
 from .rotors import add_couple, rotor_factor, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
@@ -301,10 +300,8 @@ def aba_derivatives(
     """
     n = len(bodies) - 1
     aba(bodies, work, q, v, tau, fext, a, pivots)
-    rnea_derivatives(bodies, work, q, v, a, fext, D)
-    for i in range(1, n + 1):
-        put_force(work[i].U, rotate_force(pose_of(work[i].X).R, force_of(work[i].U)))
     inverse_columns(bodies, work, inverse)
+    rnea_derivatives(bodies, work, q, v, a, fext, D)
     for k in range(2):
         by = D[2]  # as scratch: M is not needed
         for i in range(n):

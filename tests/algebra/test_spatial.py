@@ -212,10 +212,6 @@ BODIES: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
         lambda x: of_articulated(ar.articulated_to_parent(pose(x.T), artic(x.K))),
         lambda x: x.X.T @ x.K @ x.X,
     ),
-    "articulated_at_parent": (
-        lambda x: of_articulated(ar.articulated_at_parent(vec(x.a), artic(x.K))),
-        lambda x: (moved := np.block([[np.eye(3), np.zeros((3, 3))], [-skew(x.a), np.eye(3)]])).T @ x.K @ moved,
-    ),
     "parallel_axis": (
         lambda x: full(eu.parallel_axis(sym(x.P), vec(x.a), vec(x.b), vec(x.b + x.s * x.a))),
         lambda x: x.P + x.a @ (2.0 * x.b + x.s * x.a) * np.eye(3) - np.outer(x.b, x.a) - np.outer(x.a, x.b + x.s * x.a),

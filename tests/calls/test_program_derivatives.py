@@ -66,8 +66,6 @@ def count(operations: dict[str, int]) -> int:
 
 # of the longest derivatives: of many results, each of whose weights is a sum more, or with few sums to share
 LONGEST = ("crba", "minverse", "coriolis_matrix", "generalized_gravity", "forward_kinematics", "joint_jacobians")
-# a ur5's inverse has few operations, 475 (600 in body axes), and its derivative with 1457 no more than others
-MOST = {("ur5", "minverse"): 3.07}
 
 
 @pytest.mark.parametrize("name", ["ur5", "panda", "ball joints", "floating"])
@@ -78,7 +76,7 @@ def test_both_take_three_times_the_operations_of_the_call(name: str, call: str) 
     own = count(recording.record((spec,), bodies).program.operations)
     for kind in ("jvp", "vjp"):
         made = derived.record((spec,), bodies, (), recording.ALL._replace(derivative=kind)).program
-        assert count(made.operations) <= MOST.get((name, call), 3.0) * own
+        assert count(made.operations) <= 3.0 * own
 
 
 def test_the_derivative_of_a_turned_vector_is_the_other_way_turned() -> None:

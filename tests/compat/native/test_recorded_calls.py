@@ -145,12 +145,15 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     m, n, rng = 3, model.nv, np.random.default_rng(3)
     J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
     arrays = {"memory": np.empty(model.nq + n + 3), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
-    arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m)}
-    call = bound(recorded_constraints.dynamics(), model, arrays, m=m)
+    arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m), "time": np.zeros(1, np.int64)}
+    arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
+    clock = recorded_calls.address(recorded_calls.clock.now)
+    call = bound(recorded_constraints.dynamics(), model, arrays, m=m, clock=clock)
     bias = table_call("nonlinear_effects", model, s.q, s.v)
     expected = solve(model, table_call("crba", model, s.q), s.tau - bias, J, drift, 0.1)
     np.testing.assert_array_equal(call(s.q, s.v, s.tau, J, drift, 0.1), expected.x)
     np.testing.assert_array_equal(arrays["force"], expected.force)
+    assert 0 < arrays["before"][0] < arrays["time"][0] == recorded_calls.clock.now[0]
     J[1] = J[0]
     assert call(s.q, s.v, s.tau, J, drift) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
     np.testing.assert_array_equal(arrays["force"], expected.force)
