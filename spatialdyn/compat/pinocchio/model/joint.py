@@ -28,7 +28,7 @@ from ....errors import ShapeError
 from ....model.assembly import IDENTITY
 from ....model.joint_rows import joint_transform, matrix_from_pose, pose_from_matrix, subspace
 from ..types.arguments import ArgumentError, Array, described, module_of_caller
-from ..types.bases import Copied, Registered
+from ..types.bases import Owned, Registered
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
@@ -63,7 +63,7 @@ class Variant(type):
         return kind_named("JointModelRX")().held()
 
 
-class JointModel(Copied, metaclass=Variant):
+class JointModel(Owned, metaclass=Variant):
     """A joint of any kind, as ``model.joints`` holds it; ``extract()`` is one of its own kind.
 
     id             index in its model
@@ -159,11 +159,6 @@ class JointModel(Copied, metaclass=Variant):
         """An independent copy that belongs to no model."""
         made: JointModel = joint_of(self.state(), type(self), self._indexes())
         return made
-
-    def changed(self) -> None:
-        """Notify the owner, if any, of a change."""
-        if self._owner is not None:
-            self._owner.changed()
 
     def _indexes(self) -> tuple[int, int, int, int]:
         return self.id, self.idx_q, self.idx_v, self.idx_vExtended

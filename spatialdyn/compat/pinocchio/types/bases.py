@@ -1,4 +1,4 @@
-"""Bases of classes: those that modules below them make objects of, those that copy themselves; attributes of owners."""
+"""Bases of classes: those that modules below them make objects of, those that copy themselves, those with an owner."""
 
 from __future__ import annotations
 
@@ -29,6 +29,18 @@ class Copied:
 
     def __deepcopy__(self, memo: Any) -> Any:
         return self.copy()
+
+
+class Owned(Copied):
+    """Base of what may belong to an owner, such as a model: ``_owner``, None without one, is notified of writes."""
+
+    __slots__ = ()
+    _owner: Any = None
+
+    def changed(self) -> None:
+        """Notify the owner, if any, of a write."""
+        if self._owner is not None:
+            self._owner.changed()
 
 
 def owned_attribute(slot: str, check: Callable[[Any, Any], Any], doc: str, read: Any = None) -> Any:

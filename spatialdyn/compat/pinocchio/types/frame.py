@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import Any
 
 from .arguments import ArgumentError, expected
-from .bases import Copied, owned_attribute
+from .bases import Owned, owned_attribute
 from .inertia import Inertia
 from .se3 import SE3
 from .tracked_list import owned_copy
@@ -92,7 +92,7 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
 )
 
 
-class Frame(Copied):
+class Frame(Owned):
     """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
@@ -123,11 +123,6 @@ class Frame(Copied):
             )
         for row, value in zip(_FIELDS, arguments, strict=True):
             setattr(self, row[0], value)
-
-    def changed(self) -> None:
-        """Notify the model of a change."""
-        if self._owner is not None:
-            self._owner.changed()
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""

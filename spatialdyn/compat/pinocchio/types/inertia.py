@@ -11,9 +11,9 @@ from ...native import operators
 from ..coverage.strictness import strict
 from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, row, rows
 from .motion import Motion
-from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, body_of, parameters_of
+from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, ten
 from .random import GENERATOR
-from .rotations import skew
+from .rotations import skew, skewSquare
 from .se3 import SE3
 from .symmetric import six
 from .value import InFrames, Summable, as_array, on_table, part, preset
@@ -175,12 +175,17 @@ matrix(self: Body) -> inertia = inertia_about_origin(self)
 
     def toDynamicParameters(self) -> Array:
         """m, m c, and the rotational inertia about the origin xx xy yy xz yz zz: (10,)."""
-        return parameters_of(self._x)
+        m, c, J = self._x[:1], self._x[1:4], self._x[4:]
+        return np.concatenate([m, m * c, J - m * six(skewSquare(c, c))])
 
     @staticmethod
     def FromDynamicParameters(params: Any) -> Inertia:
-        """The body of ten parameters as ``toDynamicParameters`` gives them."""
-        return Inertia.over(body_of(params))
+        """The body of ten parameters as ``toDynamicParameters`` gives them. Raises InertiaError for zero mass."""
+        p = ten(params)
+        if p[0] == 0.0:
+            raise InertiaError("mass is 0, expected one that has a centre")
+        c = p[1:4] / p[0]
+        return Inertia.over(np.concatenate([p[:1], c, p[4:] + p[0] * six(skewSquare(c, c))]))
 
     def toPseudoInertia(self) -> PseudoInertia:
         """As a PseudoInertia."""
@@ -196,15 +201,8 @@ matrix(self: Body) -> inertia = inertia_about_origin(self)
         """The body of LogCholeskyParameters."""
         return expected(log_cholesky, LogCholeskyParameters, "log_cholesky").toInertia()  # type: ignore[no-any-return]
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self._x.copy(),)
-
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  c = {row(self._x[1:4])}\n  I = \n{rows(self.inertia)}"
-
-
-def _restored(x: Array) -> Inertia:
-    return Inertia.over(x)
 
 
 def _refuse(inertia: Any) -> None:

@@ -8,29 +8,14 @@ import numpy as np
 
 from ....errors import InertiaError
 from .arguments import ArgumentError, Array, array, described, row, rows
-from .rotations import skewSquare
 from .symmetric import PLACES, six
 from .value import Value, as_array, part
 
 __all__ = ["LogCholeskyParameters", "PseudoInertia"]
 
 
-def parameters_of(body: Array) -> Array:
-    """Dynamic parameters (10,): m, m c, inertia about the origin; of a body (10,): m, c, inertia about c."""
-    m, c = body[0], body[1:4]
-    return np.concatenate([body[:1], m * c, body[4:] - m * six(skewSquare(c, c))])
-
-
-def body_of(parameters: Any) -> Array:
-    """A body (10,) from dynamic parameters (10,). Raises InertiaError for zero mass."""
-    p = _ten(parameters)
-    if p[0] == 0.0:
-        raise InertiaError("mass is 0, expected one that has a centre")
-    c = p[1:4] / p[0]
-    return np.concatenate([p[:1], c, p[4:] + p[0] * six(skewSquare(c, c))])
-
-
-def _ten(parameters: Any) -> Array:
+def ten(parameters: Any) -> Array:
+    """A new array (10,) of dynamic or log-Cholesky parameters."""
     if isinstance(parameters, np.ndarray) and parameters.size != 10:
         raise InertiaError(f"parameters are {described(parameters)}, expected shape (10,)")
     return array(parameters, (10,), "parameters")
@@ -63,7 +48,7 @@ class PseudoInertia(Parameters):
             self.mass, self.h, self.sigma = mass, h, sigma
 
     mass = part("mass", (3, 3), "The mass [kg].")
-    sigma = part("sigma", np.s_[:3, :3], "The second moment Σ (3, 3) [kg m²], a copy.", copied=True)
+    sigma = part("sigma", np.s_[:3, :3], "The second moment Σ (3, 3) [kg m²], a copy.", np.array)
 
     @property
     def h(self) -> Array:
@@ -82,7 +67,7 @@ class PseudoInertia(Parameters):
     @staticmethod
     def FromDynamicParameters(dynamic_params: Any) -> PseudoInertia:
         """The PseudoInertia of ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
-        p = _ten(dynamic_params)
+        p = ten(dynamic_params)
         J = p[4:][PLACES]
         return PseudoInertia(float(p[0]), p[1:4], 0.5 * np.trace(J) * np.eye(3) - J)
 
@@ -123,17 +108,9 @@ class LogCholeskyParameters(Parameters):
         if isinstance(log_cholesky_parameters, LogCholeskyParameters):
             self._x = log_cholesky_parameters._x.copy()
         else:
-            self._x = _ten(log_cholesky_parameters)
+            self._x = ten(log_cholesky_parameters)
 
-    @property
-    def parameters(self) -> Array:
-        """The ten numbers (10,), a copy."""
-        return self._x.copy()
-
-    @parameters.setter
-    def parameters(self, value: Any) -> None:
-        self._write(_ten(value))
-
+    parameters = part("parameters", np.s_[:], "The ten numbers (10,), a copy.", np.array)
     __array__ = as_array(lambda self: self._x.copy())
 
     def _factor(self) -> tuple[float, Array, Array]:

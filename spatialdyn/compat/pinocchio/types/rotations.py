@@ -119,7 +119,9 @@ class Quaternion(Rotation, kind="Quat"):
 
     def coeffs(self) -> Array:
         """The coefficients x y z w (4,), a copy that is read-only."""
-        return _read_only(self._x.copy())
+        x = self._x.copy()
+        x.flags.writeable = False
+        return x
 
     def vec(self) -> Array:
         """The coefficients x y z (3,), a copy."""
@@ -228,11 +230,6 @@ class AngleAxis(Rotation):
 
     def __repr__(self) -> str:
         return f"angle: {self.angle:g}\naxis: {row(self._x[1:])}\n"
-
-
-def _read_only(x: Array) -> Array:
-    x.flags.writeable = False
-    return x
 
 
 def _coefficients(x: Any, *shapes: tuple[int, ...]) -> Any:

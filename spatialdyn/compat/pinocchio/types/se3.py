@@ -22,10 +22,6 @@ pose_of(rotation: rot, translation: vec) -> pose = Pose(rotation, translation)
 pose_of(quat: Quat, translation: vec) -> pose = Pose(rotation_matrix(quat), translation)
 Random(u: motion) -> Pose = Pose(rotation_matrix(random_rotation(u.v)), sub(scale(2.0, u.w), Vec(1.0, 1.0, 1.0)))
 """)
-_fraction = on_values(
-    "Interpolate(A: Pose, B: Pose, alpha: number) -> Pose",
-    "compose(A, exp_pose(scale_motion(alpha, log_pose(relative_pose(A, B)))))",
-)
 
 
 class SE3(
@@ -82,10 +78,13 @@ Identity() -> Pose = identity_pose()
         """A uniform random rotation and a random translation within ±1 m."""
         return _random(GENERATOR.random(6))  # type: ignore[no-any-return]
 
-    @staticmethod
-    def Interpolate(A: SE3, B: SE3, alpha: float) -> SE3:
-        """A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion."""
-        return _fraction(A, B, alpha)  # type: ignore[no-any-return]
+    Interpolate = staticmethod(
+        on_values(
+            "Interpolate(A: Pose, B: Pose, alpha: number) -> Pose",
+            "compose(A, exp_pose(scale_motion(alpha, log_pose(relative_pose(A, B)))))",
+            "A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion.",
+        )
+    )
 
     def toDualActionMatrix(self) -> Array:
         """The matrix (6, 6) that takes Force vectors from the frame to the reference frame."""

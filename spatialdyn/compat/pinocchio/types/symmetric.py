@@ -53,7 +53,7 @@ class Symmetric3(Summable):
     Identity, setIdentity = preset(lambda: (1.0, 0.0, 1.0, 0.0, 0.0, 1.0), "the identity")
     Random, setRandom = preset(lambda: uniform(6), "six random numbers in ±1")
 
-    data = part("data", np.s_[:], "The numbers xx xy yy xz yz zz (6,), a copy.", copied=True)
+    data = part("data", np.s_[:], "The numbers xx xy yy xz yz zz (6,), a copy.", np.array)
 
     def matrix(self) -> Array:
         """The matrix (3, 3)."""

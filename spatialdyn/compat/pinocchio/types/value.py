@@ -11,20 +11,19 @@ from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels
 from .arguments import ArgumentError, Array, array, documented_rows, expected, module_of_caller, near, number
-from .bases import Copied
+from .bases import Owned
 from .tracked_array import tracked
 
 Self = TypeVar("Self", bound="Value")
 
 
-class Value(Copied):
+class Value(Owned):
     """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
 
     ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
     """
 
     __slots__ = ("__dict__", "__weakref__", "_x")
-    _owner: Any = None
     _x: Array
     _classes: ClassVar[dict[str, type[Value]]] = {}  # by the kind of their array, capitalized
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
@@ -51,11 +50,6 @@ class Value(Copied):
             made._owner = owner
         return made
 
-    def changed(self) -> None:
-        """Notify the owner, if any, of a write."""
-        if self._owner is not None:
-            self._owner.changed()
-
     def _write(self: Self, x: Any) -> Self:
         self._x[...] = x
         if self._owner is not None:
@@ -81,7 +75,7 @@ class Value(Copied):
         return tuple(x.copy() if isinstance(x, np.ndarray) else x for x in found)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self.__getinitargs__()
+        return self.over, (self._x.copy(),)
 
     def __eq__(self, other: object) -> Any:
         return self._x.tolist() == other._x.tolist() if isinstance(other, type(self)) else NotImplemented
@@ -95,18 +89,10 @@ class Summable(Value):
     __slots__ = ()
 
     def __iadd__(self, other: Any) -> Any:
-        return self._take(self + other)
+        return self._write((self + other)._x)
 
     def __isub__(self, other: Any) -> Any:
-        return self._take(self - other)
-
-    def _take(self, total: Any) -> Any:
-        if total is NotImplemented:
-            return total
-        self._x[...] = total._x
-        if self._owner is not None:
-            self._owner.changed()
-        return self
+        return self._write((self - other)._x)
 
     def isZero(self, prec: float = 1e-12) -> bool:
         """Whether no entry exceeds prec."""
@@ -130,18 +116,20 @@ class InFrames(Value):
 # --- attributes --------------------------------------------------------------------------------------------
 
 
-def part(name: str, at: Any, doc: str, copied: bool = False) -> Any:
-    """An attribute that is a writable view or a copy of the numbers ``_x[at]``, or a number if ``at`` names one."""
+def part(name: str, at: Any, doc: str, kind: Any = None) -> Any:
+    """An attribute for the numbers ``_x[at]``: a writable view, or a float if ``at`` names one number.
+
+    kind  makes what is read of the numbers, as np.array makes a copy
+    """
+    if kind is None and (isinstance(at, int) or (isinstance(at, tuple) and all(isinstance(k, int) for k in at))):
+        kind = float
 
     def read(self: Value) -> Any:
         x = self._x[at]
         return x if self._owner is None else tracked(x, self._owner)
 
-    def read_copy(self: Value) -> Any:
-        return self._x[at].copy()
-
-    def read_number(self: Value) -> float:
-        return float(self._x[at])
+    def read_made(self: Value) -> Any:
+        return kind(self._x[at])
 
     def write(self: Value, given: Any) -> None:
         there = self._x[at]
@@ -149,8 +137,7 @@ def part(name: str, at: Any, doc: str, copied: bool = False) -> Any:
         if self._owner is not None:
             self._owner.changed()
 
-    single = isinstance(at, int) or (isinstance(at, tuple) and all(isinstance(k, int) for k in at))
-    return property(read_number if single else read_copy if copied else read, write, doc=doc)
+    return property(read if kind is None else read_made, write, doc=doc)
 
 
 def preset(numbers: Callable[[], Any], what: str) -> tuple[Any, Any]:
