@@ -12,7 +12,7 @@ from ....errors import ModelError
 from ...native import recorded_contacts as numbers
 from ..coverage.coverage import Partial
 from ..types.arguments import ArgumentError, by_name, described, expected, number
-from ..types.containers import StdVec
+from ..types.containers import list_class
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -203,16 +203,6 @@ class RigidConstraintData(Partial):
             setattr(self, name, Motion.Zero())
 
 
-class _Contacts(StdVec):
-    """A list of copies, which does not watch them."""
-
-    def _own(self, value: Any) -> Any:
-        return copy.deepcopy(super()._own(value))
-
-
-def _list_of(kind: Any) -> Any:
-    content = {"kind": kind, "__doc__": f"A list of {kind.__name__}.", "__module__": __name__}
-    return type(f"StdVec_{kind.__name__}", (_Contacts,), content)
-
-
-StdVec_RigidConstraintModel, StdVec_RigidConstraintData = map(_list_of, (RigidConstraintModel, RigidConstraintData))
+StdVec_RigidConstraintModel, StdVec_RigidConstraintData = (
+    list_class(kind.__name__, kind, kind.__name__) for kind in (RigidConstraintModel, RigidConstraintData)
+)

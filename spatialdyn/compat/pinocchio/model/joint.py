@@ -12,17 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ....algebra import spatial
 from ....algebra.euclidean import Vec
-from ....algebra.spatial import Motion as Twist
-from ....algebra.spatial import (
-    add_motion,
-    compose,
-    cross_motion,
-    identity_pose,
-    motion_to_child,
-    scale_motion,
-    zero_motion,
-)
 from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ....model.assembly import IDENTITY
@@ -244,23 +235,23 @@ class JointData:
         if joint.leader is not None:
             self.joint_q[:] = joint.scaling * self.joint_q + joint.offset
             self.joint_v *= joint.scaling
-        X, twist, bias = identity_pose(), zero_motion(), zero_motion()
-        columns: list[Twist] = []
+        X, twist, bias = spatial.identity_pose(), spatial.zero_motion(), spatial.zero_motion()
+        columns: list[spatial.Motion] = []
         at, n = 0, 0
         for step in joint.steps():
             nq = kind_of(step.kind, "cos_sin").nq
             q_step = self.joint_q[at : at + nq]
             moved = pose_from_matrix(joint_transform(step.kind, step.axis, q_step, "cos_sin", step.pitch))
-            moved = compose(pose_from_matrix(step.placement), moved)
-            S = [Twist(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis, step.pitch).tolist()]
-            own = zero_motion()
+            moved = spatial.compose(pose_from_matrix(step.placement), moved)
+            S = [spatial.Motion(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis, step.pitch).tolist()]
+            own = spatial.zero_motion()
             for s in S:
-                own = add_motion(own, scale_motion(float(self.joint_v[n]), s))
+                own = spatial.add_motion(own, spatial.scale_motion(float(self.joint_v[n]), s))
                 n += 1
-            X = compose(X, moved)
-            twist = add_motion(motion_to_child(moved, twist), own)
-            bias = add_motion(motion_to_child(moved, bias), cross_motion(twist, own))
-            columns = [motion_to_child(moved, s) for s in columns] + S
+            X = spatial.compose(X, moved)
+            twist = spatial.add_motion(spatial.motion_to_child(moved, twist), own)
+            bias = spatial.add_motion(spatial.motion_to_child(moved, bias), spatial.cross_motion(twist, own))
+            columns = [spatial.motion_to_child(moved, s) for s in columns] + S
             at += nq
         self.M = SE3.over(np.array(matrix_from_pose(X)))
         self.S[...] = np.array([_linear_first(s) for s in columns]).T.reshape(self.S.shape)
@@ -271,7 +262,7 @@ class JointData:
         return self.shortname()
 
 
-def _linear_first(m: Twist) -> Array:
+def _linear_first(m: spatial.Motion) -> Array:
     return np.array([*m.v, *m.w], dtype=float)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -69,7 +68,7 @@ class Entries:
 
 
 class Arrays:
-    """The arrays as attributes; a joint appends its entries."""
+    """The arrays as attributes."""
 
     _arrays: dict[str, Array]
     lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
@@ -85,12 +84,6 @@ class Arrays:
     armature = Entries(0.0, "(nv,) reflected inertias of the rotors, added to the diagonal of M.")
     rotorInertia = Entries(0.0, "(nv,) inertias of the rotors; without effect, see ``armature``.")
     rotorGearRatio = Entries(1.0, "(nv,) ratios of the gears; without effect.")
-
-    def _extend(self, joint: JointModel, values: Mapping[str, Array]) -> None:
-        """Append the entries of a joint, from ``values`` by name, else the defaults."""
-        for name, x in ARRAYS.items():
-            new = values.get(name, np.full(x.size(joint), x.default))
-            self._arrays[name] = np.concatenate([self._arrays[name], new])
 
 
 ARRAYS = {x.name: x for x in vars(Arrays).values() if isinstance(x, Entries)}
@@ -212,7 +205,7 @@ class Tree:
         self.names: list[str] = OwnedList(on_tree_edit, str, ["universe"])
         self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
         self.joints: list[JointModel] = Joints(on_tree_edit, JointModel, [JointModelRX()])
-        self.jointPlacements: list[SE3] = OwnedList(self._on_edit, SE3, [SE3.Identity()])
+        self.jointPlacements: list[SE3] = [SE3.Identity()]
         self.inertias: list[Inertia] = Inertias(on_inertia_edit, Inertia, [Inertia.Zero()])
         self.idx_qs, self.nqs = Indices([0]), Indices([0])
         self.idx_vs, self.nvs = Indices([0]), Indices([0])

@@ -31,6 +31,10 @@ FIXED = {  # attributes derived from others, and lists whose entries alone are a
     ),
 }  # fmt: skip
 OTHERS = dict.fromkeys(("name", "frames", "jointPlacements", "referenceConfigurations"), "An attribute of each model.")
+LISTS = {  # lists that can be assigned -> type of their entries, cached attributes that an edit sets to None
+    "jointPlacements": (SE3, "_library", "_placement_numbers"),
+    "frames": (Frame, "_frame_placements", "_frames_by_name"),
+}
 
 
 class Configuration(NamedTuple):
@@ -72,26 +76,23 @@ class Model(Tree, Arrays, Stored, Copied):
 
     def __init__(self, clone: Model | None = None) -> None:
         """A model with the universe alone, or a copy of another."""
-        vars(self).pop("_sealed", None)
+        self._sealed = False
         super().__init__()
         self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
         self._frames_by_name: dict[str, list[int]] | None = None  # frame indices; None after an edit
-        self.frames: list[Frame] = OwnedList(Listener(self, "_frame_placements", "_frames_by_name"), Frame, [universe])
+        self.frames: list[Frame] = [universe]
         self.referenceConfigurations: dict[str, Array] = Configurations()
         self._sealed = True
         if clone is not None:
             fill(self, state(expected(clone, Model, "clone")))
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in FIXED and "_sealed" in vars(self):
+        if name in FIXED and self._sealed:
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
-        if name in ("jointPlacements", "frames") and "_sealed" in vars(self):
-            owner, kind = (
-                (self._on_edit, SE3)
-                if name == "jointPlacements"
-                else (Listener(self, "_frame_placements", "_frames_by_name"), Frame)
-            )
+        if name in LISTS:
+            kind, *caches = LISTS[name]
+            owner = Listener(self, *caches)
             value = OwnedList(owner, kind, value)
             owner.changed()
         super().__setattr__(name, value)
@@ -131,9 +132,11 @@ class Model(Tree, Arrays, Stored, Copied):
         return self._add(parent, joint_model, joint_placement, joint_name, values)
 
     def _add(self, parent: int, joint: JointModel, placement: SE3, name: str, values: Mapping[str, Array]) -> int:
-        """Add a joint with its entries of the model's arrays by name; returns its index."""
+        """Add a joint with its entries of the model's arrays by name, else the defaults; returns its index."""
         index = self._append_joint(parent, joint, placement, name)
-        self._extend(joint, values)
+        for array, x in ARRAYS.items():
+            new = values.get(array, np.full(x.size(joint), x.default))
+            self._arrays[array] = np.concatenate([self._arrays[array], new])
         return index
 
     def addFrame(self, frame: Frame, append_inertia: bool = True) -> int:
@@ -219,13 +222,9 @@ class Model(Tree, Arrays, Stored, Copied):
         """Whether a body's frame has that name."""
         return self.existFrame(name, BODY)
 
-    def _state(self) -> dict[str, Any]:
-        return state(self)
-
-    def _become(self, given: Mapping[str, Any]) -> None:
-        fill(self, given)
-
     # --- the whole -----------------------------------------------------------------------------------------
+
+    _state, _become, __setstate__ = state, fill, fill
 
     def check(self, data: Any) -> bool:
         """Whether a Data was made for a model of this size."""
@@ -247,9 +246,7 @@ class Model(Tree, Arrays, Stored, Copied):
         """An independent copy."""
         return Model(self)
 
-    def cast(self) -> Model:
-        """A copy: the only scalar type is float64."""
-        return Model(self)
+    cast = copy  # the only scalar type is float64
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Model) and state(self) == state(other)
@@ -257,7 +254,7 @@ class Model(Tree, Arrays, Stored, Copied):
     __hash__ = object.__hash__
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (state(self),)
+        return Model, (), state(self)
 
     def __repr__(self) -> str:
         lines = [f"Nb joints = {self.njoints} (nq={self.nq},nv={self.nv})"]
@@ -274,10 +271,3 @@ class Attribute:
 
 for _name, _doc in {**FIXED, **OTHERS}.items():
     setattr(Model, _name, Attribute(_doc))
-
-
-def _restored(given: Mapping[str, Any]) -> Model:
-    """The Model of a serialized state."""
-    model = Model()
-    fill(model, given)
-    return model

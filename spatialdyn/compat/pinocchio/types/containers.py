@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import deepcopy
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from .arguments import ArgumentError
+from .arguments import ArgumentError, module_of_caller
 from .bases import Copied
 from .frame import Frame
 from .inertia import Inertia
@@ -47,7 +48,9 @@ class StdVec(Copied, OwnedList[Any]):
 
     def _own(self, value: Any) -> Any:
         own = super()._own(value)
-        return np.array(own) if isinstance(own, np.ndarray) else own
+        if isinstance(own, np.ndarray):
+            return np.array(own)
+        return own if hasattr(own, "_owner") else deepcopy(own)
 
     def __getitem__(self, at: Any) -> Any:
         found = super().__getitem__(at)
@@ -76,14 +79,15 @@ KINDS: dict[str, tuple[Any, str]] = {
 }  # fmt: skip
 
 
-def _list_of(name: str, kind: Any, what: str) -> Any:
-    content = {"kind": kind, "__doc__": f"A list of {what}.", "__module__": __name__}
+def list_class(name: str, kind: Any, what: str) -> Any:
+    """The class ``StdVec_NAME`` of lists of a type, or of several types."""
+    content = {"kind": kind, "__doc__": f"A list of {what}.", "__module__": module_of_caller()}
     return type(f"StdVec_{name}", (StdVec,), content)
 
 
 StdVec_SE3, StdVec_Motion, StdVec_Inertia, StdVec_Frame, StdVec_Symmetric3, StdVec_StdString, StdVec_Bool, \
     StdVec_Force, StdVec_Index, StdVec_Scalar, StdVec_Array, StdVec_List = (
-        _list_of(name, *row) for name, row in KINDS.items()
+        list_class(name, *row) for name, row in KINDS.items()
     )  # fmt: skip
 StdVec_Double = StdVec_Scalar
 StdVec_int = StdVec_EigenIndex = StdVec_Index
