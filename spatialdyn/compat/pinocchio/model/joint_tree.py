@@ -315,6 +315,9 @@ class Tree:
             row[span] = True
         return list(made)
 
+    def _neutral(self) -> Array:
+        return np.array([x for joint in self.joints[1:] for x in joint.neutral()])
+
     def getChildJoints(self) -> list[int]:
         """The joints without children."""
         return Indices(k for k in range(1, self.njoints) if not self.children[k])

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....errors import ModelError, ShapeError
-from ..types.arguments import ArgumentError, Array, by_name, described, expected
+from ..types.arguments import ArgumentError, by_name, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
 from .joint import JointModel
@@ -95,27 +95,46 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
     at = modelA.frames[int(frame_in_modelA)]
     last = max([at.parentJoint, *modelA.subtrees[at.parentJoint]])
     whole = _empty_like(modelA)
-    A, B = _Part(modelA), _Part(modelB)
-    whole._add_inertia(0, modelA.inertias[0], None)
-    _copy_frames(whole, A, 0)
+    A, B = _Part(modelA, whole), _Part(modelB, whole)
+    A.fix(0, _Carrier(0, SE3.Identity()))
     for k in range(modelA.njoints):
-        if k:
-            _copy_joint(whole, A, k)
+        A.add(k)
         if k == last:
             carrier = A.carriers[at.parentJoint]
-            B.carriers[0] = _Carrier(carrier.joint, carrier.placement * at.placement * aMb)
+            B.fix(0, _Carrier(carrier.joint, carrier.placement * at.placement * aMb))
             B.frames[0] = A.frames[int(frame_in_modelA)]
-            whole._add_inertia(carrier.joint, modelB.inertias[0], B.carriers[0].placement)
-            _copy_frames(whole, B, 0)
-            for j in range(1, modelB.njoints):
-                _copy_joint(whole, B, j)
+            for j in range(modelB.njoints):
+                B.add(j)
     vars(whole)["nbodies"] = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
-    for name in dict.fromkeys([*modelA.referenceConfigurations.keys(), *modelB.referenceConfigurations.keys()]):
-        q = np.array([x for joint in whole.joints[1:] for x in joint.neutral()])
-        for part in (A, B):
-            if name in part.model.referenceConfigurations:
-                _copy_coordinates(whole, part, q, part.model.referenceConfigurations[name])
-        whole.referenceConfigurations[name] = q
+    _copy_configurations(whole, A, B)
+    return whole
+
+
+def _check_names(A: Model, B: Model) -> None:
+    for what, a, b in (("joint", A.names, B.names), ("frame", [f.name for f in A.frames], [f.name for f in B.frames])):
+        both = sorted({*a[1:]} & {*b[1:]})
+        if both:
+            raise ModelError(f'both models have a {what} "{both[0]}", expected distinct names')
+
+
+def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, JointModel]) -> Model:
+    """A model with some joints locked at a pose, others replaced; frames keep their indices."""
+    whole = _empty_like(model)
+    part = _Part(model, whole)
+    part.fix(0, _Carrier(0, SE3.Identity()))
+    for k in range(1, model.njoints):
+        if k in locked:
+            carrier = part.carriers[model.parents[k]]
+            part.fix(k, _Carrier(carrier.joint, carrier.placement * model.jointPlacements[k] * locked[k]))
+        else:
+            part.add_joint(k, replaced.get(k))
+    part.frames = {at: at for at in range(model.nframes)}
+    for at, frame in enumerate(model.frames[1:], start=1):
+        part.add_frame(at)
+        if frame.parentJoint in locked and frame.type == JOINT:
+            whole.frames[at].type, whole.frames[at].inertia = FIXED_JOINT, model.inertias[frame.parentJoint]
+    vars(whole)["nbodies"] = whole.njoints
+    _copy_configurations(whole, part)
     return whole
 
 
@@ -130,12 +149,49 @@ class _Carrier(NamedTuple):
 
 
 class _Part:
-    """A model that is being copied: old joint -> carrier, old frame -> new index."""
+    """A model that is copied into a new one: old joint -> carrier, old frame -> new index."""
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.carriers = {0: _Carrier(0, SE3.Identity())}
+    def __init__(self, model: Model, whole: Model) -> None:
+        self.model, self.whole = model, whole
+        self.carriers: dict[int, _Carrier] = {}
+        self.joints: list[int] = []  # the joints that are joints of the new model
         self.frames = {0: 0}
+
+    def fix(self, k: int, carrier: _Carrier) -> None:
+        """Fix the body of joint k to a joint of the new model."""
+        self.carriers[k] = carrier
+        self.whole._add_inertia(carrier.joint, self.model.inertias[k], carrier.placement)
+
+    def add(self, k: int) -> None:
+        """Copy joint k unless it is fixed, then its frames but the universe's."""
+        if k not in self.carriers:
+            self.add_joint(k)
+        for at, frame in enumerate(self.model.frames):
+            if frame.parentJoint == k and at:
+                self.add_frame(at)
+
+    def add_joint(self, k: int, joint: JointModel | None = None) -> None:
+        """Copy joint k, or its replacement, with its inertia, which contains those of its frames."""
+        model, whole, given = self.model, self.whole, self.model.joints[k]
+        carrier = self.carriers[model.parents[k]]
+        new = given if joint is None else joint
+        if isinstance(new, Mimic):
+            leader = whole.joints[self.carriers[new.leader].joint]
+            new = JointModelMimic.of(new, leader, new.scaling, new.offset)
+        q, v = (slice(at, at + n) for at, n in ((given.idx_q, new.nq), (given.idx_v, new.nv)))
+        values = {name: x[q if ARRAYS[name].of_q else v] for name, x in model._arrays.items()}
+        index = whole._add(carrier.joint, new, carrier.placement * model.jointPlacements[k], model.names[k], values)
+        whole.inertias[index] = model.inertias[k]
+        self.carriers[k] = _Carrier(index, SE3.Identity())
+        self.joints.append(k)
+
+    def add_frame(self, at: int) -> None:
+        """Copy a frame."""
+        frame = self.model.frames[at]
+        carrier = self.carriers[frame.parentJoint]
+        before, placement = self.frames.get(frame.parentFrame, 0), carrier.placement * frame.placement
+        self.frames[at] = self.whole.nframes
+        self.whole.frames.append(Frame(frame.name, carrier.joint, before, placement, frame.type, frame.inertia))
 
 
 def _empty_like(model: Model) -> Model:
@@ -145,70 +201,13 @@ def _empty_like(model: Model) -> Model:
     return made
 
 
-def _copy_joint(whole: Model, part: _Part, k: int, joint: JointModel | None = None) -> None:
-    """Copy joint k, or its replacement, with its inertia and frames."""
-    model, given = part.model, part.model.joints[k]
-    carrier = part.carriers[model.parents[k]]
-    new = given if joint is None else joint
-    if isinstance(new, Mimic):
-        leader = whole.joints[part.carriers[new.leader].joint]
-        new = JointModelMimic.of(new, leader, new.scaling, new.offset)
-    q, v = (slice(at, at + n) for at, n in ((given.idx_q, new.nq), (given.idx_v, new.nv)))
-    values = {name: x[q if ARRAYS[name].of_q else v] for name, x in model._arrays.items()}
-    index = whole._add(carrier.joint, new, carrier.placement * model.jointPlacements[k], model.names[k], values)
-    whole.inertias[index] = model.inertias[k]
-    part.carriers[k] = _Carrier(index, SE3.Identity())
-    _copy_frames(whole, part, k)
-
-
-def _copy_frames(whole: Model, part: _Part, k: int) -> None:
-    """Copy the frames of joint k but the universe's; the joint's inertia contains theirs already."""
-    carrier = part.carriers[k]
-    for at, frame in enumerate(part.model.frames):
-        if frame.parentJoint == k and at:
-            part.frames[at] = whole.nframes
-            before = part.frames.get(frame.parentFrame, 0)
-            whole.frames.append(
-                Frame(frame.name, carrier.joint, before, carrier.placement * frame.placement, frame.type, frame.inertia)
-            )
-
-
-def _copy_coordinates(whole: Model, part: _Part, q: Array, given: Array) -> None:
-    """Copy a part's configuration to its entries of the whole's."""
-    for k in range(1, part.model.njoints):
-        old, new = part.model.joints[k], whole.joints[part.carriers[k].joint]
-        q[new.idx_q : new.idx_q + new.nq] = given[old.idx_q : old.idx_q + new.nq]
-
-
-def _check_names(A: Model, B: Model) -> None:
-    for what, a, b in (("joint", A.names, B.names), ("frame", [f.name for f in A.frames], [f.name for f in B.frames])):
-        both = sorted({*a[1:]} & {*b[1:]})
-        if both:
-            raise ModelError(f'both models have a {what} "{both[0]}", expected distinct names')
-
-
-def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, JointModel]) -> Model:
-    """A model with some joints locked at a pose, others replaced; frames keep their indices."""
-    whole, part = _empty_like(model), _Part(model)
-    whole._add_inertia(0, model.inertias[0], None)
-    kept = [k for k in range(1, model.njoints) if k not in locked]
-    for k in range(1, model.njoints):
-        if k in locked:
-            carrier = part.carriers[model.parents[k]]
-            X = carrier.placement * model.jointPlacements[k] * locked[k]
-            part.carriers[k] = _Carrier(carrier.joint, X)
-            whole._add_inertia(carrier.joint, model.inertias[k], X)
-        else:
-            _copy_joint(whole, part, k, replaced.get(k))
-    del whole.frames[1:]
-    for frame in model.frames[1:]:
-        carrier, X = part.carriers[frame.parentJoint], part.carriers[frame.parentJoint].placement * frame.placement
-        kind, inertia = frame.type, frame.inertia
-        if frame.parentJoint in locked and kind == JOINT:
-            kind, inertia = FIXED_JOINT, model.inertias[frame.parentJoint]
-        whole.frames.append(Frame(frame.name, carrier.joint, frame.parentFrame, X, kind, inertia))
-    vars(whole)["nbodies"] = 1 + len(kept)
-    for name, q in model.referenceConfigurations.items():
-        spans = [(whole.joints[part.carriers[k].joint].nq, model.idx_qs[k]) for k in kept]
-        whole.referenceConfigurations[name] = np.concatenate([q[at : at + n] for n, at in spans] or [q[:0]])
-    return whole
+def _copy_configurations(whole: Model, *parts: _Part) -> None:
+    """Copy reference configurations; joints of a part that has none of that name are neutral."""
+    for name in dict.fromkeys(name for part in parts for name, _ in part.model.referenceConfigurations.items()):
+        q = whole._neutral()
+        for part in parts:
+            given: Any = part.model.referenceConfigurations.get(name)
+            for k in part.joints if given is not None else ():
+                old, new = part.model.joints[k], whole.joints[part.carriers[k].joint]
+                q[new.idx_q : new.idx_q + new.nq] = given[old.idx_q : old.idx_q + new.nq]
+        whole.referenceConfigurations[name] = q

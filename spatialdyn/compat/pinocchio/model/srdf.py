@@ -10,8 +10,6 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from ....errors import UrdfError
 from ....urdf.sources import read_path
 from ..types.arguments import ArgumentError, described, expected
@@ -81,12 +79,11 @@ def _parsed(label: str, model: Model, text: bytes) -> Any:
 
 def _configurations(model: Model, label: str, text: bytes) -> None:
     root = _parsed(label, expected(model, Model, "model"), text)
-    neutral = np.array([x for joint in model.joints[1:] for x in joint.neutral()])
     for state in root.iter("group_state"):
         name = state.get("name")
         if name is None:
             raise UrdfError(f"{label}:{state.sourceline}: <group_state> has no attribute name, expected one")
-        q = neutral.copy()
+        q = model._neutral()
         for element in state.iter("joint"):
             values = _numbers(label, element, "value")
             for joint in _joints(model, element):
