@@ -25,7 +25,7 @@ from ...pictures.stage import HOST, Stage, has_screen, page_frame, warn_missing
 from .algorithms import configuration, kinematics
 from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
 from .data.data import Data
-from .model.geometry import GeometryData, GeometryModel, GeometryObject
+from .model.geometry import GeometryData, GeometryModel, GeometryObject, createDatas
 from .model.model import Model
 from .types.arguments import ValueRuntimeError
 from .types.frame import BODY
@@ -78,9 +78,8 @@ class BaseVisualizer:
 
     def rebuildData(self) -> None:
         """Make new data for the models as they are now."""
-        self.data, self.collision_data, self.visual_data = (
-            None if x is None else x.createData() for x in (self.model, self.collision_model, self.visual_model)
-        )
+        models = self.model, self.collision_model, self.visual_model
+        self.data, self.collision_data, self.visual_data = createDatas(*models)
 
     def initViewer(self, viewer: Any = None, *arguments: Any, **named: Any) -> None:
         """Store a viewer; none is opened."""

@@ -213,7 +213,7 @@ class _Reader(ast.NodeVisitor):
     def visit_Attribute(self, node: ast.Attribute) -> None:
         name = self.dotted(node)
         if name is not None:
-            self.note(_checked_name(name), node.lineno)
+            self.note(".".join(name.split(".")[:2]), node.lineno)  # a member of a module or class, not members of that
             return
         of = self.kind(node.value)
         if of is not None:
@@ -228,8 +228,3 @@ def _own(name: str) -> str:
     there = vars(compat_package())
     shown = first in names() and first in there and getattr(there.get(module), first, None) is there[first]
     return rest if shown else name
-
-
-def _checked_name(name: str) -> str:
-    """The first two parts of a dotted name: a member of a module or class, not members of that."""
-    return ".".join(name.split(".")[:2])

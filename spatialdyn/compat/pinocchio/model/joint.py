@@ -128,9 +128,35 @@ class JointModel(Owned, metaclass=Variant):
         """A JointData for the results of ``calc``."""
         return JointData(self)
 
-    def calc(self, data: JointData, q: Any, v: Any = None) -> None:
+    def calc(self: Any, data: JointData, q: Any, v: Any = None) -> None:
         """Write pose M, subspace S, and with v velocity v and bias c, at the model's q, v, into the data."""
-        data.calc(self, q, v)
+        data.joint_q[:] = _own("q", q, self.idx_q, _coordinates(self))
+        data.joint_v[:] = 0.0 if v is None else _own("v", v, self.idx_v, len(data.joint_v))
+        if self.leader is not None:
+            data.joint_q[:] = self.scaling * data.joint_q + self.offset
+            data.joint_v *= self.scaling
+        X, twist, bias = spatial.identity_pose(), spatial.zero_motion(), spatial.zero_motion()
+        columns: list[spatial.Motion] = []
+        at, n = 0, 0
+        for step in self.steps():
+            nq = kind_of(step.kind, "cos_sin").nq
+            q_step = data.joint_q[at : at + nq]
+            moved = pose_from_matrix(joint_transform(step.kind, step.axis, q_step, "cos_sin", step.pitch))
+            moved = spatial.compose(pose_from_matrix(step.placement), moved)
+            S = [spatial.Motion(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis, step.pitch).tolist()]
+            own = spatial.zero_motion()
+            for s in S:
+                own = spatial.add_motion(own, spatial.scale_motion(float(data.joint_v[n]), s))
+                n += 1
+            X = spatial.compose(X, moved)
+            twist = spatial.add_motion(spatial.motion_to_child(moved, twist), own)
+            bias = spatial.add_motion(spatial.motion_to_child(moved, bias), spatial.cross_motion(twist, own))
+            columns = [spatial.motion_to_child(moved, s) for s in columns] + S
+            at += nq
+        data.M = SE3.over(np.array(matrix_from_pose(X)))
+        data.S[...] = np.array([_linear_first(s) for s in columns]).T.reshape(data.S.shape)
+        if v is not None:
+            data.v, data.c = Motion.over(_linear_first(twist)), Motion.over(_linear_first(bias))
 
     def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
         """Set the joint's indices in its model."""
@@ -227,36 +253,6 @@ class JointData:
     def shortname(self) -> str:
         """Name of the kind of joint data."""
         return self._kind.replace("JointModel", "JointData")
-
-    def calc(self, joint: Any, q: Any, v: Any = None) -> None:
-        """Write the results of a joint at the model's q, v."""
-        self.joint_q[:] = _own("q", q, joint.idx_q, _coordinates(joint))
-        self.joint_v[:] = 0.0 if v is None else _own("v", v, joint.idx_v, len(self.joint_v))
-        if joint.leader is not None:
-            self.joint_q[:] = joint.scaling * self.joint_q + joint.offset
-            self.joint_v *= joint.scaling
-        X, twist, bias = spatial.identity_pose(), spatial.zero_motion(), spatial.zero_motion()
-        columns: list[spatial.Motion] = []
-        at, n = 0, 0
-        for step in joint.steps():
-            nq = kind_of(step.kind, "cos_sin").nq
-            q_step = self.joint_q[at : at + nq]
-            moved = pose_from_matrix(joint_transform(step.kind, step.axis, q_step, "cos_sin", step.pitch))
-            moved = spatial.compose(pose_from_matrix(step.placement), moved)
-            S = [spatial.Motion(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis, step.pitch).tolist()]
-            own = spatial.zero_motion()
-            for s in S:
-                own = spatial.add_motion(own, spatial.scale_motion(float(self.joint_v[n]), s))
-                n += 1
-            X = spatial.compose(X, moved)
-            twist = spatial.add_motion(spatial.motion_to_child(moved, twist), own)
-            bias = spatial.add_motion(spatial.motion_to_child(moved, bias), spatial.cross_motion(twist, own))
-            columns = [spatial.motion_to_child(moved, s) for s in columns] + S
-            at += nq
-        self.M = SE3.over(np.array(matrix_from_pose(X)))
-        self.S[...] = np.array([_linear_first(s) for s in columns]).T.reshape(self.S.shape)
-        if v is not None:
-            self.v, self.c = Motion.over(_linear_first(twist)), Motion.over(_linear_first(bias))
 
     def __repr__(self) -> str:
         return self.shortname()

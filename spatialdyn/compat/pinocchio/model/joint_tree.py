@@ -67,39 +67,6 @@ class Entries:
             model._on_edit.changed()
 
 
-class Arrays:
-    """The arrays as attributes."""
-
-    _arrays: dict[str, Array]
-    lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
-    upperPositionLimit = Entries(NO_LIMIT, "(nq,) largest coordinates.", "max_config")
-    positionLimitMargin = Entries(0.0, "(nq,) margin to the limits; without effect.", "config_limit_margin")
-    lowerEffortLimit = Entries(-NO_LIMIT, "(nv,) least forces of the joints.", "min_effort")
-    upperEffortLimit = effortLimit = Entries(NO_LIMIT, "(nv,) largest forces of the joints.", "max_effort")
-    lowerVelocityLimit = Entries(-NO_LIMIT, "(nv,) least velocities.", "min_velocity")
-    upperVelocityLimit = velocityLimit = Entries(NO_LIMIT, "(nv,) largest velocities.", "max_velocity")
-    lowerDryFrictionLimit = Entries(0.0, "(nv,) least dry friction; without effect.", "min_friction")
-    upperDryFrictionLimit = friction = Entries(0.0, "(nv,) largest dry friction; without effect.", "max_friction")
-    damping = Entries(0.0, "(nv,) viscous friction; without effect.", "damping")
-    armature = Entries(0.0, "(nv,) reflected inertias of the rotors, added to the diagonal of M.")
-    rotorInertia = Entries(0.0, "(nv,) inertias of the rotors; without effect, see ``armature``.")
-    rotorGearRatio = Entries(1.0, "(nv,) ratios of the gears; without effect.")
-
-
-ARRAYS = {x.name: x for x in vars(Arrays).values() if isinstance(x, Entries)}
-BY_LIMIT = {x.limit: x for x in ARRAYS.values()}
-
-
-def limit(joint: str, name: str, value: Any, model: JointModel) -> Array:
-    """A limit of a joint as (nq,) or (nv,) numbers."""
-    if not isinstance(value, np.ndarray):
-        raise ArgumentError(f'{name} of joint "{joint}" is {described(value)}, expected an array')
-    n = BY_LIMIT[name].size(model)
-    if value.size != n:
-        raise ShapeError(f'{name} of joint "{joint}" has {value.size} numbers, expected {n}')
-    return np.array(value, dtype=float).reshape(n)
-
-
 GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -182,10 +149,24 @@ class Tree:
     gravity                                             Motion
     """
 
+    lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
+    upperPositionLimit = Entries(NO_LIMIT, "(nq,) largest coordinates.", "max_config")
+    positionLimitMargin = Entries(0.0, "(nq,) margin to the limits; without effect.", "config_limit_margin")
+    lowerEffortLimit = Entries(-NO_LIMIT, "(nv,) least forces of the joints.", "min_effort")
+    upperEffortLimit = effortLimit = Entries(NO_LIMIT, "(nv,) largest forces of the joints.", "max_effort")
+    lowerVelocityLimit = Entries(-NO_LIMIT, "(nv,) least velocities.", "min_velocity")
+    upperVelocityLimit = velocityLimit = Entries(NO_LIMIT, "(nv,) largest velocities.", "max_velocity")
+    lowerDryFrictionLimit = Entries(0.0, "(nv,) least dry friction; without effect.", "min_friction")
+    upperDryFrictionLimit = friction = Entries(0.0, "(nv,) largest dry friction; without effect.", "max_friction")
+    damping = Entries(0.0, "(nv,) viscous friction; without effect.", "damping")
+    armature = Entries(0.0, "(nv,) reflected inertias of the rotors, added to the diagonal of M.")
+    rotorInertia = Entries(0.0, "(nv,) inertias of the rotors; without effect, see ``armature``.")
+    rotorGearRatio = Entries(1.0, "(nv,) ratios of the gears; without effect.")
     gravity981 = np.array(GRAVITY)
     gravity981.flags.writeable = False
 
     def __init__(self) -> None:
+        self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
         self._library: Any = None  # LibraryModel, None from an edit on
         self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
         self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
@@ -321,3 +302,17 @@ class Tree:
     def getChildJoints(self) -> list[int]:
         """The joints without children."""
         return Indices(k for k in range(1, self.njoints) if not self.children[k])
+
+
+ARRAYS = {x.name: x for x in vars(Tree).values() if isinstance(x, Entries)}
+BY_LIMIT = {x.limit: x for x in ARRAYS.values()}
+
+
+def limit(joint: str, name: str, value: Any, model: JointModel) -> Array:
+    """A limit of a joint as (nq,) or (nv,) numbers."""
+    if not isinstance(value, np.ndarray):
+        raise ArgumentError(f'{name} of joint "{joint}" is {described(value)}, expected an array')
+    n = BY_LIMIT[name].size(model)
+    if value.size != n:
+        raise ShapeError(f'{name} of joint "{joint}" has {value.size} numbers, expected {n}')
+    return np.array(value, dtype=float).reshape(n)

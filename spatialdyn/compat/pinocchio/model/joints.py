@@ -71,13 +71,12 @@ class OneAxis(JointModel):
         return *(() if self._along else self._axis), *([self._pitch] if self._kind == "helical" else [])
 
 
+_PITCH = owned_attribute("_pitch", lambda x, joint: number(x, "pitch"), "Travel along the axis per radian [m/rad].")
+
+
 def _motion_axis(joint: Any) -> Any:
     """The axis (3,)."""
     return np.array(joint._axis)
-
-
-_AXIS = _axis("_axis", "The unit axis (3,), a copy: assign to change it.")
-_PITCH = owned_attribute("_pitch", lambda x, joint: number(x, "pitch"), "Travel along the axis per radian [m/rad].")
 
 
 def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[Any]:
@@ -92,8 +91,8 @@ def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[
         for at, axis in axes
     ]  # fmt: skip
     given = f"``(x, y, z{pitch and ', '}{pitch})`` or ``(axis (3,){pitch and ', '}{pitch})``"
-    name = f"JointModel{name}Unaligned"
-    return [*made, joint_kind(name, OneAxis, f"{doc.format('an axis')}: {given}.", axis=_AXIS, **own)]
+    own["axis"] = _axis("_axis", "The unit axis (3,), a copy: assign to change it.")
+    return [*made, joint_kind(f"JointModel{name}Unaligned", OneAxis, f"{doc.format('an axis')}: {given}.", **own)]
 
 
 _ROWS = (

@@ -17,7 +17,7 @@ from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import JointModel
-from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Arrays, Listener, Tree, limit
+from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Listener, Tree, limit
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
@@ -59,7 +59,7 @@ class Configurations(StdMap_String_VectorXd):
         return (Configuration(name, q) for name, q in self.items())
 
 
-class Model(Tree, Arrays, Stored, Copied):
+class Model(Tree, Stored, Copied):
     """A robot as Pinocchio's Model holds it; see ``Tree`` for its joints.
 
     frames                   list of Frame
@@ -78,7 +78,6 @@ class Model(Tree, Arrays, Stored, Copied):
         """A model with the universe alone, or a copy of another."""
         self._sealed = False
         super().__init__()
-        self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
         self._frames_by_name: dict[str, list[int]] | None = None  # frame indices; None after an edit
         self.frames: list[Frame] = [universe]

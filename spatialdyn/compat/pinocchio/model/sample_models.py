@@ -21,7 +21,8 @@ ANGLE, MOST = 3.14, 10.0  # limits of angles, and of torques and velocities
 SCALING, OFFSET = 2.5, 0.75  # of the joint that mimics
 SMALL = Inertia.over(np.array([0.1, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01]))  # 0.1 kg at the joint
 LARGE = Inertia.over(np.array([1.0, 0.0, 0.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0]))  # 1 kg at half a metre
-UP = (0.0, 0.0, 1.0)
+UP = SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
+FLIP = np.diag([1.0, -1.0, -1.0])  # upside down
 RX, RY, RZ, _ = joints.BY_AXIS["revolute"]
 
 
@@ -38,15 +39,15 @@ def buildSampleModelHumanoid(using_free_flyer: bool = True) -> Model:
     root = _root(model, using_free_flyer)
     model.appendBodyToJoint(root, SMALL, SE3.Identity())
     for side, y in (("rleg", -0.2), ("lleg", 0.2)):
-        _arm(model, root, _upside_down(0.0, y, -0.1), f"{side}_")
+        _arm(model, root, SE3(FLIP, np.array([0.0, y, -0.1])), f"{side}_")
         foot = model.jointPlacements[model.njoints - 1]
         foot.rotation = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     at = _link(model, root, RX(), "chest1", SE3.Identity(), SMALL)
     chest = _link(model, at, RY(), "chest2", SE3.Identity(), LARGE)
-    at = _link(model, chest, RX(), "head1", _at(UP), SMALL)
+    at = _link(model, chest, RX(), "head1", UP, SMALL)
     _link(model, at, RY(), "head2", SE3.Identity(), LARGE)
     for side, y in (("rarm", -0.3), ("larm", 0.3)):
-        _arm(model, chest, _upside_down(0.0, y, 1.0), f"{side}_")
+        _arm(model, chest, SE3(FLIP, np.array([0.0, y, 1.0])), f"{side}_")
     return model
 
 
@@ -83,13 +84,13 @@ def _root(model: Model, free_flyer: bool) -> int:
 
 def _arm(model: Model, parent: int, placement: SE3, prefix: str, mimic: bool = False) -> None:
     """Add a shoulder of three joints, an elbow, and a wrist of two; three of them carry a bar."""
-    at, here, up = parent, SE3.Identity(), _at(UP)
+    at, here = parent, SE3.Identity()
     for kind, name, place, body, bar in (
         (RX, "shoulder1", placement, SMALL, ""),
         (RY, "shoulder2", here, SMALL, ""),
         (RZ, "shoulder3", here, None, "upperarm"),
-        (RY, "elbow", up, None, "lowerarm"),
-        (RX, "wrist1", up, SMALL, ""),
+        (RY, "elbow", UP, None, "lowerarm"),
+        (RX, "wrist1", UP, SMALL, ""),
         (RY, "wrist1_mimic" if mimic else "wrist2", here, None, "effector"),
     ):
         joint: JointModel = kind()
@@ -130,11 +131,3 @@ def _random_link(model: Model, parent: int, joint: JointModel, name: str) -> int
     effort, velocity, lower, upper = GENERATOR.random((4, joint.nv))
     limits = effort + 0.01, velocity + 0.01, -2.0 * lower, 2.0 * upper
     return _link(model, parent, joint, name, SE3.Random(), Inertia.Random(), *limits)
-
-
-def _at(p: tuple[float, float, float]) -> SE3:
-    return SE3(np.eye(3), np.array(p))
-
-
-def _upside_down(x: float, y: float, z: float) -> SE3:
-    return SE3(np.diag([1.0, -1.0, -1.0]), np.array([x, y, z]))

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from .arguments import Array
+from .bases import Copied
 
 WRITERS = {np.copyto, np.put, np.place, np.putmask, np.fill_diagonal, np.put_along_axis}
 
 
-class TrackedArray(np.ndarray):
+class TrackedArray(Copied, np.ndarray):
     """An array that notifies its owner of every write."""
 
     _owner: Any = None
@@ -74,11 +75,6 @@ class TrackedArray(np.ndarray):
     def copy(self, order: Any = "C") -> Any:
         """A plain array of the same numbers."""
         return np.array(plain(self), order=order)
-
-    __copy__ = copy
-
-    def __deepcopy__(self, memo: Any) -> Any:
-        return self.copy()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         return self.copy().__reduce_ex__(protocol)
