@@ -57,7 +57,6 @@ def _view(first: int, kind: Any, doc: str) -> Any:
 class BaumgarteCorrectorParameters(Value):
     """Gains of errors of a contact, Kp of its placement [1/s²] and Kd of its velocity [1/s]."""
 
-    __slots__ = ()
     _arguments = ("Kp", "Kd")
     Kp, Kd = part("Kp", 0, "Kp [1/s²]."), part("Kd", 1, "Kd [1/s].")
 

@@ -42,7 +42,6 @@ class Inertia(
     ``inertia`` a copy. ``Inertia()`` is zero.
     """
 
-    __slots__ = ()
     _arguments = ("mass", "lever", "inertia")
 
     def __init__(self, mass: Any = None, lever: Any = None, inertia: Any = None, *, clone: Any = None) -> None:

@@ -22,7 +22,6 @@ _joined = on_values("joined(linear: vec, angular: vec) -> motion", "Motion(angul
 class Spatial(Summable, InFrames):
     """Base of Motion and Force: six numbers, sums and multiples."""
 
-    __slots__ = ()
     _arguments = ("linear", "angular")
     _letters: ClassVar[tuple[str, str]]
     _scaled: ClassVar[Callable[..., Any]]
@@ -87,7 +86,6 @@ Zero() -> {kind} = zero_{space}()
 class Force(Spatial, kind="Force"):
     """A spatial force: ``Force(linear (3,), angular (3,))`` or ``Force(vector (6,))`` [N, N m about the origin]."""
 
-    __slots__ = ()
     _letters = ("  f", "tau")
     __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Force", "n", "f")
     Zero = staticmethod(Zero)
@@ -100,7 +98,6 @@ class Motion(Spatial, kind="Motion"):
     ``v ^ w`` and ``v.cross(w)`` are v × w for a Motion w, v ×* w for a Force.
     """
 
-    __slots__ = ()
     _letters = ("  v", "  w")
     __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Motion", "w", "v")
     Zero = staticmethod(Zero)

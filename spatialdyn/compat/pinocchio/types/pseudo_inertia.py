@@ -24,8 +24,6 @@ def ten(parameters: Any) -> Array:
 class Parameters(Value):
     """Base of the forms of a rigid body that have ``toDynamicParameters``."""
 
-    __slots__ = ()
-
     def toInertia(self) -> Any:
         """The Inertia of these parameters."""
         inertia: Any = Value._classes["Body"]
@@ -39,7 +37,6 @@ class PseudoInertia(Parameters):
     identification (2018): a body is physical if and only if the matrix is positive definite.
     """
 
-    __slots__ = ()
     _arguments = ("mass", "h", "sigma")
 
     def __init__(self, mass: Any, h: Any = None, sigma: Any = None) -> None:
@@ -100,7 +97,6 @@ class LogCholeskyParameters(Parameters):
     Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia (2022).
     """
 
-    __slots__ = ()
     _arguments = ("parameters",)
     _names = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 

@@ -32,8 +32,6 @@ coefficients(rotation: rot) -> quat = quaternion_of_matrix(rotation)
 class Rotation(Value):
     """Base of Quaternion and AngleAxis: each has a ``matrix()`` and rotates vectors."""
 
-    __slots__ = ()
-
     def _transformVector(self, vector: Any) -> Array:
         """The rotated vector (3,)."""
         turned: Array = self.matrix() @ array(vector, (3,), "vector")  # type: ignore[attr-defined]
@@ -60,7 +58,6 @@ class Quaternion(Rotation, kind="Quat"):
     ``q * p`` is the rotation p followed by q, ``q * x`` rotates a vector (3,). ``Quaternion()`` is the identity.
     """
 
-    __slots__ = ()
     _arguments = ("_x",)
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
@@ -195,7 +192,6 @@ class AngleAxis(Rotation):
     Products are Quaternions; ``a * x`` rotates a vector (3,). ``AngleAxis()`` is the rotation by 0 about x.
     """
 
-    __slots__ = ()
     _arguments = ("angle", "axis")
     _compared = (np.s_[:1], np.s_[1:])
     angle = part("angle", 0, "The angle [rad].")

@@ -37,7 +37,6 @@ class SE3(
     ``A.actInv(x)`` takes it back. ``rotation`` and ``translation`` are writable views. ``SE3()`` is the identity.
     """
 
-    __slots__ = ()
     _arguments = ("rotation", "translation")
 
     def __init__(

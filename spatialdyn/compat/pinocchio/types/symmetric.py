@@ -26,7 +26,6 @@ class Symmetric3(Summable):
     ``Symmetric3(xx, xy, yy, xz, yz, zz)``. ``Symmetric3()`` is zero.
     """
 
-    __slots__ = ()
     _arguments = ("_x",)
 
     def __init__(self, *arguments: Any) -> None:

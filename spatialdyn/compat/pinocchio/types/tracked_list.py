@@ -6,7 +6,7 @@ writes one ends with ``if self._owner is not None: self._owner.changed()``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -45,11 +45,8 @@ class OwnedList(list[Value], Listed):
     """
 
     def __init__(self, owner: Any, kind: type | tuple[type, ...], values: Iterable[Value] = ()) -> None:
-        super().__init__()
         self._owner, self._kind = owner, kind
-        self._put: Callable[[Value], None] = super().append
-        for value in values:
-            self._put(self._own(value))
+        super().__init__([self._own(value) for value in values])
 
     def _own(self, value: Value) -> Value:
         if not isinstance(value, self._kind):

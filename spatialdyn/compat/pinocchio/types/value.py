@@ -23,7 +23,7 @@ class Value(Owned):
     ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
     """
 
-    __slots__ = ("__dict__", "__weakref__", "_x")
+    __slots__ = ("__dict__", "__weakref__", "_x")  # for subclasses too, which name none
     _x: Array
     _classes: ClassVar[dict[str, type[Value]]] = {}  # by the kind of their array, capitalized
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
@@ -86,8 +86,6 @@ class Value(Owned):
 class Summable(Value):
     """Base of values that form a vector space: Motion, Force, Inertia and Symmetric3."""
 
-    __slots__ = ()
-
     def __iadd__(self, other: Any) -> Any:
         return self._write((self + other)._x)
 
@@ -101,8 +99,6 @@ class Summable(Value):
 
 class InFrames(Value):
     """Base of values that an SE3 takes from frame to frame: Motion, Force and Inertia."""
-
-    __slots__ = ()
 
     def se3Action(self: Self, M: Any) -> Self:
         """The value from the frame M in M's reference frame: ``M.act(self)``."""
