@@ -1,5 +1,5 @@
 """``pinocchio.serialization`` is out of scope: importing it raises an error that says what to use instead."""
 
-from .coverage.coverage import missing_module
+from .coverage.coverage import OutOfScopeImportError, instead
 
-missing_module(__name__)
+raise OutOfScopeImportError(f"pinocchio.serialization is not supported: {instead('serialization')}")

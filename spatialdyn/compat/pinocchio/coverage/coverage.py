@@ -155,12 +155,6 @@ def missing(name: str) -> NoReturn:
     raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_suggestion(name)}")
 
 
-def missing_module(name: str) -> NoReturn:
-    """Raise OutOfScopeError with advice, for a module of Pinocchio's that is out of scope."""
-    last = name.rpartition(".")[2]
-    raise OutOfScopeImportError(f"pinocchio.{last} is not supported: {instead(last)}")
-
-
 def _imported() -> bool:
     """Whether the package's ``__getattr__``, the caller of ``missing``, runs for ``from package import name``."""
     caller = sys._getframe(3).f_code

@@ -11,6 +11,7 @@ from ....errors import ModelError, ShapeError
 from ....model.robot_checks import missing
 from ..coverage.strictness import MODELS, strict
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
+from ..types.bases import Owner
 from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
@@ -74,56 +75,21 @@ class Indices(list[int], Listed):
     """A list of indices."""
 
 
-class Listener:
-    """The owner of a model's values: ``changed()`` sets cached attributes of the model to None."""
-
-    __slots__ = ("_attributes", "_nothing")
-
-    def __init__(self, model: Any, *attributes: str) -> None:
-        self._attributes, self._nothing = vars(model), dict.fromkeys(attributes)
-
-    def changed(self) -> None:
-        """Set the attributes to None."""
-        self._attributes.update(self._nothing)
-
-
-class Gravity:
-    """The owner of a model's gravity: an edit is written to its LibraryModel at once."""
-
-    __slots__ = ("_model",)
-
-    def __init__(self, model: Any) -> None:
-        self._model = model
-
-    def changed(self) -> None:
-        """Write gravity to the LibraryModel; with an angular part the next call raises."""
-        library, x = self._model._library, self._model._gravity._x
-        if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
-            library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
-        else:
-            self._model._library = self._model._placement_numbers = None  # so that all is checked
-
-
-class EditedInertia:
-    """The owner of one of a model's inertias: the next call writes it to the LibraryModel."""
-
-    __slots__ = ("_attributes", "_inertia")
-
-    def __init__(self, attributes: dict[str, Any], inertia: Inertia) -> None:
-        self._attributes, self._inertia = attributes, inertia
-
-    def changed(self) -> None:
-        """List the inertia."""
-        self._attributes["_library"] = None
-        self._attributes["_edited_inertias"][id(self._inertia)] = self._inertia
-
-
 class Inertias(OwnedList[Inertia]):
-    """The inertias of a model."""
+    """The inertias of a model; the next call writes those that were edited to its LibraryModel."""
+
+    def __init__(self, owner: Owner, model: Any) -> None:
+        self._model = vars(model)
+        super().__init__(owner, Inertia, [Inertia.Zero()])
 
     def _own(self, value: Inertia) -> Inertia:
-        made = super()._own(value)
-        made._owner = EditedInertia(self._owner._attributes, made)
+        made, model = super()._own(value), self._model
+
+        def changed() -> None:
+            model["_library"] = None
+            model["_edited_inertias"][id(made)] = made
+
+        made._owner = Owner(changed)
         return made
 
 
@@ -174,11 +140,11 @@ class Tree:
         self._inertia_rows: dict[int, int] = {}  # rows of that array, by id of the Inertia
         self._edited_inertias: dict[int, Inertia] = {}  # by id, edited since
         self._placement_numbers: Any = None  # those of placements and of armature
-        self._on_edit = Listener(self, "_library", "_placement_numbers")
-        on_inertia_edit = Listener(self, "_library", "_inertia_numbers")
+        self._on_edit = self._owner_of("_library", "_placement_numbers")
+        on_inertia_edit = self._owner_of("_library", "_inertia_numbers")
         MODELS.add(self)
-        on_tree_edit = Listener(
-            self, "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers"
+        on_tree_edit = self._owner_of(
+            "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers"
         )
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
@@ -187,14 +153,19 @@ class Tree:
         self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
         self.joints: list[JointModel] = Joints(on_tree_edit, JointModel, [JointModelRX()])
         self.jointPlacements: list[SE3] = [SE3.Identity()]
-        self.inertias: list[Inertia] = Inertias(on_inertia_edit, Inertia, [Inertia.Zero()])
+        self.inertias: list[Inertia] = Inertias(on_inertia_edit, self)
         self.idx_qs, self.nqs = Indices([0]), Indices([0])
         self.idx_vs, self.nvs = Indices([0]), Indices([0])
         self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])
         self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
         self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
         self.mimic_joint_supports = [Indices([0])]
-        self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), Gravity(self))
+        self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), Owner(self._put_gravity))
+
+    def _owner_of(self, *caches: str) -> Owner:
+        """The owner of values of which these cached attributes are made; a write sets them to None."""
+        model, nothing = vars(self), dict.fromkeys(caches)
+        return Owner(lambda: model.update(nothing))
 
     njoints: Any = property(lambda self: len(self.joints), doc="Number of joints, with the universe.")
 
@@ -207,6 +178,14 @@ class Tree:
     def gravity(self, value: Motion) -> None:
         self._gravity._x[...] = expected(value, Motion, "gravity")._x
         self._gravity.changed()
+
+    def _put_gravity(self) -> None:
+        """Write gravity to the LibraryModel; with an angular part the next call raises."""
+        library, x = self._library, self._gravity._x
+        if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
+            library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
+        else:
+            self._library = self._placement_numbers = None  # so that all is checked
 
     def _check_joint(self, index: Any) -> int:
         at = int(index)

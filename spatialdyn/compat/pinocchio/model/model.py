@@ -17,7 +17,7 @@ from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import JointModel
-from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Listener, Tree, limit
+from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Tree, limit
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
@@ -91,7 +91,7 @@ class Model(Tree, Stored, Copied):
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
         if name in LISTS:
             kind, *caches = LISTS[name]
-            owner = Listener(self, *caches)
+            owner = self._owner_of(*caches)
             value = OwnedList(owner, kind, value)
             owner.changed()
         super().__setattr__(name, value)

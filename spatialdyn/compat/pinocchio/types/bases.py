@@ -31,6 +31,15 @@ class Copied:
         return self.copy()
 
 
+class Owner:
+    """An owner of values: ``changed()`` is called after each write of one of them."""
+
+    __slots__ = ("changed",)
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self.changed = changed
+
+
 class Owned(Copied):
     """Base of what may belong to an owner, such as a model: ``_owner``, None without one, is notified of writes."""
 

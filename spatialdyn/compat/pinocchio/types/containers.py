@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import deepcopy
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from .arguments import ArgumentError, module_of_caller
-from .bases import Copied
+from .bases import Copied, Owner
 from .frame import Frame
 from .inertia import Inertia
 from .motion import Force, Motion
@@ -27,7 +26,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-NO_OWNER = SimpleNamespace(changed=lambda: None)  # the owner of lists without an owner
+NO_OWNER = Owner(lambda: None)  # of lists
 
 
 class StdVec(Copied, OwnedList[Any]):
