@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ...bodies.kinds import kind_of
 from ...errors import ShapeError
 from .algorithms import configuration
 from .model.joint import JointModel
@@ -67,11 +66,6 @@ class LieGroup(Registered):
     def __init__(self, parts: Sequence[str] = (), model: Model | None = None) -> None:
         self._parts = tuple(parts)
         self._whole = model
-
-    @classmethod
-    def _of_joint(cls, joint: JointModel) -> LieGroup:
-        """The configuration space of a joint."""
-        return cls(_groups(joint))
 
     @property
     def _model(self) -> Model:
@@ -186,20 +180,12 @@ def Rn(n: int) -> LieGroup:
 
 def lieGroup(model: Model) -> LieGroup:
     """The configuration space of a model, the product of its joints' groups."""
-    parts = [part for joint in list(expected(model, Model, "model").joints)[1:] for part in _groups(joint)]
-    return LieGroup(parts, model)
-
-
-def _groups(joint: JointModel) -> list[str]:
-    if hasattr(joint, "joints"):  # a composite
-        return [part for inner in joint.joints for part in _groups(inner)]
-    groups = [kind_of(step.kind, "cos_sin").group for step in joint.steps()] if joint.nv else []
-    return [groups[0]] if groups and groups[0] != "R" else [f"R^{len(groups)}"] * bool(groups)
+    return LieGroup([part for joint in expected(model, Model, "model").joints[1:] for part in joint.groups()], model)
 
 
 def getTangentToConfigurationSparsitySegment(model: Model) -> tuple[StdVec_Index, StdVec_Index]:
     """For each coordinate, the number of velocities of its joint and the index of the first."""
-    joints = list(expected(model, Model, "model").joints)[1:]
+    joints = expected(model, Model, "model").joints[1:]
     starts, widths = StdVec_Index([0] * model.nq), StdVec_Index([0] * model.nq)
     for joint in joints:
         for k in range(joint.idx_q, joint.idx_q + joint.nq):

@@ -101,10 +101,7 @@ class RobotWrapper(Partial):
 
     # --- viewers: see ``visualize`` --------------------------------------------------------------------------
 
-    @property
-    def viewer(self) -> Any:
-        """The visualizer's viewer; None if there is none."""
-        return None if self.viz is None else self.viz.viewer
+    viewer = property(lambda self: getattr(self.viz, "viewer", None), doc="The visualizer's viewer; None without one.")
 
     def setVisualizer(self, visualizer: Any, init: bool = True, copy_models: bool = False) -> None:
         """Set the visualizer; ``init`` calls its constructor with this robot's models."""

@@ -120,9 +120,14 @@ class JointModel(Owned, metaclass=Variant):
     def _fill(self, given: Mapping[str, Any]) -> None:
         """Take over what the constructor does not take, from a state."""
 
+    def groups(self) -> list[str]:
+        """The factors of the configuration space."""
+        groups = [kind_of(step.kind, "cos_sin").group for step in self.steps()] if self.nv else []
+        return [groups[0]] if groups and groups[0] != "R" else [f"R^{len(groups)}"] * bool(groups)
+
     def lieGroup(self) -> Any:
         """The configuration space of the joint."""
-        return Registered.classes["LieGroup"]._of_joint(self)
+        return Registered.classes["LieGroup"](self.groups())
 
     def createData(self) -> JointData:
         """A JointData for the results of ``calc``."""

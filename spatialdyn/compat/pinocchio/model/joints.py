@@ -186,6 +186,9 @@ class Composite(JointModel):
         """Index of the part of that name; njoints if there is none."""
         return self._names.index(name) if name in self._names else len(self._names)
 
+    def groups(self) -> list[str]:
+        return [group for joint in self.joints for group in joint.groups()]
+
     def limited(self, tangent: bool) -> list[bool]:
         return [has for joint in self.joints for has in joint.limited(tangent)]
 

@@ -96,10 +96,7 @@ class Model(Tree, Stored, Copied):
             owner.changed()
         super().__setattr__(name, value)
 
-    @property
-    def nframes(self) -> int:
-        """Number of frames."""
-        return len(self.frames)
+    nframes: Any = property(lambda self: len(self.frames), doc="Number of frames.")
 
     # --- building ------------------------------------------------------------------------------------------
 
@@ -155,7 +152,7 @@ class Model(Tree, Stored, Copied):
         if append_inertia:
             self._add_inertia(joint, frame.inertia, frame.placement)
         self.frames.append(frame)
-        return self.nframes - 1
+        return len(self.frames) - 1
 
     def addJointFrame(self, joint_id: int, frame_id: int = 0) -> int:
         """Add a joint's frame with a parent frame (-1: that of the parent joint); returns its index."""

@@ -23,16 +23,8 @@ __all__ = [
 class _Members(EnumMeta):
     """``names`` and ``values``, as Boost.Python's enumerations have them."""
 
-    @property
-    def names(cls) -> dict[str, Any]:
-        """The members by name."""
-        return dict(cls.__members__)
-
-    @property
-    def values(cls) -> dict[int, Any]:
-        """The members by number."""
-        members: dict[str, Any] = dict(cls.__members__)
-        return {member.value: member for member in members.values()}
+    names = property(lambda cls: dict(cls.__members__), doc="The members by name.")
+    values = property(lambda cls: {x.value: x for x in cls.__members__.values()}, doc="The members by number.")
 
 
 class Enum(IntEnum, metaclass=_Members):
