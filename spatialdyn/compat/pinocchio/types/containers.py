@@ -69,25 +69,21 @@ class StdVec(Copied, OwnedList[Any]):
     __hash__ = object.__hash__  # type: ignore[assignment]
 
 
-KINDS: dict[str, tuple[Any, str]] = {
-    "SE3": (SE3, "SE3"), "Motion": (Motion, "Motion"), "Inertia": (Inertia, "Inertia"), "Frame": (Frame, "Frame"),
-    "Symmetric3": (Symmetric3, "Symmetric3"), "StdString": (str, "str"), "Bool": ((bool, np.bool_), "bool"),
-    "Force": (Force, "Force, such as the external forces of ``rnea`` and ``aba``"),
-    "Index": ((int, np.integer), "indices"), "Scalar": ((float, int, np.floating, np.integer), "numbers"),
-    "Array": (np.ndarray, "arrays"), "List": ((list, StdVec), "lists of indices"),
-}  # fmt: skip
-
-
 def list_class(name: str, kind: Any, what: str) -> Any:
     """The class ``StdVec_NAME`` of lists of a type, or of several types."""
     content = {"kind": kind, "__doc__": f"A list of {what}.", "__module__": module_of_caller()}
     return type(f"StdVec_{name}", (StdVec,), content)
 
 
-StdVec_SE3, StdVec_Motion, StdVec_Inertia, StdVec_Frame, StdVec_Symmetric3, StdVec_StdString, StdVec_Bool, \
-    StdVec_Force, StdVec_Index, StdVec_Scalar, StdVec_Array, StdVec_List = (
-        list_class(name, *row) for name, row in KINDS.items()
-    )  # fmt: skip
+StdVec_SE3, StdVec_Motion, StdVec_Inertia, StdVec_Frame, StdVec_Symmetric3 = (
+    list_class(kind.__name__, kind, kind.__name__) for kind in (SE3, Motion, Inertia, Frame, Symmetric3)
+)
+StdVec_Force = list_class("Force", Force, "Force, such as the external forces of ``rnea`` and ``aba``")
+StdVec_StdString, StdVec_Bool = list_class("StdString", str, "str"), list_class("Bool", (bool, np.bool_), "bool")
+StdVec_Index = list_class("Index", (int, np.integer), "indices")
+StdVec_Scalar = list_class("Scalar", (float, int, np.floating, np.integer), "numbers")
+StdVec_Array = list_class("Array", np.ndarray, "arrays")
+StdVec_List = list_class("List", (list, StdVec), "lists of indices")
 StdVec_Double = StdVec_Scalar
 StdVec_int = StdVec_EigenIndex = StdVec_Index
 StdVec_Vector3 = StdVec_Vec3s = StdVec_Matrix6 = StdVec_Matrix6x = StdVec_MatrixXs = StdVec_Array
