@@ -18,9 +18,3 @@ def seed(seed_value: int) -> None:
 def uniform(*shape: int) -> NDArray[np.float64]:
     """Random numbers in [-1, 1)."""
     return GENERATOR.uniform(-1.0, 1.0, shape)
-
-
-def direction(size: int) -> NDArray[np.float64]:
-    """A random unit vector, uniform over directions."""
-    x = GENERATOR.standard_normal(size)
-    return x / np.sqrt(x @ x)
