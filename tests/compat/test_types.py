@@ -486,6 +486,8 @@ def test_lists_hold_copies_of_one_type() -> None:
     assert forces.copy()[0] is not forces[0]
     assert forces.tolist()[0] is forces[0]
     assert forces.tolist(True)[0] is not forces[0]
+    arrays.append(ours.buildSampleModelManipulator().jointPlacements[1].translation)  # an array with an owner
+    assert type(arrays[1]) is np.ndarray
     names = ours.StdMap_String_VectorXd()
     names["half_sitting"] = np.zeros((3, 1))
     assert names["half_sitting"].shape == (3,)

@@ -32,15 +32,6 @@ REFERENCES = ReferenceFrame.LOCAL, ReferenceFrame.LOCAL_WORLD_ALIGNED, Reference
 _INSTEAD = "getConstraintJacobian gives J; a ProximalSettings with mu above 0 solves contacts that depend on others"
 
 
-def _entry(at: int, what: str, kind: Any = float, doc: str = "") -> Any:
-    """A property for a number of ``_x``."""
-
-    def assign(self: Any, value: Any) -> None:
-        self._x[at] = number(value, what)
-
-    return property(lambda self: kind(self._x[at]), assign, doc=doc or f"{what}.")
-
-
 def _view(first: int, kind: Any, doc: str) -> Any:
     """A property for an SE3, Motion, Force or gains that view numbers of ``_x``; assigning one copies it."""
     shape = (4, 4) if kind is SE3 else (2,) if kind is BaumgarteCorrectorParameters else (6,)
@@ -71,12 +62,16 @@ class ProximalSettings:
     ``iter``, ``absolute_residual`` (of J a + γ) and ``relative_residual`` (of λ) are written by a solver.
     """
 
-    absolute_accuracy = _entry(numbers.ABSOLUTE, "absolute_accuracy")
-    relative_accuracy = _entry(numbers.RELATIVE, "relative_accuracy")
-    mu, max_iter = _entry(numbers.MU, "mu"), _entry(numbers.MOST, "max_iter", int)
-    iter = _entry(numbers.ITERATIONS, "iter", int)
-    absolute_residual = _entry(numbers.ABSOLUTE_RESIDUAL, "absolute_residual", doc="Largest entry of J a + γ.")
-    relative_residual = _entry(numbers.RELATIVE_RESIDUAL, "relative_residual", doc="Largest last change of λ.")
+    _owner = None
+    absolute_accuracy = part("absolute_accuracy", numbers.ABSOLUTE, "Bound on ``absolute_residual``.")
+    relative_accuracy = part(
+        "relative_accuracy", numbers.RELATIVE, "Bound on ``relative_residual``, times the largest of λ."
+    )
+    mu = part("mu", numbers.MU, "Above 0 for contacts that depend on each other.")
+    max_iter = part("max_iter", numbers.MOST, "Largest number of iterations.", int)
+    iter = part("iter", numbers.ITERATIONS, "Number of iterations.", int)
+    absolute_residual = part("absolute_residual", numbers.ABSOLUTE_RESIDUAL, "Largest entry of J a + γ.")
+    relative_residual = part("relative_residual", numbers.RELATIVE_RESIDUAL, "Largest last change of λ.")
 
     def __init__(self, *given: Any) -> None:
         if len(given) not in (0, 3, 4):
@@ -111,7 +106,9 @@ class RigidConstraintModel(Partial):
     """
 
     _instead = dict.fromkeys(["calc", "jacobian", "setCompliance", "retrieveCompliance"], _INSTEAD)
-    joint1_id, joint2_id = _entry(2, "joint1_id", int), _entry(3, "joint2_id", int)
+    _owner = None
+    joint1_id = part("joint1_id", 2, "Index of the first joint.", int)
+    joint2_id = part("joint2_id", 3, "Index of the second joint.", int)
     joint1_placement = _view(6, SE3, "Placement of the first frame on its joint.")
     joint2_placement = _view(22, SE3, "Placement of the second frame on its joint.")
 

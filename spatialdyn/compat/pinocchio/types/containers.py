@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import ArgumentError, module_of_caller
-from .bases import Copied, Owner
+from .bases import Copied, Owned, Owner
 from .frame import Frame
 from .inertia import Inertia
 from .motion import Force, Motion
@@ -46,10 +46,8 @@ class StdVec(Copied, OwnedList[Any]):
         return cls.kind[0]() if isinstance(cls.kind, tuple) else cls.kind()
 
     def _own(self, value: Any) -> Any:
-        own = super()._own(value)
-        if isinstance(own, np.ndarray):
-            return np.array(own)
-        return own if hasattr(own, "_owner") else deepcopy(own)
+        own = super()._own(np.array(value) if isinstance(value, np.ndarray) else value)
+        return own if isinstance(own, Owned) else deepcopy(own)
 
     def __getitem__(self, at: Any) -> Any:
         found = super().__getitem__(at)

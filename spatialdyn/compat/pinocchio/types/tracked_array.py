@@ -13,28 +13,22 @@ from typing import Any
 import numpy as np
 
 from .arguments import Array
-from .bases import Copied
+from .bases import Owned
 
 WRITERS = {np.copyto, np.put, np.place, np.putmask, np.fill_diagonal, np.put_along_axis}
 
 
-class TrackedArray(Copied, np.ndarray):
+class TrackedArray(Owned, np.ndarray):
     """An array that notifies its owner of every write."""
-
-    _owner: Any = None
 
     def __array_finalize__(self, source: Any) -> None:
         owner = getattr(source, "_owner", None)
         if owner is not None and self.base is not None:  # a view writes its source's memory; a copy does not
             self._owner = owner
 
-    def _changed(self) -> None:
-        if self._owner is not None:
-            self._owner.changed()
-
     def __setitem__(self, at: Any, value: Any) -> None:
         _writable(self)[at] = plain(value)
-        self._changed()
+        self.changed()
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
         """Compute on plain arrays; outputs written with ``out=`` or in place notify their owner."""
@@ -47,7 +41,7 @@ class TrackedArray(Copied, np.ndarray):
         written = out if out is not None else inputs[:1] if method == "at" else ()
         for x in written:
             if isinstance(x, TrackedArray):
-                x._changed()
+                x.changed()
         return out[0] if out is not None and len(out) == 1 else result
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
@@ -61,7 +55,7 @@ class TrackedArray(Copied, np.ndarray):
         result = function(*given, **named)
         for x in [*written, *(out if isinstance(out, tuple) else (out,))]:
             if isinstance(x, TrackedArray):
-                x._changed()
+                x.changed()
         if isinstance(out, TrackedArray):
             return out
         for x in arguments if type(result) is np.ndarray else ():
@@ -82,13 +76,13 @@ class TrackedArray(Copied, np.ndarray):
     @property
     def flat(self) -> Any:
         """A writable iterator; the owner is notified as of a write."""
-        self._changed()
+        self.changed()
         return _writable(self).flat
 
     @flat.setter
     def flat(self, value: Any) -> None:
         _writable(self).flat = value
-        self._changed()
+        self.changed()
 
 
 def _method(name: str, writes: bool) -> Any:
@@ -99,7 +93,7 @@ def _method(name: str, writes: bool) -> Any:
         if not writes:
             return np.array(method_of_ndarray(plain(self), *arguments, **options))
         result = method_of_ndarray(_writable(self), *arguments, **options)
-        self._changed()
+        self.changed()
         return result
 
     method.__name__ = method.__qualname__ = name
