@@ -113,7 +113,7 @@ def test_wrong_shapes_and_pairs_are_refused() -> None:
         ours.GeometryObject("a", 1)
     with pytest.raises(TypeError, match="placement is a int, expected SE3"):
         ours.GeometryObject("a", 1, 2, 3)
-    with pytest.raises(NotImplementedError, match="CreateCapsule takes a collision library"):
+    with pytest.raises(NotImplementedError, match="CreateCapsule is not offered: it takes a collision library"):
         ours.GeometryObject.CreateCapsule(1.0, 1.0)
     assert (geometry.ngeoms, geometry.collisionPairs) == (4, [])
     capsule = ours.GeometryObject("c", 1, ours.SE3.Identity(), None)

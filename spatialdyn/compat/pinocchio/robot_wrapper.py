@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engines.compiled.generated import function_from_text
 from .algorithms import centroidal, configuration, dynamics, jacobians, kinematics
-from .coverage.coverage import OutOfScopeError, Partial
+from .coverage.coverage import Partial, refused
 from .model.geometry import buildModelsFromUrdf, createDatas
 from .model.model import Model
 from .model.model_surgery import buildReducedModel
@@ -55,15 +55,9 @@ class RobotWrapper(Partial):
         """The robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
         return RobotWrapper(*buildModelsFromUrdf(filename, *arguments, **named))
 
-    @staticmethod
-    def BuildFromMJCF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
-        """Raises NotImplementedError: only URDFs are read."""
-        raise NotImplementedError("BuildFromMJCF: only URDFs are read, expected BuildFromURDF")
-
-    @staticmethod
-    def BuildFromSDF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
-        """Raises NotImplementedError: only URDFs are read."""
-        raise NotImplementedError("BuildFromSDF: only URDFs are read, expected BuildFromURDF")
+    BuildFromMJCF, BuildFromSDF, updateGeometryPlacements = (
+        refused(f"RobotWrapper.{name}") for name in ("BuildFromMJCF", "BuildFromSDF", "updateGeometryPlacements")
+    )
 
     def initFromURDF(self, filename: Any, *arguments: Any, **named: Any) -> None:
         """Load a URDF file into this object; arguments as of ``buildModelsFromUrdf``."""
@@ -94,10 +88,6 @@ class RobotWrapper(Partial):
         found = centroidal.centerOfMass(self.model, self.data, q, v, a)
         more = [] if v is None else [self.data.vcom[0]] if a is None else [self.data.vcom[0], self.data.acom[0]]
         return (self.data.com[0], *more) if more else found
-
-    def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
-        """Raises OutOfScopeError: geometry is out of scope."""
-        raise OutOfScopeError("updateGeometryPlacements: geometry is out of scope of spatialdyn; place it by data.oMi")
 
     # --- viewers: see ``visualize`` --------------------------------------------------------------------------
 

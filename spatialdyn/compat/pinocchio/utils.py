@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.linalg as npl
 
+from .coverage.coverage import refused
 from .rpy import matrixToRpy, rotate, rpyToMatrix
 from .types.containers import StdVec_StdString
 from .types.value import Value
@@ -18,7 +19,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-eye, zero = np.eye, np.zeros
+eye, zero, mprint = np.eye, np.zeros, refused("utils.mprint")
 
 
 def rand(n: Any) -> Any:
@@ -47,8 +48,3 @@ def npToTuple(M: Any) -> tuple[Any, ...]:
 def fromListToVectorOfString(items: Iterable[str]) -> StdVec_StdString:
     """The names as a list of str."""
     return StdVec_StdString(list(items))
-
-
-def mprint(M: Any, name: str = "ans", eps: float = 1e-15) -> None:
-    """Raises NotImplementedError: the library never prints; use ``print(numpy.array2string(M))``."""
-    raise NotImplementedError("utils.mprint is not offered; use print(numpy.array2string(M))")

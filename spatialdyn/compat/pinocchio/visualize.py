@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -23,7 +22,7 @@ from ...pictures.inertia_shapes import inertia_boxes
 from ...pictures.shapes import Shape, mesh_shapes, primitive_shape, urdf_shapes
 from ...pictures.stage import HOST, Stage, has_screen, page_frame, warn_missing
 from .algorithms import configuration, kinematics
-from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError
+from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
 from .data.data import Data
 from .model.geometry import GeometryData, GeometryModel, GeometryObject, createDatas
 from .model.model import Model
@@ -97,11 +96,7 @@ class BaseVisualizer:
         """Raises OutOfScopeError."""
         raise OutOfScopeError(f"captureImage: this visualizer of spatialdyn shows nothing, {_ADVICE}")
 
-    @contextmanager
-    def create_video_ctx(self, *arguments: Any, **named: Any) -> Iterator[None]:
-        """Raises OutOfScopeError."""
-        raise OutOfScopeError("create_video_ctx: visualizers make no videos; spatialdyn.view(...).save writes a page")
-        yield
+    create_video_ctx = refused("BaseVisualizer.create_video_ctx")
 
     def display(self, q: Any = None) -> None:
         """Do nothing."""

@@ -26,12 +26,13 @@ SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a dif
 
 _DEPENDENT = "where constraints depend on each other, undamped: give a damping, or mu in ProximalSettings"
 _FOREIGN = "for files that Pinocchio wrote, and its StreamBuffer: pickle, or build the model from its URDF"
+COLLISIONS = "coal or trimesh, placed by forwardKinematics and updateFramePlacements"
 RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arguments that scripts usually pass
     ("utils.mprint", "always: print(numpy.array2string(M))"),
     ("Symmetric3.decomposeltI", "always: numpy.linalg.cholesky(S.matrix())"),
     ("RobotWrapper.BuildFromMJCF RobotWrapper.BuildFromSDF", "always: only URDFs are read, BuildFromURDF"),
     ("RobotWrapper.updateGeometryPlacements", "always: geometry is placed by data.oMi"),
-    ("GeometryObject.CreateCapsule", "always: it takes a collision library"),
+    ("GeometryObject.CreateCapsule", f"always: it takes a collision library, {COLLISIONS}"),
     ("*Visualizer.create_video_ctx", "always: visualizers make no videos, spatialdyn.view(...).save writes a page"),
     ("*Visualizer.captureImage", "until a browser shows the page"),
     ("*MeshcatVisualizer.viewer", "for a path, as viewer[path]: MeshCat's tree is viser's, viewer.server.scene"),
@@ -51,6 +52,17 @@ class OutOfScopeAttributeError(OutOfScopeError, AttributeError):
 
 class OutOfScopeImportError(OutOfScopeError, ImportError):
     """An import that is out of scope; of an AttributeError Python would drop the message."""
+
+
+def refused(name: str) -> Any:
+    """A function that only raises OutOfScopeError, with the advice of the name's row of ``RAISES``."""
+    text = f"{name} is not offered: {raises(name).removeprefix('always: ')}"
+
+    def function(*arguments: Any, **named: Any) -> NoReturn:
+        raise OutOfScopeError(text)
+
+    function.__name__, function.__doc__ = name.rpartition(".")[2], f"Raises OutOfScopeError: {text}."
+    return function
 
 
 class Partial:

@@ -21,6 +21,13 @@ class _Switch:
             raise SpatialDynError(f"{VARIABLE} is {word!r}, expected 0 or 1")
         self.on = word == "1"
 
+    def turn(self, on: bool) -> None:
+        """Turn strict mode on or off; cached LibraryModels of the other mode are dropped."""
+        if on is not self.on:
+            self.on = on
+            for model in list(MODELS):
+                model._library = None
+
 
 _SWITCH = _Switch()
 
@@ -47,7 +54,5 @@ def strict(on: bool | None = None) -> bool:
     if on is not None:
         if not isinstance(on, bool):
             raise SpatialDynError(f"strict is {on!r}, expected True, False or None")
-        _SWITCH.on = on
-        for model in list(MODELS) if on is not before else ():
-            model._library = None
+        _SWITCH.turn(on)
     return before

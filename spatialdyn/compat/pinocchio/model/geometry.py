@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import ModelError
-from ..coverage.coverage import OutOfScopeError, Partial
+from ..coverage.coverage import COLLISIONS, Partial, refused
 from ..types.arguments import by_name, expected
 from ..types.frame import Enum
 from ..types.se3 import SE3
@@ -21,7 +21,6 @@ __all__ = [
     "GeometryPhongMaterial", "GeometryType", "buildModelsFromUrdf", "createDatas",
 ]  # fmt: skip
 _FILES = "saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML loadFromBinary loadFromString"
-_ADVICE = "coal or trimesh, placed by forwardKinematics and updateFramePlacements, do that"
 
 
 BLACK = (0.0, 0.0, 0.0, 1.0)
@@ -39,7 +38,7 @@ VISUAL, COLLISION = GeometryType
 
 def _beyond(names: str) -> dict[str, str]:
     return dict.fromkeys(
-        [*names.split(), *_FILES.split()], f"takes a collision library, spatialdyn has none: {_ADVICE}"
+        [*names.split(), *_FILES.split()], f"takes a collision library, spatialdyn has none: {COLLISIONS}, do that"
     )
 
 
@@ -97,10 +96,7 @@ class GeometryObject(_Bookkeeping):
         self.meshMaterial = given.get("mesh_material", GeometryNoMaterial())
         self.overrideMaterial = bool(given.get("override_material", False))
 
-    @staticmethod
-    def CreateCapsule(radius: float, length: float) -> Any:
-        """Raises OutOfScopeError."""
-        raise OutOfScopeError(f"GeometryObject.CreateCapsule takes a collision library: {_ADVICE}")
+    CreateCapsule = refused("GeometryObject.CreateCapsule")
 
 
 class CollisionPair:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..coverage.coverage import refused
 from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, row
 from .random import uniform
 from .rotations import skew
@@ -107,9 +108,7 @@ class Symmetric3(Summable):
         """The inverse matrix, written in place to res (3, 3)."""
         res[...] = np.linalg.inv(self.matrix())
 
-    def decomposeltI(self) -> Any:
-        """Not offered; ``numpy.linalg.cholesky(S.matrix())`` is a factor."""
-        raise NotImplementedError("Symmetric3.decomposeltI is not offered; use numpy.linalg.cholesky(S.matrix())")
+    decomposeltI = refused("Symmetric3.decomposeltI")
 
     def setDiagonal(self, diag: Any) -> None:
         """Set the diagonal (3,)."""
