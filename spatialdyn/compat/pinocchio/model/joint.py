@@ -19,7 +19,7 @@ from ....errors import ShapeError
 from ....model.assembly import IDENTITY
 from ....model.joint_rows import joint_transform, matrix_from_pose, pose_from_matrix, subspace
 from ..types.arguments import ArgumentError, Array, described, module_of_caller
-from ..types.bases import Owned, Registered
+from ..types.bases import OwnedValue, Registered
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
@@ -54,7 +54,7 @@ class Variant(type):
         return kind_named("JointModelRX")().held()
 
 
-class JointModel(Owned, metaclass=Variant):
+class JointModel(OwnedValue, metaclass=Variant):
     """A joint of any kind, as ``model.joints`` holds it; ``extract()`` is one of its own kind.
 
     id             index in its model

@@ -40,7 +40,7 @@ class Owner:
         self.changed = changed
 
 
-class Owned(Copied):
+class OwnedValue(Copied):
     """Base of what may belong to an owner, such as a model: ``_owner``, None without one, is notified of writes."""
 
     __slots__ = ()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import ArgumentError, module_of_caller
-from .bases import Copied, Owned, Owner
+from .bases import Copied, OwnedValue, Owner
 from .frame import Frame
 from .inertia import Inertia
 from .motion import Force, Motion
@@ -47,7 +47,7 @@ class StdVec(Copied, OwnedList[Any]):
 
     def _own(self, value: Any) -> Any:
         own = super()._own(np.array(value) if isinstance(value, np.ndarray) else value)
-        return own if isinstance(own, Owned) else deepcopy(own)
+        return own if isinstance(own, OwnedValue) else deepcopy(own)
 
     def __getitem__(self, at: Any) -> Any:
         found = super().__getitem__(at)

@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import Any
 
 from .arguments import ArgumentError, expected
-from .bases import Owned, owned_attribute
+from .bases import OwnedValue, owned_attribute
 from .inertia import Inertia
 from .se3 import SE3
 from .tracked_list import owned_copy
@@ -84,7 +84,7 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
 )
 
 
-class Frame(Owned):
+class Frame(OwnedValue):
     """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """

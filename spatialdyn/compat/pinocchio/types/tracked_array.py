@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from .arguments import Array
-from .bases import Owned
+from .bases import OwnedValue
 
 WRITERS = {np.copyto, np.put, np.place, np.putmask, np.fill_diagonal, np.put_along_axis}
 
 
-class TrackedArray(Owned, np.ndarray):
+class TrackedArray(OwnedValue, np.ndarray):
     """An array that notifies its owner of every write."""
 
     def __array_finalize__(self, source: Any) -> None:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .arguments import ArgumentError, Array, described, expected
-from .bases import Owned
+from .bases import OwnedValue
 from .value import Value as Numbers
 
 Value = TypeVar("Value")
@@ -55,7 +55,7 @@ class OwnedList(list[Value], Listed):
             raise ArgumentError(
                 f"a {type(value).__name__} was given, expected {' or '.join(kind.__name__ for kind in kinds)}"
             )
-        return owned_copy(value, self._owner) if isinstance(value, Owned) else value
+        return owned_copy(value, self._owner) if isinstance(value, OwnedValue) else value
 
     def __setitem__(self, at: Any, value: Any) -> None:
         """Replace an entry; a Value is written in place, so that references to it see the new numbers."""

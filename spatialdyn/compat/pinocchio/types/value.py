@@ -11,13 +11,13 @@ from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels
 from .arguments import ArgumentError, Array, array, documented_rows, expected, module_of_caller, near, number
-from .bases import Owned
+from .bases import OwnedValue
 from .tracked_array import tracked
 
 Self = TypeVar("Self", bound="Value")
 
 
-class Value(Owned):
+class Value(OwnedValue):
     """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
 
     ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
