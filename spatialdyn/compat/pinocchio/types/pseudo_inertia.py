@@ -114,11 +114,8 @@ class LogCholeskyParameters(Parameters):
         alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = self._x.tolist()
         e1, e2, e3 = np.exp([d1, d2, d3]).tolist()
         U = np.array([[e1, s12, s13, t1], [0.0, e2, s23, t2], [0.0, 0.0, e3, t3], [0.0, 0.0, 0.0, 1.0]])
-        places = [(0, 0, e1), (1, 1, e2), (2, 2, e3), *((i, j, 1.0) for i, j in ((0, 1), (1, 2), (0, 2)))]
-        places += [(i, 3, 1.0) for i in range(3)]
         turned = np.zeros((9, 4, 4))
-        for D, (i, j, value) in zip(turned, places, strict=True):
-            D[i, j] = value
+        turned[range(9), [0, 1, 2, 0, 1, 0, 0, 1, 2], [0, 1, 2, 1, 2, 2, 3, 3, 3]] = [e1, e2, e3, *[1.0] * 6]
         return float(np.exp(2.0 * alpha)), U, turned
 
     def toPseudoInertia(self) -> PseudoInertia:
