@@ -64,9 +64,7 @@ class ProximalSettings:
 
     _owner = None
     absolute_accuracy = part("absolute_accuracy", numbers.ABSOLUTE, "Bound on ``absolute_residual``.")
-    relative_accuracy = part(
-        "relative_accuracy", numbers.RELATIVE, "Bound on ``relative_residual``, times the largest of λ."
-    )
+    relative_accuracy = part("relative_accuracy", numbers.RELATIVE, "Bound on ``relative_residual`` per largest λ.")
     mu = part("mu", numbers.MU, "Above 0 for contacts that depend on each other.")
     max_iter = part("max_iter", numbers.MOST, "Largest number of iterations.", int)
     iter = part("iter", numbers.ITERATIONS, "Number of iterations.", int)
@@ -85,9 +83,7 @@ class ProximalSettings:
 class ContactType(Enum):
     """Whether a contact constrains a point or a frame."""
 
-    CONTACT_3D = 0
-    CONTACT_6D = 1
-    CONTACT_UNDEFINED = 2
+    CONTACT_3D, CONTACT_6D, CONTACT_UNDEFINED = range(3)
 
 
 class RigidConstraintModel(Partial):

@@ -29,8 +29,7 @@ BLACK = (0.0, 0.0, 0.0, 1.0)
 class GeometryType(Enum):
     """Purpose of a geometry."""
 
-    VISUAL = 0
-    COLLISION = 1
+    VISUAL, COLLISION = range(2)
 
 
 VISUAL, COLLISION = GeometryType
