@@ -57,6 +57,7 @@ def bounded(
     Raises
         SpatialDynError for a call that has no program (it branches on values, or the robot is too large), and under
             NUMBA_DISABLE_JIT; for inputs that float32 rounds with ``exact_inputs``; and as ``specialize``
+        when called, the errors of the call, naming the first sample and how many
     """
     if not callable(call):
         raise SpatialDynError(f"call is {call!r}, expected one public call, such as sd.rnea")
