@@ -200,7 +200,7 @@ class Specialized:
         are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
         a configuration. There is no forward mode (``jacfwd``, ``jvp``: take ``jacrev``, or ``derivative="jvp"`` outside
         of JAX) and no second derivative: asking for one raises. Errors of values, of a joint without inertia say, are
-        raised by JAX, with the message of this library inside.
+        raised by JAX, as a JaxRuntimeError whose last line is that of this library.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
