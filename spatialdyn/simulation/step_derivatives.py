@@ -71,7 +71,7 @@ def step_derivatives(
     lanes.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array. NaN or infinity in a sample's state,
-            torque or forces gives NaN there and nowhere else.
+            torque or forces gives NaN in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
             for other friction, springs, an implicit step that does not converge, and a joint of several freedoms that
             turns by π or more in a step, each naming the first sample and how many; the errors of ``aba``.

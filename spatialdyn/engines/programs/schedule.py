@@ -8,7 +8,7 @@ from .kernel_layout import KernelLayout
 from .operations import CONST, FORMS, INPUT, operands
 from .program import Program
 
-CHUNK_LENGTH = 1500  # operations of one function, in programs of more than MOST_WHOLE
+CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE: 1500 cost a step of rk4 8 %
 MOST_LATE = 3000  # most operations of a program whose values are computed near their readers
 MOST_HELD = 3050  # most operations of a program with bounds that keeps its numbers in registers, see ``held``
 MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, takes LLVM 1 s and is 10 % faster than cut
