@@ -39,6 +39,8 @@ def bounded(
     rnea, or crba, is solved by: rotations of 1.5708 are orthogonal to rounding alone, and on them exact recursions
     agree no better. A sample that the program leaves to the table kernel (angles whose root sum of squares is above
     1e5, joints of next to no articulated inertia, numbers beyond float32's safe range) has an infinite bound.
+    One that the call itself refuses (a joint of no articulated inertia, a result out of range) is refused here too, in
+    the same words: no value is there to be bounded. NaN gives NaN in its sample, and an infinite bound.
     Angles of 1e4 loosen no bound, but prismatic joints far out do: M of a panda whose fingers are 100 m out is so
     uneven that aba's bound is a thousand times its error, for some 200 elsewhere.
 
@@ -57,6 +59,7 @@ def bounded(
     Raises
         SpatialDynError for a call that has no program (it branches on values, or the robot is too large), and under
             NUMBA_DISABLE_JIT; for inputs that float32 rounds with ``exact_inputs``; and as ``specialize``
+        when called, the errors of the call, naming the first sample and how many
     """
     if not callable(call):
         raise SpatialDynError(f"call is {call!r}, expected one public call, such as sd.rnea")

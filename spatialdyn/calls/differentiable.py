@@ -24,10 +24,17 @@ class Differentiable:
     """
 
     def __init__(
-        self, request: SpecializeRequest, text: str, forward: Callable[..., Any], backward: Callable[..., Any]
+        self,
+        request: SpecializeRequest,
+        text: str,
+        plain: Callable[..., Any],
+        backward: Callable[..., Any],
+        along: Callable[[], Callable[..., Any]],
     ) -> None:
-        """``forward`` computes the results, ``backward`` of inputs and weights the results and derivatives."""
-        self._forward, self._backward, self.text = forward, backward, text
+        """``plain`` computes the results, ``backward`` of inputs and weights the results and derivatives, what
+        ``along()`` makes of inputs and tangents.
+        """
+        self._plain, self._backward, self._along, self.text = plain, backward, along, text
         self.name = "_".join(spec.name for spec in request.specs)
         self.names, self.cores = [x.name for x in request.inputs()], [x.shape for x in request.inputs()]
         self.results, self.several = [x.shape for x in request.results()], request.several
@@ -43,7 +50,7 @@ class Differentiable:
 
     def values(self, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
         """The results."""
-        found = self._forward(*inputs)
+        found = self._plain(*inputs)
         return [np.asarray(x) for x in (found if self.several else (found,))]
 
     def gradients(self, inputs: Sequence[NDArray[Any]], weights: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
@@ -54,3 +61,8 @@ class Differentiable:
             shared = tuple(k for k in range(given.ndim - len(core)) if given.shape[k] == 1)
             summed.append(np.asarray(x).sum(axis=shared, keepdims=True))
         return summed
+
+    def tangents(self, inputs: Sequence[NDArray[Any]], along: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
+        """The derivatives of the results along tangents of the inputs, each in the shape of its input."""
+        found = self._along()(*inputs, *along)
+        return [np.asarray(x) for x in found[len(self.results) :]]

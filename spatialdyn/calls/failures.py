@@ -38,7 +38,7 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
         at = int(unfit[0])
         for argument, x in zip(varying, inputs_of(at), strict=True):
             if argument.shape == ("nq",):
-                _raise_unit_norm(model, argument.name, x, _where(samples[at], len(unfit), batch))
+                _raise_unit_norm(model, argument.name, x, sample_of(samples[at], len(unfit), batch))
     finite = np.ones(len(status), bool)
     for x in failed.inputs:
         finite &= np.isfinite(x).reshape(len(x), -1).all(axis=1)
@@ -46,11 +46,11 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
     for at in pivots.tolist():
         row = _singular_row(spec, model, inputs_of(at), static)
         if row is not None:
-            raise InertiaError(zero_inertia_message(model, row, _where(samples[at], len(pivots), batch)))
+            raise InertiaError(zero_inertia_message(model, row, sample_of(samples[at], len(pivots), batch)))
     lost = np.flatnonzero((status != run.RANGE) & finite & ~failed.finite)
     if len(lost):
         at = int(lost[0])
-        where = _where(samples[at], len(lost), batch)
+        where = sample_of(samples[at], len(lost), batch)
         row = _weightless_row(spec, model, inputs_of(at)) if spec.pivots else None
         if row is not None:
             raise InertiaError(zero_inertia_message(model, row, where))
@@ -70,7 +70,7 @@ def raise_if_not_finite(spec: Spec, inputs: Sequence[Array], batch: tuple[int, .
         lost = lost & np.isfinite(x).reshape(len(x), -1).all(axis=1)
     if lost.any():
         samples = np.flatnonzero(lost)
-        raise NonFiniteError(_not_finite_message(spec, _where(samples[0], len(samples), batch)))
+        raise NonFiniteError(_not_finite_message(spec, sample_of(samples[0], len(samples), batch)))
 
 
 def _not_finite_message(spec: Spec, where: str) -> str:
@@ -86,7 +86,8 @@ def zero_inertia_message(model: Model, row: int, where: str) -> str:
     )
 
 
-def _where(at: Any, count: int, batch: tuple[int, ...]) -> str:
+def sample_of(at: Any, count: int, batch: tuple[int, ...]) -> str:
+    """Where the first of some samples of a flattened batch stands: " in sample 3, the first of 2"; "" of one sample."""
     if not batch:
         return ""
     index = tuple(int(k) for k in np.unravel_index(at, batch))

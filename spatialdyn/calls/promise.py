@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.kinds import unit_parts
-from ..engines.numbers.enclosures import Enclosure, rounded
+from ..engines.numbers.enclosures import Enclosure, Zeros, rounded
 from ..errors import ShapeError, SpatialDynError
 from .arguments import aligned, as_array, as_number
 from .specialize_request import SpecializeRequest
@@ -73,7 +73,8 @@ class Promise:
 
     Raises
         SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
-            result of 0 without an absolute tolerance
+            result of 0 without an absolute tolerance. A result that is 0 in all entries as sums of zeros and products
+            with one are (C at rest) is answered: it has no error
         and as a Specialized. NaN or infinity in a sample gives NaN there, as in the call; no way counts that sample
     """
 
@@ -192,6 +193,10 @@ class Promise:
             sound = [np.isfinite(x[at].reshape(len(at), -1)).all(axis=1) for x in rows]
             way[at[~np.logical_and.reduce(sound)]] = -1
             at = np.flatnonzero(way == UNKNOWN)
+        if len(at):
+            still = at[self._are_zeros([x[at] for x in rows], values[at], bounds[at])]
+            way[still] = 1
+            at = np.flatnonzero(way == UNKNOWN)
         if len(at) and self._has_pairs:
             values[at], bounds[at] = self._by_pairs([x[at] for x in rows])
             held = self._holds(values[at], bounds[at])
@@ -218,6 +223,28 @@ class Promise:
         high, low, error = self._enclosure([x.reshape(len(x), -1) for x in rows])
         shape = (len(high), *self._core)
         return high.reshape(shape), rounded(low, error).reshape(shape)
+
+    @cached_property
+    def _zeros(self) -> Zeros:
+        return Zeros(self._spec, self._request.model.bodies, self._request.static)
+
+    def _are_zeros(self, rows: Sequence[Array], values: Array, bounds: Array) -> NDArray[np.bool_]:
+        """Which samples are exactly 0 in all entries: no bound is small beside that."""
+        found: NDArray[np.bool_] = (_largest(values, self._core) == 0.0) & np.isfinite(_largest(bounds, self._core))
+        request, count = self._request, len(values)
+        if request.parameters or any(x.table is not None for x in self._spec.present) or not found.any():
+            return np.zeros(count, bool)
+        given, whole = dict(zip((x.name for x in request.inputs()), rows, strict=True)), []
+        for x in request.arguments:
+            entries = given[x.name].reshape(count, -1) if x.name in given else np.empty((count, 0))
+            if x.name in request.constants:
+                known = np.tile(request.constants[x.name], (count, 1))
+                known[np.isnan(known)] = entries.ravel()
+                entries = known
+            whole.append(entries)
+        places = slice(None) if request.output_places is None else request.output_places[0].ravel()
+        found &= self._zeros(whole)[:, places].all(axis=1)
+        return found
 
     def _narrow(self, rows: Sequence[Array]) -> Any:
         """Which samples are in float32's safe range, as an index."""
@@ -271,7 +298,10 @@ class Promise:
             k = int(np.argmax(sizes))
             of = f"no way has a bound where {self._request.inputs()[k].name} has {sizes[k]:.1e}"
         of += f" in sample {named[0]}" if len(at) > 1 else ""
-        return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}"
+        cure = ""
+        if not absolute and worst[0] >= largest[0]:
+            cure = f"; tolerance=({relative:g}, absolute) allows an error beside a result of next to 0"
+        return f"{self._spec.name} is not known within {within}{where}: {of}, by {', '.join(self.ways)}{cure}"
 
 
 def _largest(x: Any, core: tuple[int, ...]) -> Array:

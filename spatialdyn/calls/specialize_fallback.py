@@ -16,7 +16,7 @@ from ..engines.programs import parameters
 from ..errors import SpatialDynError
 from ..model.model import Model
 from .arguments import full_shape
-from .failures import raise_failures
+from .failures import raise_failures, sample_of
 from .specialize_request import Array, SpecializeRequest
 
 
@@ -39,7 +39,7 @@ def compute(
     n, count = len(results[0]), len(samples)
     taken = [np.asarray(x[samples] if len(x) == n else x, np.float64) for x in rows]
     if request.derivative:
-        _refuse(samples, taken)
+        _refuse(request, [x.name for x in inputs], samples, taken, batch)
     given = dict(zip((x.name for x in inputs), taken, strict=True))
     full, static = {}, tuple(request.static.values())
     for x in request.arguments:
@@ -68,16 +68,25 @@ def compute(
             raise
 
 
-def _refuse(samples: NDArray[np.intp], taken: list[NDArray[np.float64]]) -> None:
+def _refuse(
+    request: SpecializeRequest,
+    names: Sequence[str],
+    samples: NDArray[np.intp],
+    taken: Sequence[NDArray[np.float64]],
+    batch: tuple[int, ...],
+) -> None:
     """Raise SpatialDynError if a sample's inputs are finite: NaN has NaN for a derivative, others should have one."""
     finite = np.ones(len(samples), bool)
     for x in taken:
         finite &= np.isfinite(x.reshape(len(x), -1)).all(axis=1)
     if finite.any():
-        at = samples[np.flatnonzero(finite)[0]]
+        at = int(np.flatnonzero(finite)[0])
+        where = sample_of(samples[at], int(finite.sum()), batch)
+        sizes = [float(abs(x[at if len(x) == len(samples) else 0]).max(initial=0.0)) for x in taken]
+        k = int(np.argmax(sizes))
         raise SpatialDynError(
-            f"sample {at} is beyond the program's range, expected angles within 1e5, unit norms and joints of some "
-            "articulated inertia for a derivative"
+            f"{request.specs[0].name} has no derivative by its program{where}, where the largest input is {names[k]} "
+            f"with {sizes[k]:.3g}: expected angles within 1e5, unit norms and joints of some articulated inertia"
         )
 
 

@@ -41,7 +41,7 @@ class SpecializeRequest(NamedTuple):
     constants      name -> flat values, NaN where the entry stays an input
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
     bounds         whether a result is followed by a bound on its error; of one call
-    derivative     "jvp", "vjp", "gradient" (as "vjp", by entries of a configuration) or "" for none
+    derivative     "jvp", "vjp", "tangent" and "gradient" (as those, by entries of a configuration) or "" for none
     exact_inputs   whether inputs of a float32 bound are float32 numbers, not roundings of others
     """
 
@@ -77,7 +77,7 @@ class SpecializeRequest(NamedTuple):
     def inputs(self) -> list[Array]:
         """The inputs, in order: those that are left, then tangents of them, or weights of the results."""
         own = self._left()
-        if self.derivative == "jvp":
+        if self.derivative in ("jvp", "tangent"):
             return own + [x._replace(name="d" + x.name) for x in self._tangents()]
         return own + [x._replace(name=x.name + "_bar") for x in self._values() if self.derivative]
 
@@ -86,13 +86,13 @@ class SpecializeRequest(NamedTuple):
         values = self._values()
         if self.bounds:
             return values + [x._replace(name="bound") for x in values]
-        if self.derivative == "jvp":
+        if self.derivative in ("jvp", "tangent"):
             return values + [x._replace(name="d" + x.name) for x in values]
         return values + [x._replace(name=x.name + "_bar") for x in self._tangents() if self.derivative]
 
     def _tangents(self) -> list[Array]:
         """The inputs that are left, a configuration as a displacement."""
-        by_entries = self.derivative == "gradient" or self.model.nq == self.model.nv
+        by_entries = self.derivative in ("tangent", "gradient") or self.model.nq == self.model.nv
         moved = {x.name for x in self.arguments if x.moved_by and not by_entries}
         width = self.model.nv
         return [x._replace(shape=(width,), shape_text="(nv,)") if x.name in moved else x for x in self._left()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -48,17 +48,17 @@ def of_request(
     return made
 
 
-def gradient_of(k: Specialized) -> Specialized:
-    """The program of another with the derivatives of Σ weight · result by its inputs: as derivative="vjp", of a
-    configuration by its entries instead of displacements, in float64.
+def derivative_of(k: Specialized, derivative: str) -> Specialized:
+    """The program of another with derivatives, of a configuration by its entries instead of displacements, in float64:
+    "gradient", of Σ weight · result by its inputs, or "tangent", of its results along tangents of its inputs.
 
     Raises SpatialDynError for one without a program, or with bounds or derivatives of its own.
     """
     request = k._request
     if request.bounds or request.derivative:
         raise SpatialDynError(f"{k!r} has further results, expected results alone to differentiate")
-    request = request._replace(dtype=np.dtype(np.float64), derivative="gradient", several=True)
-    return check_program(of_request(request, gradient_of, (k,)), "derivatives")
+    request = request._replace(dtype=np.dtype(np.float64), derivative=derivative, several=True)
+    return check_program(of_request(request, derivative_of, (k, derivative)), "derivatives")
 
 
 class Specialized:
@@ -200,7 +200,7 @@ class Specialized:
         are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
         a configuration. There is no forward mode (``jacfwd``, ``jvp``: take ``jacrev``, or ``derivative="jvp"`` outside
         of JAX) and no second derivative: asking for one raises. Errors of values, of a joint without inertia say, are
-        raised by JAX, with the message of this library inside.
+        raised by JAX, as a JaxRuntimeError whose last line is that of this library.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
@@ -215,12 +215,12 @@ class Specialized:
         return to_jax(self._differentiable())
 
     def to_torch(self) -> Callable[..., Any]:
-        """The program as a function of PyTorch tensors on the CPU, for autograd, torch.func.grad and torch.vmap.
+        """The program as a function of PyTorch tensors on the CPU, for autograd in both modes, torch.func and vmap.
 
         Samples may have leading axes that broadcast. Inputs that are all float32 give float32; float32 beside float64
         is promoted to float64, as in torch's own operations, and so is all else. Derivatives are computed in float64,
-        by entries of a configuration, and have the dtype of their input. There is no second derivative: asking for one
-        raises.
+        by entries of a configuration, and have the dtype of their input. The program for forward mode (``jvp``,
+        ``jacfwd``) is compiled at its first use. There is no second derivative: asking for one raises.
 
         Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
             not on the CPU, and where PyTorch is not installed (extra "torch")
@@ -230,7 +230,8 @@ class Specialized:
         return to_torch(self._differentiable())
 
     def _differentiable(self) -> Differentiable:
-        return Differentiable(self._request, self.signature, self, gradient_of(self))
+        along = cache(partial(derivative_of, self, "tangent"))
+        return Differentiable(self._request, self.signature, self, derivative_of(self, "gradient"), along)
 
     def python_code(self, name: str | None = None) -> str:
         """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.

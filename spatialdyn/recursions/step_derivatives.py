@@ -22,7 +22,7 @@ from ..algebra.lie import Tangent, turned_diagonal
 from ..algebra.scalars import Scalar, inline, no_inline, select
 from ..bodies.kinds import NV
 from .configuration import dintegrate, displacement_rate_derivatives, integrate, put_tangent, twist
-from .derivatives import WORK_FORWARD, aba_derivatives
+from .derivatives import WORK, aba_derivatives_by_factor
 from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
@@ -212,14 +212,14 @@ def acceleration_derivatives(
     """
     coulomb, viscous, static, stribeck = law
     if smoothing is None:
-        aba_derivatives(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
+        aba_derivatives_by_factor(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
     else:
         n = len(bodies) - 1
         friction_torque(bodies, v, coulomb, viscous, static, stribeck, smoothing, rubbed[0])
         smooth_friction_slope(bodies, v, coulomb, viscous, static, stribeck, smoothing, rubbed[1])
         for i in range(n):
             rubbed[0, i] = tau[i] + rubbed[0, i]
-        aba_derivatives(bodies, work, q, v, rubbed[0], fext, D, pivots, a, inverse)
+        aba_derivatives_by_factor(bodies, work, q, v, rubbed[0], fext, D, pivots, a, inverse)
         for i in range(n):
             for j in range(n):
                 D[1, i, j] = D[1, i, j] + inverse[i, j] * rubbed[1, j]
@@ -338,7 +338,7 @@ _EXPLICIT = {
 _SEVERAL = {"velocity_verlet": ("nv", "nv", "nv", 4), "rk4": ("nv", "nv", "nv", 12)}  # of one, aba_derivatives' terms
 STEPS = {
     name: Spec(
-        f"{name}_derivatives", recursion, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, DT, *RUBBING), DERIVATIVES,
+        f"{name}_derivatives", recursion, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, *RUBBING), DERIVATIVES,
         f"Derivatives of a step by {name}.", _SOURCE, pivots=True, regroup=True,
         term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH,
     )
@@ -349,7 +349,7 @@ TURNING_STEPS = {  # of robots with joints of several freedoms
     name: replace(spec, name=f"turning_{spec.name}", output=WITH_TURN) for name, spec in STEPS.items()
 }
 MOTION = Spec(
-    "motion_derivatives", motion_derivatives, WORK_FORWARD, (Q, V, TAU, FEXT_OPTIONAL, *RUBBING),
+    "motion_derivatives", motion_derivatives, WORK, (Q, V, TAU, FEXT_OPTIONAL, *RUBBING),
     replace(DERIVATIVES, meaning="derivatives of the rates of q and v by q, v and tau"),
     "Derivatives of the equation of motion.", _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3,
     scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv"), (2, "nv")),

@@ -25,6 +25,7 @@ from ..algebra.records import table_dtype
 from ..algebra.scalars import inline
 from ..algebra.spatial import Force, Motion, Pose
 from ..calls.dynamics import calls
+from ..calls.failures import sample_of
 from ..engines.compiled import numba_kernels
 from ..engines.programs.recording import ProgramOptions, fits
 from ..engines.programs.tiered_program import TieredProgram
@@ -167,17 +168,21 @@ def _along(model: Model, spec: Spec, inputs: list[Array], tangents: list[Array |
 # --- the steps ------------------------------------------------------------------------------------------
 
 
-def derivatives(model: Model, method: Method, q: Array, v: Array, tau: Array, h: Array, fext: Array | None) -> Array:
-    """(n, 2 nv, 3 nv) of n samples, by q, v and tau.
+def derivatives(
+    model: Model, method: Method, q: Array, v: Array, p: Array, tau: Array, h: Array, fext: Array | None,
+    batch: tuple[int, ...], samples: NDArray[np.intp],
+) -> Array:  # fmt: skip
+    """(n, 2 nv, 3 nv) of n samples of finite numbers, by q, v and tau.
 
-    h     (n,)
-    fext  (n, njoints, 6)
-    Raises SimulationError, naming the sample, for a step that is not solved.
+    p        (n, nv)  momenta
+    h        (n,)
+    fext     (n, njoints, 6)
+    batch    shape of the batch that they are of
+    samples  (n,)  their places in it
+    Raises SimulationError, naming the first sample and how many, for steps that are not solved.
     """
     n, nv = len(q), model.nv
-    p = calls["momentum"](model, q, v)
-    calls["velocity_from_momentum"](model, q, p)  # raises InertiaError at a singular M
-    solved = _solve(model, method, q, p, tau, h, fext)
+    solved = _solve(model, method, q, p, tau, h, fext, batch, samples)
     unit = np.broadcast_to(np.eye(3 * nv), (n, 3 * nv, 3 * nv))
     of_q, of_v, of_tau = unit[:, :nv], unit[:, nv : 2 * nv], unit[:, 2 * nv :]
     of_p = _along(model, SPECS["momentum"], [q, v], [of_q, of_v])
@@ -291,7 +296,10 @@ def _with_forces(spec: Spec, fext: Array | None) -> tuple[Spec, list[Array], lis
     return numba_kernels.variant(spec, frozenset({"fext"})), [rows], [rows.shape[1]]
 
 
-def _solve(model: Model, method: Method, q: Array, p: Array, tau: Array, h: Array, fext: Array | None) -> Solved:
+def _solve(
+    model: Model, method: Method, q: Array, p: Array, tau: Array, h: Array, fext: Array | None,
+    batch: tuple[int, ...], samples: NDArray[np.intp],
+) -> Solved:  # fmt: skip
     """The steps, each as ``simulate`` takes the first one from that state."""
     family = method.family
     assert family is not None
@@ -301,6 +309,7 @@ def _solve(model: Model, method: Method, q: Array, p: Array, tau: Array, h: Arra
     table, unit = getattr(model, numba_kernels.TABLE), units(model.bodies)
     bare = System(family.kernels(fext is not None), held_torque, None, table, None, None, unit, still, None, status)
     found: list[tuple[Array, ...]] = []
+    unsolved: list[tuple[int, str]] = []
     for k in range(len(q)):
         forces = np.zeros((0, 6)) if fext is None else np.ascontiguousarray(fext[k])
         data = (table, tau[k : k + 1].copy(), forces, unit, still, tau[k].copy(), status)
@@ -329,8 +338,10 @@ def _solve(model: Model, method: Method, q: Array, p: Array, tau: Array, h: Arra
         else:
             compile_loop(method, fext is not None)(*data, *state, *times)
         if status[0] != 0:
-            reason = failure_message(status, method, model, step, state)
-            raise SimulationError(f"sample {k}: {reason}" if len(q) > 1 else reason)
+            unsolved.append((int(samples[k]), failure_message(status, method, model, step, state)))
         found.append((state.q, state.w, state.v, z, state.work[0], state.work, state.by_row))
+    if unsolved:
+        where = sample_of(unsolved[0][0], len(unsolved), batch)
+        raise SimulationError(f"{where.removeprefix(' in ')}: {unsolved[0][1]}" if where else unsolved[0][1])
     q1, p1, v1, z0, z1, work, centres = (np.array(x) for x in zip(*found, strict=True))
     return Solved(q1, p1, v1, (z0, z1), work, centres)

@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuation.friction import Friction
 from ..bodies.kinds import LENGTHS, NV
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model, core_shape
-from ..calls.dynamics import checked_call
-from ..errors import ModelError, NonFiniteError, SimulationError, SpatialDynError
+from ..calls.dynamics import calls, checked_call
+from ..errors import ModelError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
 from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
@@ -70,10 +70,11 @@ def step_derivatives(
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
     lanes.
 
-    Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array for explicit methods.
+    Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array. NaN or infinity in a sample's state,
+            torque or forces gives NaN in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
             for other friction, springs, an implicit step that does not converge, and a joint of several freedoms that
-            turns by π or more in a step, each with the sample; the errors of ``aba``.
+            turns by π or more in a step, each naming the first sample and how many; the errors of ``aba``.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -228,22 +229,20 @@ def _implicit(
     shapes = [batch_shape(model, x, a) for x, a in zip(specs, given, strict=True)]
     batch = broadcast([*(x.name for x in specs), "dt"], [*shapes, h.shape])
     n, count = model.nv, math.prod(batch)
-    for x, a in zip(specs, given, strict=True):
-        if not np.isfinite(a).all():
-            raise NonFiniteError(f"{x.name} has entries that are not finite, expected finite numbers for {method}")
-    made = np.zeros((count, 2 * n, 3 * n))
+    made = np.full((count, 2 * n, 3 * n), np.nan)
     if made.size:
-        whole = [
-            np.ascontiguousarray(np.broadcast_to(a, batch + core_shape(model, x))).reshape(
-                (count, *core_shape(model, x))
-            )
-            for x, a in zip(specs, given, strict=True)
-        ]
-        steps = np.broadcast_to(h, batch).reshape(count)
-        forces = whole[3] if fext is not None else None
+        whole = [np.broadcast_to(a, batch + core_shape(model, x)) for x, a in zip(specs, given, strict=True)]
+        p = calls["momentum"](model, *whole[:2])
+        calls["velocity_from_momentum"](model, whole[0], p)  # raises InertiaError at a singular M
+        steps = np.broadcast_to(h, batch)
         for part in _facts(model)[1]:
-            turned = steps[:, None] * whole[1][:, part]
-            _check_turns((turned * turned).sum(axis=1).reshape(batch), method)
-        made = implicit_derivatives.derivatives(model, integrators[method], whole[0], whole[1], whole[2], steps, forces)
+            turned = steps[..., None] * whole[1][..., part]
+            _check_turns((turned * turned).sum(axis=-1), method)
+        flat = [np.ascontiguousarray(x.reshape((count, *x.shape[len(batch) :]))) for x in (*whole, p)]
+        sound = np.flatnonzero(np.logical_and.reduce([np.isfinite(x.reshape(count, -1)).all(axis=1) for x in flat]))
+        q, v, tau, *forces, p = (x[sound] for x in flat)
+        if len(sound):
+            states = q, v, p, tau, steps.reshape(count)[sound], forces[0] if forces else None
+            made[sound] = implicit_derivatives.derivatives(model, integrators[method], *states, batch, sound)
     found = made.reshape((*batch, 2 * n, 3 * n))
     return found[..., : 2 * n], found[..., 2 * n :]

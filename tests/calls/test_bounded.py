@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import itertools
 import math
 import pickle
@@ -207,6 +208,26 @@ def test_a_sample_beyond_the_program_has_an_infinite_bound() -> None:
     assert np.isfinite(bound[0]).all()
     assert np.isinf(bound[1]).all()
     np.testing.assert_array_equal(tau[1], sd.rnea(model, q[1], np.ones(2), np.zeros(2)))
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_what_the_call_refuses_is_refused_in_its_words_and_nothing_else(dtype: Any) -> None:
+    """Rods without inertia about their axes: M is singular at 0 alone, and known to no digit near it."""
+    model, k = rods(0.0), sd.bounded(rods(0.0), sd.aba, dtype=dtype)
+    q, v, tau = np.array([[0.3, 0.5], [0.0, 0.0], [0.2, 1e-8], [0.0, 0.0]], dtype), np.ones(2, dtype), np.ones(2, dtype)
+    words = r'"l0_joint" has zero articulated inertia in sample 1, the first of'
+    for call in (k, functools.partial(sd.aba, model)):
+        with pytest.raises(sd.InertiaError, match=words):
+            call(q, v, tau)
+    a, bound = k(q[::2], v, tau)
+    np.testing.assert_allclose(a, sd.aba(model, q[::2], v, tau), rtol=1e-4 if dtype == np.float32 else 1e-12)
+    assert np.isfinite(bound[0]).all()
+    assert np.isinf(bound[1]).all()
+    q[1] = q[3] = np.nan
+    a, bound = k(q, v, tau)
+    assert np.isnan(a[1::2]).all()
+    assert np.isinf(bound[1::2]).all()
+    assert np.isfinite(bound[0]).all()
 
 
 def test_the_bound_grows_with_the_condition_of_m() -> None:

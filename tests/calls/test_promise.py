@@ -15,7 +15,7 @@ from spatialdyn.accuracy.references import recorded_call
 from spatialdyn.calls import promise
 from spatialdyn.calls.promise import Promise
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.numbers.enclosures import Enclosure
+from spatialdyn.engines.numbers.enclosures import Enclosure, Zeros
 from spatialdyn.recursions import SPECS
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="bounds are of programs")
@@ -152,11 +152,46 @@ def test_a_result_near_zero_needs_an_absolute_tolerance() -> None:
     model = sd.load_urdf("two_link")
     up = [np.pi / 2, 0.0]
     assert abs(sd.generalized_gravity(model, up)).max() < 1e-14
-    with pytest.raises(sd.SpatialDynError, match="is not known within 1e-20 of the largest entry"):
-        sd.specialize(model, sd.generalized_gravity, tolerance=1e-20)(up)
+    with pytest.raises(sd.SpatialDynError, match=r"is not known within 1e-40 of the largest entry: .* double-double$"):
+        sd.specialize(model, sd.generalized_gravity, tolerance=1e-40)(up)
+    weightless = model.with_(gravity=(0.0, 0.0, 0.0))
+    still = [0.3, 0.1], [1e-200, 0.0]  # of the order of 1e-400: a float64 of 0, and not 0
+    with pytest.raises(sd.SpatialDynError, match=r"bound .* of 0.0e\+00, by .*; tolerance=\(0.5, absolute\) allows"):
+        sd.specialize(weightless, sd.kinetic_energy, tolerance=0.5)(*still)
     k = sd.specialize(model, sd.generalized_gravity, tolerance=(1e-20, 1e-13))
     np.testing.assert_allclose(k(up), 0.0, rtol=0.0, atol=1e-13)
     assert repr(k).startswith('<Promise generalized_gravity of "two_link" within 1e-20 and 1e-13: ')
+
+
+def test_a_result_that_is_zero_is_answered() -> None:
+    """At rest, among others and with rest as a constant, of quaternions too; a bound is never 0."""
+    model = sd.load_urdf("two_link")
+    q, v, _ = states(model, 5)
+    v[1:4] = 0.0
+    k = sd.specialize(model, sd.coriolis_matrix, tolerance=1e-12)
+    assert (sd.bounded(model, sd.coriolis_matrix)(q, v)[1][1:4] > 0.0).all()
+    np.testing.assert_array_equal(k(q, v), sd.specialize(model, sd.coriolis_matrix)(q, v))
+    assert blocks(k) == {"float64": 5}
+    fixed = sd.specialize(model, sd.coriolis_matrix, tolerance=1e-12, fixed={"v": 0.0}, outputs=[0])
+    np.testing.assert_array_equal(fixed(q), 0.0)
+    ball = random_tree(5, 1, floating=True).model
+    rest = sd.specialize(ball, sd.kinetic_energy, tolerance=1e-12)
+    assert rest(sd.random_configuration(ball, np.random.default_rng(0)), np.zeros(ball.nv)) == 0.0
+
+
+@pytest.mark.parametrize("call", ["rnea", "crba", "aba", "minverse", "coriolis_matrix"])
+def test_zeros_are_those_of_exact_arithmetic(arm: sd.Model, call: str) -> None:
+    """What is called 0 is 0 in 300 bits; of the inputs some are 0."""
+    spec = numba_kernels.variant(SPECS[call], frozenset())
+    given = states(arm, 12)[: len(spec.present)]
+    for k in range(12):
+        for x in given:
+            x[k] *= [k & 1, k & 2, k & 4] if k < 8 else 0.0
+    found, exact = Zeros(spec, arm.bodies)(given), sd.exact(arm, getattr(sd, call), bits=300)
+    for k in range(12):
+        wanted = np.ravel(exact(*(x[k] for x in given)))
+        assert not any(zero and x != 0 for zero, x in zip(found[k].tolist(), wanted, strict=True))
+    assert call != "coriolis_matrix" or found[8:].all()
 
 
 @pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])

@@ -122,6 +122,16 @@ def test_what_it_has_not_is_refused(case: Case) -> None:
         sd.bounded(case.model, sd.aba).to_jax()
 
 
+def test_an_error_of_values_ends_with_this_librarys_message(case: Case) -> None:
+    f, (q, v, tau) = sd.specialize(case.model, sd.aba).to_jax(), (x[0] for x in case.given)
+    with pytest.raises(jax.errors.JaxRuntimeError) as raised:
+        jax.grad(lambda q: f(q, v, tau).sum())(q + 1e7)
+    last = str(raised.value).splitlines()[-1]
+    assert last.startswith(
+        "SpatialDynError: aba has no derivative by its program, where the largest input is q with 1e+07"
+    )
+
+
 def test_without_jax_the_error_says_how_to_install_it(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     k = sd.specialize(case.model, sd.rnea)
     monkeypatch.setitem(sys.modules, "jax", None)

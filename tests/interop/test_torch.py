@@ -16,6 +16,7 @@ from spatialdyn.engines.compiled import numba_kernels
 
 torch = Late("torch")
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
+FORWARD = pytest.mark.filterwarnings("ignore:.*torch.jit.script:DeprecationWarning")  # of PyTorch's own forward mode
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,38 @@ def test_jacobians_of_one_and_of_a_batch_are_analytic(case: Case) -> None:
         close(found, wanted[0])
     for found, wanted in zip(torch.vmap(f)(*given), case.by, strict=True):
         close(found, wanted)
+
+
+@FORWARD
+def test_forward_mode_is_analytic(case: Case) -> None:
+    """Of one and of a batch, along what varies alone, and in a program of several results of which one does."""
+    f, given = sd.specialize(case.model, sd.aba).to_torch(), tensors(case.given)
+    along = torch.func.jacfwd(f, argnums=(0, 1, 2))
+    for found, wanted in zip(along(*(x[0] for x in given)), case.by, strict=True):
+        close(found, wanted[0])
+    for found, wanted in zip(torch.vmap(along)(*given), case.by, strict=True):
+        close(found, wanted)
+    q, v, tau = given
+    a, moved = torch.func.jvp(lambda v: f(q, v, tau[0]), (v,), (tau,))
+    np.testing.assert_array_equal(a, f(q, v, tau[0]))
+    by_v = sd.aba_derivatives(case.model, q.numpy(), v.numpy(), tau[:1].numpy())[:, 1]
+    close(moved, np.einsum("sij,sj->si", by_v, tau))
+    several = sd.specialize(case.model, [sd.generalized_gravity, sd.rnea]).to_torch()
+    _, (still, moved) = torch.func.jvp(lambda a: several(q, v, a), (tau,), (v,))
+    close(still, 0 * still)
+    close(moved, np.einsum("sij,sj->si", sd.crba(case.model, q.numpy()), v))
+    with torch.autograd.forward_ad.dual_level():
+        dual = torch.autograd.forward_ad.make_dual(q, v)
+        close(torch.autograd.forward_ad.unpack_dual(f(dual, v, tau)).tangent, np.einsum("sij,sj->si", case.by[0], v))
+
+
+@FORWARD
+def test_forward_and_backward_agree_by_a_quaternions_entries() -> None:
+    model = random_tree(5, 2, floating=True).model
+    rng = np.random.default_rng(2)
+    f = sd.specialize(model, sd.generalized_gravity).to_torch()
+    (q,) = tensors([sd.random_configuration(model, rng)])
+    close(torch.func.jacfwd(f)(q), torch.func.jacrev(f)(q))
 
 
 def test_a_gradient_sums_over_the_samples_that_share_an_input(case: Case) -> None:
@@ -108,15 +141,16 @@ def test_float32_in_gives_float32_out(case: Case) -> None:
     assert f(given[0], *tensors(case.given[1:])).dtype == torch.float64
 
 
-@pytest.mark.filterwarnings("ignore:.*torch.jit.script:DeprecationWarning")  # within PyTorch
+@FORWARD
 def test_what_it_has_not_is_refused(case: Case) -> None:
     f, given = sd.specialize(case.model, sd.aba).to_torch(), tensors((x[0] for x in case.given), grad=True)
     (first,) = torch.autograd.grad(f(*given).sum(), given[:1], create_graph=True)
     with pytest.raises(sd.SpatialDynError, match="a second derivative was asked for"):
         torch.autograd.grad(first.sum(), given)
     q, v, tau = tensors(x[0] for x in case.given)
-    with pytest.raises(NotImplementedError, match="jvp"):
-        torch.func.jvp(lambda q: f(q, v, tau), (q,), (q,))
+    for outer, inner in ((torch.func.jacfwd, torch.func.jacfwd), (torch.func.jacfwd, torch.func.jacrev)):
+        with pytest.raises(sd.SpatialDynError, match="a second derivative was asked for"):
+            outer(inner(lambda q: f(q, v, tau)))(q)
     with pytest.raises(sd.SpatialDynError, match='q is on "meta", expected a tensor on the CPU'):
         f(q.to("meta"), v, tau)
     with pytest.raises(sd.SpatialDynError, match=r"q is torch\.complex128, expected real numbers"):

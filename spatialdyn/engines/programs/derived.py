@@ -131,10 +131,11 @@ def _with_derivative(
     program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
     tape, order = Tape(), itertools.count(program.inputs)
     inputs = [tape.input(k) for k in range(program.inputs)]
-    arrays = [""] * len(layout.inputs) if options.derivative == "gradient" else _arrays(specs, options, bodies)
+    by_entries = options.derivative in ("tangent", "gradient")
+    arrays = [""] * len(layout.inputs) if by_entries else _arrays(specs, options, bodies)
     ends = list(itertools.accumulate(layout.inputs, initial=0))
     parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
-    forward = options.derivative == "jvp"
+    forward = options.derivative in ("jvp", "tangent")
     further, results = [], []
     turns = [_turns(bodies, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
     every = [turn for those in turns for _, turn in those]

@@ -87,15 +87,15 @@ class Vectors(Body):
         """Write vector ``count`` of an aligned array."""
         self.store(self.vector, value, self.at(self.vector, base, count), self.size * self.lanes)
 
-    def spread(self, base: str, count: int) -> str:
-        """Number ``count`` behind ``base``, on all lanes."""
+    def spread(self, base: str, count: int, afresh: bool = False) -> str:
+        """Number ``count`` behind ``base``, on all lanes; ``afresh``: loaded here, not kept from an earlier place."""
         v = self.vector
-        one = self.put(f"insertelement {v} poison, {self.scalar} {self.load_number(base, count)}, i64 0")
+        one = self.put(f"insertelement {v} poison, {self.scalar} {self.load_number(base, count, afresh)}, i64 0")
         return self.put(f"shufflevector {v} {one}, {v} poison, <{self.lanes} x i32> zeroinitializer")
 
-    def load_number(self, base: str, count: int) -> str:
-        """Number ``count`` behind ``base``."""
-        return self.load(self.scalar, self.number(base, count), self.size)
+    def load_number(self, base: str, count: int, afresh: bool = False) -> str:
+        """Number ``count`` behind ``base``; ``afresh`` as of ``spread``."""
+        return self.load(("volatile " if afresh else "") + self.scalar, self.number(base, count), self.size)
 
     def constant(self, value: float) -> str:
         if self.scalar == "float":

@@ -55,8 +55,8 @@ class ProgramOptions(NamedTuple):
     exact_inputs   of bounds in float32: inputs are numbers of it, not roundings of others
     derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
                    outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
-                   each input as further outputs. Of a configuration they are by displacements; "gradient" is "vjp" by
-                   its entries
+                   each input as further outputs. Of a configuration they are by displacements; "tangent" and
+                   "gradient" are "jvp" and "vjp" by its entries
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()

@@ -26,7 +26,7 @@ from .llvm_module import module
 from .llvm_vectors import ZERO, Vectors
 from .operations import CONST, FORMS, INPUT, signed
 from .program import Program
-from .schedule import Schedule, late
+from .schedule import Schedule, held, late
 from .structure import Numbers
 
 
@@ -52,6 +52,7 @@ class _Writer:
         self.lanes, self.fma, self.stream = lanes, fma, stream
         self.schedule = Schedule(program, late(program, layout))
         self.numbers = Numbers(program, layout)
+        self.afresh = not held(program, layout)
         self.whole = self.schedule.whole
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
@@ -170,7 +171,7 @@ class _Writer:
             if k < 0:
                 return t.negative(value(-k - 1))
             if lines[k].code == CONST:
-                return t.spread("%numbers", self.numbers.of_line[k])
+                return t.spread("%numbers", self.numbers.of_line[k], self.afresh)
             if k not in values:
                 values[k] = t.load_vector("%ws", slots[k])
             return values[k]

@@ -6,6 +6,7 @@ import ctypes
 import math
 import platform
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -555,6 +556,18 @@ def test_a_cut_program_of_every_operation_gives_the_same_bits(monkeypatch: pytes
         (found,), valid = Runner(program, layout, Shape(4, False))(x)
         np.testing.assert_array_equal(found, whole)
         assert valid.all()
+
+
+def test_long_programs_with_bounds_load_their_numbers_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same bits; what is held is spilled."""
+    program, layout = program_of(lambda x, y: [0.3 * x + y, (0.3 * y - x) * (x + 0.3)], 2)
+    bounded, x = replace(layout, bounds=1), samples(48, seed=4)[:, :2]
+    (wanted,), _ = Runner(program, bounded, Shape(4, False))(x)
+    for most, given, loads in ((len(program.lines), bounded, 0), (0, layout, 0), (0, bounded, 3)):
+        monkeypatch.setattr(schedule, "MOST_HELD", most)
+        assert simd._Writer(program, given, np.float64, 4, False).text().count("load volatile double") == loads
+    (found,), _ = Runner(program, bounded, Shape(4, False))(x)
+    np.testing.assert_array_equal(found, wanted)
 
 
 def test_slots_of_the_workspace_are_reused(monkeypatch: pytest.MonkeyPatch) -> None:
