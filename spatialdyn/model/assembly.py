@@ -238,14 +238,14 @@ def about_origin(link: Link) -> Inertia:
     """Mass, first moment and rotational inertia about the link's origin. Raises InertiaError if they overflow."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.reshape(link.inertia, (3, 3)).tolist()
     body = Inertia(link.mass, zero(), Sym(xx, xy, xz, yy, yz, zz))
-    if not link.mass:
-        return body  # wherever its com is
     moved = inertia_at_parent(Vec(*link.com), body)
     if any(isinstance(x, float) and not math.isfinite(x) for x in (*moved.h, *moved.I)):
-        raise InertiaError(
-            f'link "{link.name}" has mass {link.mass:.6g} and com {link.com}, whose inertia about the link\'s '
-            "origin is beyond the largest float"
-        )
+        if link.mass:
+            raise InertiaError(
+                f'link "{link.name}" has mass {link.mass:.6g} and com {link.com}, whose inertia about the link\'s '
+                "origin is beyond the largest float"
+            )
+        return body  # mass 0 times an overflowed square
     return moved
 
 
