@@ -118,7 +118,7 @@ class Data(Stored, Registered, Copied):
             self._bound.clear()
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
-            run = self._runs[name] = Run(name, library, np.array(model.parents, np.intp), shape)
+            run = self._runs[name] = Run(name, library, shape)
             run.stamp = stamp
             self._bound.clear()
             self._sources.clear()

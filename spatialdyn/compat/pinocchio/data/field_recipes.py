@@ -130,8 +130,8 @@ def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = oMi(run)
     if run.library.off_norm(run.q):  # not rotations: their transposes are no inverses
-        return _undone(X[run.parents], X)
-    return _rows(recorded_calls.relative_all, X, run.parents, X)
+        return _undone(X[run.library.parents], X)
+    return _rows(recorded_calls.relative_all, X, run.library.parents, X)
 
 
 def _rows(operator: Callable[..., None], x: Array, places: NDArray[np.intp], y: Array) -> Array:
@@ -190,8 +190,8 @@ def summed_over_subtrees(
         for k in range(len(here) - 1, 0, -1):
             there = np.empty(here.shape[1])
             shift(X[k], here[k], there)
-            if world or run.parents[k]:
-                add(here[run.parents[k]], there, here[run.parents[k]])
+            if world or run.library.parents[k]:
+                add(here[run.library.parents[k]], there, here[run.library.parents[k]])
         return here
 
     return recipe_for_subtrees
@@ -242,17 +242,10 @@ def world_com(run: Any) -> Array:
     return np.asarray(np.einsum("kij,kj->ki", X[:, :3, :3], c) + X[:, :3, 3])
 
 
-def subtree_masses(masses: list[float], parents: list[int]) -> Array:
-    """Mass of each joint's subtree, from those of the bodies and parents; the universe's own does not count."""
-    m = [0.0, *masses[1:]]
-    for k in range(len(m) - 1, 0, -1):
-        m[parents[k]] += m[k]
-    return np.array(m)
-
-
 def mass(run: Any) -> Array:
     """Mass of each joint's subtree."""
-    return subtree_masses(run.bodies[:, 0].tolist(), run.parents.tolist())
+    found: Array = run.library.subtree_masses(run.bodies)
+    return found
 
 
 def Ig(run: Any) -> Array:
@@ -264,7 +257,7 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    return float(kinetic_energy(run) + potential_energy(run))
+    return float(np.asarray(kinetic_energy(run) + potential_energy(run)).item())
 
 
 def momentum_rate_and_weight(run: Any) -> Array:
@@ -292,7 +285,7 @@ def summed_at_world(run: Any, forces: Array) -> Array:
     """Joint forces with row 0 set to the sum of those on the universe, in the world."""
     X, part = oMi(run), np.empty(6)
     forces[0] = 0.0
-    for k in np.flatnonzero(run.parents[1:] == 0) + 1:
+    for k in np.flatnonzero(run.library.parents[1:] == 0) + 1:
         operator_kernels.force_to_parent(X[k], forces[k], part)
         forces[0] += part
     return forces

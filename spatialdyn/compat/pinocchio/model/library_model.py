@@ -17,6 +17,7 @@ from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....calls import dynamics
 from ....engines.compiled.cpython import READY, unavailable
+from ....engines.compiled.numba_kernels import PLAIN
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import Options
@@ -54,16 +55,20 @@ class LibraryModel:
     model     the library's Model: same q, v and armature, ``continuous="cos_sin"``
     table     a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
     inertias  (njoints, 10) of its joints' bodies, a new array after an edit
+    kernel_table  the table as kernels take it
     rows      (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
+    parents   (njoints,) of the Model's joints
     joints    None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
     Calls of the library for one sample are attributes, as builtins: ``library.integrate(q, v)``, which returns None if
     not applicable.
     """
 
-    def __init__(self, model: SdModel, joint_map: Indices, inertias: Array, numbers: ModelNumbers) -> None:
+    def __init__(
+        self, model: SdModel, joint_map: Indices, parents: Indices, inertias: Array, numbers: ModelNumbers
+    ) -> None:
         """From the library's model, its joint that carries each joint's body, and the numbers it was assembled from."""
-        self.joint_map = joint_map
+        self.joint_map, self.parents = joint_map, parents
         self.rows = np.array([model.joints[k].row for k in joint_map], np.intp)
         self.row_numbers = self.rows.astype(np.float64)
         self.joints = None if model.njoints == len(joint_map) else joint_map
@@ -79,9 +84,11 @@ class LibraryModel:
     def _take(self, model: SdModel, table: Any, inertias: Array, numbers: ModelNumbers) -> None:
         self._model, self._model_inertias, self.inertias, self.numbers = model, inertias, inertias, numbers
         self.table, self.address = table, table.ctypes.data
+        self.kernel_table: Any = model.bodies if PLAIN else self.address
         self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
         self._at_call: dict[bytes, SdModel] = {}  # with gravity and inertias of the last call that asked
         self._put_inertia: Any = None
+        self._masses: tuple[Any, Array] = None, np.empty(0)
         self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
@@ -89,8 +96,8 @@ class LibraryModel:
     def with_model(self, model: SdModel, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
         """The LibraryModel of the same tree, as a Model with other numbers."""
         found = LibraryModel.__new__(LibraryModel)
-        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins",
-                 "takes_edits")  # fmt: skip
+        names = ("joint_map", "parents", "rows", "row_numbers", "joints", "frames", "unit_parts", "units",
+                 "has_builtins", "takes_edits")  # fmt: skip
         found.__dict__.update({name: self.__dict__[name] for name in names})
         found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
         return found
@@ -114,6 +121,12 @@ class LibraryModel:
         self.inertias = after
         return True
 
+    def subtree_masses(self, inertias: Array) -> Array:
+        """Mass (njoints,) of each joint's subtree, the universe's own left out; kept for the inertias of one array."""
+        if self._masses[0] is not inertias:
+            self._masses = inertias, subtree_masses(inertias[:, 0].tolist(), self.parents.tolist())
+        return self._masses[1]
+
     def inertias_at(self, stamp: int) -> Array:
         """Inertias (njoints, 10) at the time of a call."""
         return next((inertias for end, inertias in self._past if stamp < end), self.inertias)
@@ -128,7 +141,7 @@ class LibraryModel:
 
     def is_at(self, gravity: Array, inertias: Array) -> bool:
         """Whether gravity (3,) and inertias (njoints, 10) are those of the table."""
-        return inertias is self.inertias and bool((gravity == self.gravity).all())
+        return inertias is self.inertias and gravity.tolist() == self.gravity.tolist()
 
     def model_at(self, gravity: Array, inertias: Array) -> SdModel:
         """The library's Model with the gravity (3,) and the inertias (njoints, 10) of an earlier call."""
@@ -159,11 +172,11 @@ class LibraryModel:
         if values and values[-1] is None:
             values = values[:-1]
         spec, found = SPECS[name], None
-        if spec.output.shape and (at is None or self.is_at(*at)):
-            if len(values) == sum(not x.optional for x in spec.present):
-                found = getattr(self, name)(*values)
-            else:
+        if at is None or self.is_at(*at):
+            if values and len(values) == len(spec.present) and spec.present[-1].optional:
                 found = self._bound(name, True)(*values[:-1], values[-1].ravel())
+            else:
+                found = getattr(self, name)(*values)
         if found is None:
             found = dynamics.table_call(name, self.model if at is None else self.model_at(*at), *values)
         return found
@@ -173,6 +186,14 @@ class LibraryModel:
         return self._model.options.any_norm and any(
             abs(part @ part - 1.0) > NORM_ROUNDING for part in (q[unit] for unit in self.unit_parts)
         )
+
+
+def subtree_masses(masses: list[float], parents: list[int]) -> Array:
+    """Mass of each joint's subtree, from those of the bodies and parents; the universe's own does not count."""
+    m = [0.0, *masses[1:]]
+    for k in range(len(m) - 1, 0, -1):
+        m[parents[k]] += m[k]
+    return np.array(m)
 
 
 class FramePlacements(NamedTuple):
@@ -312,7 +333,7 @@ def _assembled(model: Model) -> LibraryModel:
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
     gravity = _numbers(model.gravity._x[:3])
     compiled = SdModel(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
-    return LibraryModel(compiled, np.array(last, np.intp), *_numbers_of(model))
+    return LibraryModel(compiled, np.array(last, np.intp), np.array(model.parents, np.intp), *_numbers_of(model))
 
 
 def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
