@@ -56,14 +56,16 @@ def _kernel(name: str, nv: int) -> Any:
 def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static: int) -> Array:
     """A call of the library about a frame on a joint, at the inputs of a run: by its table kernel, or with checks."""
     library = run.library
-    model, row = library._model, int(library.rows[joint])  # gravity and inertias move no frame
+    model, row = library._model, int(library.rows[joint])  # of that model, the sizes alone
     kernel, inputs, shape = _kernel(name, model.nv)
     values = [getattr(run, x) for x in inputs]
     if model.mimic_matrix is None:
         out = np.empty(shape)
         if not kernel(library.kernel_table, *values, row, placement, *static, out):
             return out
-    found: Array = _dynamics.checked_call(SPECS[name], model, values, (row, placement, *static), None, by_table=True)
+    found: Array = _dynamics.checked_call(
+        SPECS[name], library.model, values, (row, placement, *static), None, by_table=True
+    )
     return found
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
+from ....bodies.table import BODIES
 from ....calls import dynamics
 from ....engines.compiled.cpython import READY, unavailable
 from ....engines.compiled.numba_kernels import PLAIN
@@ -24,10 +25,10 @@ from ....model.assembly import Options
 from ....model.model import Model as SdModel
 from ....model.robot import Link, Mimic, Robot, RobotJoint
 from ....model.robot_checks import clear_rounding, make_joint, make_link
-from ....model.update import edited
+from ....model.update import edited, put_placement
 from ....recursions import SPECS
 from ...native import edited_table, recorded_calls
-from ...native.edited_table import GRAVITY
+from ...native.edited_table import GRAVITY, MOST, bounds
 from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
 from ..types.arguments import Array
@@ -79,10 +80,12 @@ class LibraryModel:
         self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
         self.takes_edits = self.has_builtins and self.joints is None
-        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
+        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8), inertias, numbers)
 
-    def _take(self, model: SdModel, table: Any, inertias: Array, numbers: ModelNumbers) -> None:
+    def _take(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> None:
         self._model, self._model_inertias, self.inertias, self.numbers = model, inertias, inertias, numbers
+        self._placed: dict[int, RobotJoint] = {}  # joints that are edited in the table, and not yet in ``_model``
+        table = bodies.copy()
         self.table, self.address = table, table.ctypes.data
         self.kernel_table: Any = model.bodies if PLAIN else self.address
         self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
@@ -93,13 +96,28 @@ class LibraryModel:
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def with_model(self, model: SdModel, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
-        """The LibraryModel of the same tree, as a Model with other numbers."""
+    def with_model(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
+        """The LibraryModel of the same tree, as a Model with other numbers; bodies as bytes."""
         found = LibraryModel.__new__(LibraryModel)
         names = ("joint_map", "parents", "rows", "row_numbers", "joints", "frames", "unit_parts", "units",
                  "has_builtins", "takes_edits")  # fmt: skip
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
+        found._take(model, bodies, inertias, numbers)
+        return found
+
+    def with_joints(self, placed: dict[int, RobotJoint], numbers: ModelNumbers) -> LibraryModel | None:
+        """The LibraryModel with other armatures, and some joints placed anew; None if the numbers need checks."""
+        at, armature = numbers.placements, numbers.armature
+        if not (abs(at) < MOST).all() or not ((armature >= 0.0) & (armature < MOST)).all():
+            return None
+        found = self.with_model(self._model, self.table, self.inertias, numbers)
+        found._model_inertias, found._placed = self._model_inertias, {**self._placed, **placed}
+        bodies = found.table.view(BODIES)
+        bodies["armature"][1:] = armature
+        for joint in placed.values():
+            put_placement(self._model, bodies, joint)
+        if placed:
+            bounds(found.kernel_table, np.empty((len(bodies), 3)))
         return found
 
     def put_inertia(self, joint: int, inertia: Array) -> bool:
@@ -134,9 +152,12 @@ class LibraryModel:
     @property
     def model(self) -> SdModel:
         """The library's Model."""
-        if self.inertias is not self._model_inertias or not (self.gravity == self._model.gravity).all():
-            links = _changed_links(self._model, self._model_inertias, self.inertias)
-            self._model, self._model_inertias = edited(self._model, links, {}, _numbers(self.gravity)), self.inertias
+        model, then = self._model, self._model_inertias
+        joints = _changed_joints(model, self._placed, self.numbers.armature) if self.takes_edits else {}
+        if joints or self.inertias is not then or not (self.gravity == model.gravity).all():
+            links = _changed_links(model, then, self.inertias)
+            self._model = edited(model, links, joints, _numbers(self.gravity))
+            self._placed, self._model_inertias = {}, self.inertias
         return self._model
 
     def is_at(self, gravity: Array, inertias: Array) -> bool:
@@ -343,25 +364,34 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     (inertias, now), then = _numbers_of(model), before.numbers
     _check_gravity(model)
     same = now.placements is then.placements and now.armature is then.armature and now.strict == then.strict
-    if same and inertias is before.inertias and before.gravity.tolist() == model.gravity._x[:3].tolist():
+    unmoved = before.gravity.tolist() == model.gravity._x[:3].tolist()
+    if same and inertias is before.inertias and unmoved:
         return before
+    placed = {}
+    for k in map(int, np.flatnonzero((now.placements != then.placements).any((1, 2))[1:])):
+        X = model.jointPlacements[k + 1].homogeneous @ np.reshape(model.joints[k + 1].steps()[0].placement, (4, 4))
+        placed[k] = make_joint(replace(before._model.robot.joints[k], placement=_pose(X)))
+    if now.strict == then.strict and inertias is before.inertias and unmoved:
+        found = before.with_joints(placed, now)
+        if found is not None:
+            return found
     compiled = before.model
-    robot, moved = compiled.robot, (now.placements != then.placements).any((1, 2))
-    for at in np.flatnonzero(now.armature != then.armature):
-        moved[np.searchsorted(model.idx_vs[1:], at, "right")] = True
-    joints: dict[int, RobotJoint] = {}
-    for k in map(int, np.flatnonzero(moved[1:])):
-        joint = model.joints[k + 1]
-        rotor = _rotor(now.armature[joint.idx_v : joint.idx_v + joint.nv])
-        edited_joint = replace(robot.joints[k], armature=rotor)
-        if (now.placements[k + 1] != then.placements[k + 1]).any():
-            X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
-            edited_joint = replace(edited_joint, placement=_pose(X))
-        joints[k] = make_joint(edited_joint)
-    gravity = _numbers(model.gravity._x[:3])
     norms = None if now.strict == then.strict else not now.strict
-    links = _changed_links(compiled, before.inertias, inertias)
-    return before.with_model(edited(compiled, links, joints, gravity, norms), inertias, now)
+    links, joints = _changed_links(compiled, before.inertias, inertias), _changed_joints(compiled, placed, now.armature)
+    made = edited(compiled, links, joints, _numbers(model.gravity._x[:3]), norms)
+    return before.with_model(made, np.frombuffer(made.bodies.tobytes(), np.uint8), inertias, now)
+
+
+def _changed_joints(compiled: SdModel, placed: dict[int, RobotJoint], armature: Array) -> dict[int, RobotJoint]:
+    """Joints by index in the robot: those placed anew, and those with other armatures."""
+    if not placed and (compiled.armature == armature).all():
+        return {}
+    found = {}
+    for k, (joint, row) in enumerate(zip(compiled.robot.joints, compiled.joints[1:], strict=True)):
+        own = slice(row.idx_v, row.idx_v + row.nv)
+        if k in placed or (compiled.armature[own] != armature[own]).any():
+            found[k] = make_joint(replace(placed.get(k, joint), armature=_rotor(armature[own])))
+    return found
 
 
 def _check_gravity(model: Model) -> None:
