@@ -105,14 +105,19 @@ class LibraryModel:
         found._take(model, bodies, inertias, numbers)
         return found
 
+    def copy(self) -> LibraryModel:
+        """An independent one."""
+        found = self.with_model(self._model, self.table, self.inertias, self.numbers)
+        found._model_inertias, found._placed = self._model_inertias, {**self._placed}
+        return found
+
     def with_joints(self, placed: dict[int, RobotJoint], numbers: ModelNumbers) -> LibraryModel | None:
         """The LibraryModel with other armatures, and some joints placed anew; None if the numbers need checks."""
         at, armature = numbers.placements, numbers.armature
         if not (abs(at) < MOST).all() or not ((armature >= 0.0) & (armature < MOST)).all():
             return None
-        found = self.with_model(self._model, self.table, self.inertias, numbers)
-        found._model_inertias, found._placed = self._model_inertias, {**self._placed, **placed}
-        bodies = found.table.view(BODIES)
+        found = self.copy()
+        found.numbers, found._placed, bodies = numbers, {**self._placed, **placed}, found.table.view(BODIES)
         bodies["armature"][1:] = armature
         for joint in placed.values():
             put_placement(self._model, bodies, joint)
