@@ -6,7 +6,7 @@ from typing import Any
 
 from ...algebra.euclidean import matmul, rotate, scale
 from ...algebra.lie import Tangent
-from ...algebra.public_arrays import read_pose, write_tangent, write_vec
+from ...algebra.public_arrays import read_body, read_pose, write_body, write_tangent, write_vec
 from ...algebra.records import inertia_of, motion_of, pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
@@ -16,7 +16,7 @@ from ...recursions.kkt import factored
 from ...recursions.ltdl import solve_tree
 from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
 from .operator_kernels import compiled_text, deferred
-from .operators import relative_pose, skew
+from .operators import add_bodies, body_to_parent, relative_pose, skew
 
 
 @inline
@@ -71,7 +71,7 @@ def _subtree_com_jacobian(bodies: Any, work: Any, q: Any, root: Any, J: Any) -> 
     for i in range(1, len(bodies)):
         moved = inertia_of(work[i].I) if row == 0 or row <= i <= bodies[row].last_row else whole
         S = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
-        if i < row and not row <= bodies[i].last_row:
+        if not (row == 0 or row <= i <= bodies[row].last_row or i <= row <= bodies[i].last_row):
             S = zero_motion()
         write_vec(J[:, i - 1], scale(1.0 / whole.m, momentum(moved, S).f))
     return 0
@@ -95,6 +95,26 @@ def _kinematic_regressor(X: Any, placements: Any, parents: Any, joint: Any, plac
             moved = Pose(matmul(here.R, moved.R), rotate(here.R, moved.p))
         write_tangent(out[:, 6 * k - 6 : 6 * k], Tangent(moved.R, matmul(skew(moved.p), moved.R)))
         k = parents[k]
+
+
+@inline
+def _composite_bodies(X: Any, bodies: Any, parents: Any, out: Any) -> None:
+    """Inertias (njoints, 10) of all subtrees in the world, row 0 the robot's, from bodies in their joints' frames."""
+    for k in range(len(out)):
+        for j in range(10):
+            out[k, j] = 0.0
+        if k > 0:
+            write_body(out[k], body_to_parent(read_pose(X[k]), read_body(bodies[k])))
+    for k in range(len(out) - 1, 0, -1):
+        write_body(out[parents[k]], add_bodies(read_body(out[parents[k]]), read_body(out[k])))
+
+
+composite_bodies = compiled_text(
+    "composite_bodies",
+    ["X", "bodies", "parents", "out"],
+    ["write(X, bodies, parents, out)"],
+    write=_composite_bodies,
+)
 
 
 _PARAMETERS = ["X", "placements", "parents", "joint", "place", "code", "out"]

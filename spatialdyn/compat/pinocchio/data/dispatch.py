@@ -212,23 +212,26 @@ def frame_call(
     """
     about = "frame_id, reference_frame, last, joint_id, placement"
     placed = [
-        "        if type(reference_frame) is SE3:",
+        "    if type(reference_frame) is SE3:",
+        "        try:",
         f"            frames, call = {bound}[{placed_name(name)!r}]",
         "            if frames.joints is model._library.frames.joints:",
         "                frames.placements[frame_id] = reference_frame._x",
         "                if (found := call(frame_id, LOCAL if last is None else last)) is not None:",
         "                    return found",
+        "        except (AttributeError, IndexError, KeyError):  # the fast path does not apply",
+        "            pass",
     ]
     text = [
         f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
         "    try:",
-        *(placed if not of_joints else []),
         f"        frames, call = {bound}[{name!r}]",
         f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}:",
         "            if (found := call(frame_id, reference_frame)) is not None:",
         "                return found",
-        "    except (AttributeError, IndexError, KeyError):  # the fast path does not apply",
+        "    except (AttributeError, KeyError):  # the fast path does not apply",
         "        pass",
+        *([] if of_joints else placed),
         f"    return slow(model, data, ({about}))",
     ]
     scope = {"slow": slow, "reference": reference, "SE3": SE3, "LOCAL": LOCAL, "__name__": module_of_caller()}

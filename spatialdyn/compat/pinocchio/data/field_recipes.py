@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...native import operator_kernels, recorded_calls
+from ...native import operator_kernels, recorded_calls, tree_kernels
 from ..types.arguments import Array
 
 Recipe = Callable[[Any], Any]
@@ -167,15 +167,12 @@ def h(run: Any) -> Array:
     return found
 
 
-def in_world(operator: Callable[..., None], recipe: Recipe, universe: bool = True) -> Recipe:
-    """A recipe whose rows are in the joints' frames, with rows in the world; row 0 is zero without ``universe``."""
+def in_world(operator: Callable[..., None], recipe: Recipe) -> Recipe:
+    """A recipe whose rows are in the joints' frames, with rows in the world."""
 
     def recipe_in_world(run: Any) -> Array:
         here: Array = recipe(run)
-        found = _rows(operator, oMi(run), np.arange(len(here)), here)
-        if not universe:
-            found[0] = 0.0
-        return found
+        return _rows(operator, oMi(run), np.arange(len(here)), here)
 
     return recipe_in_world
 
@@ -207,12 +204,24 @@ def bodies(run: Any) -> Array:
 _to_parent, _subtrees = operator_kernels.body_to_parent, summed_over_subtrees
 subtree_momenta = _subtrees(h, operator_kernels.force_to_parent, np.add)
 Ycrb = _subtrees(bodies, _to_parent, operator_kernels.add_body, world=False)
-_with_universe = _subtrees(bodies, _to_parent, operator_kernels.add_body)
-oYcrb = in_world(recorded_calls.bodies_to_parent, _with_universe)
-moving_oYcrb = in_world(recorded_calls.bodies_to_parent, _with_universe, universe=False)
 bodies_in_world = in_world(recorded_calls.bodies_to_parent, bodies)
 ov, oa, oa_gf = (in_world(recorded_calls.motions_to_parent, recipe) for recipe in (v, a, a_gf))
 of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.forces_to_parent, h)
+
+
+def oYcrb(run: Any) -> Array:
+    """Inertias of the subtrees, in the world; row 0 the robot's."""
+    out: Array = np.empty_like(run.bodies)
+    tree_kernels.composite_bodies(np.ascontiguousarray(oMi(run)), run.bodies, run.library.parents, out)
+    return out
+
+
+def moving_oYcrb(run: Any) -> Array:
+    """``oYcrb`` with row 0 zero."""
+    found = oYcrb(run)
+    found[0] = 0.0
+    return found
+
 
 # --- the robot as a whole --------------------------------------------------------------------------------
 
@@ -250,7 +259,7 @@ def mass(run: Any) -> Array:
 
 def Ig(run: Any) -> Array:
     """Inertia of the robot about its centre of mass, in the axes of the world."""
-    found = np.array(oYcrb(run)[0])
+    found: Array = oYcrb(run)[0]
     found[1:4] = 0.0
     return found
 
