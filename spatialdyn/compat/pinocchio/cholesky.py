@@ -21,13 +21,15 @@ def decompose(model: Model, data: Data) -> Array:
     """U (nv, nv) of data.M, also ``data.U``, with D (nv,) in ``data.D``. Raises InertiaError if M is singular."""
     library, M = library_of(model, data), np.ascontiguousarray(data.array("M"))
     without_mimic(library._model)
-    U, D = data.hold("U"), data.hold("D")
+    U, D = np.empty(M.shape), np.empty(len(M))
     if tree_kernels.factor_upper(library.kernel_table, M, np.empty(M.shape), U, D) < 0:
         if not M.any():
             raise InertiaError("data.M is zero, expected crba to have been called")
         raise_if_singular(library.model, M.T)
         raise InertiaError(f'the mass matrix of "{model.name}" is not positive definite')
-    return U.copy()
+    data.put("D", D)
+    data.put("U", U)
+    return U
 
 
 def solve(model: Model, data: Data, v: Any) -> Array:

@@ -6,6 +6,7 @@ toDynamicParameters of the inertias after the universe's, one after the other; c
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,7 @@ def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
     """Y (6, 10) of the body of a joint, from data.v and data.a_gf of rnea. Raises ModelError for no such joint."""
     library_of(model, data)
     at = _index("joint_id", joint_id, model.njoints)
-    return bodyRegressor(data.v[at], data.a_gf[at])
+    return bodyRegressor(*_motions_of(data, at))
 
 
 def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
@@ -148,7 +149,12 @@ def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
     library_of(model, data)
     frame = model.frames[_index("frame_id", frame_id, model.nframes)]
     joint, placement = frame.parentJoint, frame.placement
-    return bodyRegressor(placement.actInv(data.v[joint]), placement.actInv(data.a_gf[joint]))
+    return bodyRegressor(*map(placement.actInv, _motions_of(data, joint)))
+
+
+def _motions_of(data: Data, joint: int) -> Iterator[Motion]:
+    """Its v and a_gf; read as ``data.a_gf`` they would be recomputed at each call of rnea from then on."""
+    return (Motion.over(data.array(name)[joint]) for name in ("v", "a_gf"))
 
 
 def computeJointKinematicRegressor(

@@ -190,13 +190,17 @@ class Data(Stored, Registered, Copied):
         if held is not None and held.shape == np.shape(value):
             held[...] = value
         else:
-            self._assign(name, np.array(value, float))
+            self._assign(name, np.array(value, float, order="C"))
             self._release(name)
 
     def _assign(self, name: str, x: Array) -> None:
         """Make an array the source of a field that is not held."""
-        self._runs[assigned(name)] = Assigned(name, x)
-        self._sources.pop(name, None)
+        before: Any = self._runs.get(assigned(name))
+        if before is None:
+            self._runs[assigned(name)] = Assigned(name, x)
+            self._sources.pop(name, None)
+        else:
+            before.assign(name, x)
 
     def latest(self, name: str, of_call: bool = False) -> Run | None:
         """The latest source of a field, if any; ``of_call``: the latest call that recorded its inputs."""

@@ -156,7 +156,7 @@ def a_gf(run: Any) -> Array:
     """Accelerations less that of gravity, in the joints' frames."""
     found = a(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = run.model.gravity
+    weight[:, :3] = run.gravity
     return np.asarray(found - _rows(recorded_calls.motions_to_child, oMi(run), np.arange(len(found)), weight))
 
 
@@ -272,7 +272,7 @@ def mechanical_energy(run: Any) -> float:
 def momentum_rate_and_weight(run: Any) -> Array:
     """dhg of Pinocchio's computeAllTerms: the rate of momentum at a = 0, less the weight."""
     found = dhg(run)
-    found[:3] -= run.model.total_mass * run.model.gravity
+    found[:3] -= mass(run)[0] * run.gravity
     return found
 
 
@@ -281,7 +281,7 @@ def net_forces(run: Any) -> Array:
     found = f(run)
     X, c, m = oMi(run), world_com(run), mass(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = m[:, None] * run.model.gravity
+    weight[:, :3] = m[:, None] * run.gravity
     weight[:, 3:] = np.cross(c, weight[:, :3])
     for k, own in enumerate(found):
         here = np.empty(6)

@@ -273,10 +273,14 @@ class Assigned(Run):
     __slots__ = ("stamp",)  # a slot: no builtin writes it
 
     def __init__(self, name: str, x: Array) -> None:
+        """Of a field, with its array."""
+        self.kind, self.q, self.recompute, self.cache = _assigned_kind(name), None, [], {}
+        self.assign(name, x)
+
+    def assign(self, name: str, x: Array) -> None:
         """The array is the field from now on."""
-        self.kind, self.q, self.recompute, self.result = _assigned_kind(name), None, [], x
-        self.stamp = clock()
-        self.cache = {name: (self.stamp, x)}
+        self.result, self.stamp = x, clock()
+        self.cache[name] = self.stamp, x
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Do nothing: no call writes it again."""
