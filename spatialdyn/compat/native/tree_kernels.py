@@ -15,7 +15,7 @@ from ...recursions import centroidal
 from ...recursions.kkt import factored
 from ...recursions.ltdl import solve_tree
 from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
-from .operator_kernels import compiled_text, deferred
+from .operator_kernels import compiled, deferred
 from .operators import add_bodies, body_to_parent, relative_pose, skew
 
 
@@ -49,20 +49,6 @@ def _solve_upper(bodies: Any, U: Any, D: Any, L: Any, x: Any) -> int:
 
 
 @inline
-def _inverse_upper(bodies: Any, U: Any, D: Any, L: Any, Minv: Any) -> int:
-    """M⁻¹, its columns as of ``_solve_upper``; symmetric to the bit. Returns as that does."""
-    n = len(D)
-    for i in range(n):
-        for j in range(n):
-            Minv[i, j] = 1.0 if i == j else 0.0
-    status = _solve_upper(bodies, U, D, L, Minv)
-    for i in range(n):
-        for j in range(i):
-            Minv[i, j] = Minv[j, i]
-    return status
-
-
-@inline
 def _subtree_com_jacobian(bodies: Any, work: Any, q: Any, root: Any, J: Any) -> int:
     """Column i: momentum, over its mass, of what row i moves of the subtree of the row ``root[0]``; 0: the robot."""
     centroidal.center_of_mass_jacobian(bodies, work, q, J)
@@ -79,7 +65,6 @@ def _subtree_com_jacobian(bodies: Any, work: Any, q: Any, root: Any, J: Any) -> 
 
 factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1))
 solve_upper = deferred(lambda: kernel(_solve_upper, 2, 1, 2, 2))
-inverse_upper = deferred(lambda: kernel(_inverse_upper, 2, 1, 2, 2))
 subtree_com_jacobian = deferred(lambda: kernel(_subtree_com_jacobian, 1, 1, 2, work=centroidal.WORK))
 
 
@@ -109,15 +94,4 @@ def _composite_bodies(X: Any, bodies: Any, parents: Any, out: Any) -> None:
         write_body(out[parents[k]], add_bodies(read_body(out[parents[k]]), read_body(out[k])))
 
 
-composite_bodies = compiled_text(
-    "composite_bodies",
-    ["X", "bodies", "parents", "out"],
-    ["write(X, bodies, parents, out)"],
-    write=_composite_bodies,
-)
-
-
-_PARAMETERS = ["X", "placements", "parents", "joint", "place", "code", "out"]
-kinematic_regressor = compiled_text(
-    "kinematic_regressor", _PARAMETERS, [f"write({', '.join(_PARAMETERS)})"], write=_kinematic_regressor
-)
+kinematic_regressor, composite_bodies = compiled(_kinematic_regressor), compiled(_composite_bodies)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,20 +34,21 @@ def decompose(model: Model, data: Data) -> Array:
 def solve(model: Model, data: Data, v: Any) -> Array:
     """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
     x = np.array(vector("v", v, model.nv))
-    _by_factors(tree_kernels.solve_upper, model, data, x.reshape(1, -1))
+    _solve(model, data, x.reshape(1, -1))
     return x
 
 
 def computeMinv(model: Model, data: Data) -> Array:
     """M⁻¹ (nv, nv), also ``data.Minv``, from the U, D that decompose left in ``data``. Raises as ``solve``."""
-    Minv = np.empty((model.nv, model.nv))
-    _by_factors(tree_kernels.inverse_upper, model, data, Minv)
+    columns = np.eye(model.nv)
+    _solve(model, data, columns)
+    Minv = 0.5 * (columns + columns.T)  # symmetric to the bit
     data.put("Minv", Minv)
     return Minv
 
 
-def _by_factors(kernel: Callable[..., int], model: Model, data: Data, out: Array) -> None:
-    """Run a kernel of ``tree_kernels`` on U and D of ``data``."""
+def _solve(model: Model, data: Data, x: Array) -> None:
+    """Each row of x (m, nv) becomes M⁻¹ of it, in place."""
     library, U, D = library_of(model, data), data.array("U"), data.array("D")
-    if kernel(library.kernel_table, np.ascontiguousarray(U), D, np.empty(U.shape), out) < 0:
+    if tree_kernels.solve_upper(library.kernel_table, np.ascontiguousarray(U), D, np.empty(U.shape), x) < 0:
         raise InertiaError("data.D is not positive, expected cholesky.decompose to have been called")
