@@ -152,7 +152,10 @@ class LibraryModel:
 
     def inertias_at(self, stamp: int) -> Array:
         """Inertias (njoints, 10) at the time of a call."""
-        return next((inertias for end, inertias in self._past if stamp < end), self.inertias)
+        for end, inertias in self._past:
+            if stamp < end:
+                return inertias
+        return self.inertias
 
     @property
     def model(self) -> SdModel:
@@ -167,7 +170,7 @@ class LibraryModel:
 
     def is_at(self, gravity: Array, inertias: Array) -> bool:
         """Whether gravity (3,) and inertias (njoints, 10) are those of the table."""
-        return inertias is self.inertias and gravity.tolist() == self.gravity.tolist()
+        return inertias is self.inertias and gravity.tobytes() == self.gravity.tobytes()
 
     def model_at(self, gravity: Array, inertias: Array) -> SdModel:
         """The library's Model with the gravity (3,) and the inertias (njoints, 10) of an earlier call."""
