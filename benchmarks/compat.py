@@ -87,6 +87,19 @@ pin.computeABADerivatives(model, data, q, v, a)
 pin.computeGeneralizedGravityDerivatives(model, data, q)
 pin.computeJointTorqueRegressor(model, data, q, v, a)
 pin.forwardDynamics(model, data, q, v, a, J, drift)
+pin.computeTotalMass(model)
+pin.computeMechanicalEnergy(model, data, q, v)
+pin.jacobianSubtreeCenterOfMass(model, data, q, 3)
+(pin.ccrba(model, data, q, v), data.Ig)
+(pin.crba(model, data, q), pin.cholesky.decompose(model, data))
+pin.cholesky.solve(model, data, v)
+pin.getFrameVelocity(model, data, 3, place, pin.LOCAL_WORLD_ALIGNED)
+pin.getFrameJacobian(model, data, 3, place, pin.LOCAL_WORLD_ALIGNED)
+pin.computeForwardKinematicsDerivatives(model, data, q, v, a)
+pin.getFrameVelocityDerivatives(model, data, tip, pin.LOCAL)
+pin.computeFrameKinematicRegressor(model, data, tip, pin.LOCAL)
+pin.jointBodyRegressor(model, data, 3)
+pin.isNormalized(model, q)
 pin.integrate(model, q, v)
 pin.difference(model, q, q)
 pin.neutral(model)
@@ -94,6 +107,10 @@ pin.randomConfiguration(model)
 (model.gravity.__setattr__("linear", next(weights)), pin.rnea(model, data, q, v, a))
 (model.inertias[2].__setattr__("mass", next(masses)), pin.rnea(model, data, q, v, a))
 (model.inertias.__setitem__(2, next(bodies)), pin.rnea(model, data, q, v, a))
+(model.inertias[2].__setattr__("mass", next(masses)), pin.centerOfMass(model, data, q))
+(model.armature.__setitem__(0, next(masses)), pin.rnea(model, data, q, v, a))
+(model.jointPlacements[1].translation.__setitem__(0, next(masses)), pin.forwardKinematics(model, data, q))
+model.copy()
 pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas, settings)
 pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas)
 """
@@ -127,7 +144,7 @@ def robot(name: str, feet: Sequence[str], floating: bool = False) -> Callable[[A
             "drift": J[:, 0].copy(), "weights": weights, "masses": cycle([1.0, 1.1]),
             "bodies": cycle([model.inertias[2].copy(), model.inertias[2] + model.inertias[2]]),
             "data2": data2, "contacts": contacts, "contact_datas": contact_datas,
-            "settings": pin.ProximalSettings(1e-12, 1e-9, 10),
+            "settings": pin.ProximalSettings(1e-12, 1e-9, 10), "place": model.frames[-1].placement.copy(),
         }  # fmt: skip
 
     return values

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..algebra.scalars import inline
 from ..calls.arguments import as_array, as_number, batch_shape, broadcast, check_model
 from ..calls.dynamics import calls
 from ..calls.failures import raise_if_singular
@@ -18,8 +17,7 @@ from ..engines.compiled.table_kernels import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
 from ..model.model import Model
 from ..recursions.constrained import MOTION
-from ..recursions.kkt import bordered_inverse, constrained_samples, factored
-from ..recursions.ltdl import solve_tree
+from ..recursions.kkt import bordered_inverse, constrained_samples
 from ..recursions.spec import TAU
 from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
 from .kinds import Constraint
@@ -218,7 +216,7 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     out, force, rank = np.empty((count, n)), np.empty((count, m)), np.empty(count)
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
-    table, soft = getattr(_without_mimic(model), numba_kernels.TABLE), np.array([softness])
+    table, soft = getattr(without_mimic(model), numba_kernels.TABLE), np.array([softness])
     for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
         given = (x[first:end] for x in (Ms, Js, rs, gammas))
         run(table, *given, soft, *factors, *(x[first:end] for x in (out, force, rank)))
@@ -233,7 +231,7 @@ def inverse(model: Model, solved: Solved) -> Array:
     out = np.empty((n + m, n + m))
     run = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2)
     run(
-        getattr(_without_mimic(model), numba_kernels.TABLE),
+        getattr(without_mimic(model), numba_kernels.TABLE),
         solved.L,
         solved.Y,
         solved.C,
@@ -245,28 +243,7 @@ def inverse(model: Model, solved: Solved) -> Array:
     return out
 
 
-def factor(model: Model, M: Array) -> Array:
-    """L (nv, nv) of M = LᵀD L: D on its diagonal, zeros above. Reads the lower triangle of M. Raises InertiaError."""
-    L = np.empty(M.shape)
-    if kernel(factored, 2, 2)(getattr(_without_mimic(model), numba_kernels.TABLE), np.array(M, order="C"), L) < 0:
-        _raise_rank(model, M[None], 0, np.array([-1.0]), ())
-    return np.tril(L)
-
-
-def solve_factored(model: Model, L: Array, y: Array) -> Array:
-    """M⁻¹ y (nv), with L of ``factor``."""
-    x = np.array(y)
-    kernel(_solve_factored, 2, 1)(getattr(_without_mimic(model), numba_kernels.TABLE), L, x)
-    return x
-
-
-@inline
-def _solve_factored(bodies: Any, L: Any, x: Any) -> int:
-    solve_tree(bodies, L, x)
-    return 0
-
-
-def _without_mimic(model: Model) -> Model:
+def without_mimic(model: Model) -> Model:
     """The model, if no joint mimics another: then the zeros of M are those of the tree. Raises ModelError."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')

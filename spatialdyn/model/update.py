@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..algebra.euclidean import Vec
 from ..algebra.records import put_vec
@@ -14,7 +15,7 @@ from ..algebra.spatial import add_inertia, compose, identity_pose, inertia_to_pa
 from ..bodies.table import ANY_NORM
 from ..errors import ModelError
 from .assembly import NOTHING, Tables, about_origin, completed, digest, put_rotor, refuse_overflow
-from .joint_rows import matrix_from_pose, pose_from_matrix, put_joint, subspace
+from .joint_rows import Joint, matrix_from_pose, pose_from_matrix, put_joint, subspace
 from .model import Model
 from .robot import Link, RobotJoint
 
@@ -47,20 +48,12 @@ def edited(
             body = inertia_to_parent(identity_pose(), about_origin(link))
             bodies["inertia"][model.joint(child[link.name]).row] = add_inertia(NOTHING, body)
     for at, given in joints.items():
-        all_joints[at] = given
-        k = model._joint_index[given.name]
-        row = rows[k]
-        first = row.row - row.nv + 1
-        bodies["armature"][first : row.row + 1] = given.armature
+        k, all_joints[at] = model._joint_index[given.name], given
+        first = rows[k].row - rows[k].nv + 1
+        bodies["armature"][first : rows[k].row + 1] = given.armature
         if given.placement != robot.joints[at].placement:
-            X = compose(
-                identity_pose() if row.parent else pose_from_matrix(options.base), pose_from_matrix(given.placement)
-            )
-            kind = int(bodies["kind"][first])
-            put_joint(bodies, first, kind, X, subspace(given.kind, given.axis, given.pitch), row.idx_q)
-            bodies["parent"][first] = rows[row.parent].row
-            rows[k] = row._replace(placement=matrix_from_pose(X))
-        put_rotor(bodies, first, given, pose_from_matrix(rows[k].placement).R if row.parent else None)
+            rows[k] = put_placement(model, bodies, given)
+        put_rotor(bodies, first, given, pose_from_matrix(rows[k].placement).R if rows[k].parent else None)
     if gravity is not None:
         options = replace(options, gravity=gravity)
         put_vec(bodies[0].gravity, Vec(*gravity))
@@ -83,3 +76,14 @@ def edited(
     made = object.__new__(Model)
     made._hold(Tables(**{**taken, **own}), options)
     return made
+
+
+def put_placement(model: Model, bodies: NDArray[Any], joint: RobotJoint) -> Joint:
+    """Write the placement of a joint to a table of bodies; returns the Joint with it."""
+    row = model.joints[model._joint_index[joint.name]]
+    first, base = row.row - row.nv + 1, identity_pose() if row.parent else pose_from_matrix(model.options.base)
+    X = compose(base, pose_from_matrix(joint.placement))
+    S = subspace(joint.kind, joint.axis, joint.pitch)
+    put_joint(bodies, first, int(bodies["kind"][first]), X, S, row.idx_q)
+    bodies["parent"][first] = model.joints[row.parent].row
+    return row._replace(placement=matrix_from_pose(X))

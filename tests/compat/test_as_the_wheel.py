@@ -238,6 +238,64 @@ def test_an_impossible_inertia_is_refused_at_the_next_call_as_before() -> None:
     assert (ours.crba(model, data, q) == before).all()
 
 
+def test_what_calls_keep_between_them_follows_an_edit() -> None:
+    """Builtins about a placement, masses of subtrees, factors of M and Jacobians of subtrees, of all joints in turn."""
+    found = []
+    for pin in (ours, theirs):
+        model, parts = tree(pin), []
+        data, at, v = (
+            model.createData(),
+            (pin.LOCAL, pin.LOCAL_WORLD_ALIGNED, pin.WORLD),
+            np.linspace(-1.0, 1.0, model.nv),
+        )
+        q = ours.integrate(tree(ours), ours.neutral(tree(ours)), np.linspace(-0.5, 0.5, model.nv))
+        for n in range(3):
+            pin.forwardKinematics(model, data, q, v)
+            pin.jacobianCenterOfMass(model, data, q)
+            for k in range(1, model.njoints):
+                X = pin.SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.1 * k, n, 0.3]))
+                parts += [
+                    pin.getFrameVelocity(model, data, k, X, at[n]).vector,
+                    pin.getFrameVelocity(model, data, k, X).vector,
+                ]
+                parts += [
+                    pin.getFrameJacobian(model, data, k, X, at[n]),
+                    pin.getJacobianSubtreeCenterOfMass(model, data, k),
+                ]
+            pin.computeSubtreeMasses(model, data)
+            pin.crba(model, data, q)
+            U = np.array(pin.cholesky.decompose(model, data))
+            parts += [
+                [pin.computeTotalMass(model)],
+                list(data.mass),
+                U,
+                np.array(data.D),
+                pin.cholesky.solve(model, data, v),
+            ]
+            parts += [pin.cholesky.computeMinv(model, data)]
+            model.inertias[3].mass = 5.0 + n
+            before = pin.computeTotalMass(model)
+            pin.crba(model, data, q)  # which takes the edit over
+            parts += [[before, pin.computeTotalMass(model)]]
+            model.jointPlacements[2] = pin.SE3(np.eye(3), np.array([0.0, 0.1 * n, 0.2]))
+            model.armature = np.linspace(0.0, n, model.nv)
+        with pytest.raises((ValueError, IndexError, TypeError)):
+            pin.getFrameVelocity(model, data, "1", X)
+        found.append(parts)
+    for x, y in zip(*found, strict=True):
+        close(x, y)
+
+
+@pytest.mark.parametrize("index", [-1, 99])
+def test_a_placement_on_no_joint_is_refused_after_one_on_a_joint(index: int) -> None:
+    model = tree(ours)
+    data, X = model.createData(), ours.SE3.Identity()
+    ours.forwardKinematics(model, data, ours.neutral(model), np.ones(model.nv))
+    ours.getFrameVelocity(model, data, 1, X)
+    with pytest.raises(IndexError, match="joint index"):
+        ours.getFrameVelocity(model, data, index, X)
+
+
 # --- contacts --------------------------------------------------------------------------------------------------
 
 

@@ -583,6 +583,61 @@ def test_a_frame_that_was_renamed_is_found_by_its_new_name_alone() -> None:
     assert not model.existFrame("tool")
 
 
+@pytest.mark.parametrize("called", [False, True])
+def test_a_copy_of_a_model_that_was_called_or_not_is_its_own(called: bool) -> None:
+    """A copy of one that was called takes over what its calls are made of, and neither sees an edit of the other."""
+    model = arm(ours)
+    q, v, a = states(both(arm)[1])
+    before = ours.rnea(model, model.createData(), q, v, a) if called else None
+    model.armature[2] = 0.3  # the copy takes over an edit that no call has seen
+    if called:
+        before = ours.rnea(model, model.createData(), q, v, a)
+    copy = model.copy()
+    assert copy == model
+    for name in ("subtrees", "supports", "children", "idx_vs", "nqs", "mimicking_joints"):
+        assert getattr(copy, name) == getattr(model, name)
+        assert getattr(copy, name) is not getattr(model, name)
+    assert (copy._library is not None) == called
+    copied = ours.rnea(copy, copy.createData(), q, v, a)
+    copy.inertias[2].mass = 9.0
+    copy.armature[1] = 1.0
+    copy.gravity.linear = np.zeros(3)
+    copy.jointPlacements[2].translation[1] = 2.0
+    copy.frames[3].placement.translation[1] = 2.0
+    other = ours.rnea(copy, copy.createData(), q, v, a)
+    assert (ours.rnea(model, model.createData(), q, v, a) == copied).all()
+    assert before is None or (copied == before).all()
+    model.inertias[2].mass = 5.0
+    assert (ours.rnea(copy, copy.createData(), q, v, a) == other).all()
+    assert library_model(copy).model == library_model(ours.Model(copy)).model
+
+
+def test_armatures_and_placements_edited_between_calls_count_from_the_next_call_on() -> None:
+    """A field that is read after an edit is that of the call before it; the library's Model follows when asked for."""
+    found = []
+    models = both(arm)
+    q, v, a = states(models[1])
+    for pin, model in zip((ours, theirs), models, strict=True):
+        data, parts = model.createData(), []
+        for k in range(3):
+            pin.computeAllTerms(model, data, q, v)
+            model.armature[k + 1] = 0.5 * k
+            model.jointPlacements[2].translation[0] = 0.1 * k
+            parts += [np.triu(data.M), np.triu(pin.crba(model, data, q)), pin.rnea(model, data, q, v, a)]
+            model.inertias[2].mass = 2.0 + k
+            model.gravity.linear = np.array([0.0, k, -9.0])
+            model.armature = 0.1 * np.arange(model.nv)
+            pin.framesForwardKinematics(model, data, q)
+            parts += [pin.rnea(model, data, q, v, a), data.oMf[3].homogeneous]
+        found.append(parts)
+    for mine, other in zip(*found, strict=True):
+        assert_close(mine, other, "after an edit", ORACLE)
+    assert library_model(models[0]).model == library_model(models[0].copy()).model
+    models[0].armature[1] = -1.0
+    with pytest.raises(ValueError, match="armature"):
+        ours.crba(models[0], models[0].createData(), q)
+
+
 def test_an_edited_model_computes_what_one_made_of_its_numbers_does() -> None:
     model = ours.buildSampleModelHumanoidRandom()
     rng, data = np.random.default_rng(0), model.createData()

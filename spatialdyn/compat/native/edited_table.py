@@ -11,7 +11,9 @@ from ...algebra.scalars import inline, sqrt
 from ...bodies.table import BODIES
 from ...engines.compiled import jit
 from ...engines.compiled.cpython import Builtin, dims
+from ...engines.compiled.table_kernels import kernel
 from ...engines.object_layout import DATA
+from .operator_kernels import deferred
 from .operators import inertia_about_origin
 
 MOST = 1e100  # of numbers whose products stay finite
@@ -56,6 +58,15 @@ def put_bounds(bodies: Any, sums: Any) -> None:
         sums[up, 0] += m
         sums[up, 1] += first + p * m
         sums[up, 2] += second + 2.0 * p * first + p * p * m
+
+
+@inline
+def _put_bounds(bodies: Any, sums: Any) -> int:
+    put_bounds(bodies, sums)
+    return 0
+
+
+bounds = deferred(lambda: kernel(_put_bounds, 2))  # (table, sums (rows, 3)): ``put_bounds``
 
 
 @cache

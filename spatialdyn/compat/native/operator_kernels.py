@@ -14,6 +14,7 @@ import ctypes
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from inspect import signature
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,6 +109,12 @@ def compiled_text(name: str, parameters: Sequence[str], body: Sequence[str], **s
         return jit.numba_jit(made, nogil=False)  # releasing the GIL costs 0.03 µs
 
     return deferred(make)
+
+
+def compiled(function: Operation) -> Operation:
+    """A kernel of an inlined function, with its parameters."""
+    names = [*signature(function).parameters]
+    return compiled_text(function.__name__.strip("_"), names, [f"function({', '.join(names)})"], function=function)
 
 
 compose, motion_to_parent, force_to_parent, force_to_child, body_to_parent, add_body = (

@@ -264,10 +264,7 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, 
     public_arrays.write_motion(out, m)
 
 
-_PARAMETERS = ["X", "placement", "v", "a", "classical", "reference", "out"]
-write_frame_motion = operator_kernels.compiled_text(
-    "frame_motion", _PARAMETERS, [f"write({', '.join(_PARAMETERS)})"], write=_write_frame_motion
-)
+write_frame_motion = operator_kernels.compiled(_write_frame_motion)
 
 
 @inline

@@ -6,58 +6,49 @@ from typing import Any
 
 import numpy as np
 
-from ...constraints.contact import factor, solve_factored
+from ...calls.failures import raise_if_singular
+from ...constraints.contact import without_mimic
 from ...errors import InertiaError
+from ..native import tree_kernels
 from .data.data import Data, library_of
 from .data.dispatch import vector
-from .data.field_recipes import diagonal, unit_upper
 from .model.model import Model
 from .types.arguments import Array
 
 
 def decompose(model: Model, data: Data) -> Array:
     """U (nv, nv) of data.M, also ``data.U``, with D (nv,) in ``data.D``. Raises InertiaError if M is singular."""
-    library, M = library_of(model, data), data.array("M")
-    if not M.any() and M.size:
-        raise InertiaError("data.M is zero, expected crba to have been called")
-    return stored(data, factor(library._model, M.T))  # reads the upper triangle; of the model, the tree alone
-
-
-def solve(model: Model, data: Data, v: Any) -> Array:
-    """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
-    library, y = library_of(model, data), vector("v", v, model.nv)
-    return solve_factored(library._model, _lower(data), y)
-
-
-def computeMinv(model: Model, data: Data) -> Array:
-    """M⁻¹ (nv, nv), also ``data.Minv``, from the U, D that decompose left in ``data``. Raises as ``solve``."""
-    library_of(model, data)
-    L = _lower(data)
-    half = half_inverse(L)
-    Minv: Array = half.T @ half
-    data.put("Minv", Minv)
-    return Minv
-
-
-def stored(data: Data, L: Array) -> Array:
-    """U of an L with D on its diagonal and zeros above; writes both to ``data``."""
-    data.put("D", diagonal(L))
-    U = unit_upper(L)
+    library, M = library_of(model, data), np.ascontiguousarray(data.array("M"))
+    without_mimic(library._model)
+    U, D = np.empty(M.shape), np.empty(len(M))
+    if tree_kernels.factor_upper(library.kernel_table, M, np.empty(M.shape), U, D) < 0:
+        if not M.any():
+            raise InertiaError("data.M is zero, expected crba to have been called")
+        raise_if_singular(library.model, M.T)
+        raise InertiaError(f'the mass matrix of "{model.name}" is not positive definite')
+    data.put("D", D)
     data.put("U", U)
     return U
 
 
-def half_inverse(L: Array) -> Array:
-    """G = D^-½ L⁻ᵀ with M⁻¹ = GᵀG, of an L with D on its diagonal."""
-    unit = np.tril(L, -1) + np.eye(len(L))
-    return np.asarray(np.linalg.inv(unit).T / np.sqrt(L.diagonal())[:, None])
+def solve(model: Model, data: Data, v: Any) -> Array:
+    """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
+    x = np.array(vector("v", v, model.nv))
+    _solve(model, data, x.reshape(1, -1))
+    return x
 
 
-def _lower(data: Data) -> Array:
-    """L = Uᵀ with D on its diagonal."""
-    D = data.array("D")
-    if not (D > 0.0).all():
+def computeMinv(model: Model, data: Data) -> Array:
+    """M⁻¹ (nv, nv), also ``data.Minv``, from the U, D that decompose left in ``data``. Raises as ``solve``."""
+    columns = np.eye(model.nv)
+    _solve(model, data, columns)
+    Minv = 0.5 * (columns + columns.T)  # symmetric to the bit
+    data.put("Minv", Minv)
+    return Minv
+
+
+def _solve(model: Model, data: Data, x: Array) -> None:
+    """Each row of x (m, nv) becomes M⁻¹ of it, in place."""
+    library, U, D = library_of(model, data), data.array("U"), data.array("D")
+    if tree_kernels.solve_upper(library.kernel_table, np.ascontiguousarray(U), D, np.empty(U.shape), x) < 0:
         raise InertiaError("data.D is not positive, expected cholesky.decompose to have been called")
-    L = np.array(data.array("U").T, order="C")
-    L.ravel()[:: len(L) + 1] = D
-    return L

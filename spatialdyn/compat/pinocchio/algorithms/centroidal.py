@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from ...native import tree_kernels
 from ..data.data import Data, library_of
-from ..data.dispatch import compute, fast_calls, frame_index, joint_index, last_call
-from ..data.field_recipes import mass, subtree_masses, world_com
+from ..data.dispatch import fast_calls, frame_index, joint_index, last_call
+from ..model.library_model import LibraryModel, subtree_masses
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import ACCELERATION, KinematicLevel
@@ -25,11 +26,12 @@ __all__ = [
 
 def computeTotalMass(model: Model, data: Data | None = None) -> float:
     """Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count."""
-    mass = _masses(model)
     if data is not None:
         library_of(model, data)
-        data.mass[0] = mass[0]
-    return float(mass[0])
+    mass: float = _masses(model).item(0)
+    if data is not None:
+        data.hold("mass")[0] = mass
+    return mass
 
 
 def computeSubtreeMasses(model: Model, data: Data) -> None:
@@ -39,7 +41,10 @@ def computeSubtreeMasses(model: Model, data: Data) -> None:
 
 
 def _masses(model: Model) -> Array:
-    return subtree_masses([inertia._x.item(0) for inertia in model.inertias], model.parents)
+    library: LibraryModel | None = model._library
+    if library is None:  # edited, perhaps to what cannot be assembled
+        return subtree_masses([inertia._x.item(0) for inertia in model.inertias], model.parents)
+    return library.subtree_masses(library.inertias)
 
 
 def _com_inputs(model: Model, data: Data, q: Any, v: Any, a: Any, level: Any, subtrees: Any) -> tuple[Any, ...]:
@@ -94,7 +99,7 @@ def jacobianSubtreeCenterOfMass(model: Model, data: Data, *given: Any, **named: 
     if len(values) not in (1, 2):
         raise ArgumentError(f"jacobianSubtreeCenterOfMass got {len(values)} arguments, expected q and a joint")
     q = values[0] if len(values) == 2 else last_call(model, data, "oMi").q.copy()
-    compute(model, data, "com_jacobian", (q,))
+    jacobianCenterOfMass(model, data, q)
     return getJacobianSubtreeCenterOfMass(model, data, values[-1])
 
 
@@ -106,13 +111,9 @@ def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_
     root, run = joint_index(model, subtree_root_joint_id), last_call(model, data, "J")
     if model.mimicking_joints:
         raise NotImplementedError("Jacobians of subtrees' centres of mass with mimic joints are not supported")
-    m, c, J = mass(run), world_com(run), data.array("J")
-    out = np.zeros((3, model.nv))
-    below, above = set(model.subtrees[root]) if root else set(range(1, model.njoints)), set(model.supports[root])
-    for k in below | above - {0}:
-        moved = k if k in below else root
-        own = slice(model.idx_vs[k], model.idx_vs[k] + model.nvs[k])
-        out[:, own] = m[moved] / m[root] * (J[:3, own] + np.cross(J[3:, own].T, c[moved]).T)
+    out = np.empty((3, model.nv))
+    row = run.library.row_numbers[root : root + 1]
+    tree_kernels.subtree_com_jacobian(run.kernel_table, run.q, row, out)
     return out
 
 

@@ -105,7 +105,8 @@ def _clipped(model: Model, q: Array) -> Array:
 def squaredDistance(model: Model, q1: Any, q2: Any) -> Array:
     """Squared norms of the difference, joint by joint (njoints - 1,)."""
     v = difference(model, q1, q2)
-    return np.array([v[at : at + n] @ v[at : at + n] for at, n in zip(model.idx_vs[1:], model.nvs[1:], strict=True)])
+    squares = [x * x for x in v.tolist()]
+    return np.array([sum(squares[at : at + n]) for at, n in zip(model.idx_vs[1:], model.nvs[1:], strict=True)])
 
 
 def distance(model: Model, q1: Any, q2: Any) -> float:
@@ -116,14 +117,13 @@ def distance(model: Model, q1: Any, q2: Any) -> float:
 
 def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
     """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
-    _library_model(model)
-    q = vector("q", q, model.nq)
-    return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in _unit_parts(model, q))
+    parts = _unit_parts(expected(model, Model, "model"), vector("q", q, model.nq))
+    return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in parts)
 
 
 def _unit_parts(model: Model, q: Array) -> list[Array]:
     """Views of the quaternions and (cos, sin) pairs of a configuration."""
-    return [q[unit] for unit in library_model(model).unit_parts]
+    return [q[unit] for unit in (model._library or library_model(model)).unit_parts]
 
 
 def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:

@@ -6,16 +6,19 @@ toDynamicParameters of the inertias after the universe's, one after the other; c
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from ....algebra.public_arrays import read_motion
 from ....errors import ModelError
 from ....recursions.regressor import body_force
+from ...native import tree_kernels
+from ...native.operator_kernels import compiled_text
 from ..data.data import Data, library_of
-from ..data.dispatch import ALIGNED, IN_WORLD, fast_calls, frame_index, joint_index, reference_code
+from ..data.dispatch import IDENTITY, fast_calls, frame_index, joint_index, reference_code
 from ..data.field_recipes import columns
+from ..model.library_model import library_model
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, described, expected
 from ..types.frame import Convention
@@ -125,15 +128,20 @@ def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
     """Y (6, 10), linear first: I a + v ×* I v is Y times toDynamicParameters of I."""
     v, a = expected(velocity, Motion, "velocity"), expected(acceleration, Motion, "acceleration")
     out = np.empty((6, 10))
-    body_force(read_motion(v.vector.tolist()), read_motion(a.vector.tolist()), out)
+    _body_force(v._x, a._x, out)
     return out
+
+
+_body_force = compiled_text(
+    "body_force", ["v", "a", "out"], ["force(read_motion(v), read_motion(a), out)"], force=body_force
+)
 
 
 def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
     """Y (6, 10) of the body of a joint, from data.v and data.a_gf of rnea. Raises ModelError for no such joint."""
     library_of(model, data)
     at = _index("joint_id", joint_id, model.njoints)
-    return bodyRegressor(data.v[at], data.a_gf[at])
+    return bodyRegressor(*_motions_of(data, at))
 
 
 def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
@@ -141,7 +149,12 @@ def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:
     library_of(model, data)
     frame = model.frames[_index("frame_id", frame_id, model.nframes)]
     joint, placement = frame.parentJoint, frame.placement
-    return bodyRegressor(placement.actInv(data.v[joint]), placement.actInv(data.a_gf[joint]))
+    return bodyRegressor(*map(placement.actInv, _motions_of(data, joint)))
+
+
+def _motions_of(data: Data, joint: int) -> Iterator[Motion]:
+    """Its v and a_gf; read as ``data.a_gf`` they would be recomputed at each call of rnea from then on."""
+    return (Motion.over(data.array(name)[joint]) for name in ("v", "a_gf"))
 
 
 def computeJointKinematicRegressor(
@@ -152,8 +165,8 @@ def computeJointKinematicRegressor(
     """
     library_of(model, data)
     at = joint_index(model, joint_id)
-    placed = SE3.Identity() if placement is None else expected(placement, SE3, "placement")
-    return _kinematic_regressor(model, data, ("joint_id", at), at, placed, reference_frame)
+    place = IDENTITY if placement is None else expected(placement, SE3, "placement")._x
+    return _kinematic_regressor(model, data, ("joint_id", at), at, place, reference_frame)
 
 
 def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Array:
@@ -161,22 +174,18 @@ def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, refe
     library_of(model, data)
     at = frame_index(model, frame_id)
     frame = model.frames[at]
-    return _kinematic_regressor(model, data, ("frame_id", at), frame.parentJoint, frame.placement, reference_frame)
+    return _kinematic_regressor(model, data, ("frame_id", at), frame.parentJoint, frame.placement._x, reference_frame)
 
 
 def _kinematic_regressor(
-    model: Model, data: Data, given: tuple[str, int], at: int, placement: SE3, reference_frame: Any
+    model: Model, data: Data, given: tuple[str, int], at: int, place: Array, reference_frame: Any
 ) -> Array:
     name, index = given
     if index == 0:
         raise ModelError(f"{name} is 0, the universe, which no joint moves, expected another")
-    code, here = reference_code(reference_frame), data.oMi[at] * placement
-    found = np.zeros((6, 6 * (model.njoints - 1)))
-    turn = SE3(here.rotation, np.zeros(3)) if code == ALIGNED else SE3.Identity()
-    for k in list(model.supports[at])[1:]:
-        X = data.oMi[model.parents[k]] * model.jointPlacements[k]
-        X = X if code == IN_WORLD else turn * here.actInv(X)
-        found[:, 6 * (k - 1) : 6 * k] = X.action
+    code, found, library = reference_code(reference_frame), np.zeros((6, 6 * (model.njoints - 1))), library_model(model)
+    places = library.numbers.placements, library.parents, at, place
+    tree_kernels.kinematic_regressor(data.array("oMi"), *places, code, found)
     return found
 
 

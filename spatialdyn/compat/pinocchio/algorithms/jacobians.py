@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ....calls import dynamics
-from ....calls.arguments import core_shape
 from ....engines.compiled import numba_kernels
 from ....engines.compiled.cpython import unavailable
 from ....engines.compiled.generated import function_from_text
@@ -24,6 +23,7 @@ from ..data.dispatch import (
     about_frame,
     fast_calls,
     frame_call,
+    frames_for,
     last_call,
     named,
     reference_code,
@@ -46,20 +46,26 @@ _dynamics: Any = dynamics  # Any: its stub names the public calls alone
 
 
 @cache
-def _kernel(name: str) -> Any:
-    return numba_kernels.sample_kernel(numba_kernels.variant(SPECS[name], frozenset()))
+def _kernel(name: str, nv: int) -> Any:
+    """The table kernel of a call about a frame, the names of its inputs, and the shape of its output."""
+    spec = SPECS[name]
+    inputs, shape = [x.name for x in spec.present if not x.static], [nv if n == "nv" else n for n in spec.output.shape]
+    return numba_kernels.sample_kernel(numba_kernels.variant(spec, frozenset())), inputs, shape
 
 
 def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static: int) -> Array:
     """A call of the library about a frame on a joint, at the inputs of a run: by its table kernel, or with checks."""
-    spec, library = SPECS[name], run.library
-    model, row = library._model, int(library.rows[joint])  # gravity and inertias move no frame
-    values = [getattr(run, x.name) for x in spec.present if not x.static]
+    library = run.library
+    model, row = library._model, int(library.rows[joint])  # of that model, the sizes alone
+    kernel, inputs, shape = _kernel(name, model.nv)
+    values = [getattr(run, x) for x in inputs]
     if model.mimic_matrix is None:
-        out = np.empty(core_shape(model, spec.output))
-        if not _kernel(name)(getattr(model, numba_kernels.TABLE), *values, row, placement, *static, out):
+        out = np.empty(shape)
+        if not kernel(library.kernel_table, *values, row, placement, *static, out):
             return out
-    found: Array = _dynamics.checked_call(spec, model, values, (row, placement, *static), None, by_table=True)
+    found: Array = _dynamics.checked_call(
+        SPECS[name], library.model, values, (row, placement, *static), None, by_table=True
+    )
     return found
 
 
@@ -140,15 +146,14 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         run = last_call(model, data, field, before="computeJointJacobians" + "TimeVariation" * rate)
         joint, place, reference = about_frame(model, of_joints, *about)
         found = call_about_frame(call_name, run, joint, place, reference_code(reference))
-        library, call = run.library, unavailable
-        frames = joints_as_frames(model) if of_joints else frame_placements(model)
+        library, call, (key, frames) = run.library, unavailable, frames_for(model, name, about)
         if library.has_builtins:
             words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
             rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
             words |= {"six": 6, "placed_rows": rows, "time": run.stamp_words["time"]}
             words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
             call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
-        run.bound[name] = frames, call
+        run.bound[key] = frames, call
         return found
 
     return frame_call(name, of_joints, doc, f"data._latest[{field!r}].bound", slow)

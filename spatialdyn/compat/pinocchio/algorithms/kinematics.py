@@ -10,9 +10,18 @@ import numpy as np
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import IDENTITY, REFERENCES, about_frame, fast_calls, frame_call, frame_index, reference_code
+from ..data.dispatch import (
+    IDENTITY,
+    REFERENCES,
+    about_frame,
+    fast_calls,
+    frame_call,
+    frame_index,
+    frames_for,
+    reference_code,
+)
 from ..data.run import Run
-from ..model.library_model import frame_placements, joints_as_frames
+from ..model.library_model import frame_placements
 from ..model.model import Model
 from ..types.arguments import documented_rows
 from ..types.frame import LOCAL
@@ -144,13 +153,12 @@ def _motion(name: str, doc: str) -> Callable[..., Motion]:
         velocities = data.array("v") if classical else motions
         recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
         if library.has_builtins:
-            frames = joints_as_frames(model) if of_joints else frame_placements(model)
-            motions = data.hold(field)
+            (key, frames), motions = frames_for(model, name, about), data.hold(field)
             arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
             words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
             words |= {"six": 6, "made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
             call = recorded_calls.frame_motion(classical).bind(*arrays.values(), motions, frames, **words)
-            data._bound[name] = frames, call
+            data._bound[key] = frames, call
         return Motion.over(out)
 
     return frame_call(name, of_joints, doc, "data._bound", slow, LOCAL)

@@ -118,7 +118,7 @@ class Data(Stored, Registered, Copied):
             self._bound.clear()
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
-            run = self._runs[name] = Run(name, library, np.array(model.parents, np.intp), shape)
+            run = self._runs[name] = Run(name, library, shape)
             run.stamp = stamp
             self._bound.clear()
             self._sources.clear()
@@ -190,13 +190,17 @@ class Data(Stored, Registered, Copied):
         if held is not None and held.shape == np.shape(value):
             held[...] = value
         else:
-            self._assign(name, np.array(value, float))
+            self._assign(name, np.array(value, float, order="C"))
             self._release(name)
 
     def _assign(self, name: str, x: Array) -> None:
         """Make an array the source of a field that is not held."""
-        self._runs[assigned(name)] = Assigned(name, x)
-        self._sources.pop(name, None)
+        before: Any = self._runs.get(assigned(name))
+        if before is None:
+            self._runs[assigned(name)] = Assigned(name, x)
+            self._sources.pop(name, None)
+        else:
+            before.assign(name, x)
 
     def latest(self, name: str, of_call: bool = False) -> Run | None:
         """The latest source of a field, if any; ``of_call``: the latest call that recorded its inputs."""

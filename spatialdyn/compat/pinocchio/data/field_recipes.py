@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...native import operator_kernels, recorded_calls
+from ...native import operator_kernels, recorded_calls, tree_kernels
 from ..types.arguments import Array
 
 Recipe = Callable[[Any], Any]
@@ -130,8 +130,8 @@ def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = oMi(run)
     if run.library.off_norm(run.q):  # not rotations: their transposes are no inverses
-        return _undone(X[run.parents], X)
-    return _rows(recorded_calls.relative_all, X, run.parents, X)
+        return _undone(X[run.library.parents], X)
+    return _rows(recorded_calls.relative_all, X, run.library.parents, X)
 
 
 def _rows(operator: Callable[..., None], x: Array, places: NDArray[np.intp], y: Array) -> Array:
@@ -156,7 +156,7 @@ def a_gf(run: Any) -> Array:
     """Accelerations less that of gravity, in the joints' frames."""
     found = a(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = run.model.gravity
+    weight[:, :3] = run.gravity
     return np.asarray(found - _rows(recorded_calls.motions_to_child, oMi(run), np.arange(len(found)), weight))
 
 
@@ -167,15 +167,12 @@ def h(run: Any) -> Array:
     return found
 
 
-def in_world(operator: Callable[..., None], recipe: Recipe, universe: bool = True) -> Recipe:
-    """A recipe whose rows are in the joints' frames, with rows in the world; row 0 is zero without ``universe``."""
+def in_world(operator: Callable[..., None], recipe: Recipe) -> Recipe:
+    """A recipe whose rows are in the joints' frames, with rows in the world."""
 
     def recipe_in_world(run: Any) -> Array:
         here: Array = recipe(run)
-        found = _rows(operator, oMi(run), np.arange(len(here)), here)
-        if not universe:
-            found[0] = 0.0
-        return found
+        return _rows(operator, oMi(run), np.arange(len(here)), here)
 
     return recipe_in_world
 
@@ -190,8 +187,8 @@ def summed_over_subtrees(
         for k in range(len(here) - 1, 0, -1):
             there = np.empty(here.shape[1])
             shift(X[k], here[k], there)
-            if world or run.parents[k]:
-                add(here[run.parents[k]], there, here[run.parents[k]])
+            if world or run.library.parents[k]:
+                add(here[run.library.parents[k]], there, here[run.library.parents[k]])
         return here
 
     return recipe_for_subtrees
@@ -207,12 +204,24 @@ def bodies(run: Any) -> Array:
 _to_parent, _subtrees = operator_kernels.body_to_parent, summed_over_subtrees
 subtree_momenta = _subtrees(h, operator_kernels.force_to_parent, np.add)
 Ycrb = _subtrees(bodies, _to_parent, operator_kernels.add_body, world=False)
-_with_universe = _subtrees(bodies, _to_parent, operator_kernels.add_body)
-oYcrb = in_world(recorded_calls.bodies_to_parent, _with_universe)
-moving_oYcrb = in_world(recorded_calls.bodies_to_parent, _with_universe, universe=False)
 bodies_in_world = in_world(recorded_calls.bodies_to_parent, bodies)
 ov, oa, oa_gf = (in_world(recorded_calls.motions_to_parent, recipe) for recipe in (v, a, a_gf))
 of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.forces_to_parent, h)
+
+
+def oYcrb(run: Any) -> Array:
+    """Inertias of the subtrees, in the world; row 0 the robot's."""
+    out: Array = np.empty_like(run.bodies)
+    tree_kernels.composite_bodies(np.ascontiguousarray(oMi(run)), run.bodies, run.library.parents, out)
+    return out
+
+
+def moving_oYcrb(run: Any) -> Array:
+    """``oYcrb`` with row 0 zero."""
+    found = oYcrb(run)
+    found[0] = 0.0
+    return found
+
 
 # --- the robot as a whole --------------------------------------------------------------------------------
 
@@ -242,35 +251,28 @@ def world_com(run: Any) -> Array:
     return np.asarray(np.einsum("kij,kj->ki", X[:, :3, :3], c) + X[:, :3, 3])
 
 
-def subtree_masses(masses: list[float], parents: list[int]) -> Array:
-    """Mass of each joint's subtree, from those of the bodies and parents; the universe's own does not count."""
-    m = [0.0, *masses[1:]]
-    for k in range(len(m) - 1, 0, -1):
-        m[parents[k]] += m[k]
-    return np.array(m)
-
-
 def mass(run: Any) -> Array:
     """Mass of each joint's subtree."""
-    return subtree_masses(run.bodies[:, 0].tolist(), run.parents.tolist())
+    found: Array = run.library.subtree_masses(run.bodies)
+    return found
 
 
 def Ig(run: Any) -> Array:
     """Inertia of the robot about its centre of mass, in the axes of the world."""
-    found = np.array(oYcrb(run)[0])
+    found: Array = oYcrb(run)[0]
     found[1:4] = 0.0
     return found
 
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    return float(kinetic_energy(run) + potential_energy(run))
+    return float(np.asarray(kinetic_energy(run) + potential_energy(run)).item())
 
 
 def momentum_rate_and_weight(run: Any) -> Array:
     """dhg of Pinocchio's computeAllTerms: the rate of momentum at a = 0, less the weight."""
     found = dhg(run)
-    found[:3] -= run.model.total_mass * run.model.gravity
+    found[:3] -= mass(run)[0] * run.gravity
     return found
 
 
@@ -279,7 +281,7 @@ def net_forces(run: Any) -> Array:
     found = f(run)
     X, c, m = oMi(run), world_com(run), mass(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = m[:, None] * run.model.gravity
+    weight[:, :3] = m[:, None] * run.gravity
     weight[:, 3:] = np.cross(c, weight[:, :3])
     for k, own in enumerate(found):
         here = np.empty(6)
@@ -292,7 +294,7 @@ def summed_at_world(run: Any, forces: Array) -> Array:
     """Joint forces with row 0 set to the sum of those on the universe, in the world."""
     X, part = oMi(run), np.empty(6)
     forces[0] = 0.0
-    for k in np.flatnonzero(run.parents[1:] == 0) + 1:
+    for k in np.flatnonzero(run.library.parents[1:] == 0) + 1:
         operator_kernels.force_to_parent(X[k], forces[k], part)
         forces[0] += part
     return forces

@@ -8,10 +8,10 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....calls.arguments import core_shape
 from ....engines.compiled.cpython import retarget, unavailable
+from ....engines.compiled.numba_kernels import TABLE
 from ....model.model import Model as SdModel
 from ....recursions import SPECS, kinematics
 from ...native import recorded_calls
@@ -35,7 +35,6 @@ class Run:
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
     fext            forces on the library's joints (njoints, 6), or None
-    parents         parents of its joints
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
     frames          FramePlacements at that call, of a kind that places frames
@@ -46,17 +45,15 @@ class Run:
 
     __slots__ = (
         "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "fext",
-        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "oMi", "parents", "placed_rows",
+        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "oMi", "placed_rows",
         "q", "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
-    def __init__(
-        self, name: str, library: LibraryModel, parents: NDArray[np.intp], shape: tuple[int, ...] | None
-    ) -> None:
+    def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
         self.kind = CALL_KINDS[name]
         self.getters = self.kind.getters  # from a slot in 10 ns
         # of the call, and of the call that left ``placed_rows``
-        self._stamp, self.library, self.parents = array("q", [0, 0]), library, parents
+        self._stamp, self.library = array("q", [0, 0]), library
         self.fext: Array | None = None
         self.frames: Any = None
         self.contact: Any = None
@@ -113,6 +110,12 @@ class Run:
         """Inertias (njoints, 10) of the model at the call."""
         stamp, inertias = self._kept
         return inertias if stamp == self.stamp else self.library.inertias_at(self.stamp)
+
+    @property
+    def kernel_table(self) -> Any:
+        """The table of bodies at the call, as kernels take it."""
+        library = self.library
+        return library.kernel_table if library.is_at(self.gravity, self.bodies) else getattr(self.model, TABLE)
 
     def keep_inertias(self) -> None:
         """Keep them."""
@@ -270,10 +273,14 @@ class Assigned(Run):
     __slots__ = ("stamp",)  # a slot: no builtin writes it
 
     def __init__(self, name: str, x: Array) -> None:
+        """Of a field, with its array."""
+        self.kind, self.q, self.recompute, self.cache = _assigned_kind(name), None, [], {}
+        self.assign(name, x)
+
+    def assign(self, name: str, x: Array) -> None:
         """The array is the field from now on."""
-        self.kind, self.q, self.recompute, self.result = _assigned_kind(name), None, [], x
-        self.stamp = clock()
-        self.cache = {name: (self.stamp, x)}
+        self.result, self.stamp = x, clock()
+        self.cache[name] = self.stamp, x
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Do nothing: no call writes it again."""

@@ -15,18 +15,20 @@ from numpy.typing import NDArray
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
+from ....bodies.table import BODIES
 from ....calls import dynamics
 from ....engines.compiled.cpython import READY, unavailable
+from ....engines.compiled.numba_kernels import PLAIN
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import Options
 from ....model.model import Model as SdModel
 from ....model.robot import Link, Mimic, Robot, RobotJoint
 from ....model.robot_checks import clear_rounding, make_joint, make_link
-from ....model.update import edited
+from ....model.update import edited, put_placement
 from ....recursions import SPECS
 from ...native import edited_table, recorded_calls
-from ...native.edited_table import GRAVITY
+from ...native.edited_table import GRAVITY, MOST, bounds
 from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
 from ..types.arguments import Array
@@ -54,16 +56,20 @@ class LibraryModel:
     model     the library's Model: same q, v and armature, ``continuous="cos_sin"``
     table     a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
     inertias  (njoints, 10) of its joints' bodies, a new array after an edit
+    kernel_table  the table as kernels take it
     rows      (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
+    parents   (njoints,) of the Model's joints
     joints    None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
     Calls of the library for one sample are attributes, as builtins: ``library.integrate(q, v)``, which returns None if
     not applicable.
     """
 
-    def __init__(self, model: SdModel, joint_map: Indices, inertias: Array, numbers: ModelNumbers) -> None:
+    def __init__(
+        self, model: SdModel, joint_map: Indices, parents: Indices, inertias: Array, numbers: ModelNumbers
+    ) -> None:
         """From the library's model, its joint that carries each joint's body, and the numbers it was assembled from."""
-        self.joint_map = joint_map
+        self.joint_map, self.parents = joint_map, parents
         self.rows = np.array([model.joints[k].row for k in joint_map], np.intp)
         self.row_numbers = self.rows.astype(np.float64)
         self.joints = None if model.njoints == len(joint_map) else joint_map
@@ -74,25 +80,49 @@ class LibraryModel:
         self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
         self.takes_edits = self.has_builtins and self.joints is None
-        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
+        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8), inertias, numbers)
 
-    def _take(self, model: SdModel, table: Any, inertias: Array, numbers: ModelNumbers) -> None:
+    def _take(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> None:
         self._model, self._model_inertias, self.inertias, self.numbers = model, inertias, inertias, numbers
+        self._placed: dict[int, RobotJoint] = {}  # joints that are edited in the table, and not yet in ``_model``
+        table = bodies.copy()
         self.table, self.address = table, table.ctypes.data
+        self.kernel_table: Any = model.bodies if PLAIN else self.address
         self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
         self._at_call: dict[bytes, SdModel] = {}  # with gravity and inertias of the last call that asked
         self._put_inertia: Any = None
+        self._masses: tuple[Any, Array] = None, np.empty(0)
         self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def with_model(self, model: SdModel, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
-        """The LibraryModel of the same tree, as a Model with other numbers."""
+    def with_model(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
+        """The LibraryModel of the same tree, as a Model with other numbers; bodies as bytes."""
         found = LibraryModel.__new__(LibraryModel)
-        names = ("joint_map", "rows", "row_numbers", "joints", "frames", "unit_parts", "units", "has_builtins",
-                 "takes_edits")  # fmt: skip
+        names = ("joint_map", "parents", "rows", "row_numbers", "joints", "frames", "unit_parts", "units",
+                 "has_builtins", "takes_edits")  # fmt: skip
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        found._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8).copy(), inertias, numbers)
+        found._take(model, bodies, inertias, numbers)
+        return found
+
+    def copy(self) -> LibraryModel:
+        """An independent one."""
+        found = self.with_model(self._model, self.table, self.inertias, self.numbers)
+        found._model_inertias, found._placed = self._model_inertias, {**self._placed}
+        return found
+
+    def with_joints(self, placed: dict[int, RobotJoint], numbers: ModelNumbers) -> LibraryModel | None:
+        """The LibraryModel with other armatures, and some joints placed anew; None if the numbers need checks."""
+        at, armature = numbers.placements, numbers.armature
+        if not (abs(at) < MOST).all() or not ((armature >= 0.0) & (armature < MOST)).all():
+            return None
+        found = self.copy()
+        found.numbers, found._placed, bodies = numbers, {**self._placed, **placed}, found.table.view(BODIES)
+        bodies["armature"][1:] = armature
+        for joint in placed.values():
+            put_placement(self._model, bodies, joint)
+        if placed:
+            bounds(found.kernel_table, np.empty((len(bodies), 3)))
         return found
 
     def put_inertia(self, joint: int, inertia: Array) -> bool:
@@ -114,21 +144,33 @@ class LibraryModel:
         self.inertias = after
         return True
 
+    def subtree_masses(self, inertias: Array) -> Array:
+        """Mass (njoints,) of each joint's subtree, the universe's own left out; kept for the inertias of one array."""
+        if self._masses[0] is not inertias:
+            self._masses = inertias, subtree_masses(inertias[:, 0].tolist(), self.parents.tolist())
+        return self._masses[1]
+
     def inertias_at(self, stamp: int) -> Array:
         """Inertias (njoints, 10) at the time of a call."""
-        return next((inertias for end, inertias in self._past if stamp < end), self.inertias)
+        for end, inertias in self._past:
+            if stamp < end:
+                return inertias
+        return self.inertias
 
     @property
     def model(self) -> SdModel:
         """The library's Model."""
-        if self.inertias is not self._model_inertias or not (self.gravity == self._model.gravity).all():
-            links = _changed_links(self._model, self._model_inertias, self.inertias)
-            self._model, self._model_inertias = edited(self._model, links, {}, _numbers(self.gravity)), self.inertias
+        model, then = self._model, self._model_inertias
+        joints = _changed_joints(model, self._placed, self.numbers.armature) if self.takes_edits else {}
+        if joints or self.inertias is not then or not (self.gravity == model.gravity).all():
+            links = _changed_links(model, then, self.inertias)
+            self._model = edited(model, links, joints, _numbers(self.gravity))
+            self._placed, self._model_inertias = {}, self.inertias
         return self._model
 
     def is_at(self, gravity: Array, inertias: Array) -> bool:
         """Whether gravity (3,) and inertias (njoints, 10) are those of the table."""
-        return inertias is self.inertias and bool((gravity == self.gravity).all())
+        return inertias is self.inertias and gravity.tobytes() == self.gravity.tobytes()
 
     def model_at(self, gravity: Array, inertias: Array) -> SdModel:
         """The library's Model with the gravity (3,) and the inertias (njoints, 10) of an earlier call."""
@@ -159,11 +201,11 @@ class LibraryModel:
         if values and values[-1] is None:
             values = values[:-1]
         spec, found = SPECS[name], None
-        if spec.output.shape and (at is None or self.is_at(*at)):
-            if len(values) == sum(not x.optional for x in spec.present):
-                found = getattr(self, name)(*values)
-            else:
+        if at is None or self.is_at(*at):
+            if values and len(values) == len(spec.present) and spec.present[-1].optional:
                 found = self._bound(name, True)(*values[:-1], values[-1].ravel())
+            else:
+                found = getattr(self, name)(*values)
         if found is None:
             found = dynamics.table_call(name, self.model if at is None else self.model_at(*at), *values)
         return found
@@ -173,6 +215,14 @@ class LibraryModel:
         return self._model.options.any_norm and any(
             abs(part @ part - 1.0) > NORM_ROUNDING for part in (q[unit] for unit in self.unit_parts)
         )
+
+
+def subtree_masses(masses: list[float], parents: list[int]) -> Array:
+    """Mass of each joint's subtree, from those of the bodies and parents; the universe's own does not count."""
+    m = [0.0, *masses[1:]]
+    for k in range(len(m) - 1, 0, -1):
+        m[parents[k]] += m[k]
+    return np.array(m)
 
 
 class FramePlacements(NamedTuple):
@@ -312,7 +362,7 @@ def _assembled(model: Model) -> LibraryModel:
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
     gravity = _numbers(model.gravity._x[:3])
     compiled = SdModel(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
-    return LibraryModel(compiled, np.array(last, np.intp), *_numbers_of(model))
+    return LibraryModel(compiled, np.array(last, np.intp), np.array(model.parents, np.intp), *_numbers_of(model))
 
 
 def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
@@ -322,25 +372,34 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     (inertias, now), then = _numbers_of(model), before.numbers
     _check_gravity(model)
     same = now.placements is then.placements and now.armature is then.armature and now.strict == then.strict
-    if same and inertias is before.inertias and before.gravity.tolist() == model.gravity._x[:3].tolist():
+    unmoved = before.gravity.tolist() == model.gravity._x[:3].tolist()
+    if same and inertias is before.inertias and unmoved:
         return before
+    placed = {}
+    for k in map(int, np.flatnonzero((now.placements != then.placements).any((1, 2))[1:])):
+        X = model.jointPlacements[k + 1].homogeneous @ np.reshape(model.joints[k + 1].steps()[0].placement, (4, 4))
+        placed[k] = make_joint(replace(before._model.robot.joints[k], placement=_pose(X)))
+    if now.strict == then.strict and inertias is before.inertias and unmoved:
+        found = before.with_joints(placed, now)
+        if found is not None:
+            return found
     compiled = before.model
-    robot, moved = compiled.robot, (now.placements != then.placements).any((1, 2))
-    for at in np.flatnonzero(now.armature != then.armature):
-        moved[np.searchsorted(model.idx_vs[1:], at, "right")] = True
-    joints: dict[int, RobotJoint] = {}
-    for k in map(int, np.flatnonzero(moved[1:])):
-        joint = model.joints[k + 1]
-        rotor = _rotor(now.armature[joint.idx_v : joint.idx_v + joint.nv])
-        edited_joint = replace(robot.joints[k], armature=rotor)
-        if (now.placements[k + 1] != then.placements[k + 1]).any():
-            X = model.jointPlacements[k + 1].homogeneous @ np.reshape(joint.steps()[0].placement, (4, 4))
-            edited_joint = replace(edited_joint, placement=_pose(X))
-        joints[k] = make_joint(edited_joint)
-    gravity = _numbers(model.gravity._x[:3])
     norms = None if now.strict == then.strict else not now.strict
-    links = _changed_links(compiled, before.inertias, inertias)
-    return before.with_model(edited(compiled, links, joints, gravity, norms), inertias, now)
+    links, joints = _changed_links(compiled, before.inertias, inertias), _changed_joints(compiled, placed, now.armature)
+    made = edited(compiled, links, joints, _numbers(model.gravity._x[:3]), norms)
+    return before.with_model(made, np.frombuffer(made.bodies.tobytes(), np.uint8), inertias, now)
+
+
+def _changed_joints(compiled: SdModel, placed: dict[int, RobotJoint], armature: Array) -> dict[int, RobotJoint]:
+    """Joints by index in the robot: those placed anew, and those with other armatures."""
+    if not placed and (compiled.armature == armature).all():
+        return {}
+    found = {}
+    for k, (joint, row) in enumerate(zip(compiled.robot.joints, compiled.joints[1:], strict=True)):
+        own = slice(row.idx_v, row.idx_v + row.nv)
+        if k in placed or (compiled.armature[own] != armature[own]).any():
+            found[k] = make_joint(replace(placed.get(k, joint), armature=_rotor(armature[own])))
+    return found
 
 
 def _check_gravity(model: Model) -> None:

@@ -17,7 +17,7 @@ from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .joint import JointModel
-from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Tree, limit
+from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Indices, Tree, limit
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
@@ -84,7 +84,28 @@ class Model(Tree, Stored, Copied):
         self.referenceConfigurations: dict[str, Array] = Configurations()
         self._sealed = True
         if clone is not None:
-            fill(self, state(expected(clone, Model, "clone")))
+            self._copy(expected(clone, Model, "clone"))
+
+    def _copy(self, other: Model) -> None:
+        """Take over copies of all that another model has, and of its LibraryModel."""
+        own, given = vars(self), vars(other)
+        for name in (*FIXED, "name", "jointPlacements", "frames"):
+            x = given[name]
+            if isinstance(x, OwnedList):
+                own[name].clear()
+                own[name].extend(x)
+            else:
+                own[name] = Indices(x) if type(x) is Indices else [*map(Indices, x)] if type(x) is list else x
+        self._gravity._x[...] = other._gravity._x
+        self._arrays = {name: x.copy() for name, x in other._arrays.items()}
+        for name, q in other.referenceConfigurations.items():
+            self.referenceConfigurations[name] = np.array(q)
+        library = given["_library"]
+        if library is not None:
+            own["_library"] = own["_library_before"] = library.copy()
+            own["_inertia_numbers"], own["_placement_numbers"] = given["_inertia_numbers"], given["_placement_numbers"]
+            own["_inertia_rows"] = {id(inertia): k for k, inertia in enumerate(self.inertias)}
+            own["_frame_placements"] = given["_frame_placements"]
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in FIXED and self._sealed:

@@ -118,7 +118,12 @@ class Frame(OwnedValue):
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
-        return Frame(self)
+        made: Any = Frame.__new__(Frame)
+        made._owner, made._name, made._type = None, self.name, self.type
+        made._parentJoint, made._parentFrame = self.parentJoint, self.parentFrame
+        made._placement, made._inertia = owned_copy(self.placement, made), owned_copy(self.inertia, made)
+        found: Frame = made
+        return found
 
     cast = copy  # the only scalar type is float64
 

@@ -1,0 +1,97 @@
+"""Kernels that no call of the library has: factors of M, Jacobians of centres of mass, kinematic regressors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...algebra.euclidean import matmul, rotate, scale
+from ...algebra.lie import Tangent
+from ...algebra.public_arrays import read_body, read_pose, write_body, write_tangent, write_vec
+from ...algebra.records import inertia_of, motion_of, pose_of
+from ...algebra.scalars import inline
+from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
+from ...engines.compiled.table_kernels import kernel
+from ...recursions import centroidal
+from ...recursions.kkt import factored
+from ...recursions.ltdl import solve_tree
+from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
+from .operator_kernels import compiled, deferred
+from .operators import add_bodies, body_to_parent, relative_pose, skew
+
+
+@inline
+def _factor_upper(bodies: Any, M: Any, L: Any, U: Any, D: Any) -> int:
+    """M = U D Uᵀ of the upper triangle of M, U with unit diagonal; L is scratch. -1 if M is singular, else 0."""
+    n = len(D)
+    for i in range(n):
+        for j in range(n):
+            U[i, j] = M[j, i]
+    status = factored(bodies, U, L)
+    for i in range(n):
+        D[i] = L[i, i]
+        for j in range(n):
+            U[i, j] = L[j, i] if j > i else 1.0 if j == i else 0.0
+    return status
+
+
+@inline
+def _solve_upper(bodies: Any, U: Any, D: Any, L: Any, x: Any) -> int:
+    """Each row of x (m, nv) becomes M⁻¹ of it, in place; L is scratch. Returns -1 if D is not positive, else 0."""
+    for i in range(len(D)):
+        if not D[i] > 0.0:
+            return -1
+        for j in range(i):
+            L[i, j] = U[j, i]
+        L[i, i] = D[i]
+    for k in range(len(x)):
+        solve_tree(bodies, L, x[k])
+    return 0
+
+
+@inline
+def _subtree_com_jacobian(bodies: Any, work: Any, q: Any, root: Any, J: Any) -> int:
+    """Column i: momentum, over its mass, of what row i moves of the subtree of the row ``root[0]``; 0: the robot."""
+    centroidal.center_of_mass_jacobian(bodies, work, q, J)
+    row = int(root[0])
+    whole = inertia_of(work[row].I)
+    for i in range(1, len(bodies)):
+        moved = inertia_of(work[i].I) if row == 0 or row <= i <= bodies[row].last_row else whole
+        S = motion_to_parent(pose_of(work[i].X), motion_of(bodies[i].S))
+        if not (row == 0 or row <= i <= bodies[row].last_row or i <= row <= bodies[i].last_row):
+            S = zero_motion()
+        write_vec(J[:, i - 1], scale(1.0 / whole.m, momentum(moved, S).f))
+    return 0
+
+
+factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1))
+solve_upper = deferred(lambda: kernel(_solve_upper, 2, 1, 2, 2))
+subtree_com_jacobian = deferred(lambda: kernel(_subtree_com_jacobian, 1, 1, 2, work=centroidal.WORK))
+
+
+@inline
+def _kinematic_regressor(X: Any, placements: Any, parents: Any, joint: Any, place: Any, code: Any, out: Any) -> None:
+    """Columns of the joints that carry a frame at a place on a joint: actions of their placements X_λ P."""
+    here, k = compose(read_pose(X[joint]), read_pose(place)), joint
+    while k > 0:
+        moved = compose(read_pose(X[parents[k]]), read_pose(placements[k]))
+        if code != WORLD:
+            moved = relative_pose(here, moved)
+        if code == LOCAL_WORLD_ALIGNED:
+            moved = Pose(matmul(here.R, moved.R), rotate(here.R, moved.p))
+        write_tangent(out[:, 6 * k - 6 : 6 * k], Tangent(moved.R, matmul(skew(moved.p), moved.R)))
+        k = parents[k]
+
+
+@inline
+def _composite_bodies(X: Any, bodies: Any, parents: Any, out: Any) -> None:
+    """Inertias (njoints, 10) of all subtrees in the world, row 0 the robot's, from bodies in their joints' frames."""
+    for k in range(len(out)):
+        for j in range(10):
+            out[k, j] = 0.0
+        if k > 0:
+            write_body(out[k], body_to_parent(read_pose(X[k]), read_body(bodies[k])))
+    for k in range(len(out) - 1, 0, -1):
+        write_body(out[parents[k]], add_bodies(read_body(out[parents[k]]), read_body(out[k])))
+
+
+kinematic_regressor, composite_bodies = compiled(_kinematic_regressor), compiled(_composite_bodies)
