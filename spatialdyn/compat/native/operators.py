@@ -119,7 +119,7 @@ def fault_of_inertia(J: Mat3) -> Scalar:
     J is positive semidefinite if and only if no coefficient of its characteristic polynomial is negative.
     """
     size = abs(J.xx) + abs(J.yy) + abs(J.zz) + abs(J.yx) + abs(J.zx) + abs(J.zy)
-    if not max(abs(J.xy - J.yx), abs(J.xz - J.zx), abs(J.yz - J.zy)) <= ROUNDING * size < math.inf:
+    if not (size < math.inf and max(abs(J.xy - J.yx), abs(J.xz - J.zx), abs(J.yz - J.zy)) <= ROUNDING * size):
         return ASYMMETRIC
     two = J.yy * J.zz - J.zy * J.zy + J.xx * J.zz - J.zx * J.zx + J.xx * J.yy - J.yx * J.yx
     three = J.xx * (J.yy * J.zz - J.zy * J.zy) - J.yx * (J.yx * J.zz - J.zy * J.zx)

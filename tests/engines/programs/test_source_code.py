@@ -18,6 +18,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.algebra.scalars import select
 from spatialdyn.calls.specialized import Specialized
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.program import Program
 from spatialdyn.engines.programs.source_code import c_code, has_meaning, python_code
 from spatialdyn.engines.programs.tracer import Tape
@@ -145,6 +146,7 @@ def test_c_code_compiles_and_equals_the_call(model: sd.Model, names: tuple[str, 
 
 
 @COMPILER
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no programs")
 def test_code_of_bounds_has_infinity_in_both_languages(model: sd.Model, tmp_path: Path) -> None:
     k = sd.bounded(model, sd.crba)
     assert "INFINITY" in k.c_code("f")
