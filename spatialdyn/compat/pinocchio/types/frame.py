@@ -118,12 +118,11 @@ class Frame(OwnedValue):
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
-        made: Any = Frame.__new__(Frame)
-        made._owner, made._name, made._type = None, self.name, self.type
-        made._parentJoint, made._parentFrame = self.parentJoint, self.parentFrame
-        made._placement, made._inertia = owned_copy(self.placement, made), owned_copy(self.inertia, made)
-        found: Frame = made
-        return found
+        made = Frame.__new__(Frame)
+        made._owner = None
+        for slot, x in zip(Frame.__slots__[1:], self._content(), strict=True):
+            setattr(made, slot, owned_copy(x, made) if isinstance(x, (SE3, Inertia)) else x)
+        return made
 
     cast = copy  # the only scalar type is float64
 
