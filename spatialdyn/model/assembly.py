@@ -19,14 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.euclidean import Mat3, Sym, Vec, rotate, scale, zero
+from ..algebra.euclidean import Mat3, Sym, Vec, rotate, scale
 from ..algebra.records import put_vec
-from ..algebra.spatial import Inertia, Pose, add_inertia, compose, identity_pose, inertia_at_parent, inertia_to_parent
+from ..algebra.spatial import Inertia, Pose, add_inertia, compose, identity_pose, inertia_to_parent
 from ..bodies import table
 from ..bodies.kinds import kind_of
 from ..errors import InertiaError, ModelError
 from .joint_rows import Joint, blank, frozen, matrix_from_pose, pose_from_matrix, put_joint, subspace
 from .mimic import Mimics, mimic_map, resolve_mimics
+from .physical_inertia import parallel_axis
 from .robot import Link, Mimic, Robot, RobotJoint
 
 Array = NDArray[np.float64]
@@ -189,6 +190,9 @@ def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
     return made.hexdigest()
 
 
+UPPER = np.triu_indices(3)  # the entries of a symmetric matrix that are kept, in the order of Sym
+
+
 # --- the walk through the tree ---------------------------------------------------------------------------
 
 
@@ -236,17 +240,17 @@ def walk(robot: Robot, base: Pose, root: str) -> tuple[list[Moving], list[Inerti
 
 def about_origin(link: Link) -> Inertia:
     """Mass, first moment and rotational inertia about the link's origin. Raises InertiaError if they overflow."""
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.reshape(link.inertia, (3, 3)).tolist()
-    body = Inertia(link.mass, zero(), Sym(xx, xy, xz, yy, yz, zz))
-    moved = inertia_at_parent(Vec(*link.com), body)
-    if any(isinstance(x, float) and not math.isfinite(x) for x in (*moved.h, *moved.I)):
+    c, I = np.array(link.com), np.reshape(link.inertia, (3, 3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        about, first = parallel_axis(I, link.mass, c), link.mass * c
+    if about.dtype.kind == "f" and not (np.isfinite(about).all() and np.isfinite(first).all()):
         if link.mass:
             raise InertiaError(
                 f'link "{link.name}" has mass {link.mass:.6g} and com {link.com}, whose inertia about the link\'s '
                 "origin is beyond the largest float"
             )
-        return body  # mass 0 times an overflowed square
-    return moved
+        about = I  # mass 0 times an overflowed square
+    return Inertia(link.mass, Vec(*first.tolist()), Sym(*about[UPPER].tolist()))
 
 
 # --- the table -------------------------------------------------------------------------------------------

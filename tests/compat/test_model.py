@@ -639,6 +639,7 @@ def test_armatures_and_placements_edited_between_calls_count_from_the_next_call_
 
 
 def test_an_edited_model_computes_what_one_made_of_its_numbers_does() -> None:
+    ours.seed(0)
     model = ours.buildSampleModelHumanoidRandom()
     rng, data = np.random.default_rng(0), model.createData()
     q, v = ours.neutral(model), rng.normal(size=model.nv)
@@ -654,5 +655,7 @@ def test_an_edited_model_computes_what_one_made_of_its_numbers_does() -> None:
         anew = model.copy()
         for _ in range(2):  # the first call after an edit, and those that follow it
             tau = ours.rnea(model, data, q, v, v)
-            np.testing.assert_array_equal(tau, ours.rnea(anew, anew.createData(), q, v, v))
+            expected = ours.rnea(anew, anew.createData(), q, v, v)
+            # an edit moves an inertia to the joint's origin in compiled code, assembly in NumPy: they round apart
+            np.testing.assert_allclose(tau, expected, rtol=0.0, atol=np.finfo(float).eps * abs(expected).max())
             np.testing.assert_array_equal(ours.integrate(model, q, v), ours.integrate(anew, q, v))
