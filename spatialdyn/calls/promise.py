@@ -133,9 +133,10 @@ class Promise:
             if name.startswith("_") or not hasattr(Specialized, name):
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             call = self._spec.name
+            bounds = f", or with its error sd.bounded(model, sd.{call}).{name}"
             raise AttributeError(
                 f"a Promise has no {name}: each sample has a program of its own choice; expected that of one program, "
-                f"sd.specialize(model, sd.{call}).{name}, or with its error sd.bounded(model, sd.{call}).{name}"
+                f"sd.specialize(model, sd.{call}).{name}{bounds * (name not in ('to_jax', 'to_torch'))}"
             )
 
     def __reduce__(self) -> tuple[Any, ...]:

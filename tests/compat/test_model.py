@@ -199,6 +199,16 @@ def test_differences_name_their_subject_once() -> None:
     assert all(entry.pinocchio != entry.here for entry in ours.differences())
 
 
+@pytest.mark.parametrize("library", [ours, theirs])
+def test_items_of_slices_and_forces_on_the_universe_differ_as_is_said(library: Any) -> None:
+    is_ours, model = library is ours, library.buildSampleModelManipulator()
+    mass, data = model.inertias[1].mass, model.createData()
+    library.rnea(model, data, library.neutral(model), np.zeros(model.nv), np.zeros(model.nv))
+    assert library.computeSupportedForceByFrame(model, data, 0).linear.any() == is_ours
+    model.inertias[1:3][0].mass = mass + 1.0
+    assert model.inertias[1].mass == mass + is_ours
+
+
 def test_frames_are_equal_when_all_of_them_is() -> None:
     frame = ours.Frame("a", 1, 2, ours.SE3.Identity(), ours.BODY, ours.Inertia.Identity())
     assert frame == frame.copy() == ours.Frame(frame) == pickle.loads(pickle.dumps(frame)) == copy.copy(frame)

@@ -141,6 +141,9 @@ rpy.matrixToRpy of a roll of half a turn with entries of -0, or with a pitch of 
     that are equal to rounding | another of them
 items of lists of Data: com[0, 1], mass[True], com[0] = [1, 2, 3], a slice | a list, a number, a TypeError, a StdVec |
     a TypeError, an array, the vector, a list
+items of a slice of a list of a Model or Data, as model.inertias[1:3] | copies | those of the list: an edit counts
+computeSupportedForceByFrame of a frame on the universe, as frame 0 | of bodies on the universe alone | with
+    what the joints on the universe transmit, as of any other frame
 isinstance(JointModelFreeFlyer(), JointModel) | False | True
 SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
 an Inertia less a heavier one | a centre of mass divided by 2e-16 | the body that, added again, gives the first
@@ -169,8 +172,8 @@ computeMinverse(model, data), computeABADerivatives(model, data) after aba in it
 computeMinverse(model, data), computeABADerivatives(model, data) without an aba before | zeros or wrong numbers | an
     error that says so
 buildReducedModel of joint 0 or of one that does not exist | ignored, silently | ModelError naming the index
-the first call after an edit of a model | costs as any call | assembles the library's model again, some 2 ms with nine
-    joints
+the first call after an edit of a model's joints | costs as any call | assembles the library's model again, some 2 ms
+    with nine; of numbers alone some 1 µs of gravity or an inertia, 30 of an armature, 130 of a placement
 np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where x is Model.armature or an array of a
     Model's placement, inertia or gravity | write | an error: x is read-only to them; x[0] = 1 or Model.armature = y
     write
