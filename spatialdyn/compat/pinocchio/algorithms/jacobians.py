@@ -146,7 +146,7 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         run = last_call(model, data, field, before="computeJointJacobians" + "TimeVariation" * rate)
         joint, place, reference = about_frame(model, of_joints, *about)
         found = call_about_frame(call_name, run, joint, place, reference_code(reference))
-        library, call, (key, frames) = run.library, unavailable, frames_for(model, name, about)
+        library, call, (key, frames) = run.library, unavailable, frames_for(model, name, of_joints, about)
         if library.has_builtins:
             words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
             rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data

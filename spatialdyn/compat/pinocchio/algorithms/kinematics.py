@@ -153,7 +153,7 @@ def _motion(name: str, doc: str) -> Callable[..., Motion]:
         velocities = data.array("v") if classical else motions
         recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
         if library.has_builtins:
-            (key, frames), motions = frames_for(model, name, about), data.hold(field)
+            (key, frames), motions = frames_for(model, name, of_joints, about), data.hold(field)
             arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
             words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
             words |= {"six": 6, "made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}

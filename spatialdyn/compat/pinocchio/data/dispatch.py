@@ -245,12 +245,12 @@ def placed_name(name: str) -> str:
     return f"{name} at a placement"
 
 
-def frames_for(model: Model, name: str, about: tuple[Any, ...]) -> tuple[str, FramePlacements]:
+def frames_for(model: Model, name: str, of_joints: bool, about: tuple[Any, ...]) -> tuple[str, FramePlacements]:
     """The key of the builtin of a ``frame_call`` for such arguments, and the frames that it takes."""
     if isinstance(about[1], SE3):
         joints = joints_as_frames(model)
         return placed_name(name), joints._replace(placements=joints.placements.copy())
-    return name, joints_as_frames(model) if "Frame" not in name else frame_placements(model)
+    return name, joints_as_frames(model) if of_joints else frame_placements(model)
 
 
 # --- arguments about a joint or a frame ------------------------------------------------------------------
