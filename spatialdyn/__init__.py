@@ -18,6 +18,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from .calls import dynamics as _dynamics
+from .calls import progress as _progress  # noqa: F401 - engines report long work to it
 from .calls.dynamics import set_num_threads as set_num_threads
 from .calls.dynamics import total_mass as total_mass
 from .calls.states import random_configuration, step, wrench_at

@@ -1,8 +1,26 @@
-"""The errors of the library: one base class, a subclass where a caller would catch it."""
+"""The errors of the library: one base class, a subclass where a caller would catch it; and how to install an extra."""
 
 from __future__ import annotations
 
 from typing import Any
+
+EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyproject.toml, but those of the tests
+    "rich": ("rich",),
+    "validate": ("pin", "example-robot-data"),
+    "symbolic": ("sympy",),
+    "exact": ("mpmath",),
+    "simulation": ("scipy",),
+    "plot": ("matplotlib",),
+    "casadi": ("casadi",),
+    "jax": ("jax",),
+    "torch": ("torch",),
+    "view": ("viser", "pycollada"),
+}
+
+
+def pip_install(extra: str) -> str:
+    """The command that installs the packages of an extra, for messages: it works wherever this library came from."""
+    return " ".join(["pip install", *EXTRAS[extra]])
 
 
 class SpatialDynError(ValueError):

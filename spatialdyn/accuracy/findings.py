@@ -121,7 +121,9 @@ class Diagnosis(NamedTuple):
     def report(self, path: Any) -> None:
         """Write one HTML page of the diagnosis, which needs no network: robot, findings, digits, how to reproduce it.
 
-        Raises  SpatialDynError if the file cannot be written, or where matplotlib is not installed.
+        path  a name that ends in .html, or an open file
+
+        Raises  SpatialDynError for another ending, if the file cannot be written, or where matplotlib is not installed.
         """
         from ..pictures.page import report_diagnosis
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calls.arguments import full_shape
+from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.forward_dynamics import EXTENDED, METHODS
 from ..engines.compiled import numba_kernels
@@ -124,7 +124,7 @@ def by_table_kernel(model: Model, name: str, arrays: list[Array], bodies: NDArra
     spec = numba_kernels.variant(SPECS[name], frozenset())
     table = model.bodies if bodies is None else bodies
     n = len(arrays[0])
-    out = np.full((n, *full_shape(model, spec.output)), np.nan)
+    out = np.full((n, *core_shape(model, spec.output)), np.nan)
     passed = [y for x in arrays for y in (np.ascontiguousarray(x), 1)]
     with np.errstate(all="ignore"):
         numba_kernels.batch_kernel(spec)(

@@ -156,7 +156,9 @@ class Tradeoff:
     def report(self, path: Any) -> None:
         """Write one HTML page of the trade, which needs no network: robot, plot, table, how to reproduce it.
 
-        Raises  SpatialDynError if the file cannot be written, or where matplotlib is not installed.
+        path  a name that ends in .html, or an open file
+
+        Raises  SpatialDynError for another ending, if the file cannot be written, or where matplotlib is not installed.
         """
         from ..pictures.page import report_tradeoff
 

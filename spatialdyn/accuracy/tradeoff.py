@@ -36,7 +36,7 @@ def trade(
 ) -> Tradeoff:
     """Error and cost of every option for a task, measured on this model, on this machine, now.
 
-    model     Model without mimic joints
+    model     Model
     task      what is computed, by which calls, and what an error is relative to:
 
               ==================  ==================================================  ==============================
@@ -71,7 +71,7 @@ def trade(
     a few seconds, at first use also the time to compile: seconds for calls, minutes for all integrators. The reference
     of a motion of 1 s takes seconds for an arm, a minute for a humanoid with light fingers.
     Raises  SpatialDynError for an invalid task, states, batch or duration, or if mpmath is not installed;
-            ModelError for mimic joints; what the call raises for its states.
+            ModelError for a model without freedoms; what the call raises for its states.
 
     >>> import spatialdyn as sd
     >>> table = sd.trade(sd.load_urdf("two_link"), "mass_matrix")
@@ -81,8 +81,6 @@ def trade(
     check_model(model)
     if not isinstance(task, str) or task not in TASKS:
         raise SpatialDynError(f"task is {task!r}, expected one of {', '.join(TASKS)}")
-    if model.mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) to trade')
     if not model.nv:
         raise ModelError(f'model "{model.name}" has no joint that moves, expected one that does')
     samples, seconds = as_count(batch, call_errors.MOST), as_number(duration)

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import checked_call
-from ..calls.failures import joint_of_velocity
 from ..errors import ModelError, ShapeError
 from ..model.model import Model
 from ..recursions.motors import MOTOR_LIMITS
@@ -50,8 +49,8 @@ class Motor:
     damping          (nv,)  n² k_t k_e / R: what a shorted motor, and each one at a given voltage, adds to the viscous
                             coefficient of ``Friction`` [N m s/rad | N s/m]
 
-    Raises  ShapeError for arrays that do not broadcast to (nv,). Values are checked where a model is there, by
-            ``torque_limits``: ModelError naming the joint.
+    Values that are all one number are those of each freedom of any robot.
+    Raises  ShapeError for arrays that do not broadcast to (nv,); ModelError naming a value out of its range
 
     >>> import spatialdyn as sd
     >>> motor = sd.Motor(torque_constant=[0.03, 0.03], resistance=0.6, voltage=24.0, ratio=50.0, current=20.0)
@@ -92,6 +91,11 @@ class Motor:
             raise ShapeError(f"values of motors have shapes {listed}, expected (nv,) or one number")
         for name, x in arrays.items():
             value = np.array(np.broadcast_to(x, shape))
+            valid, expected = EXPECTED.get(name, POSITIVE)
+            if not valid(value).all():
+                k = int(np.argmin(valid(value)))
+                of = f" of freedom {k}" if len(value) > 1 else ""
+                raise ModelError(f"motor{of}: {name.replace('_', ' ')} is {value[k]:g}, expected {expected}")
             value.flags.writeable = False
             object.__setattr__(self, name, value)
 
@@ -124,19 +128,13 @@ class Motor:
         return gain * self.voltage / self.resistance, self.damping, most, self.efficiency, limit
 
     def check(self, model: Model) -> Motor:
-        """These motors, if they fit the model's joints. Raises ShapeError, ModelError naming the joint."""
+        """These motors with values for each freedom of the model. Raises ShapeError if they are of another number."""
         n = check_model(model).nv
-        if len(self.ratio) != n:
+        if len(self.ratio) == n:
+            return self
+        if len(self.ratio) != 1:
             raise ShapeError(f'motor has {len(self.ratio)} freedoms, expected the {n} of robot "{model.name}"')
-        for part in fields(self):
-            x = getattr(self, part.name)
-            valid, expected = EXPECTED.get(part.name, POSITIVE)
-            bad = ~valid(x)
-            if bad.any():
-                k = int(np.argmax(bad))
-                what = f'motor of joint "{joint_of_velocity(model, k).name}": {part.name.replace("_", " ")}'
-                raise ModelError(f"{what} is {x[k]:g}, expected {expected}")
-        return self
+        return Motor(*(np.broadcast_to(getattr(self, x.name), n) for x in fields(self)))
 
     def _content(self) -> tuple[bytes, ...]:
         return tuple((getattr(self, x.name) + 0.0).tobytes() for x in fields(self))
@@ -181,7 +179,7 @@ def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Arra
             ``np.clip(tau, lower, upper)`` otherwise.
     Raises
         ShapeError for shapes that do not match
-        ModelError naming the joint with a value out of its range, or for mimic joints
+        ModelError naming the joint with a value out of its range
         NaN in a sample gives NaN in what depends on it, in no other sample.
 
     >>> import spatialdyn as sd
@@ -191,7 +189,5 @@ def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Arra
     >>> lower, upper
     (array([-30., -15.]), array([15., 30.]))
     """
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
-    made = checked_call(MOTOR_LIMITS, model, (v, *check_motor(model, motor).lines), (), None)
+    made = checked_call(MOTOR_LIMITS, model, (v, *check_motor(check_model(model), motor).lines), (), None)
     return made[..., 0, :], made[..., 1, :]

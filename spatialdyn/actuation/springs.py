@@ -62,4 +62,4 @@ def spring_energy(model: Model, q: ArrayLike, out: Any = None) -> Any:
 
 def _refuse_mimics(model: Model) -> None:
     if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for springs')

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, check_model
 from ..errors import ModelError, ShapeError
 from ..model.model import Model
-from ..model.transmission import Transmission
+from ..model.transmission import Transmission, listed_transmissions
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def _through(
     back: bool,
 ) -> Coordinates:
     check_model(model)
-    listed = [transmissions] if isinstance(transmissions, Transmission) else list(transmissions)
+    listed = listed_transmissions(transmissions)
     found: list[Array | None] = []
     for name, x, size in zip(("q", "v", "tau"), values, (model.nq, model.nv, model.nv), strict=True):
         found.append(None if x is None else np.array(as_array(name, x)))
@@ -92,8 +92,6 @@ def _through(
             raise ShapeError(f"{name} has shape {made.shape}, expected (..., {size})")
     driven: set[str] = set()
     for t in listed:
-        if not isinstance(t, Transmission):
-            raise ModelError(f"transmissions has {t!r}, expected a Transmission")
         joints = [model.joint(name) for name in t.joints]
         for joint in joints:
             if joint.nq != 1 or joint.mimic is not None:

@@ -21,7 +21,7 @@ Scalar = Any
 Function = TypeVar("Function", bound=Callable[..., Any])
 EPS = 2.220446049250313e-16  # 2⁻⁵², of float64
 
-_lock = threading.RLock()
+lock = threading.RLock()  # of ``register``
 _waiting: list[tuple[str, Callable[..., Any], Callable[..., Any]]] = []  # (how, function, implementation)
 
 
@@ -47,6 +47,13 @@ def no_inline(function: Function) -> Function:
     return function
 
 
+def inline_or_by_rows(function: Function) -> Function:
+    """Decorator as ``inline``, of recursions that an engine replaces for its own rows: ``function.register(Rows)``."""
+    general: Any = singledispatch(function)
+    _waiting.append(("inline", general, function))
+    return general  # type: ignore[no-any-return]
+
+
 def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
     """Decorator of Numba's implementation of ``function``: given types, it returns the function to compile."""
 
@@ -62,7 +69,7 @@ def register(pipelines: Mapping[str, Any]) -> None:
 
     Whatever compiles calls it first: ``engines.compiled.jit`` does.
     """
-    with _lock:
+    with lock:
         if not _waiting:
             return
         from numba.extending import overload, register_jitable
@@ -76,8 +83,20 @@ def register(pipelines: Mapping[str, Any]) -> None:
             how, function, implementation = _waiting.pop()
             if how == "overload":
                 overload(function)(implementation)
-            else:
+            elif function is implementation:
                 register_jitable(no_cfunc_wrapper=True, **ways[how])(function)
+            else:
+                options: Any = {"no_cfunc_wrapper": True, **ways[how]}
+                overload(function, jit_options=options, strict=False)(_constant(implementation))
+
+
+def _constant(implementation: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of any types that returns ``implementation``."""
+
+    def chosen(*types: Any) -> Callable[..., Any]:
+        return implementation
+
+    return chosen
 
 
 @singledispatch

@@ -20,8 +20,9 @@ class StaticTable:
     __slots__ = ("_hash", "address", "key", "rows", "sizes")
 
     def __init__(self, rows: NDArray[Any], sizes: tuple[str, ...]) -> None:
-        """A copy of ``rows``; ``sizes`` names the columns of its header that are sizes."""
+        """A copy of ``rows``, with 0.0 for -0.0; ``sizes`` names the columns of its header that are sizes."""
         self.rows = rows.copy()
+        _without_signed_zeros(self.rows)
         self.rows.flags.writeable = False
         self.sizes = {name: int(rows[0][name]) for name in sizes}
         content = (repr(rows.dtype.descr), self.rows.tobytes())
@@ -37,3 +38,13 @@ class StaticTable:
 
     def __repr__(self) -> str:
         return f"<StaticTable {self.key}>"
+
+
+def _without_signed_zeros(rows: NDArray[Any]) -> None:
+    """Write 0.0 over -0.0, in place: what is equal has one key."""
+    for name in rows.dtype.names or ():
+        column = rows[name]
+        if column.dtype.names:
+            _without_signed_zeros(column)
+        elif column.dtype.kind == "f":
+            column += 0.0

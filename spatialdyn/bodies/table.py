@@ -28,13 +28,21 @@ spring         of a rotor that drives a joint through a spring, the joint's row;
 stiffness      of that spring, at the joint
 spring_damping of that spring, at the joint
 gear           1/n, turns of that joint per turn of the rotor
+leader         of a joint that mimics another, that joint's row; 0 for none
+ratio, offset  q of that joint is ratio times its leader's plus offset
 inertia_bound  (a, b, c): a + 2 b t + c t² is at least SᵀI꜀S when translating joints have moved by t in all
 gravity        acceleration of gravity (row 0 only)
 
-Row i belongs to velocity v[i - 1].
+Row i belongs to velocity v[i - 1]. Where joints mimic others, q and v are those of the whole tree; ``independent`` is
+the table of the joints with coordinates of their own.
 """
 
 from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..algebra.euclidean import Mat3, Vec
 from ..algebra.records import table_dtype
@@ -63,9 +71,27 @@ BODIES = table_dtype(
     stiffness=float,
     spring_damping=float,
     gear=float,
+    leader=int,
+    ratio=float,
+    offset=float,
     inertia_bound=Vec,
     gravity=Vec,
 )
 
 ACROSS, ALONG = 1, 2  # column geared: an axis e along that of a turning joint is fixed in its body too
 ANY_NORM = 1  # row 0: quaternions and (cos, sin) pairs of any norm are accepted
+
+
+def independent(bodies: NDArray[Any]) -> NDArray[Any]:
+    """The rows of joints that mimic none, with the indices of their coordinates in the model's own q; the world's too.
+
+    Recursions on the joints' group (``configuration``) run on them as on any table. Those that walk the tree do not:
+    the rows are a chain. Without mimic joints it is the table itself.
+    """
+    follows = bodies["leader"] > 0
+    if not follows.any():
+        return bodies
+    own = bodies[~follows]
+    own["parent"], own["last_row"] = np.maximum(np.arange(len(own)) - 1, 0), len(own) - 1  # a chain
+    own["q_index"] -= np.searchsorted(np.sort(bodies["q_index"][follows]), own["q_index"])
+    return own

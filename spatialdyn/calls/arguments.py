@@ -1,4 +1,4 @@
-"""Argument checks of the public calls: dtypes, shapes, broadcasting, outputs, mimic joints."""
+"""Argument checks of the public calls: dtypes, shapes, broadcasting, outputs."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ..model.robot_checks import masked
 from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, shape_in
 
 Array = NDArray[np.float64]
+MOST_AXES = 32  # of an array that NumPy broadcasts
 REFERENCES = {"local": LOCAL, "world": WORLD, "local_world_aligned": LOCAL_WORLD_ALIGNED}
 
 
@@ -40,6 +41,8 @@ def as_array(name: str, value: ArrayLike) -> Array:
         raise ShapeError(f"{name} is ragged, expected an array of numbers") from error
     if x.dtype.kind not in "fiu":
         raise ShapeError(f"{name} has dtype {x.dtype}, expected real numbers")
+    if x.ndim > MOST_AXES:
+        raise ShapeError(f"{name} has {x.ndim} axes, expected at most {MOST_AXES}")
     if x.dtype.kind != "f" or x.dtype.itemsize <= 8:
         return x.astype(np.float64, copy=False)
     with np.errstate(over="ignore"):
@@ -74,17 +77,33 @@ def as_count(value: Any, most: int) -> int:
     return int(value)
 
 
+def as_word(name: str, value: Any, known: Collection[str]) -> str:
+    """One of the strings ``known``. Raises SpatialDynError naming the argument."""
+    if not isinstance(value, str) or value not in known:
+        raise SpatialDynError(f"{name} is {value!r}, expected one of {', '.join(known)}")
+    return value
+
+
+def as_items(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> list[Any]:
+    """One of a kind, or an iterable of them, as a list. Raises SpatialDynError naming the argument."""
+    try:
+        given = [value] if isinstance(value, kind) else list(value)
+    except TypeError:
+        raise SpatialDynError(f"{name} is {value!r}, expected {expected}") from None
+    for x in given:
+        if not isinstance(x, kind):
+            raise SpatialDynError(f"{name} has {x!r}, expected {expected}")
+    return given
+
+
 def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
     """A string or several as a tuple, each one of ``known``. Raises SpatialDynError naming the argument."""
-    expected = f"expected some of {', '.join(known)}"
-    try:
-        given = (value,) if isinstance(value, str) else tuple(value)
-    except TypeError:
-        raise SpatialDynError(f"{name} is {value!r}, {expected}") from None
+    expected = f"some of {', '.join(known)}"
+    given = as_items(name, value, str, expected)
     for word in given:
-        if not isinstance(word, str) or word not in known:
-            raise SpatialDynError(f"{name} has {word!r}, {expected}")
-    return given
+        if word not in known:
+            raise SpatialDynError(f"{name} has {word!r}, expected {expected}")
+    return tuple(given)
 
 
 def core_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
@@ -180,47 +199,3 @@ def reference_code(reference: str) -> int:
         return REFERENCES[reference]
     except (KeyError, TypeError):
         raise SpatialDynError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}") from None
-
-
-# --- mimic joints: v_full = G v --------------------------------------------------------------------------
-
-
-def mimic_matrix(model: Model) -> Array:
-    """G (rows, nv) of v_full = G v."""
-    return np.eye(model.nv) if model.mimic_matrix is None else model.mimic_matrix
-
-
-def to_full_tree(model: Model, argument: Argument, x: Array) -> Array:
-    """An input of a model with mimic joints as the input of its full tree."""
-    if argument.shape == ("nq",):
-        q: Array = x[..., model.mimic_index] * model.mimic_ratio + model.mimic_offset
-        return q
-    if argument.shape == ("nv",) and argument.is_force:
-        full = np.zeros((*x.shape[:-1], len(model.bodies) - 1))
-        full[..., model.free_v] = x
-        return full
-    if argument.shape == ("nv",):
-        return x @ mimic_matrix(model).T
-    return x
-
-
-def full_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
-    """Shape of one sample of an argument of the full tree, mimic joints counted."""
-    if model.mimic_matrix is None:
-        return core_shape(model, argument, static)
-    full = {"nq": int(model.bodies[0]["q_index"]), "nv": len(model.bodies) - 1, "njoints": model.njoints}
-    return tuple(full[s] if isinstance(s, str) else s for s in argument.shape)
-
-
-def from_full_tree(model: Model, argument: Argument, x: Array) -> Array:
-    """An output of the full tree as one of the model: axes "nv" times G, or indexed if per coordinate."""
-    axes = len(argument.shape)
-    for k, size in enumerate(argument.shape):
-        axis = x.ndim - axes + k
-        if size == "nq":
-            x = np.take(x, model.free_q, axis)
-        elif size == "nv" and argument.per_coordinate:
-            x = np.take(x, model.free_v, axis)
-        elif size == "nv":
-            x = np.moveaxis(np.moveaxis(x, axis, -1) @ mimic_matrix(model), -1, axis)
-    return x

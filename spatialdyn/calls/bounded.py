@@ -37,7 +37,7 @@ def bounded(
     The exact result is that on the model's numbers as they are, at the inputs as they are; in float32 at any inputs
     that round to those, and its bound counts that, unless ``exact_inputs``. Of what is solved for it is what exact
     rnea, or crba, is solved by: rotations of 1.5708 are orthogonal to rounding alone, and on them exact recursions
-    agree no better. A sample that the program leaves to the table kernel (angles whose root sum of squares is above
+    agree no better. A sample beyond the range of the program (angles whose root sum of squares is above
     1e5, joints of next to no articulated inertia, numbers beyond float32's safe range) has an infinite bound.
     One that the call itself refuses (a joint of no articulated inertia, a result out of range) is refused here too, in
     the same words: no value is there to be bounded. NaN gives NaN in its sample, and an infinite bound.

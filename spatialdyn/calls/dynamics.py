@@ -41,8 +41,7 @@ from .arguments import (
     frame_row_and_placement,
     reference_code,
 )
-from .failures import raise_failures, raise_if_not_finite
-from .mimic_batches import mimic_batch
+from .failures import raise_early, raise_failures
 
 F8 = np.dtype(np.float64)
 BUILTINS = object_layout.READY and not numba_kernels.PLAIN  # whether public calls are builtins
@@ -95,17 +94,11 @@ def checked_call(
     if n:
         inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in zip(varying, arrays, strict=True)]
         flat = result.reshape((n, -1))
-        if model.mimic_matrix is None:
-            compute = run.run_table_kernel if by_table else run.batch
-            failed = compute(spec, model, inputs, static, flat, seen=seen)
-            if failed is not run.ALL_OK:
-                raise_failures(spec, model, batch, static, failed)
-        else:
-            with np.errstate(all="ignore"):
-                failed = mimic_batch(calls, spec, model, inputs, static, flat, seen)
-                if failed is not run.ALL_OK:
-                    raise_failures(spec, model, batch, static, failed)
-                raise_if_not_finite(spec, inputs, batch, flat)
+        raise_early(spec, model, inputs, static, n, batch)
+        compute = run.run_table_kernel if by_table else run.batch
+        failed = compute(spec, model, inputs, static, flat, seen=seen)
+        if failed is not run.ALL_OK:
+            raise_failures(spec, model, batch, static, failed)
     return result if out is not None or shape else float(result)
 
 
@@ -181,7 +174,7 @@ def _plan(
     given = [x for x, there in zip(varying, present, strict=True) if there]
     spec = numba_kernels.variant(spec, frozenset(x.name for x in given))
     lacks = any(not (there or x.optional) for x, there in zip(varying, present, strict=True))
-    if lacks or model.mimic_matrix is not None or any(len(x.shape) != 1 for x in given):
+    if lacks or any(len(x.shape) != 1 for x in given):
         return None
     lanes = run.program(spec, model, static)
     return None if lanes is None else (lanes, core_shape(model, spec.output, static))
@@ -261,12 +254,7 @@ def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[A
 
     spec  the call with the inputs that are given only, as ``numba_kernels.variant`` makes it
     """
-    if (
-        spec.name not in SPECS
-        or not BUILTINS
-        or model.mimic_matrix is not None
-        or not all(type(x) in (str, bool) for x in words)
-    ):
+    if spec.name not in SPECS or not BUILTINS or not all(type(x) in (str, bool) for x in words):
         return
     public = SPECS[spec.name]
     given = {x.name for x in spec.present}

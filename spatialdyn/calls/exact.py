@@ -9,15 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.static_table import StaticTable
+from ..bodies.table import independent
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import singular_row, unit_norm
 from ..engines.numbers import multiprecision as engine
-from ..engines.programs.tracer import evaluate, table
+from ..engines.programs.mimic_rows import MimicRows, diagonal_of_M, evaluate, rows_of
+from ..engines.programs.tracer import table
 from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked
 from ..recursions.spec import Argument, Spec, sizes_of
-from .arguments import batch_shape, broadcast, check_model, core_shape, from_full_tree, full_shape, to_full_tree
+from .arguments import batch_shape, broadcast, check_model, core_shape
 from .failures import zero_inertia_message
 from .specs import expected_call, spec_of, static_of
 
@@ -59,16 +61,15 @@ def exact(
 
     Raises
         SpatialDynError for a call that is not known, too few bits, or where mpmath is not installed (extra "exact")
-        ModelError for mimic joints with rationals, or with a call that solves for accelerations or velocities
+        ModelError for mimic joints with rationals: an angle's multiple has no rational tangent
     """
     check_model(model)
     spec = spec_of(call)
     if spec is None:
         raise SpatialDynError(f"call is {expected_call(call, 'a public call such as spatialdyn.aba')}")
     arithmetic = engine.arithmetic(bits)
-    if model.mimic_matrix is not None and (bits is None or spec.pivots):
-        what = "rationals" if bits is None else f"the truth of {spec.name}"
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for {what}')
+    if model.mimic_matrix is not None and bits is None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for rationals')
     static = static_of(model, [x.name for x in spec.present if x.static], frame, reference, classical, constraints)
     return Exact(model, spec, arithmetic, static, bits)
 
@@ -95,10 +96,13 @@ class Exact:
         self, model: Model, spec: Spec, arithmetic: engine.Arithmetic, static: dict[str, Any], bits: int | None
     ) -> None:
         """Convert the model's table to numbers of the arithmetic."""
+        made = isinstance(model, Model) and isinstance(spec, Spec) and isinstance(static, dict)
+        if not made or not hasattr(arithmetic, "number"):
+            raise SpatialDynError("arguments are not those that ``exact`` makes, expected exact(model, call)")
         self.model, self.call, self.bits = model, spec.name, bits
         self.context = getattr(arithmetic, "context", None)
         self._spec, self._arithmetic = spec, arithmetic
-        self._rows = table(model.bodies, arithmetic.number)
+        self._rows = rows_of(table(model.bodies, arithmetic.number))
         placed = {"placement": engine.numbers(arithmetic, static["placement"])} if "placement" in static else {}
         tables = {name: table(x.rows, arithmetic.number) for name, x in static.items() if isinstance(x, StaticTable)}
         self._static, self._values = {**static, **placed, **tables}, tuple(static.values())
@@ -115,11 +119,7 @@ class Exact:
         whole = {x.name: np.broadcast_to(arrays[x.name], batch + core_shape(model, x, self._values)) for x, _ in given}
         for at in np.ndindex(batch):
             sample = {x.name: np.array(whole[x.name][at], dtype=object) for x, _ in given}
-            if model.mimic_matrix is None:
-                result[at] = self._sample(sample, at)
-            else:
-                sample = {x.name: to_full_tree(model, x, sample[x.name]) for x, _ in given}
-                result[at] = from_full_tree(model, spec.output, self._sample(sample, at))
+            result[at] = self._sample(sample, at)
         for at in np.ndindex(result.shape):
             result[at] = self._arithmetic.shown(result[at])
         if spec.parts:
@@ -163,7 +163,7 @@ class Exact:
             raise type(error)(f"{argument.name}: {error}") from None
 
     def _sample(self, sample: dict[str, Numbers], at: tuple[int, ...]) -> Numbers:
-        """The result of one sample, on the full tree."""
+        """The result of one sample."""
         model, spec, arithmetic = self.model, self._spec, self._arithmetic
         where = f" in sample {at[0] if len(at) == 1 else at}" if at else ""
         inputs: dict[str, Any] = {}
@@ -176,21 +176,30 @@ class Exact:
                         "within 1e-6; normalize(model, q) is the cure"
                     )
                 if x.shape == ("nq",):
-                    inputs[x.name] = arithmetic.coordinates(model.bodies, value)
+                    inputs[x.name] = arithmetic.coordinates(independent(model.bodies), value)
                 else:
                     inputs[x.name] = value if x.shape else value[()]
-        pivots = np.full(len(model.bodies) - 1, None, dtype=object)
+        pivots = np.full(model.nv, None, dtype=object)
         present = numba_kernels.variant(spec, frozenset(sample))
         try:
-            shape = full_shape(model, spec.output, self._values)
+            shape = core_shape(model, spec.output, self._values)
             out = evaluate(present, self._rows, shape, {**inputs, **self._static}, pivots)
         except ZeroDivisionError:
             if not spec.pivots:
                 raise NonFiniteError(f"{spec.name} divides by 0{where}, expected a robot with mass") from None
             row = 1 + max(k for k, D in enumerate(pivots) if D is None)  # where the inward pass stopped
-            raise InertiaError(zero_inertia_message(model, row, where)) from None
+            raise InertiaError(zero_inertia_message(model, self._row_of_tree(row), where)) from None
         if spec.pivots and all(arithmetic.finite(e) for value in sample.values() for e in value.ravel()):
-            row = singular_row(self._rows, inputs["q"], pivots, arithmetic.eps)
+            if isinstance(self._rows, MimicRows):
+                least = [model.nv * arithmetic.eps * x for x in diagonal_of_M(self._rows, inputs["q"])]
+                small = [k for k, D in enumerate(pivots, start=1) if not least[k - 1] < D]
+                row = small[-1] if small else 0
+            else:
+                row = singular_row(self._rows, inputs["q"], pivots, arithmetic.eps)
             if row:
-                raise InertiaError(zero_inertia_message(model, row, where))
+                raise InertiaError(zero_inertia_message(model, self._row_of_tree(row), where))
         return out.reshape(shape)[()]
+
+    def _row_of_tree(self, row: int) -> int:
+        """The row of the table of a row that has coordinates of its own."""
+        return int(np.flatnonzero(self.model.bodies["leader"] == 0)[row])

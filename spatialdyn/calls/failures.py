@@ -13,12 +13,14 @@ from ..bodies.kinds import unit_part
 from ..bodies.static_table import StaticTable
 from ..engines import run
 from ..engines.compiled import numba_kernels
-from ..engines.run import Failed
+from ..engines.failed import Failed
+from ..engines.programs.mimic_rows import evaluate, rows_of
+from ..engines.programs.tracer import table
 from ..errors import ConfigurationError, InertiaError, NonFiniteError
 from ..model.model import Joint, Model
 from ..recursions import SPECS
 from ..recursions.spec import Spec, sizes_of
-from .arguments import Array, full_shape
+from .arguments import Array, core_shape
 
 
 def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tuple[Any, ...], failed: Failed) -> None:
@@ -44,6 +46,10 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
         finite &= np.isfinite(x).reshape(len(x), -1).all(axis=1)
     pivots = np.flatnonzero((status == numba_kernels.PIVOT) & finite)
     for at in pivots.tolist():
+        if model.mimic_matrix is not None:
+            M = _mass_matrix(spec, model, inputs_of(at))
+            raise_if_singular(model, M[None], sample_of(samples[at], len(pivots), batch))
+            continue
         row = _singular_row(spec, model, inputs_of(at), static)
         if row is not None:
             raise InertiaError(zero_inertia_message(model, row, sample_of(samples[at], len(pivots), batch)))
@@ -51,7 +57,7 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
     if len(lost):
         at = int(lost[0])
         where = sample_of(samples[at], len(lost), batch)
-        row = _weightless_row(spec, model, inputs_of(at)) if spec.pivots else None
+        row = _weightless_row(spec, model, inputs_of(at)) if spec.pivots and model.mimic_matrix is None else None
         if row is not None:
             raise InertiaError(zero_inertia_message(model, row, where))
         raise NonFiniteError(_not_finite_message(spec, where))
@@ -59,18 +65,13 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
         raise NonFiniteError(f"{spec.name} leaves the range of float32, expected dtype=np.float64 for such input")
 
 
-def raise_if_not_finite(spec: Spec, inputs: Sequence[Array], batch: tuple[int, ...], out: Array) -> None:
-    """Raise NonFiniteError if a sample of finite inputs has a result that is not finite.
-
-    inputs  (n, ...), or (1, ...) if all samples share one
-    out     (n, columns)
-    """
-    lost = ~np.isfinite(out).all(axis=1)
-    for x in inputs:
-        lost = lost & np.isfinite(x).reshape(len(x), -1).all(axis=1)
-    if lost.any():
-        samples = np.flatnonzero(lost)
-        raise NonFiniteError(_not_finite_message(spec, sample_of(samples[0], len(samples), batch)))
+def raise_early(
+    spec: Spec, model: Model, inputs: Sequence[Array], static: tuple[Any, ...], count: int, batch: tuple[int, ...]
+) -> None:
+    """As ``raise_failures`` of a call of so many samples, if it would compile its table kernel first."""
+    failed = run.preview(spec, model, inputs, static, count)
+    if failed is not run.ALL_OK:
+        raise_failures(spec, model, batch, static, failed)
 
 
 def _not_finite_message(spec: Spec, where: str) -> str:
@@ -133,7 +134,7 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
     M = np.empty((n, n))
     with np.errstate(all="ignore"):
         scratch = np.zeros(n + 1, spec.work)
-        out = np.empty(full_shape(model, spec.output, static) or (1,))
+        out = np.empty(core_shape(model, spec.output, static) or (1,))
         spec.recursion(model.bodies, scratch, *inputs, *spec.split(out, sizes), pivots, *spare)
         crba = SPECS["crba"]
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
@@ -155,7 +156,15 @@ def _weightless_row(spec: Spec, model: Model, sample: list[Array]) -> int | None
     return int(weightless[-1]) + 1 if len(weightless) else None
 
 
-def raise_if_singular(model: Model, M: Array) -> None:
+def _mass_matrix(spec: Spec, model: Model, sample: list[Array]) -> Array:
+    """M (nv, nv) of one sample of a model with mimic joints."""
+    q = dict(zip((x.name for x in spec.present if not x.static), sample, strict=True))["q"]
+    with np.errstate(all="ignore"):
+        M = evaluate(SPECS["crba"], rows_of(table(model.bodies)), (model.nv, model.nv), {"q": q}, None)
+    return M.astype(np.float64)
+
+
+def raise_if_singular(model: Model, M: Array, where: str = "") -> None:
     """Raise InertiaError if a finite M is not positive definite: scaled to unit diagonal, an eigenvalue <= nv eps."""
     M = M[np.isfinite(M).all(axis=(-2, -1))]
     scale = np.sqrt(np.einsum("...ii->...i", M))
@@ -167,7 +176,9 @@ def raise_if_singular(model: Model, M: Array) -> None:
     else:
         k = int(np.argwhere(scale <= 0.0)[0][-1])
         joint = f'joint "{joint_of_velocity(model, k).name}" has zero articulated inertia: '
-    raise InertiaError(joint + f'the mass matrix of "{model.name}" is singular, expected inertia behind every joint')
+    raise InertiaError(
+        joint + f'the mass matrix of "{model.name}" is singular{where}, expected inertia behind every joint'
+    )
 
 
 def joint_of_velocity(model: Model, k: int) -> Joint:

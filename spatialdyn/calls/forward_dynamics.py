@@ -113,7 +113,7 @@ def forward_dynamics(
 
 def _batch_in_double_double(model: Model, given: list[Any]) -> NDArray[Any] | None:
     """The result for float64 batches of one size if no sample fails. Returns None if not applicable."""
-    if type(model) is not Model or model.mimic_matrix is not None:
+    if type(model) is not Model:
         return None
     spec = _aba_variant(len(given))
     n = len(given[0]) if isinstance(given[0], np.ndarray) and given[0].ndim == 2 else 0
@@ -135,7 +135,7 @@ def _rewrite_in_double_double(model: Model, given: list[ArrayLike], a: NDArray[A
 
     seen  whether the caller reads ``a`` after Ctrl-C
     """
-    if not a.size or model.mimic_matrix is not None:
+    if not a.size:
         return a
     spec = _aba_variant(len(given))
     batch, n = a.shape[:-1], a.size // model.nv
@@ -149,4 +149,4 @@ def _rewrite_in_double_double(model: Model, given: list[ArrayLike], a: NDArray[A
 
 def extended_runs_on_lanes(model: Model) -> bool:
     """Whether "extended" has a program on SIMD lanes for batches of a model; compiles it."""
-    return model.mimic_matrix is None and extended.runs_on_lanes(_aba_variant(3), model)
+    return extended.runs_on_lanes(_aba_variant(3), model)

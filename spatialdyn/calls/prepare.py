@@ -58,6 +58,7 @@ def compile_calls(
     specs = _specs(calls, frame is not None, constraints is not None)
     if not isinstance(fext, bool):
         raise SpatialDynError(f"fext is {fext!r}, expected True or False")
+    static_of(model, {x.name for spec in specs for x in spec.present}, frame, reference, classical, constraints)
     tasks = []
     for spec in specs:  # before the first takes long
         chosen = frozenset(x.name for x in spec.present if x.optional and fext and x.name == "fext")
@@ -79,6 +80,8 @@ def _specs(calls: Any, with_frame: bool, with_constraints: bool) -> list[Spec]:
     if calls is None:
         found = [spec for spec in SPECS.values() if with_frame or not _of_frame(spec)]
         return found + (list(OF_CONSTRAINTS) if with_constraints else [])
+    if not (isinstance(calls, (str, Iterable)) or callable(calls)):
+        raise SpatialDynError(f"calls is {calls!r}, expected public calls such as spatialdyn.rnea, or their names")
     listed = [calls] if isinstance(calls, str) or callable(calls) else list(calls)
     found = []
     for call in listed:
@@ -110,7 +113,7 @@ def _of_frame(spec: Spec) -> bool:
 
 def _compile(spec: Spec, model: Model, static: tuple[Any, ...]) -> None:
     """The code that a call runs: its program for one sample and for batches; the table kernel if it has none."""
-    if model.mimic_matrix is not None or not run.compile_program(spec, model, static):
+    if not run.compile_program(spec, model, static):
         numba_kernels.batch_kernel(spec)
 
 

@@ -1,14 +1,49 @@
-"""Progress reports of calls that take long: to a function of the caller's, or to a bar."""
+"""Reports of work that takes long: its progress to a function of the caller's or to a bar, and the logger.
+
+What compiles or works for more than ``waiting.LONG`` seconds says so once, while it goes on: a message of level INFO of
+the logger "spatialdyn". It shows nothing without ``logging.basicConfig(level="INFO")`` or the like.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
+from ..engines import locks, waiting
 from ..errors import SpatialDynError
 
 Report = Callable[[int, int], None]
 Progress = bool | Report
+
+locks.come_first()  # before the lock of logging
+LOGGER = logging.getLogger(__name__.partition(".")[0])
+LOGGER.addHandler(logging.NullHandler())
+waiting.watch.tell = LOGGER.info
+
+
+class _Lines(logging.Handler):
+    """Hands the text of each message to a function."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        super().__init__(logging.INFO)
+        self._show = show
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._show(record.getMessage())
+
+
+@contextmanager
+def messages(show: Callable[[str], None]) -> Iterator[None]:
+    """Within, each message of the logger is shown by a function too: of the command line, of an example."""
+    handler, level = _Lines(show), LOGGER.level
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        LOGGER.setLevel(level)
+        LOGGER.removeHandler(handler)
 
 
 def check_progress(progress: object) -> None:
@@ -23,16 +58,31 @@ def reporting(progress: Progress, doing: str) -> Iterator[Report]:
 
     doing  what the bar is of, in words
 
-    The bar is on stderr, or in the notebook. Raises SpatialDynError for True in a terminal where rich is not installed.
+    The bar is on stderr, or in the notebook. A message names the work if it takes long, and how far it is. Raises
+    SpatialDynError for True in a terminal where rich is not installed.
     """
-    if callable(progress):
-        yield progress
-        return
-    if not progress:
-        yield lambda done, total: None
-        return
-    with bar(doing) as report:
-        yield report
+    at = (0, 0)
+
+    def counted(report: Report) -> Report:
+        def count(done: int, total: int) -> None:
+            nonlocal at
+            at = done, total
+            report(done, total)
+
+        return count
+
+    def text() -> str:
+        far = f": {at[0]} of {at[1]} steps are done" if at[1] else ""
+        return f"{doing} takes more than {waiting.LONG:g} s{far}"
+
+    with waiting.watch.after(text):
+        if callable(progress):
+            yield counted(progress)
+        elif progress:
+            with bar(doing) as report:
+                yield counted(report)
+        else:
+            yield counted(lambda done, total: None)
 
 
 def bar(what: str) -> AbstractContextManager[Report]:

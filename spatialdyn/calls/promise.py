@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.kinds import unit_parts
+from ..engines import locks
 from ..engines.numbers.enclosures import Enclosure, Zeros, rounded
 from ..errors import ShapeError, SpatialDynError
 from .arguments import aligned, as_array, as_number
@@ -87,6 +88,9 @@ class Promise:
         arguments: tuple[Any, ...],
     ) -> None:
         """``bounded(dtype)`` makes the call with bounds; ``maker(*arguments)`` makes all of it again."""
+        if not isinstance(request, SpecializeRequest) or not callable(bounded):
+            kinds = f"a {type(request).__name__} and a {type(bounded).__name__}"
+            raise SpatialDynError(f"request and bounded are {kinds}, expected specialize(model, call, tolerance=)")
         self.tolerance = checked_tolerance(tolerance)
         self._request, self._made_by = request, (maker, arguments)
         (self._spec,) = request.specs
@@ -101,7 +105,7 @@ class Promise:
                 ladder = {SINGLE: narrow, **ladder}
         self._ladder = ladder
         self._counts = dict.fromkeys(self.ways, 0)
-        self._lock = threading.Lock()
+        self._lock = locks.new(threading.Lock)
 
     @property
     def ways(self) -> tuple[str, ...]:

@@ -72,7 +72,7 @@ def specialize(
 ) -> Specialized | Promise:
     """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
 
-    model     Model without mimic joints
+    model     Model
     calls     a public call such as ``sd.rnea``, or several, whose common subexpressions are computed once
     dtype     float64, or float32: of inputs and results; see ``Specialized`` for its range
     fixed     constant inputs of the calls, folded into the program: name -> a number, an array of the input's shape, or
@@ -114,7 +114,7 @@ def specialize(
     Raises
         SpatialDynError for an unknown call, dtype, input or output, listing the known ones
             and for derivatives of a call that has no program
-        ModelError for a name that is not in the model, or a model with mimic joints
+        ModelError for a name that is not in the model
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
     constants = {} if fixed is None else fixed

@@ -1,4 +1,6 @@
-"""Samples beyond a program's range (large angles, NaN, joints without inertia), recomputed by the table kernel.
+"""Samples beyond a program's range (large angles, NaN, joints without inertia), recomputed in float64.
+
+In NumPy, or by the table kernel where there is no program.
 
 Raises the errors of the public calls.
 """
@@ -11,12 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.table import ANY_NORM
 from ..engines import run
+from ..engines.failed import Failed
 from ..engines.programs import parameters
 from ..errors import SpatialDynError
 from ..model.model import Model
-from .arguments import full_shape
-from .failures import raise_failures, sample_of
+from ..recursions.spec import Spec
+from .arguments import core_shape
+from .failures import raise_early, raise_failures, sample_of
 from .specialize_request import Array, SpecializeRequest
 
 
@@ -28,22 +33,24 @@ def compute(
     batch: tuple[int, ...],
     samples: NDArray[np.intp],
     seen: bool,
+    has_program: bool = True,
 ) -> None:
-    """Recompute the samples by the table kernel, in float64. Raises the errors of the public calls.
+    """Recompute the samples in float64; a bound is infinite. Raises the errors of the public calls.
 
-    rows     each input (n, ...), or (1, ...) if all samples share one
-    samples  indices of the samples
-    results  (n, columns), written in place
-    seen     whether the caller reads results after Ctrl-C
+    rows         each input (n, ...), or (1, ...) if all samples share one
+    samples      indices of the samples
+    results      (n, columns), written in place
+    seen         whether the caller reads results after Ctrl-C
+    has_program  whether other samples are computed by a program; else all are by the table kernel
     """
-    n, count = len(results[0]), len(samples)
+    n, count, own = len(results[0]), len(samples), len(request.specs)
     taken = [np.asarray(x[samples] if len(x) == n else x, np.float64) for x in rows]
     if request.derivative:
         _refuse(request, [x.name for x in inputs], samples, taken, batch)
     given = dict(zip((x.name for x in inputs), taken, strict=True))
     full, static = {}, tuple(request.static.values())
     for x in request.arguments:
-        core = full_shape(request.model, x, static) or (1,)
+        core = core_shape(request.model, x, static) or (1,)
         if x.name not in request.constants:
             full[x.name] = given[x.name]
             continue
@@ -52,20 +59,62 @@ def compute(
         entries = np.tile(constant, (len(rest), 1))
         entries[:, np.isnan(constant)] = rest.reshape(len(rest), -1)
         full[x.name] = entries.reshape((len(rest), *core))
+    for result in results[own:]:
+        result[samples] = np.inf if request.bounds else np.nan
+    in_numpy = has_program and request.model.bodies[0]["kind"] != ANY_NORM  # which allows samples off their unit norm
     varied = [given[name] for name in request.parameter_names]
-    together = all(len(x) == 1 for x in varied)
+    together = in_numpy or all(len(x) == 1 for x in varied)
     for group in [slice(0, count)] if together else [slice(k, k + 1) for k in range(count)]:
-        model = request.model
-        if varied:
-            values = [x[group.start if len(x) == count else 0].ravel().tolist() for x in varied]
-            model = _with_bodies(model, parameters.changed(model.bodies, request.parameters, values))
+        model = request.model if in_numpy else _model_of(request, varied, group.start, count)
         part = {name: x[group] if len(x) == count else x for name, x in full.items()}
+        done = 0
         try:
-            _by_table(request, model, part, results, batch, samples[group], seen)
+            for done, spec in enumerate(request.specs):
+                arrays = [part[x.name] for x in spec.present if not x.static]
+                values = tuple(request.static[x.name] for x in spec.present if x.static)
+                columns = None if request.output_places is None else request.output_places[done].ravel()
+                passed = spec, model, arrays, values, results[done], samples[group], columns, seen
+                if in_numpy:
+                    failed = run.run_in_numpy(*passed, request.parameters, varied)
+                else:
+                    if not varied:
+                        raise_early(spec, model, arrays, values, count, batch)
+                    failed = run.run_table_kernel(*passed)
+                _raise(request, spec, values, batch, failed, samples, varied)
         except KeyboardInterrupt:
-            for result in results if seen else ():
-                result[samples[group.stop :]] = np.nan
+            for k, result in enumerate(results[:own] if seen else ()):
+                result[samples[group.stop if k <= done else group.start :]] = np.nan
             raise
+
+
+def _raise(
+    request: SpecializeRequest,
+    spec: Spec,
+    static: tuple[Any, ...],
+    batch: tuple[int, ...],
+    failed: Failed,
+    samples: NDArray[np.intp],
+    varied: Sequence[NDArray[np.float64]],
+) -> None:
+    """Raise the errors of failed samples, each of the model with the parameters that it has."""
+    if failed is run.ALL_OK:
+        return
+    if all(len(x) == 1 for x in varied):
+        raise_failures(spec, _model_of(request, varied, 0, len(samples)), batch, static, failed)
+        return
+    for k, at in enumerate(np.searchsorted(samples, failed.samples).tolist()):
+        inputs = [x[k : k + 1] if len(x) == len(failed.samples) else x for x in failed.inputs]
+        here = slice(k, k + 1)
+        one = Failed(failed.samples[here], failed.status[here], failed.finite[here], inputs)
+        raise_failures(spec, _model_of(request, varied, at, len(samples)), batch, static, one)
+
+
+def _model_of(request: SpecializeRequest, varied: Sequence[NDArray[np.float64]], at: int, count: int) -> Model:
+    """The model with the parameters of one of so many samples."""
+    if not varied:
+        return request.model
+    values = [x[at if len(x) == count else 0].ravel().tolist() for x in varied]
+    return _with_bodies(request.model, parameters.changed(request.model.bodies, request.parameters, values))
 
 
 def _refuse(
@@ -88,33 +137,6 @@ def _refuse(
             f"{request.specs[0].name} has no derivative by its program{where}, where the largest input is {names[k]} "
             f"with {sizes[k]:.3g}: expected angles within 1e5, unit norms and joints of some articulated inertia"
         )
-
-
-def _by_table(
-    request: SpecializeRequest,
-    model: Model,
-    full: dict[str, NDArray[np.float64]],
-    results: list[NDArray[Any]],
-    batch: tuple[int, ...],
-    samples: NDArray[np.intp],
-    seen: bool,
-) -> None:
-    """Samples of one model with full inputs, call by call; a bound is infinite."""
-    own = len(request.specs)
-    for result in results[own:]:
-        result[samples] = np.inf if request.bounds else np.nan
-    for k, (spec, result) in enumerate(zip(request.specs, results[:own], strict=True)):
-        inputs = [full[x.name] for x in spec.present if not x.static]
-        static = tuple(request.static[x.name] for x in spec.present if x.static)
-        columns = None if request.output_places is None else request.output_places[k].ravel()
-        try:
-            failed = run.run_table_kernel(spec, model, inputs, static, result, samples, columns, seen)
-        except KeyboardInterrupt:
-            for later in results[k + 1 :] if seen else ():
-                later[samples] = np.nan
-            raise
-        if failed is not run.ALL_OK:
-            raise_failures(spec, model, batch, static, failed)
 
 
 def _with_bodies(model: Model, bodies: NDArray[Any]) -> Model:

@@ -145,9 +145,8 @@ def read_request(
     exact_inputs: bool = False,
 ) -> SpecializeRequest:
     """The request of ``specialize``'s arguments, or of ``bounded``'s. Raises as they do."""
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for a program')
-    if derivative not in (None, "jvp", "vjp"):
+    check_model(model)
+    if derivative is not None and not (isinstance(derivative, str) and derivative in ("jvp", "vjp")):
         raise SpatialDynError(f'derivative is {derivative!r}, expected "jvp", "vjp" or None')
     if derivative is not None and _dtype(dtype) != np.float64:
         raise SpatialDynError("dtype is float32, expected float64 with a derivative: a tangent may be beyond its range")

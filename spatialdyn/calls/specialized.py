@@ -23,7 +23,7 @@ from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..model.robot_checks import masked
 from . import specialize_fallback
-from .arguments import as_array, broadcast, empty, flatten_batch
+from .arguments import as_array, as_flag, broadcast, empty, flatten_batch
 from .differentiable import Differentiable
 from .exported import exported, jacobian_of
 from .specialize_request import Array, SpecializeRequest
@@ -64,8 +64,8 @@ def derivative_of(k: Specialized, derivative: str) -> Specialized:
 class Specialized:
     """A compiled program, called like a function: ``k(q, v, a)`` for one sample or batches, ``out=`` optional.
 
-    Samples beyond the program's range (angles above 1e5, NaN, joints without inertia) are recomputed by the table
-    kernel in float64, which raises the errors of the public calls.
+    Samples beyond the program's range (angles above 1e5, NaN, joints without inertia) are recomputed in float64, by the
+    recursion in NumPy; errors are those of the public calls.
 
     float32 has a range of 1e-38 to 3e38. Samples that may lose more than rounding in it (inputs above 1e9, results
     above 1e19, results below 1e-18 that depend on inputs other than positions) and models with a body outside 1e-18
@@ -92,6 +92,8 @@ class Specialized:
         self, request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
     ) -> None:
         """Record and compile the program of a request. ``maker(*arguments)`` makes it again."""
+        if not isinstance(request, SpecializeRequest):
+            raise SpatialDynError(f"request is a {type(request).__name__}, expected specialize(model, calls)")
         self._request, self._made_by = request, (maker, arguments)
         self._inputs, self._results = request.inputs(), request.results()
         self._shapes = [x.shape for x in self._results]
@@ -167,7 +169,7 @@ class Specialized:
             with "_", declarations of <math.h>, functions of the standard library; or for more than 131072 derivatives;
             InertiaError if there is no program
         """
-        if not derivatives:
+        if not as_flag("derivatives", derivatives):
             return self._code("c", name)
         given = exported(self._request, self._recorded, "c", name)
         return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
@@ -331,7 +333,8 @@ class Specialized:
                 if request.dtype == np.float32:  # the inputs before their conversion to float32
                     arrays = [as_array(x.name, value) for x, value in zip(self._inputs, given, strict=True)]
                     rows = [flatten_batch(a, batch, x.shape) for x, a in zip(self._inputs, arrays, strict=True)]
-                specialize_fallback.compute(request, self._inputs, rows, flat, batch, samples, out is not None)
+                seen, has_program = out is not None, self._kernel is not None
+                specialize_fallback.compute(request, self._inputs, rows, flat, batch, samples, seen, has_program)
         if out is None and not batch:
             number = float if request.dtype == np.float64 else np.float32
             shown: tuple[Any, ...] = tuple(x if x.ndim else number(x) for x in results)

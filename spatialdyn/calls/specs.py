@@ -27,7 +27,8 @@ def spec_of(call: Any) -> Spec | None:
     named = getattr(call, "spec", None)
     if isinstance(named, Spec):
         return named
-    return next((SPECS[name] for name, function in public.items() if function is call), None)
+    name = getattr(call, "__name__", None)  # a call is made at its first use: this makes no other
+    return SPECS[name] if isinstance(name, str) and name in SPECS and public[name] is call else None
 
 
 def specs_of(calls: Any) -> tuple[Spec, ...]:

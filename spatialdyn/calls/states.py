@@ -47,7 +47,7 @@ def random_configuration(
     (5, 3, 2)
     """
     check_model(model)
-    rng = _generator(rng)
+    rng = generator("rng", rng)
     batch = _shape(shape)
     u = rng.random((*batch, model.nv))
     q = np.empty((*batch, model.nq))
@@ -67,15 +67,15 @@ def random_configuration(
     return q
 
 
-def _generator(rng: Any) -> np.random.Generator:
-    """A Generator as it is, or a new one from a seed or from None."""
+def generator(name: str, rng: Any) -> np.random.Generator:
+    """A Generator as it is, or a new one from a seed or from None. Raises SpatialDynError naming the argument."""
     if isinstance(rng, np.random.Generator):
         return rng
     whole = isinstance(rng, (int, np.integer)) and not isinstance(rng, bool)
     if rng is None or (whole and rng >= 0):
         return np.random.default_rng(rng)
     what = repr(rng) if whole else f"a {type(rng).__name__}"
-    raise SpatialDynError(f"rng is {what}, expected a numpy.random.Generator, a seed or None")
+    raise SpatialDynError(f"{name} is {what}, expected a numpy.random.Generator, a seed or None")
 
 
 def _shape(shape: int | tuple[int, ...]) -> tuple[int, ...]:

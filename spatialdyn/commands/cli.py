@@ -1,8 +1,10 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
-``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``compile ROBOT``, ``port SCRIPT``, ``example [NAME]``.
+``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``compile ROBOT``, ``port SCRIPT``, ``run SCRIPT``,
+``example [NAME]``.
 
 Exit status: 0 success; 1 disagreement with Pinocchio, an error found by ``check``, or a script with missing names; 2
-bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early.
+bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early; of ``run`` that
+of the script.
 """
 
 from __future__ import annotations
@@ -10,9 +12,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 
 from .. import __version__
+from ..calls.progress import messages
 from ..engines.interrupt import INTERRUPTED
 from ..errors import SpatialDynError
 
@@ -26,20 +30,23 @@ COMMANDS = {
     "trade": "error and cost of every option for a task, and the cheapest within a tolerance",
     "compile": "compile a robot's calls ahead, and keep the code on disk",
     "port": "which of Pinocchio's names a script uses, and which are supported",
+    "run": "a script, unchanged, with this library in the place of Pinocchio",
     "example": "short programs that show what the library does: listed, run, printed",
 }  # {command, a module of this folder: its help}
+RUN = "run"  # what follows its script is the script's
 LISTS = ("--q0", "--v0", "--q")  # options that take numbers separated by commas
 PIPE_CLOSED = 141  # likewise: the reader of stdout, such as head, has closed it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; ``argv`` is ``sys.argv[1:]`` by default."""
-    for stream in (sys.stdout, sys.stderr):  # a pipe may lack characters of the terminal: replace them
-        if hasattr(stream, "reconfigure"):
+    words = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr) if words[:1] != [RUN] else ():
+        if hasattr(stream, "reconfigure"):  # a pipe may lack characters of the terminal: replace them
             stream.reconfigure(errors="replace")
     try:
         try:
-            return _status(argv)
+            return _status(words)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
@@ -47,11 +54,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return PIPE_CLOSED
 
 
-def _status(argv: Sequence[str] | None) -> int:
-    words = _joined(sys.argv[1:] if argv is None else argv)
-    arguments = _parser(words).parse_args(words)
+def _status(given: Sequence[str]) -> int:
+    known = 2 if given[:1] == [RUN] else len(given)
+    words = _joined(given[:known])
+    arguments = _parser(words).parse_args(words, argparse.Namespace(rest=given[known:]))
     try:
-        status: int = arguments.run(arguments)
+        with nullcontext() if getattr(arguments, "quiet", False) else messages(say):
+            status: int = arguments.run(arguments)
     except SpatialDynError as error:
         print(f"spatialdyn: {error}", file=sys.stderr)
         return 2
@@ -59,6 +68,12 @@ def _status(argv: Sequence[str] | None) -> int:
         print(f"spatialdyn: {str(interrupt) or 'interrupted'}", file=sys.stderr)
         return INTERRUPTED
     return status
+
+
+def say(text: str) -> None:
+    """Print a message on stderr."""
+    if sys.stderr is not None:
+        print(f"spatialdyn: {text}", file=sys.stderr, flush=True)
 
 
 def _joined(argv: Sequence[str]) -> list[str]:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, pip_install
 from ..urdf.load import example_robots, robot_names
 from ..validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
 from .printing import Column, finite, fold, print_table, progress, shown
@@ -45,7 +45,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.all == bool(arguments.robots):
         raise SpatialDynError("compare takes robots or --all, one of the two")
     if arguments.all and not example_robots():
-        raise SpatialDynError('example-robot-data is not installed; pip install "spatialdyn[validate]"')
+        raise SpatialDynError(f"example-robot-data is not installed; {pip_install('validate')}")
     examples = set(example_robots())
     sources = {name: name for name in arguments.robots}
     if arguments.all:

@@ -23,7 +23,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     names = None if arguments.calls is None else [name.strip() for name in arguments.calls.split(",")]
     with shown("compiling", "calls", arguments.quiet) as report:
-        model = load(arguments)
+        model = load(arguments, mimic=True)
         seconds = compile_calls(
             model, names, arguments.frame, arguments.reference, fext=arguments.fext, progress=report
         )

@@ -8,16 +8,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..model.model import Model
+from ..model.robot_checks import quoted
+from ..pictures.mesh_files import named_meshes
 from ..pictures.robot_rows import kinds_of, neutral_outside, tree_rows
 from ..urdf.load import robot_names
 from .printing import Column, finite, fold, print_table, terminal_width
-from .robots import ROBOT, add_root, load
+from .robots import ROBOT, add_package_dirs, add_root, load
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     parser.add_argument("robot", metavar="ROBOT", nargs="?", help=f"{ROBOT} without ROBOT")
     add_root(parser)
+    add_package_dirs(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
@@ -27,7 +30,7 @@ def _run(arguments: argparse.Namespace) -> int:
         return _list(arguments.json)
     model = load(arguments)
     if arguments.json:
-        print(json.dumps(_record(model), indent=2, ensure_ascii=False))
+        print(json.dumps(_record(model, arguments.package_dir), indent=2, ensure_ascii=False))
         return 0
     robot, options = model.robot, model.options
     at_root = {x.name: x.mass for x in robot.links}[robot.root]
@@ -37,6 +40,10 @@ def _run(arguments: argparse.Namespace) -> int:
     fold(f"{len(robot.links)}, root link {robot.root} of {at_root:.6g} kg", "links   ")
     fold(f"{len(robot.joints)}: {kinds_of(robot.joints)}", "joints  ")
     fold(f"{len(model.frames)}", "frames  ")
+    found = named_meshes(robot.source, arguments.package_dir)
+    if found.names:
+        lost = f"{len(found.missing)} missing: {quoted(found.missing)}" if found.missing else "none missing"
+        fold(f"{len(found.names)} of {found.visual} visual and {found.collision} collision shapes, {lost}", "meshes  ")
     print()
     columns = (Column("link"), Column("kg", True), Column("joint"), Column("kind"), Column("v", True))
     rows = list(tree_rows(model))
@@ -75,7 +82,7 @@ def _list(as_json: bool) -> int:
     return 0
 
 
-def _record(model: Model) -> dict[str, Any]:
+def _record(model: Model, package_dirs: Sequence[str]) -> dict[str, Any]:
     """The output of ``info`` as JSON types; an absent limit is None."""
     robot = model.robot
     places = {joint.name: joint for joint in model.joints[1:]}
@@ -105,6 +112,7 @@ def _record(model: Model) -> dict[str, Any]:
             }
             for joint in robot.joints
         ],
+        "meshes": named_meshes(robot.source, package_dirs)._asdict(),
         "neutral_outside_limits": list(neutral_outside(model)),
         "notes": list(robot.notes),
     }

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterable, Iterator
+from importlib.util import decode_source
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,10 +47,10 @@ def _run(arguments: argparse.Namespace) -> int:
         scripts += read
         if not (read or faults):
             raise SpatialDynError(f'folder "{given}" has no Python files')
+        for fault in faults:
+            print(f"not read: {fault}", file=sys.stderr if arguments.json else sys.stdout)
         if arguments.json:
             continue
-        for fault in faults:
-            print(f"not read: {fault}")
         if folder:
             _print_folder(given, read)
         else:
@@ -62,10 +64,10 @@ def _script(path: Path) -> Script:
     if path.suffix == ".ipynb":
         raise SpatialDynError(f'script "{path}" is a notebook, expected a Python file: jupyter nbconvert --to script')
     try:
-        source = path.read_text(encoding="utf-8")
+        source = decode_source(path.read_bytes())  # as Python reads it: a byte order mark, a coding comment
         return Script(str(path), uses(source), changes(source))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
+    except (OSError, UnicodeDecodeError, SyntaxError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "its characters cannot be decoded"
         raise SpatialDynError(f'script "{path}": {reason}, expected a Python file') from None
     except SpatialDynError as error:
         raise SpatialDynError(f'script "{path}": {error}') from None

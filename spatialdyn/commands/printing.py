@@ -57,7 +57,8 @@ def print_table(columns: Sequence[Column], rows: Sequence[Sequence[str]], bad: I
         table.add_row(*(Text(cell) for cell in row), style="bold red" if k in marked else None)
     with console.capture() as drawn:  # rich itself ends the process if stdout is closed
         console.print(table)
-    print(drawn.get(), end="")
+    text = drawn.get()
+    print(text if console.is_terminal else "\n".join(line.rstrip() for line in text.split("\n")), end="")
 
 
 def _print_plain(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:

@@ -33,11 +33,22 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
-def load(arguments: argparse.Namespace) -> Model:
-    """The model, without warnings, as ``info`` shows oddities of the file. Raises UrdfError as ``load_urdf``."""
+def add_package_dirs(parser: argparse.ArgumentParser) -> None:
+    """Add the argument --package-dir."""
+    parser.add_argument(
+        "--package-dir", action="append", default=[], metavar="DIR",
+        help="holds packages of package:// names of meshes; repeatable",
+    )  # fmt: skip
+
+
+def load(arguments: argparse.Namespace, mimic: bool = False) -> Model:
+    """The model, without warnings, as ``info`` shows oddities of the file. Raises UrdfError as ``load_urdf``.
+
+    mimic  whether joints that mimic others follow them; commands that describe the file, and symbols, take them as free
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return load_urdf(arguments.robot, root=arguments.root)
+        return load_urdf(arguments.robot, root=arguments.root, mimic=mimic)
 
 
 def parse_numbers(option: str, text: str | None, count: int) -> Array | None:

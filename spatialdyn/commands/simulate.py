@@ -9,28 +9,34 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
+from ..calls.files import check_ending
 from ..calls.prepare import compile_calls
 from ..calls.states import random_configuration
+from ..constraints.kinds import CouplerConstraint
 from ..constraints.loops import close_loops
 from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError
 from ..model.model import Model
+from ..pictures.markup import PAGE_FILES
 from ..pictures.scene import view
 from ..pictures.stage import viser_module
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.carried_runs import ADAPTIVE
 from ..simulation.energy import scale_of
-from ..simulation.friction_steps import SMOOTH, STEPPED, WAYS
+from ..simulation.friction_steps import STEPPED, WAYS
 from ..simulation.ledger import EnergyLedger, energy_ledger
 from ..simulation.traced_steps import EXPLICIT_METHODS
+from ..simulation.trajectory import ARRAY_FILES
 from .printing import shown
 from .robots import add_quiet, add_robot, load, parse_numbers
 from .targets import check_file, check_plot, check_report
-from .view import PAGES, keep_open, notes
+from .view import keep_open, notes
 
+Array = NDArray[np.float64]
 LARGE = 0.1  # of its scale: a larger change of energy gives a warning
 
 
@@ -42,8 +48,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", choices=list(integrators), metavar="METHOD", help=_methods())
     parser.add_argument(
         "--q0", metavar="Q",
-        help="joint positions, separated by commas (default: random, always the same; with --constraints, closed)",
+        help="joint positions, separated by commas (default: in the middle of the limits; with --constraints, closed)",
     )  # fmt: skip
+    parser.add_argument("--seed", type=int, metavar="N", help="start at random joint positions, the N-th such ones")
     parser.add_argument("--v0", metavar="V", help="joint velocities, separated by commas (default: zeros)")
     parser.add_argument(
         "--record", type=int, metavar="K", help="record every K-th step (default: 10 000 samples at most)"
@@ -55,7 +62,11 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--friction-method", choices=WAYS, default=WAYS[0], help=f"how friction acts (default: {WAYS[0]})"
     )
-    parser.add_argument("--constraints", metavar="FILE", help="loops of the robot: a TOML file of [[constraint]]")
+    parser.add_argument("--limits", action="store_true", help="joints stop at their position limits")
+    parser.add_argument(
+        "--constraints", metavar="FILE",
+        help="loops of the robot: a TOML file of [[constraint]]; joints that mimic others are coupled to them",
+    )  # fmt: skip
     parser.add_argument(
         "--stabilization", type=float, metavar="S",
         help="seconds in which errors of the constraints die away (default: none are left, by projection)",
@@ -70,34 +81,27 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def _methods() -> str:
-    return f"one of {', '.join(integrators)} (default: rk4; with --friction, {STEPPED}, unless it is smooth)"
+    return f"one of {', '.join(integrators)} (default: rk4; where friction or limits act by impulses, {STEPPED})"
 
 
 def _run(arguments: argparse.Namespace) -> int:
     check_plot(arguments.plot)
     check_plot(arguments.ledger, "--ledger")
-    page = arguments.save is not None and arguments.save.lower().endswith(PAGES)
     check_report(arguments.report)
-    check_file("--save", arguments.save)
+    page = _check_save(arguments.save)
     if page or arguments.view:
         viser_module()  # raises before the simulation where it is missing
     with shown("reading", "robots", arguments.quiet):
-        model = load(arguments)
+        model = load(arguments, mimic=arguments.constraints is None)
         compile_calls(model, ("kinetic_energy", "potential_energy"))  # else Ctrl-C has to wait for them
     friction, constraints = _friction(model, arguments), _constraints(model, arguments.constraints)
-    stepped = friction is not None and arguments.friction_method != SMOOTH
-    method = arguments.method or (STEPPED if stepped else "rk4")
-    works = friction is not None or constraints is not None
+    works = friction is not None or constraints is not None or arguments.limits
     if arguments.ledger and not works:
         raise SpatialDynError(
-            "--ledger was given, expected --friction or --constraints beside it: no other work is done"
+            "--ledger was given, expected --friction, --limits or --constraints beside it: no other work is done"
         )
-    works = works and (method in EXPLICIT_METHODS or method in ADAPTIVE)
-    q0 = parse_numbers("--q0", arguments.q0, model.nq)
-    if q0 is None:
-        q0 = random_configuration(model, np.random.default_rng(0))
-        if constraints is not None:
-            q0 = close_loops(model, constraints, q0)
+    works = works and arguments.method in (None, *EXPLICIT_METHODS, *ADAPTIVE)
+    q0 = _start(model, constraints, arguments)
     v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None
     with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
@@ -105,17 +109,17 @@ def _run(arguments: argparse.Namespace) -> int:
         try:
             run = simulate(
                 model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt,
-                method, record=(arguments.record, "work") if works else arguments.record, progress=report,
+                arguments.method, record=(arguments.record, "work") if works else arguments.record, progress=report,
                 friction=friction, friction_method=arguments.friction_method, constraints=constraints,
-                stabilization=arguments.stabilization,
+                stabilization=arguments.stabilization, limits=arguments.limits,
             )  # fmt: skip
         except SimulationInterrupt as interrupt:
             run, stopped = interrupt.trajectory, interrupt
     ledger = energy_ledger(run, constraints) if works else None
-    for line in _report(model, run, ledger):
+    for line in _report(model, run, ledger, arguments.limits):
         print(line)
     for warning in caught:
-        print(f"note    {warning.message}")
+        print(f"note    {str(warning.message).replace('friction=True', '--friction')}")
     if arguments.save:
         if page:
             with notes():
@@ -142,6 +146,33 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _check_save(path: str | None) -> bool:
+    """Whether the file of --save is a page. Raises SpatialDynError unless it is that or of arrays."""
+    if path is None:
+        return False
+    check_ending("--save", path, (*ARRAY_FILES, *PAGE_FILES))
+    check_file("--save", path)
+    return path.lower().endswith(PAGE_FILES)
+
+
+def _start(model: Model, constraints: Constraints | None, arguments: argparse.Namespace) -> Array:
+    """The positions to start from. Raises SpatialDynError."""
+    given = parse_numbers("--q0", arguments.q0, model.nq)
+    if given is not None:
+        if arguments.seed is not None:
+            raise SpatialDynError("--q0 and --seed were given, expected one of them")
+        return given
+    if arguments.seed is None:
+        q0 = np.array(calls["neutral"](model))
+        limited = np.isfinite(model.lower) & np.isfinite(model.upper)
+        q0[limited] = 0.5 * model.lower[limited] + 0.5 * model.upper[limited]
+    elif arguments.seed < 0:
+        raise SpatialDynError(f"--seed is {arguments.seed}, expected a whole number of 0 or more")
+    else:
+        q0 = random_configuration(model, np.random.default_rng(arguments.seed))
+    return q0 if constraints is None else close_loops(model, constraints, q0)
+
+
 def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
     """The friction of the options, None for none. Raises SpatialDynError."""
     if arguments.friction is None:
@@ -157,7 +188,7 @@ def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
     unknown = [name for name in changes if name not in names]
     if unknown:
         raise SpatialDynError(f"--friction has {unknown[0]}, expected some of {', '.join(names)}")
-    return Friction.of(model, **{name: np.full(model.nv, x) for name, x in changes.items()})
+    return Friction.of(model, **changes)
 
 
 def _constraints(model: Model, path: str | None) -> Constraints | None:
@@ -168,7 +199,12 @@ def _constraints(model: Model, path: str | None) -> Constraints | None:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SpatialDynError(f"--constraints is {path!r}, which cannot be read: {error}") from None
-    return Constraints.of_toml(model, text)
+    found = Constraints.of_toml(model, text)
+    follow = [x for x in model.robot.joints if x.mimic is not None and x.kind != "fixed"]
+    couplers = [
+        CouplerConstraint(x.name, m.leader, m.multiplier, m.offset) for x in follow if (m := x.mimic) is not None
+    ]
+    return Constraints(model, [*found, *couplers]) if couplers else found
 
 
 def _write(option: str, path: str, write: Callable[[str], None]) -> None:
@@ -179,8 +215,8 @@ def _write(option: str, path: str, write: Callable[[str], None]) -> None:
         raise SpatialDynError(f"{option} is {path!r}: {error.strerror}, expected a file that can be written") from None
 
 
-def _report(model: Model, run: Trajectory, ledger: EnergyLedger | None) -> list[str]:
-    """The report of a run, in a few lines."""
+def _report(model: Model, run: Trajectory, ledger: EnergyLedger | None, limits: bool) -> list[str]:
+    """The report of a run, in a few lines; limits: whether joints stop at theirs."""
     method = integrators[run.method]
     change = run.energy - run.energy[0]
     T = calls["kinetic_energy"](model, run.q, run.v)
@@ -196,6 +232,10 @@ def _report(model: Model, run: Trajectory, ledger: EnergyLedger | None) -> list[
         works = ", ".join(f"{kind} {x[-1].sum():.3g} J" for kind, x in ledger.work.items() if kind != "torque")
         lines.append(f"work    {works}; the integrator's error {ledger.error[-1]:.3g} J")
         far = float(abs(ledger.error).max())
+    beyond = np.atleast_1d(((run.q < model.lower) | (run.q > model.upper)).any(axis=0))
+    if beyond.any() and not limits:
+        names = [j.name for j in model.joints[1:] if j.mimic is None and beyond[j.idx_q : j.idx_q + j.nq].any()]
+        lines.append(f"note    joints pass their limits, which --limits stops them at: {', '.join(names)}")
     if not far <= LARGE * scale:
         cure = "rtol and atol" if method.family is None else "dt"
         drives = "drives" if ledger is None else "else drives"

@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+from ..calls.files import check_ending
 from ..errors import SpatialDynError
-from ..pictures.figures import FORMATS, need_matplotlib
+from ..pictures.figures import ENDINGS, need_matplotlib
+from ..pictures.markup import PAGE_FILES
 
 
 def check_plot(path: str | None, option: str = "--plot") -> None:
@@ -14,8 +16,7 @@ def check_plot(path: str | None, option: str = "--plot") -> None:
     if path is None:
         return
     Figure = need_matplotlib().figure.Figure
-    if Path(path).suffix[1:].lower() not in FORMATS:
-        raise SpatialDynError(f"{option} is {path!r}, expected a name that ends in one of .{', .'.join(FORMATS)}")
+    check_ending(option, path, ENDINGS)
     check_file(option, path)
     figure = Figure()
     figure.subplots()
@@ -31,8 +32,7 @@ def check_report(path: str | None) -> None:
     if path is None:
         return
     need_matplotlib()
-    if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise SpatialDynError(f"--report is {path!r}, expected a name that ends in .html")
+    check_ending("--report", path, PAGE_FILES)
     check_file("--report", path)
 
 

@@ -41,7 +41,7 @@ def _run(arguments: argparse.Namespace) -> int:
     methods = None if arguments.methods is None else arguments.methods.split(",")
     with warnings.catch_warnings(), shown("measuring", "options", arguments.quiet) as report:
         warnings.simplefilter("ignore")
-        model = load(arguments)
+        model = load(arguments, mimic=True)
         found = trade(model, arguments.task, arguments.states, arguments.batch, arguments.duration, methods, report)
         chosen = None if tolerance is None else advice(found, tolerance)
     if arguments.json:

@@ -7,14 +7,13 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ..errors import SpatialDynError
+from ..calls.files import check_ending
+from ..pictures.markup import PAGE_FILES
 from ..pictures.robot_shapes import SHAPES
 from ..pictures.scene import Scene, view
 from ..pictures.stage import has_screen, viser_module
-from .robots import add_robot, load, parse_numbers
+from .robots import add_package_dirs, add_robot, load, parse_numbers
 from .targets import check_file
-
-PAGES = (".html", ".htm")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -22,20 +21,14 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("--q", metavar="Q", help="joint positions, separated by commas (default: neutral)")
     parser.add_argument("--shapes", choices=SHAPES, default="visual", help="what is drawn (default: visual)")
-    parser.add_argument(
-        "--package-dir",
-        action="append",
-        default=[],
-        metavar="DIR",
-        help="holds packages of package:// names; repeatable",
-    )
+    add_package_dirs(parser)
     parser.add_argument("--save", metavar="FILE", help="write one page that needs no network (.html), open none")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     check_page("--save", arguments.save)
-    model = load(arguments)
+    model = load(arguments, mimic=True)
     q = parse_numbers("--q", arguments.q, model.nq)
     with notes():
         scene = view(model, q, shapes=arguments.shapes, package_dirs=arguments.package_dir, open=False)
@@ -48,8 +41,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def check_page(option: str, path: str | None) -> None:
     """Raise SpatialDynError unless a page can be written to a file of this name, and viser is there; None passes."""
-    if path is not None and not path.lower().endswith(PAGES):
-        raise SpatialDynError(f"{option} is {path!r}, expected a name that ends in .html")
+    if path is not None:
+        check_ending(option, path, PAGE_FILES)
     check_file(option, path)
     viser_module()
 

@@ -53,7 +53,8 @@ def _function(
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     found = None
-    if object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
+    lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # what a program would read
+    if not lacks and object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
         found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
 
     def checked(*values: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from typing import Any, NamedTuple, overload
 
@@ -179,7 +180,11 @@ def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpac
     """
     if _of_table(model, given, named):
         return constrained_impact(model, *given, **named)
-    return _impact_of_points(model, *given, **named)
+    try:
+        bound = _POINTS.bind(model, *given, **named)
+    except TypeError as error:
+        raise TypeError(f"impact of a Jacobian: {error}, expected (model, q, v, J, restitution, damping)") from None
+    return _impact_of_points(*bound.args, **bound.kwargs)
 
 
 def _impact_of_points(
@@ -196,6 +201,9 @@ def _impact_of_points(
     gamma = (1.0 + elastic) * (J @ v[..., None])[..., 0]
     solved = solve(model, M, np.zeros(model.nv), J, gamma, damping)
     return Impact(v + solved.x, solved.force)
+
+
+_POINTS = inspect.signature(_impact_of_points)
 
 
 def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: float = 0.0) -> Solved:
@@ -246,7 +254,7 @@ def inverse(model: Model, solved: Solved) -> Array:
 def without_mimic(model: Model) -> Model:
     """The model, if no joint mimics another: then the zeros of M are those of the tree. Raises ModelError."""
     if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints')
     return model
 
 

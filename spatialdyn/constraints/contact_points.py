@@ -14,6 +14,7 @@ from ..bodies.contact_table import CONTACTS, HEIGHTS
 from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import as_array, as_count, as_flag, as_number, check_model
+from ..calls.failures import joint_of_velocity
 from ..errors import ConstraintError, ModelError
 from ..model.model import Model
 from .kinds import across
@@ -91,7 +92,7 @@ class Heightfield:
         rows = np.zeros(1 + heights.size, HEIGHTS)
         rows[0]["last_row"], rows[0]["nx"], rows[0]["ny"] = heights.size, *heights.shape
         rows[0]["x"], rows[0]["y"], rows[0]["spacing"] = at[0], at[1], spacing
-        rows["z"][1:] = heights.ravel() + 0.0
+        rows["z"][1:] = heights.ravel()
         kept = heights.copy()
         kept.flags.writeable = False
         given = (kept, float(spacing), (float(at[0]), float(at[1])), StaticTable(rows, ()))
@@ -121,7 +122,7 @@ class Contacts:
     Bodies have no shapes here, so nothing is searched for: each point is the centre of a sphere at a frame that the
     caller names, a foot, a corner or a wheel's rim, and touches the ground alone, no other body.
 
-    model        Model, without mimic joints
+    model        Model; with mimic joints its limits alone
     points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
     restitution  from 0 to 1, in the same form: a point that hits faster than 0.01 m/s leaves at that share of its
@@ -136,7 +137,7 @@ class Contacts:
     table                     the StaticTable of recursions
 
     Raises
-        ModelError for a name that is not in the robot, with similar names, and for mimic joints
+        ModelError for a name that is not in the robot, with similar names, and for points of a robot with mimic joints
         ConstraintError naming the point for a frame that does not move, a radius or friction below 0, a restitution
             outside 0 to 1; for another terrain, and for sweeps that are not 1 to 100
 
@@ -170,10 +171,12 @@ class Contacts:
         limits: bool = False,
     ) -> None:
         """See the class."""
-        if check_model(model).mimic_matrix is not None:
-            raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+        check_model(model)
         if not isinstance(points, Mapping):
             raise ConstraintError(f"points are {points!r}, expected {{frame: radius}}")
+        if points and model.mimic_matrix is not None:
+            what = f'model "{model.name}" has mimic joints, expected one without (mimic=False) for points'
+            raise ModelError(f"{what}; limits act alone")
         ground = Plane() if terrain is None else terrain
         if not isinstance(ground, (Plane, Heightfield)):
             raise ConstraintError(f"terrain is {terrain!r}, expected a Plane or a Heightfield")
@@ -195,7 +198,7 @@ class Contacts:
         n = np.array(flat.normal)
         for letter, axis in zip("xyz", (n, *across(n)), strict=True):
             for column, value in zip("xyz", axis, strict=True):
-                head["axes"][letter + column] = value + 0.0
+                head["axes"][letter + column] = value
         head["height"] = flat.height
         for record, row in zip(table[1:], [*rows, *stops], strict=True):
             for column, value in row.items():
@@ -208,7 +211,9 @@ class Contacts:
         return Contacts(*self._given(), limits=True)
 
     def with_dry(self, dry: NDArray[np.bool_]) -> StaticTable:
-        """The table, and a row for each freedom of ``dry`` (nv,) that has none."""
+        """The table, and a row for each freedom of ``dry`` (nv,), True or False, that has none."""
+        if not isinstance(dry, np.ndarray) or dry.dtype != bool or dry.shape != (self.model.nv,):
+            raise ConstraintError(f"dry is {dry!r}, expected an array of {self.model.nv} of True and False")
         rows = self.table.rows
         more = np.setdiff1d(np.flatnonzero(dry) + 1, rows["row"][1 + len(self) :])
         if not len(more):
@@ -228,7 +233,7 @@ class Contacts:
     def stops(self) -> tuple[str, ...]:
         """Names of the joints that stop at their limits (nl)."""
         rows = self.table.rows[1 + len(self.names) :]
-        return tuple(next(j.name for j in self.model.joints[1:] if j.row == row) for row in rows["row"])
+        return tuple(joint_of_velocity(self.model, row - 1).name for row in rows["row"])
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -288,15 +293,17 @@ def _point(model: Model, name: Any, radius: Any) -> dict[str, Any]:
     size = as_number(radius)
     if not 0.0 <= size < math.inf:
         raise ConstraintError(f'point "{name}" has radius {radius!r}, expected a finite number of 0 or more')
-    return {"row": row, "p": tuple((frame.placement[:3, 3] + 0.0).tolist()), "radius": size}
+    return {"row": row, "p": tuple(frame.placement[:3, 3].tolist()), "radius": size}
 
 
 def _of_points(what: str, given: Any, names: tuple[str, ...], most: float) -> Array:
     """A coefficient of each point (np,), from 0 to ``most``, read-only."""
     if isinstance(given, Mapping):
         if {*given} != {*names}:
-            off = sorted({*given} ^ {*names})[0]
-            raise ConstraintError(f'{what} has points {", ".join(given)}, expected those of points; "{off}" is off')
+            off = sorted({*given} ^ {*names}, key=str)[0]
+            raise ConstraintError(
+                f'{what} has points {", ".join(map(str, given))}, expected those of points; "{off}" is off'
+            )
         values = [given[x] for x in names]
     else:
         values = [given] * max(1, len(names))
@@ -305,7 +312,7 @@ def _of_points(what: str, given: Any, names: tuple[str, ...], most: float) -> Ar
             of = f' of point "{names[k]}"' if isinstance(given, Mapping) else ""
             expected = "a finite number of 0 or more" if math.isinf(most) else f"0 to {most:g}"
             raise ConstraintError(f"{what}{of} is {value!r}, expected {expected}")
-    made = np.array([float(x) for x in values[: len(names)]])
+    made = np.array([float(x) for x in values[: len(names)]]) + 0.0
     made.flags.writeable = False
     return made
 
@@ -315,6 +322,7 @@ def _stops(model: Model) -> list[dict[str, Any]]:
     made = []
     for joint in model.joints[1:]:
         k = joint.idx_q
-        if int(model.bodies[joint.row]["kind"]) in R1 and np.isfinite([model.lower[k], model.upper[k]]).any():
-            made.append({"row": joint.row, "q_index": k, "lower": model.lower[k], "upper": model.upper[k]})
+        own = joint.mimic is None and int(model.bodies[joint.row]["kind"]) in R1
+        if own and np.isfinite([model.lower[k], model.upper[k]]).any():
+            made.append({"row": joint.idx_v + 1, "q_index": k, "lower": model.lower[k], "upper": model.upper[k]})
     return made

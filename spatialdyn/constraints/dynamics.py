@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_flag, as_number
-from ..errors import ConstraintError, ShapeError
+from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast
+from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions import constrained, constraint_rows
-from ..recursions.spec import Spec
+from ..recursions.spec import Spec, V
 from .calls import call, raise_contradiction
 from .table import Constraints
 
@@ -157,12 +157,16 @@ def constrained_impact(
     elastic = as_number(restitution)
     if not 0.0 <= elastic <= 1.0:
         raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
-    v = as_array("v", v)
-    if v.shape[-1:] != (model.nv,):
-        raise ShapeError(f"v has shape {v.shape}, expected (..., {model.nv})")
-    J = constraint_jacobian(model, constraints, q)
-    change, impulse, residual, rank = response(model, constraints, q, -(1.0 + elastic) * (J @ v[..., None])[..., 0])
+    v, rate = constraint_rate(model, constraints, q, v)
+    change, impulse, residual, rank = response(model, constraints, q, -(1.0 + elastic) * rate)
     return ConstrainedImpact(v + change, impulse, residual, rank)
+
+
+def constraint_rate(model: Model, constraints: Constraints, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+    """v (..., nv) as an array, and φ̇ = J v (..., nc)."""
+    J, v = constraint_jacobian(model, constraints, q), as_array("v", v)
+    broadcast(["q", "v"], [J.shape[:-2], batch_shape(model, V, v)])
+    return v, (J @ v[..., None])[..., 0]
 
 
 def response(

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.scalars import EPS
-from ..calls.arguments import as_array, as_number
+from ..calls.arguments import as_array, as_items, as_number
 from ..calls.dynamics import calls
-from ..errors import ConstraintError, ModelError, ShapeError
+from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError
 from ..model.model import Model
-from .dynamics import constraint_error, constraint_jacobian, response
+from .dynamics import constraint_error, constraint_jacobian, constraint_rate, response
 from .kinds import AXES, Constraint, HingeConstraint, WeldConstraint, placed
 from .table import Constraints, check_constraints
 
@@ -85,11 +85,8 @@ def project_velocity(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
     >>> bool(abs(sd.constraint_jacobian(model, held, [0.5, -0.3]) @ v).max() < 1e-14)
     True
     """
-    v = as_array("v", v)
-    if v.shape[-1:] != (model.nv,):
-        raise ShapeError(f"v has shape {v.shape}, expected (..., {model.nv})")
-    J = constraint_jacobian(model, constraints, q)
-    made: Array = v + response(model, constraints, q, -(J @ v[..., None])[..., 0])[0]
+    v, rate = constraint_rate(model, constraints, q, v)
+    made: Array = v + response(model, constraints, q, -rate)[0]
     return made
 
 
@@ -153,7 +150,7 @@ def mobility(model: Model, constraints: Constraints, q: ArrayLike) -> Mobility:
 
     Returns Mobility (free, rank, gruebler). A planar loop held by a hinge has gruebler -2 and free 1; where the rank is
     lower than nearby, q is a branch point, from which the mechanism may go several ways.
-    Raises  as ``constraint_jacobian``
+    Raises  as ``constraint_jacobian``; NonFiniteError for a q that is not finite
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -242,7 +239,7 @@ def _tolerance(tolerance: Any) -> float:
 def _moving(model: Model, free: Iterable[str] | None) -> NDArray[np.bool_]:
     """Which velocities are those of named joints."""
     moving = np.full(model.nv, free is None)
-    for name in () if free is None else ([free] if isinstance(free, str) else free):
+    for name in () if free is None else as_items("free", free, str, "names of joints"):
         joint = next((j for j in model.joints[1:] if j.name == name), None)
         if joint is None:
             raise ModelError(f'free has joint "{name}", which robot "{model.name}" does not have as a moving one')
@@ -255,6 +252,8 @@ def _scaled(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
     J = constraint_jacobian(model, constraints, q)
     if J.ndim != 2:
         raise ShapeError(f"q has shape {np.shape(q)}, expected ({model.nq},)")
+    if not np.isfinite(np.asarray(q, np.float64)).all():  # a rank counts nothing of NaN
+        raise NonFiniteError(f"q is {np.asarray(q).tolist()}, expected finite numbers")
     J = J / np.sqrt(np.diag(calls["crba"](model, q)))
     owners: list[Constraint] = [x.constraint for x in constraints.equations]
     for x in constraints:

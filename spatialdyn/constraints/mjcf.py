@@ -17,6 +17,7 @@ from ..calls.arguments import as_array
 from ..calls.dynamics import calls
 from ..errors import ConstraintError, ShapeError
 from ..model.model import Model
+from ..model.robot_checks import is_number
 from .kinds import Constraint, CouplerConstraint, PointConstraint, WeldConstraint
 
 Array = NDArray[np.float64]
@@ -37,8 +38,8 @@ def constraints_of_mjcf(model: Model, text: str, q: ArrayLike | None) -> list[Co
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
         root = etree.fromstring(text.encode(), parser)
-    except etree.XMLSyntaxError as error:
-        raise ConstraintError(f"MJCF is not well-formed XML ({error.msg}), expected a whole text") from None
+    except (etree.XMLSyntaxError, UnicodeEncodeError) as error:  # the latter of half a surrogate pair
+        raise ConstraintError(f"MJCF is not well-formed XML ({error}), expected a whole text") from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise ConstraintError("MJCF has a document type, expected none (no entity is ever read)")
     if root.tag not in ("mujoco", "equality"):
@@ -146,11 +147,8 @@ def _numbers(element: Any, key: str, counts: tuple[int, ...], default: list[floa
     text = element.get(key)
     if text is None:
         return default
-    try:
-        found = [float(x) for x in text.split()]
-    except ValueError:
-        found = []
-    if len(found) not in counts or not np.isfinite(found).all():
+    found = [float(x) for x in text.split() if is_number(x)]
+    if len(found) < len(text.split()) or len(found) not in counts or not np.isfinite(found).all():
         _refuse(element, f'has {key}="{text}", expected {" or ".join(map(str, counts))} finite numbers')
     return found
 

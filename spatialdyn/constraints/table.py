@@ -79,7 +79,9 @@ class Constraints:
     def __init__(self, model: Model, items: Iterable[Constraint]) -> None:
         """See the class."""
         if check_model(model).mimic_matrix is not None:
-            raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+            raise ModelError(
+                f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints'
+            )
         try:
             given = tuple(items)
         except TypeError:
@@ -125,9 +127,11 @@ class Constraints:
             import tomllib
         except ImportError:
             raise SpatialDynError("constraints in TOML need Python 3.11, expected Constraints(model, [...])") from None
+        if not isinstance(text, str):
+            raise ConstraintError(f"TOML is a {type(text).__name__}, expected its text")
         try:
             given = tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, TypeError) as error:
+        except (ValueError, RecursionError) as error:  # of integers of thousands of digits, and brackets as deep
             raise ConstraintError(f"constraints are no TOML: {error}, expected a text and no {text!r:.60}") from None
         entries = given.pop("constraint", [])
         if given or not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from ..recursions.spec import Spec
 from . import threads
 from .compiled import numba_kernels
+from .failed import Arrays
 from .numbers.double_double import DoubleDouble, record_double_double
 from .programs import batch_kernels, recording
-from .programs.tracer import evaluate
-from .run import Arrays, Table
+from .programs.mimic_rows import evaluate
+from .run import Table
 
 LEAST_BATCH = 512  # least samples of a batch that runs on lanes
 MOST_ROWS = 32  # above, a program has 100 000 operations and compiles for half a minute
@@ -90,6 +91,6 @@ def _numpy_program(spec: Spec, table: Table) -> DoubleDouble:
             arg.name: x[first:end].reshape(shape)
             for arg, first, end, shape in zip(spec.present, places[:-1], places[1:], shapes, strict=True)
         }
-        return list(evaluate(spec, rows, output, parts, np.empty(len(table.bodies) - 1, object)))
+        return list(evaluate(spec, rows, output, parts, np.empty(len(rows) - 1, object)))
 
     return record_double_double(table.bodies, int(places[-1]), made)

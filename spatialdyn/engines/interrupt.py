@@ -17,6 +17,9 @@ WAKE = 0.1  # seconds between two looks at signals, on systems where a signal do
 INTERRUPTED = 130  # exit status, 128 + number of the signal, as in shells
 
 
+_at_work: set[_Worker] = set()
+
+
 class _Worker(threading.Thread):
     """One call of a function, in the caller's context."""
 
@@ -35,6 +38,7 @@ class _Worker(threading.Thread):
             self.error = error
         finally:
             del run, rest, self._call
+            _at_work.discard(self)
             self.done.set()
 
     def finish(self) -> None:
@@ -60,6 +64,7 @@ def interruptible(function: Callable[..., Any], *arguments: Any) -> Any:
     if threading.current_thread() is not threading.main_thread():
         return function(*arguments)
     worker = _Worker(function, arguments)
+    _at_work.add(worker)
     atexit.register(worker.finish)
     worker.start()
     while not worker.done.wait(WAKE):
@@ -71,3 +76,13 @@ def interruptible(function: Callable[..., Any], *arguments: Any) -> Any:
         finally:
             worker.error = None  # its traceback holds this frame
     return worker.result
+
+
+def _forked() -> None:
+    """In a forked child: the threads are gone, and its end waits for none of them."""
+    while _at_work:
+        atexit.unregister(_at_work.pop().finish)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from . import locks
+
 ALIGNED = 1 << 20  # least bytes of a result that is aligned to 64 bytes, as stores that bypass the CPU caches need
 POOLED = 16 << 20  # least bytes of a block: the C library itself uses smaller ones again
 MOST = 256 << 20  # bytes of free blocks that are kept
@@ -68,7 +70,7 @@ class Pool:
     def __init__(self) -> None:
         self._free: list[Block] = []
         self._given: deque[Block] = deque()  # by ``give``, not in ``_free`` yet
-        self._lock = threading.Lock()
+        self._lock = locks.new(threading.Lock)
 
     @property
     def kept(self) -> int:

@@ -1,15 +1,15 @@
 """A call over the samples of a batch, one or many: by its program if it has one, else by the table kernel.
 
-Which of the two depends on the table and the call alone. Samples that a program rejects are recomputed by the table
-kernel: angles beyond its range, NaN, joints of next to no articulated inertia. The results are written in place; the
-caller gets the samples that failed.
+Which of the two depends on the table and the call alone. Samples that a program rejects (angles beyond its range, NaN,
+joints of next to no articulated inertia) are computed by the recursion in NumPy, however many there are: the table
+kernel takes seconds to compile, and has other bits. The results are written in place; the caller gets the samples that
+failed.
 """
 
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
@@ -17,16 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.static_table import StaticTable
+from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
-from . import threads
+from . import locks, threads
 from .compiled import numba_kernels
+from .failed import ALL_OK as ALL_OK
+from .failed import Arrays as Arrays
+from .failed import Failed as Failed
+from .failed import concatenate_failed as concatenate_failed
+from .failed import in_order
+from .numbers.samples import Evaluation
 from .programs import batch_kernels, recording
+from .programs.batches import NONE
+from .programs.parameters import Parameter
 from .programs.tiered_program import TieredProgram
 
-Arrays = Sequence[NDArray[np.float64]]
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
+FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
+FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
 MANY = 8192  # samples of a batch to prepare for
-_lock = threading.RLock()
+_lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
 RANGE = numba_kernels.NONFINITE + 1  # a status that the kernels do not have
 
@@ -47,24 +57,6 @@ class Table(Hashable, Protocol):
         """Their address in memory."""
 
 
-class Failed(NamedTuple):
-    """The samples of a batch (k) whose status is not OK.
-
-    samples  (k) their indices in the batch
-    status   (k) of ``numba_kernels``, or RANGE: a result that is finite in float64 and not in the output's dtype
-    finite   (k) whether the whole result is finite, in float64
-    inputs   their inputs, each (k, ...), or (1, ...) for all samples
-    """
-
-    samples: NDArray[np.intp]
-    status: NDArray[np.int8]
-    finite: NDArray[np.bool_]
-    inputs: Arrays
-
-
-ALL_OK = Failed(np.empty(0, np.intp), np.empty(0, np.int8), np.empty(0, np.bool_), ())
-
-
 class CallProgram(NamedTuple):
     """A call on one table as a program."""
 
@@ -83,7 +75,20 @@ class CallProgram(NamedTuple):
         if not len(left):
             return ALL_OK
         rest = [x[left] if len(x) == len(out) else x for x in inputs]
-        return run_table_kernel(self.spec, self.table, rest, self.static, out, left, seen=seen)
+        failed = run_in_numpy(self.spec, self.table, rest, self.static, out, left, seen=seen)
+        return self._off_norm(failed, inputs, out, seen) if self.table.bodies[0]["kind"] == ANY_NORM else failed
+
+    def _off_norm(self, failed: Failed, inputs: Arrays, out: NDArray[np.float64], seen: bool) -> Failed:
+        """Samples off their unit norm, which the table allows, by the table kernel; returns those that failed."""
+        off = failed.status == numba_kernels.UNIT
+        if not off.any():
+            return failed
+        at, kept = failed.samples[off], np.flatnonzero(~off)
+        rest = [x[at] if len(x) == len(out) else x for x in inputs]
+        again = run_table_kernel(self.spec, self.table, rest, self.static, out, at, seen=seen)
+        others = [x[kept] if len(x) == len(off) else x for x in failed.inputs]
+        held = Failed(failed.samples[kept], failed.status[kept], failed.finite[kept], others)
+        return in_order(concatenate_failed([x for x in (held, again) if len(x.samples)]))
 
 
 def batch(
@@ -169,25 +174,139 @@ def run_table_kernel(
     at       the rows of ``out`` of these samples, all if left out
     columns  the wanted entries of a result, flat, all if left out
     seen     as of ``batch``
+
+    A few samples with NaN or infinity are computed in NumPy: for the result NaN no kernel is compiled. So are all of a
+    model with mimic joints, whose reduced recursions have no table kernel.
     """
-    count, bodies = len(out) if at is None else len(at), table.bodies
+    count = len(out) if at is None else len(at)
+    if table.bodies["leader"].any():
+        samples = np.arange(count) if at is None else at
+        return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
+    odd = _few_not_finite(spec, table, inputs, static, count)
+    if not len(odd):
+        return _run_table_kernel(spec, table, inputs, static, out, at, columns, seen)
+    samples = np.arange(count) if at is None else at
+    if seen:
+        out[samples[odd]] = np.nan
+    parts, rest = [], np.delete(np.arange(count), odd)
+    for chosen, compute in ((rest, _run_table_kernel), (odd, run_in_numpy)):
+        if len(chosen):
+            given = [x[chosen] if len(x) == count else x for x in inputs]
+            parts.append(compute(spec, table, given, static, out, samples[chosen], columns, seen))
+    return in_order(concatenate_failed([x for x in parts if len(x.samples)]))
+
+
+def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> Failed:
+    """The samples of a call that fail, computed in NumPy, where compiling its table kernel would come first.
+
+    ALL_OK also if the call has a program, its kernel is in memory, or the samples are no few.
+    """
+    if (
+        numba_kernels.PLAIN
+        or table.bodies["leader"].any()  # which have no table kernel
+        or numba_kernels.is_made(spec)
+        or count > _few(spec, table, static)
+        or program(spec, table, hashable(static)) is not None
+    ):
+        return ALL_OK
+    out = np.empty((count, math.prod(_core(spec, table, hashable(static)))))
+    return run_in_numpy(spec, table, inputs, static, out, np.arange(count))
+
+
+def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
+    """How many samples NumPy computes in less time than it takes to compile the table kernel; 0 where it cannot."""
+    if numba_kernels.PLAIN or table.bodies[0]["kind"] == ANY_NORM:
+        return 0
+    if not spec.traceable:
+        return FEW_ALONE
+    return max(1, min(FEW, FEW_NUMBERS // max(1, math.prod(_core(spec, table, hashable(static))))))
+
+
+def _few_not_finite(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> NDArray[np.intp]:
+    """The samples with an input that is not finite, if they are few."""
+    found = np.zeros(count, np.bool_)
+    for x in inputs:
+        if not np.isfinite(x).all():
+            found |= ~np.isfinite(x).reshape(len(x), -1).all(axis=1)
+    odd = np.flatnonzero(found)
+    return odd if len(odd) <= _few(spec, table, static) else NONE
+
+
+def _run_table_kernel(
+    spec: Spec,
+    table: Table,
+    inputs: Arrays,
+    static: tuple[Any, ...],
+    out: NDArray[Any],
+    at: NDArray[np.intp] | None,
+    columns: NDArray[np.intp] | None,
+    seen: bool,
+) -> Failed:
+    """``run_table_kernel`` of any samples."""
     core = _core(spec, table, hashable(static))
-    width = math.prod(core)
     kernel, rows = numba_kernels.batch_kernel(spec), getattr(table, numba_kernels.TABLE)
+
+    def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
+        _share(kernel, rows, given, static, flat.reshape((len(flat), *core)), status)
+
+    return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen)
+
+
+def run_in_numpy(
+    spec: Spec,
+    table: Table,
+    inputs: Arrays,
+    static: tuple[Any, ...],
+    out: NDArray[Any],
+    at: NDArray[np.intp],
+    columns: NDArray[np.intp] | None = None,
+    seen: bool = True,
+    parameters: Sequence[Parameter] = (),
+    values: Arrays = (),
+) -> Failed:
+    """As ``run_table_kernel``, by the recursion in NumPy, which compiles nothing.
+
+    parameters, values  numbers of the table that samples have: each (k, ...), or (1, ...) for all
+    """
+    evaluate = Evaluation(spec, table.bodies, static, parameters)
+
+    def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
+        evaluate(given, flat, status, [x[here] if len(x) == len(at) else x for x in values])
+
+    return _in_slices(
+        compute, len(table.bodies), math.prod(_core(spec, table, hashable(static))), inputs, out, at, columns, seen
+    )
+
+
+def _in_slices(
+    compute: Callable[[slice, Arrays, NDArray[np.float64], NDArray[np.int8]], None],
+    rows: int,
+    width: int,
+    inputs: Arrays,
+    out: NDArray[Any],
+    at: NDArray[np.intp] | None,
+    columns: NDArray[np.intp] | None,
+    seen: bool,
+) -> Failed:
+    """Samples in slices between which Ctrl-C is handled, as ``run_table_kernel``; returns those that failed.
+
+    compute  ``(slice of the samples, their inputs, flat results, status)``, which writes the last two in place
+    """
+    count = len(out) if at is None else len(at)
     in_place = at is None and columns is None and out.dtype == np.float64
     failed: list[Failed] = []
     first = 0
     try:
-        for first, end in threads.slices(count, len(bodies), width):
+        for first, end in threads.slices(count, rows, width):
             here = slice(first, end) if at is None else at[first:end]
             given = [x[first:end] if len(x) == count else x for x in inputs]
             flat = out[here] if in_place else np.empty((end - first, width))
             status = np.empty(end - first, np.int8)
-            count_bad = _share(kernel, rows, given, static, flat.reshape((len(flat), *core)), status)
+            compute(slice(first, end), given, flat, status)
             if not in_place:
-                count_bad += _store(out, here, flat if columns is None else flat[:, columns], status)
-            if count_bad:
-                rows_failed = np.flatnonzero(status != numba_kernels.OK)
+                _store(out, here, flat if columns is None else flat[:, columns], status)
+            rows_failed = np.flatnonzero(status != numba_kernels.OK)
+            if len(rows_failed):
                 finite = np.asarray(np.isfinite(flat[rows_failed]).all(axis=1))
                 samples = rows_failed + first if at is None else at[rows_failed + first]
                 failed_inputs = [x[rows_failed] if len(x) == len(flat) else x for x in given]
@@ -206,38 +325,22 @@ def _core(spec: Spec, table: Table, static: tuple[Any, ...]) -> tuple[int, ...]:
     return recording.shape_of(spec.output, table.bodies, static) or (1,)
 
 
-def _share(kernel: Any, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: Any, status: Any) -> int:
-    """The table kernel over the samples of ``out``, shared among the threads; returns how many failed."""
+def _share(kernel: Any, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: Any, status: Any) -> None:
+    """The table kernel over the samples of ``out``, shared among the threads."""
     n, known = len(out), [getattr(x, STATIC) if isinstance(x, StaticTable) else x for x in static]
 
     def part(first: int, end: int) -> int:
         passed = [y for x in inputs for y in ((x[first:end], 1) if len(x) == n else (x, 0))]
         return int(kernel(rows, end - first, *passed, *known, out[first:end], status[first:end]))
 
-    return threads.thread_pool.share(0, n, SHARE, part)
+    threads.thread_pool.share(0, n, SHARE, part)
 
 
-def _store(out: NDArray[Any], here: Any, results: NDArray[np.float64], status: NDArray[np.int8]) -> int:
-    """Write results to the rows ``here`` of ``out``, in its dtype; returns how many samples overflow it."""
+def _store(out: NDArray[Any], here: Any, results: NDArray[np.float64], status: NDArray[np.int8]) -> None:
+    """Write results to the rows ``here`` of ``out``, in its dtype; RANGE is the status of those that overflow it."""
     with np.errstate(over="ignore"):
         out[here] = results
     if out.dtype == np.float64:
-        return 0
+        return
     overflowed = (np.isfinite(results) & ~np.isfinite(out[here])).any(axis=1)
     status[overflowed & ((status == numba_kernels.OK) | (status == numba_kernels.NONFINITE))] = RANGE
-    return int(overflowed.sum())
-
-
-def concatenate_failed(parts: Sequence[Failed]) -> Failed:
-    """The failed samples of several slices."""
-    if not parts:
-        return ALL_OK
-    first, *more = parts
-    if not more:
-        return first
-    inputs = [
-        np.concatenate([np.broadcast_to(x, (len(p.samples), *x.shape[1:])) for p, x in zip(parts, of, strict=True)])
-        for of in zip(*(p.inputs for p in parts), strict=True)
-    ]
-    samples, status, finite = (np.concatenate(of) for of in zip(*(p[:3] for p in parts), strict=True))
-    return Failed(samples, status, finite, inputs)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SpatialDynError
+from . import locks
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -34,7 +35,7 @@ VARIABLE = "SPATIALDYN_NUM_THREADS"
 _V2 = "/sys/fs/cgroup/cpu.max", ""  # files of a control group's quota and its period
 _V1 = "/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "/sys/fs/cgroup/cpu/cpu.cfs_period_us"
 
-_lock = threading.Lock()
+_lock = locks.new(threading.Lock)
 
 
 class ThreadPool:
@@ -78,6 +79,7 @@ class ThreadPool:
 
         with _lock:
             if threads not in self._pools:
+                locks.come_first()  # before that of concurrent.futures
                 self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
             return self._pools[threads]
 

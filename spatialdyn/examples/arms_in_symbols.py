@@ -3,7 +3,7 @@
 Learn    SymbolicManipulator runs the recursions on symbols: any mass, length or inertia is a symbol or an expression.
 Look at  M[3, 3] = l_3² m_3/3 of the spatial arm. The chapter's script prints l_3² m_3/4, for it leaves out the energy
          of rotation about the centres of mass, though its table gives the links I = m l²/12.
-Needs    pip install "spatialdyn[symbolic]"
+Needs    pip install sympy
 """
 
 from __future__ import annotations

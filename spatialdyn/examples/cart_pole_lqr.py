@@ -3,7 +3,7 @@
 Learn    ModelBuilder makes a robot without a file; aba_derivatives gives ∂q̈/∂(q, v, τ), so A and B of ẋ = A x + B u.
 Look at  the last lines: from 0.4 rad the pole comes up, from 1.1 rad the same gain drives the cart away. The linear
          model says that all starts end well; that is all it can say.
-Needs    pip install "spatialdyn[simulation]"
+Needs    pip install scipy
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Learn    specialize(...).to_casadi() is a casadi.Function with named inputs: one
          C file that casadi.external loads and acados links.
 Look at  the effort that IPOPT finds, that the motion, computed again by the library, ends upright, and how many
          instructions the Jacobian takes both ways.
-Needs    pip install "spatialdyn[casadi]"
+Needs    pip install casadi
 """
 
 from __future__ import annotations

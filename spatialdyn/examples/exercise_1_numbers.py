@@ -2,7 +2,7 @@
 
 Learn    the numbers, and how many of their digits are right: exact computes each call with as many as one likes.
 Look at  the last column: the error of the double precision result, in units of its last place.
-Needs    pip install "spatialdyn[exact]" for the exact column
+Needs    pip install mpmath for the exact column
 """
 
 from __future__ import annotations

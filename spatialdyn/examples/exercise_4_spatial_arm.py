@@ -4,7 +4,7 @@ Learn    how to check a derivation of your own: entry by entry as an expression,
 Look at  the differences: the expressions are equal, and so are the numbers of the recursion, up to rounding. Note that
          the arm of the chapter's section 16.4 is not that of its 16.3: its links point along x instead of up, and the
          inertia of its first breaks the triangle inequality, as that of no body does.
-Needs    pip install "spatialdyn[symbolic]"
+Needs    pip install sympy
 """
 
 from __future__ import annotations

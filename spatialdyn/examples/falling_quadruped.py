@@ -4,7 +4,7 @@ Learn    root="floating", torques on the legs alone (the base's six are 0), cent
 Look at  the body: it starts at rest, kicks with its legs and ends turned, though the angular momentum about the centre
          of mass stays 0, up to the error of the integration: the legs swap it with the body, as a cat's do. The centre
          of mass falls by g t²/2, no matter what the legs do.
-Needs    pip install "spatialdyn[validate]" for Solo12
+Needs    pip install example-robot-data for Solo12
 """
 
 from __future__ import annotations

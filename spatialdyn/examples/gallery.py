@@ -13,8 +13,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from spatialdyn.errors import SpatialDynError
-from spatialdyn.pictures.figures import COLOURS, FILE_DPI, new_figure, tidy
+from spatialdyn.calls.files import check_ending
+from spatialdyn.calls.progress import messages
+from spatialdyn.errors import SpatialDynError, pip_install
+from spatialdyn.pictures.figures import COLOURS, ENDINGS, FILE_DPI, new_figure, tidy
 
 SHARED = {"gallery", "optimal_control"}  # by examples, and none itself
 CHAPTER = "Lagrange's and Hamilton's mechanics and joint-space dynamics, the text that this library began with"
@@ -63,6 +65,7 @@ def checked(name: str, main: Callable[..., Any], **given: Any) -> dict[str, Any]
             raise SpatialDynError(f"--{option} was given, expected none: {name} has no {OPTIONS[option]}")
     if "save" in options:
         picture()  # before a long run: Matplotlib may be missing
+        check_ending("--save", options["save"], ENDINGS)
         if not Path(options["save"]).parent.is_dir():
             raise SpatialDynError(f"--save is {options['save']!r}, expected a name in a folder that is there")
     return options
@@ -75,8 +78,13 @@ def start(main: Callable[..., Any], argv: Sequence[str] | None = None) -> None:
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(prog=f"spatialdyn.examples.{name}", description=home.__doc__, formatter_class=raw)
     add_options(parser, main)
+
+    def say(text: str) -> None:
+        print(f"{name}: {text}", file=sys.stderr, flush=True)
+
     try:
-        main(**checked(name, main, **vars(parser.parse_args(argv))))
+        with messages(say):
+            main(**checked(name, main, **vars(parser.parse_args(argv))))
     except SpatialDynError as error:
         sys.exit(f"{name}: {error}")
 
@@ -98,7 +106,7 @@ def need(package: str, extra: str) -> Any:
         return import_module(package)
     except ImportError:
         name = package.partition(".")[0]
-        raise SpatialDynError(f'{name} is not installed; pip install "spatialdyn[{extra}]"') from None
+        raise SpatialDynError(f"{name} is not installed; {pip_install(extra)}") from None
 
 
 def picture(columns: int = 1, width: float = 7.0, height: float = 4.0) -> tuple[Any, Any]:

@@ -4,7 +4,7 @@ Learn    specialize(..., inputs=["mass:JOINT", "com:JOINT"]) makes parameters of
          k.to_jax() or k.to_torch() a function that those frameworks differentiate, by its own vjp on lanes. The rest,
          a loss and a descent, is the framework's.
 Look at  both gradients, equal to the last digits, and the torque of the shoulder that falls as the arm is balanced.
-Needs    pip install "spatialdyn[jax]" and "spatialdyn[torch]"
+Needs    pip install jax torch
 """
 
 from __future__ import annotations

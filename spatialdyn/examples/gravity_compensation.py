@@ -4,7 +4,7 @@ Learn    generalized_gravity(model, q) is g(q); with_(payload=...) is the same r
 Look at  the last lines: with τ = g(q) the arm stays where it is to the last digit; a load that the model does not know
          pulls the hand down at once. Gravity compensation has no stiffness: nothing brings the arm back. The three
          runs are one batch of ``rollout``, which leaves joint damping out.
-Needs    pip install "spatialdyn[validate]" for the Panda; or --robot
+Needs    pip install example-robot-data for the Panda; or --robot
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Learn    sd.step_derivatives gives all A and B of a horizon in one call, and sd.
          problems.
 Look at  the cost of the swing-up, 3.5517082866 as other solvers have it, and the price of limits. With them the gains
          of a joint at its limit are 0: projected Newton steps find which joints that are.
-Needs    pip install "spatialdyn[simulation]", and for the Panda "spatialdyn[validate]"
+Needs    pip install scipy, and example-robot-data for the Panda
 """
 
 from __future__ import annotations

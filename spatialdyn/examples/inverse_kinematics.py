@@ -4,7 +4,7 @@ Learn    frame_placement and frame_jacobian in a loop: δq = Jᵀ (J Jᵀ + λ²
 Look at  the target out of reach. Without damping, or with little, joints jump by many turns where the arm is stretched
          and J loses rank; λ = 0.5, of the size of what is missing, stretches the arm and stops at the least error: the
          last column, Jᵀ e, is its slope. The price: many more steps where it is easy.
-Needs    pip install "spatialdyn[validate]" for the Panda
+Needs    pip install example-robot-data for the Panda
 """
 
 from __future__ import annotations

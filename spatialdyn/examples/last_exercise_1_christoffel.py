@@ -4,7 +4,7 @@ Learn    parameters={"c_1x": "l_c1", ...} names what you like; christoffel() and
          by derivatives of M (route="derivatives"): the expressions are the same.
 Look at  the symbols: of eight, four are h = -m_2 l_1 l_c2 sin q_2 or its opposite, four are 0. Neither the inertias nor
          l_c1 occur: what does not depend on q leaves no trace.
-Needs    pip install "spatialdyn[symbolic]"
+Needs    pip install sympy
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Learn    H(), hamilton_equations() and poisson_bracket() in closed form; hamilton_equations(model, q, p) in numbers.
 Look at  (d): the rate of H along the equations is τᵀ q̇ as an expression, not at some states only. And the closed form
          and the recursion, which inverts no matrix, agree in a random state.
-Needs    pip install "spatialdyn[symbolic]"
+Needs    pip install sympy
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Learn    rollout(control=..., cost=...) records a law and a cost of your own int
          1024 motions of 50 steps take milliseconds on SIMD lanes.
 Look at  the time of a plan, and the distance that falls to millimetres. The plan moves by the mean of the noise,
          weighed by exp(-cost / λ). The noise is seeded, and no bit of a rollout depends on the number of threads.
-Needs    pip install "spatialdyn[validate]" for the Panda
+Needs    pip install example-robot-data for the Panda
 
 Source: Williams et al., Information theoretic MPC for model-based reinforcement learning (2017).
 """

@@ -49,6 +49,7 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, np.ndarray]:
     angle = np.pi * (2.0 * (np.arange(n) + 0.5) / n - 1.0)  # middles of n cells: the picture's pixels
     starts = np.stack(np.meshgrid(angle, angle), -1).reshape(-1, 2)
     flips = np.empty(len(starts))
+    print("compiling the loop, which a process does once: some 10 s", flush=True)
     first_flips(model.bodies, starts, dt, 250 if quick else 750, flips)
     lens = 2 * np.cos(starts[:, 0]) + np.cos(starts[:, 1]) > 1.0
     print(f"{len(starts)} starts at rest: {np.isfinite(flips).mean():.1%} flip; of {lens.sum()} that have too little")

@@ -3,7 +3,7 @@
 Learn    body_regressor and frame_jacobian: τ is linear in the load's ten parameters, τ = rnea + Jᵀ Y π.
 Look at  what can be told apart. Poses at rest give the mass and the centre of mass and nothing about inertia (rank 4);
          motion gives all ten, the inertia with the fewest digits: its torques are the smallest.
-Needs    pip install "spatialdyn[validate]" for the UR5
+Needs    pip install example-robot-data for the UR5
 """
 
 from __future__ import annotations

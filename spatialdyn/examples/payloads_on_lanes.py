@@ -3,7 +3,7 @@
 Learn    specialize(..., inputs={"payload": frame}) compiles one program in which the load is an input, as q is; the
          batch runs on SIMD lanes. Without it each load would be a model of its own.
 Look at  the time of a sample, and the quantiles: the limit of a joint is crossed long before the average says so.
-Needs    pip install "spatialdyn[validate]" for the Panda
+Needs    pip install example-robot-data for the Panda
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Learn    trade measures error and time of every option on the model, on this mac
          is good enough, and is itself the call.
 Look at  the rows with a star: nothing cheaper is more exact. Six digits (float32) and fifteen cost nearly the same in a
          batch; what costs is the last digit. Each robot has its own table: try --robot panda, or your file.
-Needs    pip install "spatialdyn[exact]"
+Needs    pip install mpmath
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Learn    a ball joint alone is Euler's top: rnea of one body is the Euler-Poinca
          sign is the one thing to remember: the chapter's section 14.2 prints d/dt(I ω) = ω × I ω + τ.
 Look at  the errors of the free top, which fall with the order of the method; with the printed sign ω runs backwards.
          The heavy top, started at the rate of steady precession, keeps its lean: gravity pulls, and it walks around.
-Needs    pip install "spatialdyn[simulation]" for the elliptic functions
+Needs    pip install scipy for the elliptic functions
 """
 
 from __future__ import annotations

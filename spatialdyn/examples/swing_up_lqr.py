@@ -4,7 +4,7 @@ Learn    sd.step_derivatives takes the whole motion at once and gives A and B of
          simulates it; Riccati's recursion turns them into gains K(t). sd.step takes a hundred starts at once.
 Look at  the last lines: pushed off its path the open loop ends anywhere, the gains bring nearly all starts up. At the
          top they have become those of the standing pole.
-Needs    pip install "spatialdyn[simulation]"
+Needs    pip install scipy
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Learn    sd.Contacts on named feet, sd.PD in sd.rollout, many frictions at once, Rollout.contacts, contact_gaps.
 Look at  the ground: diagonal legs carry the weight in turn, and over strides they carry no more. On ice the same
          references move the robot half as far, for its feet slip; each impulse stays in its cone, which is no pyramid.
-Needs    pip install "spatialdyn[validate]" for Solo12
+Needs    pip install example-robot-data for Solo12
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, pip_install
 
 
 def framework(name: str) -> Any:
@@ -13,4 +13,4 @@ def framework(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise SpatialDynError(f'{name} is not installed; pip install "spatialdyn[{name}]"') from error
+        raise SpatialDynError(f"{name} is not installed; {pip_install(name)}") from error

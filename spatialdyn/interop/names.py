@@ -1,4 +1,4 @@
-"""Names of the calls in other libraries and textbooks."""
+"""Names of the calls in other libraries and textbooks, and names of what an example shows or another library has."""
 
 from __future__ import annotations
 
@@ -101,18 +101,66 @@ NAMES: dict[str, Aliases] = {
     "delassus": Aliases("", "computeDelassusMatrix"),
     "impact": Aliases("impulse", "impulseDynamics"),
     "compare_with_pinocchio": Aliases("compare validate_against_pinocchio"),
+    "view": Aliases("visualize visualise viz show display render animate viewer meshcat"),
+    "plot": Aliases("plot_trajectory plots"),
+    "trade": Aliases("benchmark"),
+    "Trajectory": Aliases("trajectories"),
+    "SymbolicManipulator": Aliases("symbolic sympy eom equations_of_motion lagrange"),
 }  # fmt: skip
+
+EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no call does
+    "inverse_kinematics": "ik inverse_kinematics solve_ik compute_ik clik ikine ikine_LM calculateInverseKinematics",
+    "cart_pole_lqr": "lqr dlqr riccati cart_pole",
+    "ilqr": "ilqr ddp trajopt trajectory_optimization optimal_control",
+    "mppi_on_lanes": "mppi mpc",
+    "pd_with_gravity": "pid pd pd_control pd_controller computed_torque controller",
+    "gravity_compensation": "gravity_compensation",
+    "payload_identification": "identify identification parameter_identification system_identification sysid",
+    "gradient_of_a_design": "grad gradient gradients autodiff autograd",
+    "c_export": "c_code codegen export export_c",
+    "casadi_export": "casadi to_casadi",
+    "vector_environment": "gym gymnasium env environment",
+    "own_loop": "jit njit",
+    "double_pendulum": "pendulum double_pendulum",
+}  # fmt: skip
+
+_FACE = "spatialdyn.compat.pinocchio"
+ABSENT: dict[str, str] = {  # what has it instead: words
+    "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions": "collision collisions collide "
+    "check_collision distance_to closest_points geometry computeCollisions computeDistances",
+    "MJCF is read by Pinocchio: from_pinocchio(pinocchio.buildModelFromMJCF(path))": "mjcf load_mjcf from_mjcf "
+    "read_mjcf buildModelFromMJCF load_xml",
+    "load_urdf reads URDF alone; the program xacro makes it of xacro files (pip install xacro)": "xacro load_xacro",
+    "load_urdf reads URDF alone; Drake reads SDF": "sdf load_sdf buildModelFromSdf buildModelsFromSdf",
+    f"poses are arrays (4, 4); {_FACE}.SE3 is a class of them": "SE3 SE_3 pose Pose transform Transform SO3",
+    f"quaternions are arrays (4,), x y z w; {_FACE}.Quaternion is a class of them": "quaternion quaternions",
+    f"calls take and return arrays, nothing is kept between them; {_FACE}.Data is a class that keeps results": "Data "
+    "create_data createData MjData",
+    "paths are not planned here; OMPL finds them, scipy.interpolate joins points by splines": "plan planner planning "
+    "motion_planning rrt spline splines jtraj trapezoidal quintic trajectory_generation",
+    "every call takes any leading batch shape": "vmap batch batched vectorize",
+}
 
 
 def suggestion(name: str, public: Iterable[str]) -> str:
-    """``did you mean ...`` for an unknown name; empty if no name is similar.
+    """What to use for an unknown name: ``did you mean ...``, an example, or what has it; empty if no name is similar.
 
     name    the unknown name
     public  the library's names
     """
     plain = name.lower()
     for ours, others in NAMES.items():
-        if plain in {word.lower() for field in others for word in field.split()}:
+        if plain in _words(*others):
             return f"did you mean {ours}"
+    for example, words in EXAMPLES.items():
+        if plain in _words(words):
+            return f"see `spatialdyn example {example}`"
+    for instead, words in ABSENT.items():
+        if plain in _words(words):
+            return instead
     near = get_close_matches(name, sorted(public), n=1, cutoff=0.75)
     return f"did you mean {near[0]}" if near else ""
+
+
+def _words(*fields: str) -> set[str]:
+    return {word.lower() for field in fields for word in field.split()}

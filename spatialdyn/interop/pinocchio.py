@@ -145,14 +145,7 @@ def _joint(pin_model: Any, i: int, links: Sequence[Link], notes: list[str]) -> R
             f'joint "{name}" is a {joint.shortname()}, expected a revolute, prismatic, helical, spherical, '
             "planar or free-flyer joint"
         )
-    axis, pitch = (0.0, 0.0, 1.0), 0.0
-    if kind_of(kind).nv == 1:
-        data = joint.createData()
-        joint.calc(data, np.zeros(pin_model.nq))
-        S = np.ravel(data.S).tolist()
-        axis = tuple(S[:3] if kind == "prismatic" else S[3:])
-        if kind == "helical":
-            pitch = sum(v * w for v, w in zip(S[:3], axis, strict=True)) / sum(w * w for w in axis)
+    axis, pitch = screw_of(pin_model, joint, kind) if kind_of(kind).nv == 1 else ((0.0, 0.0, 1.0), 0.0)
     lower, upper = _position_limits(pin_model, joint, name, kind, notes)
     return make_joint(
         RobotJoint(
@@ -172,6 +165,17 @@ def _joint(pin_model: Any, i: int, links: Sequence[Link], notes: list[str]) -> R
             pitch=pitch,
         )
     )
+
+
+def screw_of(pin_model: Any, joint: Any, kind: str) -> tuple[tuple[float, ...], float]:
+    """Axis and pitch of a joint of Pinocchio's that moves along or about one axis."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(pin_model.nq))
+    S = np.ravel(data.S).tolist()
+    axis = tuple(S[:3] if kind == "prismatic" else S[3:])
+    if kind != "helical":
+        return axis, 0.0
+    return axis, sum(v * w for v, w in zip(S[:3], axis, strict=True)) / sum(w * w for w in axis)
 
 
 def _common(pin_model: Any, joint: Any, name: str, attribute: str, notes: list[str]) -> float:

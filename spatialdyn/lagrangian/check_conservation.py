@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calls.arguments import as_array, check_model
+from ..calls.arguments import as_array, as_items, check_model
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
@@ -79,6 +79,7 @@ def check_conservation(
     model = getattr(trajectory, "model", None) if model is None else model
     if quantities is None:
         quantities = conserved_quantities(_needed(model))
+    quantities = as_items("quantities", quantities, ConservedQuantity, "a list of ConservedQuantity")
     t, q = as_array("t", trajectory.t), as_array("q", trajectory.q)
     if t.ndim != 1 or len(t) < 3 or not (np.diff(t) > 0.0).all():
         raise ShapeError(f"t has shape {t.shape}, expected at least 3 times that increase")

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls import dynamics
-from ..calls.arguments import as_array, batch_shape, check_model
+from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast, check_model
 from ..errors import ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import Q, V
@@ -111,7 +111,7 @@ class ChristoffelC:
         Strong and torsion-free up to the error of the differences; 6 n mass matrices.
         Raises  SpatialDynError if h is not a positive number.
         """
-        if not (isinstance(h, (int, float)) and 0.0 < h < np.inf):
+        if not 0.0 < as_number(h) < np.inf:
             raise SpatialDynError(f"h is {h!r}, expected a positive number")
         q, E = self._given(q), np.eye(self.model.nv)
         dM = np.zeros((*q.shape[:-1], *(self.model.nv,) * 3))
@@ -147,7 +147,7 @@ class ChristoffelC:
         skew=False  Ṁ - ½ (∂_i M_jk v_k), Lagrange's equation before its indices are symmetrised (with the brackets of
                     quaternion joints): weak only; O(n d²)
         """
-        if skew:
+        if as_flag("skew", skew):
             return self._body_factor(q, v)
         v = self._given(v, "v")
         dM, brackets = dynamics.mass_matrix_derivatives(self.model, q), _brackets(self.model, q)
@@ -165,6 +165,7 @@ class ChristoffelC:
     def _koszul(self, q: ArrayLike, v: ArrayLike, dM: Array) -> Array:
         """½ Σ_k (...) v_k, the dots being the bracket of Koszul's formula."""
         v, L = self._given(v, "v"), _brackets(self.model, q)
+        broadcast(["q", "v"], [dM.shape[:-3], v.shape[:-1]])
         symbols = dM + np.swapaxes(dM, -1, -2) - np.moveaxis(dM, -1, -3)
         symbols = symbols + np.swapaxes(L, -1, -2) - np.moveaxis(L, -1, -3) - np.einsum("...kji->...ijk", L)
         return np.asarray(0.5 * np.einsum("...ijk,...k->...ij", symbols, v))
@@ -176,11 +177,12 @@ class ChristoffelC:
         for joint in model.joints[1:]:
             body = model.bodies[joint.row].inertia
             J = dynamics.frame_jacobian(model, q, f"joint:{joint.name}")
-            moving = np.einsum("...ij,...j->...i", J, v)
             I = np.block([[body.m * np.eye(3), -_skew(_vector(body.h))], [_skew(_vector(body.h)), _symmetric(body.I)]])
-            X = _crm(moving)
-            f = -np.swapaxes(X, -1, -2) @ I + I @ X + _of_force(np.einsum("ij,...j->...i", I, moving))
-            C = C + 0.5 * np.swapaxes(J, -1, -2) @ f @ J
+            with np.errstate(invalid="ignore"):  # an infinite v has NaN
+                moving = np.einsum("...ij,...j->...i", J, v)
+                X = _crm(moving)
+                f = -np.swapaxes(X, -1, -2) @ I + I @ X + _of_force(np.einsum("ij,...j->...i", I, moving))
+                C = C + 0.5 * np.swapaxes(J, -1, -2) @ f @ J
         return C
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies import kinds
-from ..calls.arguments import check_model, reference_code
+from ..calls.arguments import as_word, check_model, reference_code
 from ..engines.numbers import symbolic as engine
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Frame, Model
@@ -30,7 +30,7 @@ from .symbolic_matrices import (
     coriolis_from_christoffel,
     gradient,
 )
-from .symbolic_parameters import chosen_values, meanings
+from .symbolic_parameters import as_expression, chosen_values, meanings
 
 Expr = Any  # sympy.Expr
 Matrix = Any  # sympy.ImmutableMatrix
@@ -156,8 +156,7 @@ class SymbolicManipulator:
 
         Raises SpatialDynError for an unknown call or one with other inputs, or a result without closed form
         """
-        if name not in SPECS:
-            raise SpatialDynError(f'call is "{name}", expected one of {", ".join(SPECS)}')
+        as_word("call", name, SPECS)
         static: dict[str, Any] = {}
         for x in SPECS[name].present:
             if x.name not in ("q", "v", "a", "tau", "row", "placement", "reference", "classical") and not x.optional:
@@ -193,10 +192,10 @@ class SymbolicManipulator:
         Other symbols are taken as parameters. Matrices are simplified entry by entry.
         Raises SpatialDynError naming a part that has no such form.
         """
-        sympy, self._budget.spent = self._sympy, 0
+        self._budget.spent = 0
         if hasattr(expression, "applyfunc"):
             return expression.applyfunc(self.simplify)
-        expression = sympy.sympify(expression)
+        expression = as_expression("expression", expression)
         strange = expression.free_symbols - set(self._ring.plain)
         ring = self._ring.extended(plain=sorted(strange, key=str)) if strange else self._ring
         return ring.expression(ring.of(expression))
@@ -222,9 +221,7 @@ class SymbolicManipulator:
         return self._shown(self._gamma(route))
 
     def _gamma(self, route: str) -> NumberArray:
-        if route not in ROUTES:
-            raise SpatialDynError(f"route is {route!r}, expected one of {', '.join(ROUTES)}")
-        if route == "recursion":
+        if as_word("route", route, ROUTES) == "recursion":
             return self._numbers("christoffel_symbols")
         self._coordinates("Christoffel symbols from derivatives")
         return christoffel_from_gradient(self._gradient(), self._sympy.Rational(1, 2))
@@ -238,7 +235,7 @@ class SymbolicManipulator:
 
         route  "recursion": C itself over the tree, in O(n d). "derivatives": Σ_k Γ_ijk v_k of ``christoffel``'s.
         """
-        if route == "recursion":
+        if as_word("route", route, ROUTES) == "recursion":
             return self._shown(self._numbers("coriolis_matrix"))
         return self._shown(coriolis_from_christoffel(self._ring, self._gamma(route), self.v))
 
@@ -321,7 +318,10 @@ class SymbolicManipulator:
         Raises SpatialDynError naming a joint whose velocities are not q̇
         """
         self._coordinates("Poisson brackets")
-        F, G = self._sympy.sympify(F), self._sympy.sympify(G)
+        F, G = as_expression("F", F), as_expression("G", G)
+        for name, x in {"F": F, "G": G}.items():
+            if not isinstance(x, self._sympy.Expr):
+                raise SpatialDynError(f"{name} is {x!r:.80}, expected one expression")
         bracket = self._sympy.Add(
             *(F.diff(x) * G.diff(p) - F.diff(p) * G.diff(x) for x, p in zip(self.q, self.p, strict=True))
         )
@@ -353,8 +353,11 @@ class SymbolicManipulator:
             make: Callable[[], Any] = getattr(self, method)
             return what, make(), arguments
         if isinstance(what, (list, tuple)):
-            what = self._sympy.ImmutableMatrix(what)
-        what = self._sympy.sympify(what)
+            rows = [[as_expression("quantity", x) for x in (row if isinstance(row, list) else [row])] for row in what]
+            if len({len(row) for row in rows}) > 1:
+                raise SpatialDynError(f"quantity is {what!r:.80}, expected rows of one length")
+            what = self._sympy.ImmutableMatrix(rows)
+        what = as_expression("quantity", what)
         strange = sorted(what.free_symbols - set(self._ring.plain), key=str)
         if strange:
             raise SpatialDynError(f"expression has {', '.join(map(str, strange))}, expected the robot's symbols")

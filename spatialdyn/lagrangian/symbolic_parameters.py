@@ -5,9 +5,10 @@ Names are those of ``exact_model.ExactRobot.values``: m_1, c_1x, I_1xx, l_1x, J_
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..calls.arguments import as_items
 from ..engines.numbers.symbolic import need_sympy
 from ..errors import SpatialDynError
 from .exact_model import ExactRobot
@@ -59,10 +60,8 @@ def _given(parameters: Any, nonzero: Sequence[str]) -> dict[str, Any]:
         return {name: name for name in nonzero if parameters == "symbols"}
     if isinstance(parameters, Mapping):
         return dict(parameters)
-    if not isinstance(parameters, Iterable):
-        raise SpatialDynError(f'parameters is {parameters!r}, expected "numbers", "symbols", names or a mapping')
     given: dict[str, Any] = {}
-    for item in [parameters] if isinstance(parameters, str) else parameters:
+    for item in as_items("parameters", parameters, str, '"numbers", "symbols", names or a mapping'):
         found = [x for x in nonzero if item in PARAMETER_KINDS and x.startswith(PARAMETER_KINDS[item])]
         given |= dict.fromkeys([item], item) if item not in PARAMETER_KINDS else {x: x for x in found}
     return given
@@ -75,7 +74,19 @@ def _expression(name: str, value: Any) -> Expr:
         if not value.isidentifier():
             raise SpatialDynError(f"parameters has {value!r} for {name}, expected the name of a symbol")
         return sympy.Symbol(value, **({"positive": True} if value[0] in "mg" else {"real": True}))
-    return sympy.sympify(value)
+    return as_expression(f"{name} in parameters", value)
+
+
+def as_expression(name: str, value: Any) -> Any:
+    """A number or an expression as SymPy's, or a matrix or array of them. Raises SpatialDynError; text is none."""
+    sympy = need_sympy()
+    try:
+        made = sympy.sympify(value, strict=True)
+    except Exception as error:  # SymPy's converters of other types raise what they like
+        raise SpatialDynError(f"{name} is {value!r:.80}, expected an expression: {error!s:.80}") from None
+    if not isinstance(made, (sympy.Expr, sympy.MatrixBase, sympy.NDimArray)):
+        raise SpatialDynError(f"{name} is {value!r:.80}, expected an expression")
+    return made
 
 
 def meanings(

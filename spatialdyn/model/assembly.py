@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -108,7 +108,7 @@ def tables(robot: Robot, options: Options) -> Tables:
         robot, leaders = resolve_mimics(robot)
     moving, inertias, places = walk(robot, pose_from_matrix(options.base), options.root)
     frames = [Frame(name, kind, body, matrix_from_pose(X)) for name, kind, body, X in places]
-    bodies, joints = tabulate(moving, inertias, options)
+    bodies, joints = tabulate(moving, inertias, options, leaders)
     refuse_overflow(robot.name, bodies, joints, frames)
     free = [k for k, joint in enumerate(joints) if joint.name not in leaders]
     free_q = [at for k in free for at in range(joints[k].idx_q, joints[k].idx_q + joints[k].nq)]
@@ -257,9 +257,15 @@ def about_origin(link: Link) -> Inertia:
 
 
 def tabulate(
-    moving: Sequence[Moving], inertias: Sequence[Inertia], options: Options
+    moving: Sequence[Moving],
+    inertias: Sequence[Inertia],
+    options: Options,
+    leaders: Mapping[str, Mimic] | None = None,
 ) -> tuple[NDArray[Any], list[Joint]]:
-    """The table of bodies, read-only, and the joints with their indices in the full tree's q and v."""
+    """The table of bodies, read-only, and the joints with their indices in the full tree's q and v.
+
+    leaders  of the joints that mimic others, by name
+    """
     kinds = [kind_of(m.joint.kind, options.continuous) for m in moving]
     bodies = blank(sum(kind.nv for kind in kinds))
     joints = [Joint("universe", "world", 0, 0, 0, 0, 0, 0, matrix_from_pose(identity_pose()), frozen(np.zeros(3)))]
@@ -278,6 +284,11 @@ def tabulate(
         at, row = at + nq, row + nv
     _put_couplings(bodies, moving, joints)
     _put_springs(bodies, moving, joints)
+    where = {joint.name: joint.row for joint in joints}
+    for name, mimic in (leaders or {}).items():
+        row = where[name]
+        bodies["leader"][row] = where.get(mimic.leader, 0)  # ``mimic_map`` refuses a leader that does not move
+        bodies["ratio"][row], bodies["offset"][row] = mimic.multiplier + 0.0, mimic.offset + 0.0
     bodies[0].q_index, bodies[0].dofs = at, len(joints)
     bodies[0].kind = table.ANY_NORM if options.any_norm else 0
     if options.any_norm and bodies["geared"].any():

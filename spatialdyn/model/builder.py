@@ -26,6 +26,8 @@ class ModelBuilder:
 
     def __init__(self, name: str = "robot", root: str = "base") -> None:
         """A robot of one link, the root, without inertia until ``set_inertia``."""
+        _check_text("name of the robot", name)
+        _check_text("root", root)
         self.name = name
         self._links: dict[str, Link] = {root: Link(root)}
         self._joints: list[RobotJoint] = []
@@ -33,7 +35,7 @@ class ModelBuilder:
 
     def set_inertia(self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> ModelBuilder:
         """Give a link its inertia: (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²])."""
-        if link not in self._links:
+        if not isinstance(link, str) or link not in self._links:
             raise ModelError(f'link "{link}" is not in robot "{self.name}"')
         self._links[link] = make_link(link, inertia)
         return self
@@ -75,8 +77,7 @@ class ModelBuilder:
         parent = self._root if parent is None else parent
         joint_name = f"{name}_joint" if joint_name is None else joint_name
         for what, given in {"name": name, "parent": parent, "joint": joint, "joint_name": joint_name}.items():
-            if not isinstance(given, str):
-                raise ModelError(f'{what} of link "{name}" is {given!r}, expected text')
+            _check_text(f'{what} of link "{name}"', given)
         if parent not in self._links:
             raise ModelError(f'link "{name}" has parent "{parent}", which robot "{self.name}" does not have')
         if name in self._links:
@@ -141,6 +142,7 @@ class ModelBuilder:
         Raises ModelError naming the joint and the value; a rotor without inertia has no motion of its own: rigid is the
         other limit, by an armature.
         """
+        _check_text("joint", joint)
         driven = next((j for j in self._joints if j.name == joint), None)
         if driven is None:
             raise ModelError(f'joint "{joint}" is not in robot "{self.name}"')
@@ -187,6 +189,11 @@ class ModelBuilder:
     def build(self, inertia: str = "warn", **options: Any) -> Model:
         """The Model; ``options`` are those of ``load_urdf``: root, gravity, continuous, mimic."""
         return assemble(self.robot(inertia), **options)
+
+
+def _check_text(what: str, given: Any) -> None:
+    if not isinstance(given, str):
+        raise ModelError(f"{what} is {given!r}, expected text")
 
 
 def _mimic(given: Any, what: str) -> Mimic | None:

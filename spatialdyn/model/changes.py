@@ -18,7 +18,7 @@ from .joint_rows import Joint, joint_transform
 from .physical_inertia import inertia_defect, parallel_axis
 from .robot import Link, Robot, RobotJoint, Rotor
 from .robot_checks import check_tree, floats, make_link, masked, missing, with_rotor
-from .transmission import Transmission
+from .transmission import Transmission, listed_transmissions
 
 Array = NDArray[np.float64]
 Model = Any  # of ``model``, which imports this module
@@ -48,7 +48,7 @@ def locked(model: Model, lock: Any) -> tuple[Robot, Options]:
 
 def subtree_robot(robot: Robot, link: str) -> Robot:
     """The robot of ``Model.subtree``."""
-    if link not in {x.name for x in robot.links}:
+    if not isinstance(link, str) or link not in {x.name for x in robot.links}:
         raise ModelError(missing("link", link, robot.name, [x.name for x in robot.links]))
     keep, children = {link}, robot.children
     queue = [link]
@@ -95,7 +95,7 @@ def changed(
         _refuse_shared(joints, name)
         bare = replace(joints[name], armature=0.0, rotor=None)
         joints[name] = bare if rotor is None else with_rotor(bare, rotor)
-    for transmission in transmissions:
+    for transmission in listed_transmissions(transmissions):
         joints.update(_driven(model, transmission, joints))
     links = {x.name: x for x in robot.links}
     child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
@@ -170,8 +170,6 @@ def _moved(placement: tuple[float, ...], X: Array) -> tuple[float, ...]:
 
 def _driven(model: Model, transmission: Transmission, joints: Mapping[str, RobotJoint]) -> dict[str, RobotJoint]:
     """The joints of a transmission with its inertias. Raises ModelError naming those it cannot drive."""
-    if not isinstance(transmission, Transmission):
-        raise ModelError(f"transmissions has {transmission!r}, expected a Transmission")
     B, names = transmission.reflected_inertia(), transmission.joints
     made: dict[str, RobotJoint] = {}
     for name, own in zip(names, B.diagonal(), strict=True):

@@ -95,6 +95,9 @@ class Model:
         """The Model of a checked robot; ``assemble`` takes the options one by one."""
         if hasattr(self, "key"):
             raise AttributeError("a Model is immutable: it cannot be made again")
+        if not isinstance(robot, Robot) or not isinstance(options, Options):
+            given = f"a {type(robot).__name__} and a {type(options).__name__}"
+            raise ModelError(f"a Model is made of {given}, expected a Robot and Options: assemble(robot) makes one")
         self._hold(tables(robot, options), options)
 
     def _hold(self, made: Tables, options: Options) -> None:

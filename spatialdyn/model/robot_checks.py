@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -20,6 +21,7 @@ from .physical_inertia import inertia_defect, nearest_physical, shown_moments, s
 from .robot import JOINT_KINDS, WITH_AXIS, Link, Robot, RobotJoint, Rotor, Spring
 
 Array = NDArray[np.float64]
+_NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan)", re.IGNORECASE)
 GIMBAL = 1e-9  # cosine of the pitch: below it roll and yaw are one rotation
 
 
@@ -129,6 +131,11 @@ def check_inertias(
     end = "" if policy == "repair" else ' (kept as they are; inertia="repair" projects them)'
     warnings.warn(f'robot "{robot.name}": {listed}{end}', stacklevel=stacklevel)
     return replace(robot, links=tuple(links), notes=robot.notes + tuple(found))
+
+
+def is_number(text: str) -> bool:
+    """Whether a text of a file is a number; ``float`` reads more as one, 1_0 and digits of any script."""
+    return _NUMBER.fullmatch(text) is not None
 
 
 def masked(value: Any, depth: int = 32) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError
-from .robot_checks import floats, masked
+from .robot_checks import floats
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Transmission:
             raise ModelError(f"{what} has {len(motors)} actuators, expected {k}")
         given = {"matrix": (matrix, k * k), "rotor_inertia": (rotor_inertia, k), "offset": (offset, k)}
         for name, (value, count) in given.items():
-            x = np.zeros(count) if value is None else np.array(floats(_plain(value), count, f"{what} has {name}"))
+            x = np.zeros(count) if value is None else np.array(floats(value, count, f"{what} has {name}"))
             if not np.isfinite(x).all():
                 raise ModelError(f"{what} has {name} {x.tolist()}, expected finite numbers")
             x = x.reshape(k, k) if name == "matrix" else x
@@ -103,12 +103,23 @@ class Transmission:
 
 
 def _names(what: str, value: Any) -> tuple[str, ...]:
-    names = (value,) if isinstance(value, str) else tuple(value)
+    try:
+        names = (value,) if isinstance(value, str) else tuple(value)
+    except TypeError:
+        names = ()
     if not names or not all(isinstance(x, str) for x in names) or len(set(names)) < len(names):
         raise ModelError(f"{what} of a transmission are {value!r}, expected names, each once")
     return names
 
 
-def _plain(value: ArrayLike) -> Any:
-    """A value that ``floats`` reads: arrays of any shape, masked ones as they are."""
-    return value if masked(value) else np.ravel(np.asarray(value, dtype=object) if isinstance(value, str) else value)
+def listed_transmissions(given: Any) -> list[Transmission]:
+    """One Transmission, or several, as a list. Raises ModelError for anything else."""
+    expected = "expected a Transmission or several"
+    try:
+        listed = [given] if isinstance(given, Transmission) else list(given)
+    except TypeError:
+        raise ModelError(f"transmissions is {given!r}, {expected}") from None
+    for x in listed:
+        if not isinstance(x, Transmission):
+            raise ModelError(f"transmissions has {x!r}, {expected}")
+    return listed

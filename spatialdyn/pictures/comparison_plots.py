@@ -9,18 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accuracy.results import Tradeoff
+from ..calls.arguments import as_items
 from ..calls.dynamics import calls
 from ..errors import SpatialDynError
+from ..simulation.energy import scale_of
 from ..simulation.rollout_result import Rollout
 from ..simulation.trajectory import Trajectory
 from .coordinates import UNITS, Coordinate, by_unit, chosen, coordinates, title
 from .figures import check_path, colours, plain, written
-from .panels import Panel, dash_of_run, drift, grid, heading, logarithmic, names_of
+from .panels import Panel, dash_of_run, drift, grid, heading, least_span, logarithmic, names_of, padded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
+SHARE = 1e-3  # of the energy that a motion exchanges: a smaller change is seen as drift alone
 COMPARED = ("q", "v", "tau", "p", "energy", "difference")
 
 
@@ -112,10 +115,10 @@ def _runs_of(runs: Any) -> list[Trajectory]:
 def _labels(runs: Sequence[Trajectory], labels: Any) -> list[str]:
     """Names of runs: those given, or as much of method and step as tells them apart."""
     if labels is not None:
-        words = [labels] if isinstance(labels, str) else list(labels)
+        words = as_items("labels", labels, str, "names of the runs")
         if len(words) != len(runs):
             raise SpatialDynError(f"labels has {len(words)} names, expected {len(runs)}")
-        return [str(word) for word in words]
+        return words
     words = [f"{run.method}, dt {run.dt:g} s" for run in runs]
     return [f"{word} ({k})" if words.count(word) > 1 else word for k, word in enumerate(words, start=1)]
 
@@ -127,6 +130,11 @@ def _model_of(runs: Sequence[Trajectory]) -> Any:
 def _side_by_side(runs: Sequence[Trajectory], name: str, joints: Any, words: Sequence[str]) -> list[Panel]:
     """A panel for each column, a line for each run."""
     model, count = _model_of(runs), getattr(runs[0], name).shape[1]
+    columns = chosen(coordinates(model, name, count), model, joints)
+    values = np.concatenate([getattr(run, name) for run in runs])
+    least = {
+        unit: least_span(model, unit, values[:, [x.column for x in group]]) for unit, group in by_unit(columns).items()
+    }
 
     def panel(x: Coordinate) -> Panel:
         def draw(axes: Axes, ink: Sequence[Any]) -> None:
@@ -135,10 +143,11 @@ def _side_by_side(runs: Sequence[Trajectory], name: str, joints: Any, words: Seq
             for k, (run, colour) in enumerate(zip(runs, ink, strict=True)):
                 y = getattr(run, name)[:, x.column]
                 axes.plot(run.t, y, color=colour, linestyle=dash_of_run(k), linewidth=1.2)
+            axes.set_ylim(*padded(values[:, x.column], least[x.unit]))
 
         return Panel(f"{name} of {x.label}", draw, words)
 
-    return [panel(x) for x in chosen(coordinates(model, name, count), model, joints)]
+    return [panel(x) for x in columns]
 
 
 def _energies(runs: Sequence[Trajectory], words: Sequence[str]) -> list[Panel]:
@@ -147,12 +156,21 @@ def _energies(runs: Sequence[Trajectory], words: Sequence[str]) -> list[Panel]:
         axes.set_ylabel("T + V [J]")
         for k, (run, colour) in enumerate(zip(runs, ink, strict=True)):
             axes.plot(run.t, run.energy, color=colour, linestyle=dash_of_run(k), linewidth=1.2)
+        axes.set_ylim(*padded(np.concatenate([run.energy for run in runs]), SHARE * max(map(_energy_scale, runs))))
 
     def change(axes: Axes, ink: Sequence[Any]) -> None:
         heading(axes, "drift of energy")
         drift(axes, runs, ink)
 
     return [Panel("energy [J]", total, words), Panel("drift [J]", change, words)]
+
+
+def _energy_scale(run: Trajectory) -> float:
+    """How much energy a motion exchanges [J], or without its model the energy itself."""
+    if run.model is None:
+        return float(abs(run.energy).max())
+    T = np.asarray(calls["kinetic_energy"](run.model, run.q, run.v))
+    return float(scale_of(T, run.energy - T)[-1])
 
 
 def _differences(runs: Sequence[Trajectory], joints: Any, words: Sequence[str]) -> list[Panel]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,6 +19,21 @@ Array = NDArray[np.float64]
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5")
 FPS = 60.0  # pictures a second while a motion plays
 SMOOTH = 1000  # steps of a slider
+
+
+def weakly(method: Callable[..., Any]) -> Callable[..., None]:
+    """A bound method that does not keep its object alive: the server holds controls, and ends with the scene.
+
+    Called after its object is gone, it does nothing.
+    """
+    found = weakref.WeakMethod(method)
+
+    def call(*arguments: Any) -> None:
+        alive = found()
+        if alive is not None:
+            alive(*arguments)
+
+    return call
 
 
 class Sliders:

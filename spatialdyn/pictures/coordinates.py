@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from ..bodies.kinds import ANGLE, PAIR, kind_of
 from ..errors import SpatialDynError
 from ..model.model import Model
+from .inertia_shapes import reach
 
 UNITS = {  # of an angular and of a linear part
     "q": ("rad", "m"), "v": ("rad/s", "m/s"), "p": ("kg m²/s", "kg m/s"), "tau": ("N m", "N"),
@@ -74,6 +75,15 @@ def _of_freedoms(model: Model, quantity: str) -> Iterator[Coordinate]:
             limit = math.inf if limits is None else float(limits[at])
             label = joint.name if len(parts) == 1 else f"{joint.name} {part}"
             yield Coordinate(at, joint.name, label, linear if k < kind.lengths else angular, -limit, limit)
+
+
+def natural_scale(model: Model | None, unit: str) -> float:
+    """The size of a quantity that a robot's mass, its reach and a second make, in its unit; 0 without a model."""
+    if model is None:
+        return 0.0
+    length, mass = reach(model.robot), float(model.total_mass)
+    factors = {"rad": 0, "m": 1, NORMED: 0, "rad/s": 0, "m/s": 1, "kg m²/s": 2, "kg m/s": 1, "N m": 2, "N": 1, "J": 2}
+    return length ** factors[unit] * (mass if unit in (*UNITS["p"], *UNITS["tau"], "J") else 1.0)
 
 
 def chosen(columns: Sequence[Coordinate], model: Model | None, joints: Any) -> list[Coordinate]:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import SpatialDynError
+from ..calls.files import check_ending
+from ..errors import SpatialDynError, pip_install
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +39,7 @@ FAINT = "0.55"  # the grey of limits and fronts
 NOTEBOOK_DPI = 160  # of a picture in a notebook, which is shown at
 SHOWN_DPI = 80
 FILE_DPI = 130
-FORMATS = ("png", "svg", "pdf", "jpg", "webp")  # a single picture: a GIF is expected to move
+ENDINGS = (".png", ".svg", ".pdf", ".jpg", ".jpeg", ".webp", ".eps", ".tif", ".tiff")  # a GIF is expected to move
 
 
 def colours(count: int) -> list[Any]:
@@ -61,7 +62,7 @@ def need_matplotlib() -> Any:
         import matplotlib.colors
         import matplotlib.figure
     except ImportError as error:
-        raise SpatialDynError('matplotlib is not installed; pip install "spatialdyn[plot]"') from error
+        raise SpatialDynError(f"matplotlib is not installed; {pip_install('plot')}") from error
     return matplotlib
 
 
@@ -89,10 +90,8 @@ def svg_of(figure: Figure) -> str:
 
 
 def check_path(path: Any) -> Any:
-    """A file name, an open file or None. Raises SpatialDynError for anything else."""
-    if not (path is None or isinstance(path, str) or hasattr(path, "__fspath__") or hasattr(path, "write")):
-        raise SpatialDynError(f"path is {path!r}, expected the name of a file")
-    return path
+    """A name that ends as a picture does, an open file or None. Raises SpatialDynError for anything else."""
+    return None if path is None else check_ending("path", path, ENDINGS)
 
 
 def written(figure: Figure, path: Any) -> Figure:

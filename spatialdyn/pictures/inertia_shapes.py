@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ..model.physical_inertia import inertia_defect
 from ..model.robot import Link, Robot
-from .shapes import Color, Shape, box, cylinder, sphere
+from .mesh_files import Color
+from .shapes import Shape, box, cylinder, sphere
 
 Array = NDArray[np.float64]
 BOX: Color = (0.35, 0.55, 0.85, 0.3)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.arguments import as_word
 from ..errors import SpatialDynError
 from ..simulation.ledger import EnergyLedger
 from .figures import DASHES, FAINT, check_path, dash, legend, plain, tidy, written
-from .panels import Panel, fit_legends, logarithmic, shades, stacked, time_axis
+from .panels import Panel, fit_legends, least_span, logarithmic, padded, shades, stacked, time_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 ENERGY = "change of T + V"
+RESTING = 1e-12  # J: smaller works are rounding errors
 
 
 def plot_ledger(ledger: EnergyLedger, kind: str | None, ax: Any, path: Any) -> Figure:
@@ -26,8 +28,8 @@ def plot_ledger(ledger: EnergyLedger, kind: str | None, ax: Any, path: Any) -> F
     check_path(path)
     if not len(ledger.t):
         raise SpatialDynError(f"ledger of {ledger.robot} is empty, expected samples to draw")
-    if kind is not None and kind not in ledger.work:
-        raise SpatialDynError(f"kind is {kind!r}, expected one of {', '.join(ledger.work)}")
+    if kind is not None:
+        as_word("kind", kind, ledger.work)
     if kind is None:
         lines = {f"work of {name}": x.sum(axis=1) for name, x in ledger.work.items()}
         shown, heading = {ENERGY: ledger.change, **lines}, "energy and work [J]"
@@ -39,6 +41,8 @@ def plot_ledger(ledger: EnergyLedger, kind: str | None, ax: Any, path: Any) -> F
         axes.set_ylabel(heading)
         axes.axhline(0.0, color=FAINT, linewidth=0.8)
         handles = _lines(axes, ledger.t, shown, ink)
+        values = np.array([*shown.values()])
+        axes.set_ylim(*padded(values, max(least_span(None, "J", values), RESTING)))
         legend(axes, handles, list(shown))
 
     def error(axes: Axes, ink: Sequence[Any]) -> None:

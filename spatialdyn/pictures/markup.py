@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from itertools import islice
 
+PAGE_FILES = (".html", ".htm")  # endings of names
 BORDER = "border-bottom:1px solid #8884;padding:1px 10px 1px 0;vertical-align:top;"
 
 

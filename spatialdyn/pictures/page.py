@@ -16,13 +16,14 @@ import numpy as np
 
 from ..accuracy.findings import Diagnosis
 from ..accuracy.results import Tradeoff
+from ..calls.files import check_ending
 from ..engines.programs import host_cpu
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, pip_install
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from ..urdf.load import robot_names
-from .figures import check_path, need_matplotlib, svg_of
-from .markup import bullets, code, facts, line
+from .figures import need_matplotlib, svg_of
+from .markup import PAGE_FILES, bullets, code, facts, line
 from .notebook import (
     digits_tables,
     findings_table,
@@ -154,7 +155,7 @@ def player(run: Trajectory) -> str:
 
         from .scene import view
     except ImportError:
-        return '<p class="note">The player needs viser: pip install "spatialdyn[view]", and make this report again.</p>'
+        return f'<p class="note">The player needs viser: {pip_install("view")}, and make this report again.</p>'
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of meshes that are missing: the page says it
@@ -165,8 +166,9 @@ def player(run: Trajectory) -> str:
             scene.close()
     except SpatialDynError as error:
         return f'<p class="note">{escape(f"There is no player: {error}")}</p>'
-    missing = line("boxes stand for meshes that are not drawn:") + bullets(scene.missing) if scene.missing else ""
-    return f'<iframe sandbox="allow-scripts" title="player" srcdoc="{escape(inner, quote=True)}"></iframe>{missing}'
+    lost = line("boxes stand for meshes that are not drawn:") + bullets(scene.missing) if scene.missing else ""
+    lost += line("of meshes that are broken in part the rest is drawn:") + bullets(scene.faulty) if scene.faulty else ""
+    return f'<iframe sandbox="allow-scripts" title="player" srcdoc="{escape(inner, quote=True)}"></iframe>{lost}'
 
 
 def _robot(model: Model | None, without: str) -> list[tuple[str, str]]:
@@ -231,10 +233,9 @@ def _load(model: Model | None, name: str) -> str:
 
 
 def _ready(path: Any) -> None:
-    """Raise SpatialDynError without matplotlib, or if path names no file."""
+    """Raise SpatialDynError without matplotlib, or if path names no page."""
     need_matplotlib()
-    if check_path(path) is None:
-        raise SpatialDynError("path is None, expected the name of a file")
+    check_ending("path", path, PAGE_FILES)
 
 
 def write(path: Any, title: str, subtitle: str, sections: list[tuple[str, str]]) -> None:
@@ -247,5 +248,5 @@ def write(path: Any, title: str, subtitle: str, sections: list[tuple[str, str]])
         else:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)
-    except OSError as error:
-        raise SpatialDynError(f"report cannot be written to {path}: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # the latter of a name that is none
+        raise SpatialDynError(f"report cannot be written to {path}: {getattr(error, 'strerror', error)}") from error

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
+from ..model.model import Model
 from ..simulation.trajectory import Trajectory
-from .coordinates import Coordinate
-from .figures import COLOURS, colours, dash, given_axes, legend_height, log_ticks, new_figure, plain, tidy
+from .coordinates import Coordinate, natural_scale
+from .figures import COLOURS, FAINT, LIMIT, colours, dash, given_axes, legend_height, log_ticks, new_figure, plain, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +23,8 @@ Draw = Callable[["Axes", Sequence[Any]], None]
 WIDTH = 7.5  # inches, of a figure of one column with a legend of
 BARE = 5.8  # inches less
 MOST = 24  # panels of a grid
+PAD = 0.06  # of the height of a panel: what is free above and below
+LEAST = 1e-9  # of a quantity's scale: smaller differences are no motion
 NEAR = 0.35  # of the height of a panel: limits as near to a motion are in view
 
 
@@ -122,21 +125,55 @@ def note(axes: Axes, text: str, color: str = "0.35") -> None:
     )
 
 
-def in_view(axes: Axes, values: Array, columns: Sequence[Coordinate]) -> bool:
-    """Scale the panel so that the motion fills it, with limits that lie near it; returns whether there are any."""
+def in_view(axes: Axes, values: Array, columns: Sequence[Coordinate], least: float) -> bool:
+    """Scale the panel so that the motion fills it, with limits that lie near it; returns whether there are any.
+
+    least  height below which the motion is drawn as none
+    """
     y = values[:, [x.column for x in columns]]
-    y = y[np.isfinite(y)]
-    if not y.size:
+    if not np.isfinite(y).any():
         return False
-    low, high = float(y.min()), float(y.max())
-    height = high - low or 2.0 * max(abs(high), 0.5)  # of a flat line: it is drawn in the middle
-    low, high = (low, high) if high > low else (low - 0.5 * height, high + 0.5 * height)
     limits = [limit for x in columns for limit in (x.lower, x.upper) if np.isfinite(limit)]
+    low, high = span(y, least)
+    height = high - low
     near = [x for x in limits if low - NEAR * height <= x <= high + NEAR * height]
     low, high = min([low, *near]), max([high, *near])
-    pad = 0.06 * (high - low or height)
-    axes.set_ylim(low - pad, high + pad)
+    axes.set_ylim(low - PAD * (high - low), high + PAD * (high - low))
     return bool(near)
+
+
+def span(y: Array, least: float) -> tuple[float, float]:
+    """The ends of an axis that shows finite values among y; a height up to ``least`` is a flat line in its middle."""
+    y = y[np.isfinite(y)]
+    low, high = float(y.min()), float(y.max())
+    if high - low > least:
+        return low, high
+    half = max(abs(low), abs(high), 0.5)
+    return low - half, high + half
+
+
+def padded(y: Array, least: float) -> tuple[float, float]:
+    """``span`` and a margin; 0 to 1 where nothing is finite."""
+    if not np.isfinite(y).any():
+        return 0.0, 1.0
+    low, high = span(y, least)
+    return low - PAD * (high - low), high + PAD * (high - low)
+
+
+def least_span(model: Model | None, unit: str, values: Array) -> float:
+    """The height of an axis below which values of a unit differ by rounding: a billionth of their scale."""
+    return LEAST * max(natural_scale(model, unit), float(abs(values[np.isfinite(values)]).max(initial=0.0)))
+
+
+def draw_limits(axes: Axes, columns: Sequence[Coordinate], ink: Sequence[Any]) -> None:
+    """The limits of columns, dotted in the colour of each, grey where columns share one."""
+    limits: dict[float, Any] = {}
+    for x, colour in zip(columns, ink, strict=True):
+        for limit in (x.lower, x.upper):
+            if np.isfinite(limit):
+                limits[limit] = FAINT if limit in limits else colour
+    for limit, colour in limits.items():
+        axes.axhline(limit, color=colour, linestyle=LIMIT, linewidth=0.9, gid="limit")
 
 
 def drift(axes: Axes, runs: Sequence[Trajectory], ink: Sequence[Any]) -> None:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from html import escape
 from typing import Any
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, pip_install
 
 PAUSE = 0.1  # [s] between two updates of a notebook's bar
 
@@ -30,7 +30,7 @@ def progress_bar(what: str) -> Iterator[Report]:
         from rich.console import Console
         from rich.progress import Progress as Bar
     except ImportError as error:
-        raise SpatialDynError('progress=True needs rich; pip install "spatialdyn[rich]" or pass a function') from error
+        raise SpatialDynError(f"progress=True needs rich; {pip_install('rich')} or pass a function") from error
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -8,36 +8,36 @@ from typing import Any
 
 from ..model.model import Model
 from .inertia_shapes import bars, inertia_boxes, joint_axes, reach
-from .shapes import KINDS, Folder, Geometry, Shape, urdf_shapes
-from .stage import warn_missing
+from .mesh_files import Folder
+from .shapes import KINDS, Geometry, Shape, urdf_shapes
+from .stage import warn_of
 
 SHAPES = (*KINDS, "inertia")
 
 
 def robot_shapes(model: Model, kind: str, urdf: Any = None, package_dirs: Sequence[Folder] = ()) -> Geometry:
-    """The shapes to draw, and what is missing, of which it warns; inertias stand for what has no geometry.
+    """The shapes to draw, and what is missing or faulty, of which it warns; inertias stand for what has no geometry.
 
     kind          one of SHAPES
     urdf          what ``load_urdf`` takes, to read the geometry from; by default the file that the model was read from
     package_dirs  folders that hold the packages of ``package://`` names
     """
     robot, links = model.robot, {link.name for link in model.robot.links}
-    source = urdf if urdf is not None else robot.source
-    if kind == "inertia" or not source:
-        return Geometry(_inertias(model), [])
+    source = urdf if urdf is not None else robot.source or None
+    if kind == "inertia" or source is None:
+        return Geometry(_inertias(model), [], [])
     if urdf is None and not os.path.isfile(source):
         missing = [f"{source} is not there any more"]
-        warn_missing(robot.name, missing)
-        return Geometry(_inertias(model), missing)
-    shapes, missing = urdf_shapes(source, kind, package_dirs)
+        warn_of(robot.name, missing)
+        return Geometry(_inertias(model), missing, [])
+    shapes, missing, faulty = urdf_shapes(source, kind, package_dirs)
     shapes = [shape for shape in shapes if shape.link in links]
-    if missing:
-        warn_missing(robot.name, missing)
+    warn_of(robot.name, missing, faulty)
     if not shapes:
-        return Geometry(_inertias(model), missing)
+        return Geometry(_inertias(model), missing, faulty)
     bare = links - {shape.link for shape in shapes}
     without = [link for link in robot.links if link.name in bare]
-    return Geometry(shapes + (inertia_boxes(without, reach(robot)) if missing else []), missing)
+    return Geometry(shapes + (inertia_boxes(without, reach(robot)) if missing else []), missing, faulty)
 
 
 def _inertias(model: Model) -> list[Shape]:

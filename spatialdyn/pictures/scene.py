@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 import time
 import weakref
 from collections.abc import Iterator, Sequence
@@ -14,17 +13,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, check_model
+from ..calls.arguments import as_array, as_flag, as_items, as_number, as_word, check_model
 from ..calls.dynamics import calls
+from ..calls.files import check_ending
+from ..engines import locks
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..simulation import Rollout, Trajectory
-from .controls import Player, Sliders, add_layers
+from .controls import Player, Sliders, add_layers, weakly
 from .inertia_shapes import reach
+from .markup import PAGE_FILES
+from .mesh_files import Color, Folder
 from .motions import Motion, frames, motion_of
 from .progress_bar import in_notebook, notebook_cell
 from .robot_shapes import SHAPES, robot_shapes
-from .shapes import Color, Folder, Shape
+from .shapes import Shape
 from .stage import HOST, PORT, Stage, has_screen, page_frame
 
 Array = NDArray[np.float64]
@@ -46,6 +49,7 @@ def view(
     urdf: Any = None,
     package_dirs: Sequence[Folder] | Folder = (),
     sample: int | None = None,
+    floor: float | None = 0.0,
     open: bool | None = None,
     host: str = HOST,
     port: int = PORT,
@@ -63,12 +67,15 @@ def view(
     package_dirs  folders that hold the packages of ``package://`` names; searched before ROS_PACKAGE_PATH and the
                   folders above the URDF
     sample        index of the sample to show; None shows the first solid and the next 15 pale
+    floor         its height in the world [m]; None draws none
     open          whether to open a tab of the browser; None opens one for a Model, not in a notebook, where the scene
                   shows itself, and not without a screen
     host, port    where viser listens for the browser, or at the next free port
 
-    Returns a Scene. A motion is shown by ``play`` and ``save``.
-    A mesh that is not found or cannot be read is named in ``scene.missing`` and in a warning.
+    Returns a Scene. Its page, at ``scene.url`` whether a tab opens or not, has a slider for each joint, or for the time
+    of a motion, which ``play`` and ``save`` show too.
+    A mesh that is not found or cannot be read is named in ``scene.missing`` and in a warning, one that is drawn without
+    what is broken in its file, such as materials, in ``scene.faulty`` and in a warning.
     Raises  SpatialDynError without viser, naming what to install, or naming a bad argument; UrdfError for a urdf that
             cannot be read; ShapeError, NonFiniteError for q.
 
@@ -85,13 +92,16 @@ def view(
             raise SpatialDynError(f"q is given beside a {type(robot).__name__}, expected one of them")
     else:
         model, given = check_model(robot), q
-    if shapes not in SHAPES:
-        raise SpatialDynError(f"shapes is {shapes!r}, expected one of {', '.join(SHAPES)}")
-    folders = (package_dirs,) if isinstance(package_dirs, (str, os.PathLike)) else tuple(package_dirs)
-    moves = isinstance(given, (Trajectory, Rollout)) or np.ndim(given) > 1
+    as_word("shapes", shapes, SHAPES)
+    folders = as_items("package_dirs", package_dirs, (str, os.PathLike), "folders")
+    if open is not None:
+        as_flag("open", open)
+    moves = isinstance(given, (Trajectory, Rollout)) or (given is not None and as_array("q", given).ndim > 1)
     motion = motion_of(model, given, dt, sample) if moves else None
+    if floor is not None and not np.isfinite(as_number(floor)):
+        raise SpatialDynError(f"floor is {floor!r}, expected its height in metres, or None")
     start: Any = motion.q[0, 0] if motion is not None else resting(model) if given is None else given
-    scene = Scene(model, start, motion, shapes, urdf, folders, host, port)
+    scene = Scene(model, start, motion, shapes, urdf, folders, floor, host, port)
     if open or (open is None and not moves and not in_notebook() and has_screen()):
         scene.open_tab()
     return scene
@@ -113,6 +123,7 @@ class Scene:
     q        (nq,) the configuration shown [rad | m]
     size     of the robot [m], by which arrows and frames are drawn
     missing  the meshes that are not drawn, a line each: the name in the URDF and why
+    faulty   the meshes that are drawn without what is broken in their files, likewise
     server   viser's server: ``server.scene`` and ``server.gui`` take anything else that is to be drawn
     stage    the bodies in it
     """
@@ -125,6 +136,7 @@ class Scene:
         shapes: str,
         urdf: Any,
         package_dirs: Sequence[Folder],
+        floor: float | None,
         host: str,
         port: int,
     ) -> None:
@@ -132,7 +144,7 @@ class Scene:
         self.model, self.motion, self.size = model, motion, reach(model.robot)
         self._kind, self._urdf, self._package_dirs = shapes, urdf, package_dirs
         X = self._poses(q)
-        drawn, self.missing = robot_shapes(model, shapes, urdf, package_dirs)
+        drawn, self.missing, self.faulty = robot_shapes(model, shapes, urdf, package_dirs)
         child = {joint.name: joint.child for joint in model.robot.joints}
         names = [
             child.get(joint.name, model.robot.root if joint.kind != "world" else "world") for joint in model.joints
@@ -151,12 +163,12 @@ class Scene:
         self._scales: dict[str, float] = {}  # metres of arrow for a newton, and for a newton metre
         self._com: Any = None
         self._traces = 0
-        self._controls: Sliders | Player | None = None
-        self._lock = threading.RLock()
+        self._lock = locks.new()
         self._shown_in: int | None = None  # cell of a notebook
-        self.q = np.zeros(model.nq)
+        self.q = np.array(as_array("q", q))
+        self._controls = self._add_controls()
         self.show(q)
-        self._frame_camera(X)
+        self._frame_camera(X, floor)
 
     # --- what is shown -------------------------------------------------------------------------------------
 
@@ -262,14 +274,13 @@ class Scene:
         return self.stage.url
 
     def open_tab(self) -> Scene:
-        """Open a tab of the browser, with a slider for each joint or for the time; returns the scene."""
-        self._add_controls()
+        """Open a tab of the browser; returns the scene, which lives until ``close`` from now on."""
+        self.stage.holds = self
         self.stage.open_tab()
         return self
 
     def wait(self) -> None:
         """Keep the page alive until Ctrl-C, which raises KeyboardInterrupt as ever."""
-        self._add_controls()
         while True:
             time.sleep(0.2)
 
@@ -317,9 +328,7 @@ class Scene:
 
         Raises  SpatialDynError for another ending, fps or speed, or if the file cannot be written.
         """
-        path = Path(path)
-        if path.suffix.lower() not in (".html", ".htm"):
-            raise SpatialDynError(f"path is {str(path)!r}, expected a name that ends in .html")
+        path = Path(check_ending("path", path, PAGE_FILES))
         text = self.html(fps, speed)
         try:
             path.write_text(text, encoding="utf-8")
@@ -331,6 +340,7 @@ class Scene:
         """End viser's server; the page stops answering."""
         if isinstance(self._controls, Player):
             self._controls.stop()
+        self.stage.holds = None
         self._stop()
 
     def __repr__(self) -> str:
@@ -347,7 +357,7 @@ class Scene:
             return None
         if self.motion is not None:
             return page_frame(self.html())
-        self._add_controls()
+        self.stage.holds = self
         return page_frame(self.url)
 
     # --- inside --------------------------------------------------------------------------------------------
@@ -375,8 +385,8 @@ class Scene:
         if self._com is not None:
             self._com.position = np.asarray(calls["center_of_mass"](self.model, self.q))
 
-    def _frame_camera(self, X: Array) -> None:
-        """Camera and floor for the pose, and for the motion where that stays within a few sizes of it."""
+    def _frame_camera(self, X: Array, floor: float | None) -> None:
+        """Floor, and camera for the pose, and for the motion where that stays within a few sizes of it."""
         first = self.stage.bounds(X)
         box, reachable = first.copy(), 4.0 * float(np.linalg.norm(first[1] - first[0]))
         if self.motion is not None:
@@ -388,7 +398,7 @@ class Scene:
                 whole = np.stack([np.minimum(box[0], here[0]), np.maximum(box[1], here[1])])
                 if np.linalg.norm(whole[1] - whole[0]) <= reachable:
                     box = whole
-        self.stage.look_at(box, float(box[0, 2]))
+        self.stage.look_at(box, None if floor is None else float(floor))
 
     def _steps(self, shown: NDArray[np.intp]) -> Iterator[None]:
         """Shows one configuration of the motion after another."""
@@ -401,18 +411,22 @@ class Scene:
                 self._place_com()
             yield
 
+    def _show_at(self, k: int) -> None:
+        """Show a configuration of the motion."""
+        next(self._steps(np.array([k])))
+
     # --- controls of the page ------------------------------------------------------------------------------
 
-    def _add_controls(self) -> None:
-        """Sliders, once: of the time for a motion, else one for each freedom; and what else can be shown."""
-        if self._controls is not None:
-            return
+    def _add_controls(self) -> Sliders | Player:
+        """Sliders: of the time for a motion, else one for each freedom; and what else can be shown."""
         gui = self.server.gui
-        if self.motion is not None:
-            self._controls = Player(gui, self.motion.t, lambda k: next(self._steps(np.array([k]))))
-        else:
-            self._controls = Sliders(gui, self.model, self.q, self.show)
-        add_layers(gui, LAYERS, self._kind, self._switch)
+        controls = (
+            Sliders(gui, self.model, self.q, weakly(self.show))
+            if self.motion is None
+            else Player(gui, self.motion.t, weakly(self._show_at))
+        )
+        add_layers(gui, LAYERS, self._kind, weakly(self._switch))
+        return controls
 
     def _switch(self, layer: str, on: bool) -> None:
         """Show a layer or hide it; it is drawn when it is first shown."""

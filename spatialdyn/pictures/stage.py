@@ -10,6 +10,7 @@ import atexit
 import html
 import os
 import re
+import socket
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -20,9 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, pip_install
 from ..model.robot_checks import quoted
-from .shapes import Color, Shape
+from .mesh_files import Color
+from .shapes import Shape
 
 Array = NDArray[np.float64]
 HOST, PORT = "127.0.0.1", 8080
@@ -48,6 +50,7 @@ class Stage:
         self._at_exit = partial(stop_silently, self.server)
         if self.own:
             atexit.register(self._at_exit)  # before viser's own, which prints
+        self.holds: Any = None  # what lives as long as the server
         self.shown = np.tile(np.eye(4), (len(bodies), 1, 1))
         self._nodes: list[str] = []
         self._handles: list[Any] = []
@@ -156,8 +159,8 @@ class Stage:
 
     # --- camera and floor ----------------------------------------------------------------------------------
 
-    def look_at(self, box: Array, floor: float) -> None:
-        """Point the camera at a box (2, 3), all of it in view, and lay the floor at a height [m]."""
+    def look_at(self, box: Array, floor: float | None) -> None:
+        """Point the camera at a box (2, 3), all of it in view, and lay the floor at a height [m], if any."""
         middle, radius = box.mean(0), max(0.5 * float(np.linalg.norm(box[1] - box[0])), 1e-6)
         away = 1.1 * radius / np.sin(0.5 * FIELD)
         camera = self.server.initial_camera
@@ -166,6 +169,8 @@ class Stage:
         camera.position = middle + away * VIEW / np.linalg.norm(VIEW)
         for client in self.server.get_clients().values():
             client.camera.look_at, client.camera.position = camera.look_at, camera.position
+        if floor is None:
+            return
         cell = 10.0 ** np.round(np.log10(radius) - 0.6)
         self.server.scene.add_grid(
             "/floor", plane="xy", infinite_grid=True, cell_size=cell, section_size=5.0 * cell,
@@ -216,17 +221,30 @@ def viser_module() -> Any:
         import viser
         import viser.transforms
     except ImportError as error:
-        raise SpatialDynError(f'{error.name} is not installed; pip install "spatialdyn[view]"') from error
+        raise SpatialDynError(f"{error.name} is not installed; {pip_install('view')}") from error
     return viser
 
 
 def started(host: str, port: int) -> Any:
     """A new viser server at a port, or the next that is free, which prints nothing."""
     viser = viser_module()
+    _check_address(host, port)
     with silence():
         server = viser.ViserServer(host=host, port=port, label="spatialdyn", verbose=False)
     server.gui.configure_theme(show_logo=False)
     return server
+
+
+def _check_address(host: Any, port: Any) -> None:
+    """Raise SpatialDynError unless a server can listen there: viser would wait for it for ever."""
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port < 1 << 16:
+        raise SpatialDynError(f"port is {port!r}, expected a whole number of 0 to 65535")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as trial:
+            trial.bind(address)
+    except (OSError, TypeError, UnicodeError) as error:
+        raise SpatialDynError(f"host is {host!r}, expected an address of this machine: {error}") from None
 
 
 def stop_silently(server: Any) -> None:
@@ -264,14 +282,20 @@ def page_frame(page: str, height: int = HEIGHT) -> str:
     return f'<iframe {attribute}="{html.escape(page)}" width="100%" height="{height}" style="border: 0"></iframe>'
 
 
-def warn_missing(robot: str, missing: Sequence[str]) -> None:
-    """Warn of meshes that are not drawn, with their number and names."""
-    many = f"{len(missing)} meshes are" if len(missing) > 1 else "1 mesh is"
-    warnings.warn(
-        f'robot "{robot}": {many} missing, boxes of inertia stand for them: {quoted(missing, 20)}; '
-        "package_dirs=[...] says where packages lie",
-        stacklevel=5,
-    )
+def warn_of(robot: str, missing: Sequence[str], faulty: Sequence[str] = ()) -> None:
+    """Warn of meshes that are not drawn, and of those drawn without what is broken, with their number and names."""
+    if missing:
+        many = f"{len(missing)} meshes are" if len(missing) > 1 else "1 mesh is"
+        warnings.warn(
+            f'robot "{robot}": {many} missing, boxes of inertia stand for them: {quoted(missing, 20)}; '
+            "package_dirs=[...] says where packages lie",
+            stacklevel=5,
+        )
+    if faulty:
+        many = f"{len(faulty)} mesh files are" if len(faulty) > 1 else "1 mesh file is"
+        warnings.warn(
+            f'robot "{robot}": {many} broken in part, what is sound is drawn: {quoted(faulty, 20)}', stacklevel=5
+        )
 
 
 def has_screen() -> bool:

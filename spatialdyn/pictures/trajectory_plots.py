@@ -13,8 +13,21 @@ from ..calls.dynamics import calls
 from ..errors import SpatialDynError
 from ..simulation.trajectory import Trajectory
 from .coordinates import SYMBOLS, UNITS, Coordinate, by_unit, chosen, coordinates, title
-from .figures import DASHES, FAINT, LIMIT, check_path, dash, legend, plain, tidy, written
-from .panels import Panel, drift, fit_legends, in_view, names_of, note, shades, stacked, time_axis
+from .figures import DASHES, FAINT, check_path, dash, legend, plain, tidy, written
+from .panels import (
+    Panel,
+    draw_limits,
+    drift,
+    fit_legends,
+    in_view,
+    least_span,
+    names_of,
+    note,
+    padded,
+    shades,
+    stacked,
+    time_axis,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +74,7 @@ def _states(run: Trajectory, name: str, joints: Any) -> list[Panel]:
         def draw(axes: Axes, ink: Sequence[Any]) -> None:
             axes.set_ylabel(title(name, unit))
             _lines(axes, run.t, values, group, ink)
-            if in_view(axes, values, group):
+            if in_view(axes, values, group, least_span(run.model, unit, values[:, [x.column for x in group]])):
                 note(axes, "dotted: limits")
 
         return Panel(f"{name} [{unit}]", draw, [x.label for x in group])
@@ -70,18 +83,13 @@ def _states(run: Trajectory, name: str, joints: Any) -> list[Panel]:
 
 
 def _lines(axes: Axes, t: Array, values: Array, columns: Sequence[Coordinate], ink: Sequence[Any]) -> None:
-    """A line for each column, its limits dotted in the same colour, grey where columns share one, and a legend."""
+    """A line for each column, its limits, and a legend."""
     lines = []
-    limits: dict[float, Any] = {}
     for k, (x, colour) in enumerate(zip(columns, ink, strict=True)):
         y = values[:, x.column]
         marker = "o" if len(t) == 1 else ""
         lines += axes.plot(t, y, color=colour, linestyle=dash(k, len(columns)), linewidth=1.3, marker=marker)
-        for limit in (x.lower, x.upper):
-            if np.isfinite(limit):
-                limits[limit] = FAINT if limit in limits else colour
-    for limit, colour in limits.items():
-        axes.axhline(limit, color=colour, linestyle=LIMIT, linewidth=0.9, gid="limit")
+    draw_limits(axes, columns, ink)
     legend(axes, lines, [x.label for x in columns])
 
 
@@ -100,6 +108,8 @@ def _energy(run: Trajectory, joints: Any) -> list[Panel]:
             for y, colour, style in zip(shown.values(), ink, styles, strict=True)
         ]
         legend(axes, lines, list(shown))
+        values = np.array([*shown.values()])
+        axes.set_ylim(*padded(values, least_span(run.model, "J", values)))
 
     def change(axes: Axes, ink: Sequence[Any]) -> None:
         drift(axes, [run], ink[-1:])
@@ -139,6 +149,10 @@ def _phase(run: Trajectory, joints: Any) -> list[Panel]:
                 axes.plot(q[0], run.v[0, x.column], "o", color=colour, markersize=5)
             legend(axes, lines, [x.label for x in group])
             note(axes, "dots: the beginning")
+            across = np.array([q for other, q in found if other in group])
+            upward = run.v[:, [x.column for x in group]]
+            axes.set_xlim(*padded(across, least_span(model, UNITS["q"][not angular], across)))
+            axes.set_ylim(*padded(upward, least_span(model, unit, upward)))
 
         return Panel(f"phase [{unit}]", draw, [x.label for x in group], over_time=False)
 

@@ -60,6 +60,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
+from .mimic import REDUCTION as REDUCTION
 from .spec import Spec
 
 SPECS: dict[str, Spec] = {

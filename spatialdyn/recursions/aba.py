@@ -24,7 +24,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import Scalar, inline
+from ..algebra.scalars import Scalar, inline, inline_or_by_rows
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -70,7 +70,7 @@ WORK_INVERSE = table_dtype(
 )
 
 
-@inline
+@inline_or_by_rows
 def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, a: Vector, pivots: Vector) -> None:
     """RBDA table 7.1 in body coordinates; fext may be None, for zero."""
     aba_inward(bodies, work, q, v, tau, fext, pivots)

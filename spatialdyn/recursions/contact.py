@@ -264,7 +264,7 @@ CONTACT_STEP = Spec(
     "contact_step", contact_step, WORK, (Q, V, TAU, DT, CONTACTS_ARGUMENT, None, MU, RESTITUTION),
     Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact``",
-    pivots=True, regroup=True,
+    pivots=True, regroup=True, composed=True,
     scratch=(
         ("nv", "nv"), (_ROWS, "nv"), (_ROWS, "nv"), (_ROWS,), (_ROWS,), ("np", 3, 3), (5, 3), ("np",), (5, 3),
         ("nl", "nl"), ("nl", "nl"), (3, "nl"), ("nl",), ("nl",), ("nl",), ("nl",), (_ROWS,), ("np", 3, 3),

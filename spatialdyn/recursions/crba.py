@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..algebra.records import inertia_of, motion_of, pose_of, put_inertia, table_dtype, vec_of
-from ..algebra.scalars import inline
+from ..algebra.scalars import inline_or_by_rows
 from ..algebra.spatial import Inertia, Pose, add_inertia, force_to_parent, inertia_to_parent, momentum, power
 from ..bodies.joints import place_joint
 from ..bodies.kinds import CONTINUED
@@ -17,7 +17,7 @@ WORK = table_dtype(
 )
 
 
-@inline
+@inline_or_by_rows
 def crba(bodies: Bodies, work: Work, q: Config, M: Matrix) -> None:
     """RBDA table 6.2 in body coordinates; both triangles of M are written."""
     n = len(bodies) - 1

@@ -45,7 +45,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inline
+from ..algebra.scalars import inline, inline_or_by_rows
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -305,7 +305,7 @@ def aba_derivatives(
     _times_inverse(inverse, D)
 
 
-@inline
+@inline_or_by_rows
 def aba_derivatives_by_factor(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, D: Array, pivots: Vector, a: Vector,
     inverse: Matrix,

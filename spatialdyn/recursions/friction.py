@@ -290,7 +290,7 @@ LAW = (COULOMB, VISCOUS, STATIC, STRIBECK)
 FRICTION_TORQUE = Spec(
     "friction_torque", friction_torque, None, (V, *LAW, SMOOTHING),
     Argument("friction", ("nv",), "N m | N", "friction torques"),
-    "Friction torques -F(v) sgn v - b v.", "see ``recursions.friction``",
+    "Friction torques -F(v) sgn v - b v.", "see ``recursions.friction``", composed=True,
 )  # fmt: skip
 FRICTION_REGRESSOR = Spec(
     "friction_regressor", friction_regressor, None, (V,),
@@ -301,11 +301,11 @@ FRICTION_STEP = Spec(
     "friction_step", friction_step, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, *LAW),
     Argument("after", (3, "nv"), "", "velocities after a step, violation of Coulomb's law, dry friction torque"),
     "A step of the velocities under dry friction and damping.", "see ``recursions.friction``", pivots=True,
-    regroup=True, scratch=(("nv", "nv"), ("nv", "nv")),
+    regroup=True, scratch=(("nv", "nv"), ("nv", "nv")), composed=True,
 )  # fmt: skip
 BRISTLE_STEP = Spec(
     "bristle_step", bristle_step, WORK, (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, *LAW, STIFFNESS, DAMPING),
     Argument("after", (2, "nv"), "rad/s | m/s", "velocities and bristles after a step"),
     "A step of the velocities under LuGre friction.", "see ``recursions.friction``", pivots=True, regroup=True,
-    scratch=(("nv", "nv"),),
+    scratch=(("nv", "nv"),), composed=True,
 )  # fmt: skip

@@ -21,7 +21,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inline
+from ..algebra.scalars import inline, inline_or_by_rows
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -116,7 +116,7 @@ def velocity_from_momentum(bodies: Bodies, work: Work, q: Config, p: Vector, v: 
     aba_outward(bodies, work, None, zero(), v)
 
 
-@inline
+@inline_or_by_rows
 def momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dp: Vector) -> None:
     """ṗ = Cᵀ v + τ - g + Σ Jᵀ fext; tau, fext may be None, for zero. The poses are computed first."""
     for i in range(1, len(bodies)):
@@ -141,7 +141,7 @@ def hamilton_field(
     rate(bodies, work, v, tau, vec_of(bodies[0].gravity), fext, dp)
 
 
-@inline
+@inline_or_by_rows
 def hamilton_rows(
     bodies: Bodies, work: Work, q: Config, p: Vector, tau: Vector, fext: Matrix, rates: Matrix, pivots: Vector
 ) -> None:

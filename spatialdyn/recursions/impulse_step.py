@@ -456,7 +456,7 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         "_".join(["impulse_step", *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
-        "see ``recursions.impulse_step``", pivots=True, regroup=True,
+        "see ``recursions.impulse_step``", pivots=True, regroup=True, composed=True,
         scratch=(
             ("nv", "nv"), (rows, "nv"), (rows, "nv"), (rows,), (rows,), (rows,), ("np", 3, 3), ("np",), (rows, rows),
             (rows,), (rows,), (rows,), (rows,), (rows,), (rows,), (5, 3), (rows, 3), (5, 3), ("nl+nd",), ("nl+nd",),

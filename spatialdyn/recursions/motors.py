@@ -81,4 +81,5 @@ MOTOR_LIMITS = Spec(
     "motor_limits", motor_limits, None, (V, STALL, DAMPING, MOST, EFFICIENCY, LIMIT),
     Argument("limits", (2, "nv"), "N m | N", "least and largest torques"),
     "Limits of the torques of motors at velocities.", "after the equations of a DC motor, V = R i + k_e ω, τ = k_t i",
+    composed=True,
 )  # fmt: skip

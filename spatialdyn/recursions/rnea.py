@@ -17,7 +17,7 @@ from ..algebra.euclidean import (
 )
 from ..algebra.public_arrays import read_force
 from ..algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, put_vec, table_dtype, vec_of
-from ..algebra.scalars import inline
+from ..algebra.scalars import inline, inline_or_by_rows
 from ..algebra.spatial import Force, Inertia, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ..bodies.joints import joint_motion, place_joint
 from .rnea_off_norm import add_off_norm_forces
@@ -34,7 +34,7 @@ WORK = table_dtype(
 )
 
 
-@inline
+@inline_or_by_rows
 def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matrix, tau: Vector) -> None:
     """RBDA table 5.1 in body coordinates and classical accelerations; v, a, fext may be None, for zero.
 

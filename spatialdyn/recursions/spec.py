@@ -63,7 +63,7 @@ class Argument:
 
 
 class MassMatrix(Protocol):
-    """M(q) of some samples of a model with mimic joints, and public calls: what a ``through_M`` needs."""
+    """M(q) of some samples of a model with mimic joints, and other recursions: what a ``through_M`` needs."""
 
     @property
     def inverse(self) -> Array:
@@ -73,7 +73,7 @@ class MassMatrix(Protocol):
         """M⁻¹ x (samples, nv)."""
 
     def call(self, name: str, *inputs: Array) -> Array:
-        """The public call of that name at these inputs, optional ones last; None for an input left out."""
+        """The result of the call of that name at these inputs, optional ones last; None for an input left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +89,8 @@ class Spec:
     through_M   ``through_M(M, *inputs)``: the output of samples (samples, ...) of a model with mimic joints, by its
                 MassMatrix, because M⁻¹ there is no recursion over the tree; a tuple has the parts along the output's
                 first axis. Every Spec with pivots has one.
+    composed    the recursion is made of others and walks no tree itself: with mimic joints it takes the model's own
+                coordinates, and those others are reduced by G
     regroup     the output is unchanged when inertias are regrouped towards the root: it describes no single body
     lacks       columns of the table whose terms the recursion has not: a model with some is refused
     residual    of a call that solves, two names: of the call that gives its input back from its output, as rnea gives
@@ -112,6 +114,7 @@ class Spec:
     parts: tuple[Argument, ...] = ()
     lacks: tuple[str, ...] = ()
     residual: tuple[str, ...] = ()
+    composed: bool = False
 
     @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:

@@ -340,7 +340,7 @@ STEPS = {
     name: Spec(
         f"{name}_derivatives", recursion, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, *RUBBING), DERIVATIVES,
         f"Derivatives of a step by {name}.", _SOURCE, pivots=True, regroup=True,
-        term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH,
+        term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH, composed=True,
     )
     for name, recursion in _EXPLICIT.items()
 }  # fmt: skip
@@ -352,5 +352,5 @@ MOTION = Spec(
     "motion_derivatives", motion_derivatives, WORK, (Q, V, TAU, FEXT_OPTIONAL, *RUBBING),
     replace(DERIVATIVES, meaning="derivatives of the rates of q and v by q, v and tau"),
     "Derivatives of the equation of motion.", _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3,
-    scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv"), (2, "nv")),
+    scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv"), (2, "nv")), composed=True,
 )  # fmt: skip

@@ -19,9 +19,10 @@ from ..bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
-from ..errors import NonFiniteError, SimulationError, SpatialDynError
+from ..errors import NonFiniteError, SimulationError, SpatialDynError, pip_install
 from ..recursions.configuration import twist
 from .recorder import Recorder
+from .system import joint_table
 from .torques import Torque
 
 Array = NDArray[np.float64]
@@ -38,11 +39,11 @@ def run_adaptive(
     try:
         from scipy import integrate
     except ImportError as error:
-        raise SpatialDynError('SciPy is not installed; pip install "spatialdyn[simulation]"') from error
+        raise SpatialDynError(f"SciPy is not installed; {pip_install('simulation')}") from error
     solver = {"dop853": integrate.DOP853, "radau": integrate.Radau}[recorder.method.name]
     model, steps = recorder.model, recorder.steps
     nq, own, y = model.nq, model.nq + model.nv, np.concatenate([q, v, recorder.own])
-    rate = kernel(coordinate_rate, 1, 1, 1)
+    rate, table = kernel(coordinate_rate, 1, 1, 1), joint_table(model)
     dq = np.empty(nq)
 
     def slope(step: int) -> Callable[[float, Array], Array]:
@@ -53,7 +54,7 @@ def run_adaptive(
                 a = calls["aba"](model, q, v, tau, fext)
             except NonFiniteError as error:
                 raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
-            rate(getattr(model, numba_kernels.TABLE), q, v, dq)
+            rate(getattr(table, numba_kernels.TABLE), q, v, dq)
             return np.concatenate([dq, a, rates])
 
         return at

@@ -13,6 +13,7 @@ from ..calls.dynamics import calls
 from ..constraints.dynamics import constraint_jacobian
 from ..engines.compiled import numba_kernels
 from ..engines.programs import tracer
+from ..engines.programs.mimic_rows import rows_of
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.friction import DT
@@ -54,7 +55,7 @@ def check_carrying(control: Control | None, work: bool, method: str) -> None:
 
 def law_in_floats(control: Control, model: Model, total: int) -> Callable[[int, float], Law]:
     """``(step, h) -> law`` of floats, at the values of a step; ``total`` steps in all."""
-    rows, spec = tracer.table(model.bodies), control.spec
+    rows, spec = rows_of(tracer.table(model.bodies)), control.spec
     values, static = control.rows(model, 1, total), iter(control.static)
     cores = {OWN_INPUT + x.name: core_shape(model, x, control.static) for x in spec.present}
     fixed = {OWN_INPUT + x.name: _static_rows(next(static)) for x in spec.present if x.static}

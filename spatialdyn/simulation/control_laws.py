@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.static_table import StaticTable
-from ..calls.arguments import as_array, as_flag, core_shape
+from ..calls.arguments import as_array, as_flag, check_model, core_shape
 from ..engines.compiled.numba_kernels import variant
 from ..engines.programs import batch_kernels, recording, structure
+from ..engines.programs.mimic_rows import MimicRows
 from ..engines.programs.recording import Recording
 from ..engines.programs.tracer import evaluate
-from ..errors import ShapeError, SimulationError, SpatialDynError
+from ..errors import ModelError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
@@ -83,7 +84,7 @@ class Control:
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
         """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
         found = {}
-        for name, (x, core) in zip(self._given, self._cores(model), strict=True):
+        for name, (x, core) in zip(self._given, self._cores(check_model(model)), strict=True):
             found[f'{name} of spec "{self.spec.name}"'] = x.shape[: x.ndim - len(core)]
         return {name: lead for name, lead in found.items() if lead}
 
@@ -100,7 +101,7 @@ class Control:
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
         """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError."""
         found = {}
-        for name, (value, core) in zip(self._given, self._cores(model), strict=True):
+        for name, (value, core) in zip(self._given, self._cores(check_model(model)), strict=True):
             lead = value.shape[: value.ndim - len(core)]
             allowed = [(1, x) for x in (samples, steps)[max(0, 2 - len(lead)) :]]
             fits = len(lead) <= 2 and all(a in b for a, b in zip(lead, allowed, strict=True))
@@ -178,6 +179,13 @@ def evaluated(
         return evaluate(spec, rows, shape, inputs, np.zeros(len(rows) - 1, object), start)
     except SpatialDynError:
         raise
+    except AttributeError as error:
+        if not isinstance(rows, MimicRows):
+            raise
+        raise ModelError(
+            f'spec "{spec.name}" walks the tree of a robot with mimic joints ({error}), expected one of their own '
+            "coordinates: rnea, crba and aba may be called"
+        ) from None
     except (TypeError, ValueError, IndexError, ZeroDivisionError) as error:
         named = f'spec "{spec.name}": '
         kind = ZeroDivisionError if isinstance(error, ZeroDivisionError) else TypeError
@@ -339,4 +347,5 @@ def _torque(spec: Spec) -> Spec:
         given = {(x.name if x.name in OF_STEP else OWN_INPUT + x.name): y for x, y in zip(inputs, arrays, strict=False)}
         arrays[-1][:] = law_on(spec, rows, given)(given.get(Q.name), given.get(V.name), given.get(TAU.name), {})[0]
 
-    return Spec(f"{spec.name}_torque", recursion, None, inputs, TAU, spec.summary, spec.source, regroup=spec.regroup)
+    made = Spec(f"{spec.name}_torque", recursion, None, inputs, TAU, spec.summary, spec.source, regroup=spec.regroup)
+    return replace(made, composed=True)

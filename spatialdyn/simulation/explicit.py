@@ -39,6 +39,13 @@ def kernels(loaded: bool) -> ExplicitKernels:
     return ExplicitKernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
 
 
+def plain_kernels(loaded: bool) -> ExplicitKernels:
+    """The same in plain Python, which take the table itself."""
+    aba = numba_kernels.plain_kernel(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
+    integrate = numba_kernels.plain_kernel(SPECS["integrate"])
+    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, displacement_rate)
+
+
 def kernels_of(accelerate: Any) -> ExplicitKernels:
     """The kernels of these methods with another ``accelerate``, which may be a function of Python."""
     integrate = numba_kernels.sample_kernel(SPECS["integrate"])

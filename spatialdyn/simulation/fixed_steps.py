@@ -27,17 +27,21 @@ from .energy import FAST
 from .friction_steps import OWN, SMOOTH, UNSOLVED, VIOLATION, Rubbing, rubbing_kernels, smooth_kernel
 from .ledger import work_states
 from .methods import Method
+from .mimic_kernels import mimic_kernels
 from .program_steps import program, slice_of
 from .recorder import Recorder
 from .springs import sprung
 from .symplectic import SETTLED, SWEEPS
-from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
+from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, joint_table, units, user_torque
 from .torques import Torque
 from .traced_steps import carried_by
 
 Array = NDArray[np.float64]
 HELD_SYMPLECTIC = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.held_variational}
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
+PLAIN_STEPS = (
+    16  # in plain Python, beyond a program's range: a motion that diverges ends there, and compiles no kernels
+)
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
 
@@ -103,8 +107,9 @@ def run_fixed(
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
     status = np.zeros(3)
     forces = np.zeros((0, 6)) if fext is None else fext
+    table, mimics = joint_table(model), model.mimic_matrix is not None
     data = (
-        getattr(model, numba_kernels.TABLE),
+        getattr(table, numba_kernels.TABLE),
         torque.held,
         forces,
         units(model.bodies),
@@ -122,6 +127,8 @@ def run_fixed(
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
         if held is not None and not recorder.moves_p:
             own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
+        elif mimics:
+            own_kernels = mimic_kernels(model, family, fext)
         else:
             own_kernels = family.kernels(fext is not None)
         solved = touch is not None or (found is not None and found.way in OWN)
@@ -150,13 +157,21 @@ def run_fixed(
         mark()
         kernels()[1](system, t, h, state)
 
+    def marking_plain(system: System, t: float, h: float, state: State) -> None:
+        mark()
+        advance(system, t, h, state)
+
     def observing(system: System, t: float, state: State) -> None:
         family.observe(system, t, state)
         recorder.own_rows[recorder.at[1]] = own
 
-    def run(first: int, count: int, h: float) -> None:
+    def run(first: int, count: int, h: float, plain: bool) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if torque.compiled and acting._replace(pushed=False) == FREE:
+        if plain:
+            made = bare._replace(kernels=explicit.plain_kernels(fext is not None), table=model.bodies)
+            with np.errstate(all="ignore"):
+                drive(marking_plain, observing, made, state, *times)
+        elif torque.compiled and acting._replace(pushed=False) == FREE and not mimics:
             compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
         else:
             try:
@@ -169,6 +184,8 @@ def run_fixed(
 
     try:
         count, odd = 1 if at_once is None else STEPS, 0
+        simple = acting._replace(pushed=False) == FREE and family.kernels is explicit.kernels and not mimics
+        plain = PLAIN_STEPS if at_once is not None and simple else 0  # a number, so that no bits depend on a clock
         while (first := int(recorder.at[0])) < steps.total:
             began = time.perf_counter()
             h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
@@ -179,7 +196,9 @@ def run_fixed(
                     at_once = at_once if count > 1 else None
                     continue
             else:
-                run(first, count, h)
+                count = min(count, plain) if plain else count
+                run(first, count, h, plain > 0)
+                plain -= min(count, plain)
             mark()
             if touch is None and found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
                 raise SimulationError(

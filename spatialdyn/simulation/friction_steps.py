@@ -51,6 +51,8 @@ from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, dri
 from ..recursions.spec import Argument
 from . import ledger
 from .constrained import Held, Rows, bristles_held
+from .methods import integrators
+from .mimic_kernels import reduced_kernel
 from .springs import spring_kernel
 from .system import State, System, set_status
 
@@ -139,7 +141,8 @@ def rubbing(
             'friction and velocity together; any method but variational takes friction_method="smooth"'
         )
     if way == SMOOTH and method == "variational":
-        raise SimulationError('method is "variational", expected another with friction, such as gauss4')
+        others = ", ".join(name for name in integrators if name != method)
+        raise SimulationError(f'method is "variational", expected one of {others} with smooth friction')
     inputs = dict(zip(("coulomb", "viscous", "static", "stribeck"), given.law, strict=True))
     if way == SMOOTH:
         inputs["smoothing"] = _needed(given.smoothing, "smoothing", way)
@@ -264,7 +267,8 @@ def solver(
     loaded = [] if fext is None else [fext]
     implicit = found.way == IMPLICIT
     present = {*found.inputs, *(["fext"] if loaded else [])}
-    kernel = numba_kernels.sample_kernel(numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present))
+    spec = numba_kernels.variant(FRICTION_STEP if implicit else BRISTLE_STEP, present)
+    kernel = numba_kernels.sample_kernel(spec) if model.mimic_matrix is None else reduced_kernel(model, spec)
     law = dict(zip(found.inputs, found.values, strict=True))
 
     def solve(system: System, t: float, h: float, state: State, own: Any) -> tuple[Array, dict[str, Any], Any]:

@@ -40,8 +40,9 @@ from .canonical_coordinates import chart_rate, from_canonical
 from .compiled_loop import compile_loop, drive
 from .fixed_steps import failure_message
 from .methods import DISCRETE, Method
+from .mimic_kernels import mimic_kernels
 from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
-from .system import State, System, held_torque, units
+from .system import State, System, held_torque, joint_table, units
 from .variational import momenta_after, sum_before
 
 Array = NDArray[Any]
@@ -113,18 +114,18 @@ def momenta_at_both_ends(
 SLOPE = Spec(
     "canonical_slope", canonical_slope, WORK_FIELD, (Z, TAU, FEXT_OPTIONAL, CENTRES),
     Argument("dz", ("nv+nv",), "", "rates of canonical coordinates"), "Hamilton's equations in charts.",
-    "see ``simulation.canonical_coordinates``", scratch=(("nq",), ("nv",), (2, "nv"), ("nv",)),
+    "see ``simulation.canonical_coordinates``", scratch=(("nq",), ("nv",), (2, "nv"), ("nv",)), composed=True,
 )  # fmt: skip
 CHARTS = Spec(
     "chart_map", chart_map, None, (Z, Argument("v", ("nv",), "", ""), Argument("dp", ("nv",), "", ""), CENTRES),
     Argument("dz", ("nv+nv",), "", "change of canonical coordinates"), "The tangent map of charts.",
-    "see ``simulation.canonical_coordinates``", scratch=(("nq",), ("nv",)),
+    "see ``simulation.canonical_coordinates``", scratch=(("nq",), ("nv",)), composed=True,
 )  # fmt: skip
 MOMENTA = Spec(
     "momenta_at_both_ends", momenta_at_both_ends, WORK_MOMENTA, (Q, XI, TAU, FEXT_OPTIONAL, DT),
     Argument("p", (2, "nv"), "kg m²/s | kg m/s", "momenta before and after the step"),
     "Discrete Legendre transforms of ``variational``.", "see ``simulation.variational``",
-    scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",)),
+    scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",)), composed=True,
 )  # fmt: skip
 
 
@@ -216,7 +217,7 @@ def _canonical(
     """δq⁺ and δp⁺ (n, nv, 3 nv) of a method in canonical coordinates."""
     n, nv = len(q), model.nv
     z0, z1 = solved.z
-    centres = solved.centres.reshape((n, -1))
+    centres = solved.centres[:, : nv + 1].reshape((n, -1))  # rows of joints that mimic others follow
     spec, forces, still = _with_forces(SLOPE, fext)
     unit = np.broadcast_to(np.eye(3 * nv), (n, 3 * nv, 3 * nv))
 
@@ -306,8 +307,10 @@ def _solve(
     assert method.advance is not None
     nv, rows = model.nv, len(model.bodies)
     status, still = np.zeros(3), np.zeros(nv)
-    table, unit = getattr(model, numba_kernels.TABLE), units(model.bodies)
-    bare = System(family.kernels(fext is not None), held_torque, None, table, None, None, unit, still, None, status)
+    own, unit, mimics = joint_table(model), units(model.bodies), model.mimic_matrix is not None
+    table = getattr(own, numba_kernels.TABLE)
+    kernels = None if mimics else family.kernels(fext is not None)
+    bare = System(kernels, held_torque, None, table, None, None, unit, still, None, status)
     found: list[tuple[Array, ...]] = []
     unsolved: list[tuple[int, str]] = []
     for k in range(len(q)):
@@ -330,9 +333,11 @@ def _solve(
             np.empty((1, nv)),
         )
         system = bare._replace(held=data[1], fext=forces, tau=data[5])
+        if mimics:
+            system = system._replace(kernels=mimic_kernels(model, family, None if fext is None else forces))
         family.start(system, state)
         z = state.work[0].copy()
-        if numba_kernels.PLAIN:
+        if numba_kernels.PLAIN or mimics:
             with np.errstate(all="ignore"):
                 drive(method.advance, family.observe, system, state, *times)
         else:

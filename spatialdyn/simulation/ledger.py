@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..constraints.contact_points import Contacts
+from ..constraints.table import Constraints
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.spec import Argument
@@ -124,6 +126,9 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any
     found = {kind: trajectory.states[name] for name, kind in KINDS.items() if name in trajectory.states}
     if not found:
         raise SimulationError('trajectory has no work, expected one of simulate(..., record="work")')
+    for name, given, kind in (("constraints", constraints, Constraints), ("contacts", contacts, Contacts)):
+        if given is not None and not isinstance(given, kind):
+            raise SimulationError(f"{name} is {given!r}, expected the {kind.__name__} of the run, or None")
     equations = found.get("constraints")
     if constraints is not None and (equations is None or equations.shape[1] != constraints.nc):
         held = 0 if equations is None else equations.shape[1]

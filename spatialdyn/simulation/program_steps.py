@@ -2,7 +2,7 @@
 
 The choice between the two depends on the model, the method and the kind of torque, never on the number of steps: the
 program runs from the first step on if there is one. From the first step to which it has no answer (an angle beyond its
-range, a state that is not finite) the table kernel runs.
+range, a state that is not finite) the recursions run, a few steps in plain Python, then as table kernels.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from ..engines.numbers.double_double import (
     multiply,
     record_double_double,
 )
-from ..engines.programs.tracer import evaluate
+from ..engines.programs.mimic_rows import evaluate
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions import SPECS

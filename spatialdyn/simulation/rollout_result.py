@@ -100,17 +100,17 @@ class Rollout:
         self, what: str = "q", *, joints: str | Sequence[str] | None = None, sample: int | None = None,
         ax: Any = None, path: Any = None,
     ) -> Any:  # fmt: skip
-        """A Matplotlib Figure with the median and the 5 to 95 % band of each coordinate over time.
+        """A Matplotlib Figure with the median and the 5 to 95 % band of each coordinate, a panel for each unit.
 
         what    "q" or "v"
         joints  names of joints, by default all
         sample  number of a sample to draw beside them
-        ax      Matplotlib axes to draw into, one for each coordinate
-        path    a file to write
+        ax      Matplotlib axes to draw into, one for each panel
+        path    a file to write, by its ending PNG, SVG, PDF, ...
 
         Samples that are not finite are left out, and counted in the title.
-        Raises  SpatialDynError for another name or sample, a rollout that recorded "last" alone, more than 24
-                coordinates, and where matplotlib is not installed; ModelError for an unknown joint.
+        Raises  SpatialDynError for another name, sample or ending, a rollout that recorded "last" alone, and where
+                matplotlib is not installed; ModelError for an unknown joint.
         """
         from ..pictures.rollout_plots import plot_rollout
 

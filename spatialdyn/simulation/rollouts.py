@@ -114,8 +114,8 @@ def rollout(
             a law or cost that cannot be recorded
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ModelError for a model with mimic joints, a kp of a joint whose position is not one number, and more than 12
-            points in contact
+        ModelError for springs, constraints or points in contact with mimic joints, a kp of a joint whose position is
+            not one number, and more than 12 points in contact
         ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
             constraints where they contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
@@ -127,8 +127,7 @@ def rollout(
     >>> q.shape
     (100, 500, 2)
     """
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+    check_model(model)
     _choice("method", method, EXPLICIT_METHODS)
     if friction is None and (model.damping.any() or model.friction.any()):
         text = f'robot "{model.name}" has joint damping or friction, which rollout ignores unless friction=True'
@@ -164,7 +163,7 @@ def rollout(
         if constraints is not None and check_constraints(model, constraints).nc > recording.MOST_EQUATIONS:
             most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
             raise SimulationError(f"constraints have {constraints.nc} equations, {most}")
-        solved = contacts is not None or bool(limits) or (found is not None and found.way == IMPLICIT)
+        solved = contacts is not None or as_flag("limits", limits) or (found is not None and found.way == IMPLICIT)
         known = [*EXPLICIT_METHODS]
         held = held_by(model, constraints, stabilization, method, known, start[0], start[1], float(dt), solved)
     if found is not None:
@@ -290,7 +289,7 @@ def _every(record: int | str, steps: int) -> int:
     if isinstance(record, str) and record == "last":
         return max(1, steps)
     if isinstance(record, (int, np.integer)) and not isinstance(record, bool) and record >= 1:
-        return int(record)
+        return min(int(record), steps + 1)  # more have no sample either
     raise SimulationError(f'record is {record!r}, expected a whole number of steps or "last"')
 
 

@@ -17,11 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction
 from ..actuation.motors import Motor
-from ..calls.arguments import as_array, as_number, check_model
+from ..calls.arguments import as_array, as_flag, as_number, check_model
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..errors import (
-    ModelError,
     NonFiniteError,
     ShapeError,
     SimulationError,
@@ -39,7 +38,7 @@ from .contact_steps import touching
 from .control_laws import Control, check_control
 from .energy import exploded, scale_of
 from .fixed_steps import FREE, HELD_SYMPLECTIC, Effects, run_fixed
-from .friction_steps import IMPLICIT, rubbing, smooth_kernel
+from .friction_steps import IMPLICIT, SMOOTH, STEPPED, rubbing, smooth_kernel
 from .methods import Method, integrators
 from .recorder import Recorder, Steps
 from .springs import check_springs, has_springs
@@ -58,7 +57,7 @@ def simulate(
     v0: ArrayLike,
     duration: float,
     dt: float,
-    method: str = "rk4",
+    method: str | None = None,
     torque: ArrayLike | Callable[..., Any] | None = None,
     fext: ArrayLike | None = None,
     record: int | str | Sequence[int | str] | None = None,
@@ -83,7 +82,9 @@ def simulate(
     v0        (nv,)  joint velocities [rad/s | m/s]
     duration  [s]
     dt        [s]
-    method    a name in ``integrators``, whose table says what each costs and preserves:
+    method    None: rk4 where all forces are smooth, semi_implicit_euler where impulses act (contacts, limits, dry
+              friction, motors); the result names it. Or a name in ``integrators``, whose table says what each costs
+              and preserves:
               explicit_euler, semi_implicit_euler, velocity_verlet, rk4  in (q, v), explicit, not symplectic
               symplectic_euler, stormer_verlet, implicit_midpoint, gauss4, gauss6, variational  symplectic, implicit
               dop853, radau  SciPy's, with steps adapted to rtol and atol; dt is then the spacing of samples
@@ -144,7 +145,8 @@ def simulate(
     the table kernel. The choice, and so every bit of the result, does not depend on the number of steps.
 
     Returns Trajectory.
-    Raises  ShapeError; SpatialDynError for an invalid dt, duration or method; ModelError for mimic joints;
+    Raises  ShapeError; SpatialDynError for an invalid dt, duration or method; ModelError for springs, constraints
+            or points in contact with mimic joints;
             SimulationError for a friction_method that the method cannot take, or whose coefficients are missing; and,
             with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
@@ -165,6 +167,10 @@ def simulate(
     >>> bool(abs(run.energy - run.energy[0]).max() < 1e-5)
     True
     """
+    if method is None:
+        dry = friction is not None and friction is not False and friction_method != SMOOTH
+        acts = dry or contacts is not None or as_flag("limits", limits) or motor is not None
+        method = STEPPED if acts else "rk4"
     q, v, chosen, forces = _checked(model, q0, ("v0", v0), method, fext, friction is None)
     found = rubbing(model, friction, friction_method, method, as_number(dt), motor, drive)
     every, works = _wanted(record)
@@ -175,7 +181,7 @@ def simulate(
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
     known = [*EXPLICIT_METHODS, *HELD_SYMPLECTIC]
-    solved = contacts is not None or bool(limits) or (found is not None and found.way == IMPLICIT)
+    solved = contacts is not None or as_flag("limits", limits) or (found is not None and found.way == IMPLICIT)
     held = held_by(model, constraints, stabilization, chosen.name, known, q, v, as_number(dt), solved)
     if held is not None and chosen.name in HELD_SYMPLECTIC:
         rattle.check_symplectic(model, held, chosen.name)
@@ -239,8 +245,6 @@ def _checked(
     model: Model, q0: ArrayLike, moving: tuple[str, ArrayLike], method: str, fext: ArrayLike | None, warn: bool = True
 ) -> tuple[Array, Array, Method, Array | None]:
     check_model(model)
-    if model.mimic_matrix is not None:
-        raise ModelError(f'robot "{model.name}" has dependent mimic joints, expected none; load it with mimic=False')
     try:
         chosen = integrators[method]
     except (KeyError, TypeError):

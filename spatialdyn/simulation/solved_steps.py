@@ -18,7 +18,8 @@ from ..calls.dynamics import calls
 from ..constraints.dynamics import constraint_jacobian
 from ..engines import run
 from ..engines.compiled import numba_kernels
-from ..engines.programs.tracer import scratch
+from ..engines.programs.mimic_rows import rows_of
+from ..engines.programs.tracer import scratch, table
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constraint_rows import CONSTRAINTS_ARGUMENT
@@ -156,7 +157,9 @@ def solver(
     general = way is not None or held is not None
     rate = None if held is None else held.rate
     spec = spec_of(way, len(found.tables) > 1, held is not None, rate is not None, general and fext is not None)
+    once = once or model.mimic_matrix is not None  # whose reduced recursions have no table kernel
     kernel = None if once else numba_kernels.sample_kernel(spec)
+    rows = rows_of(table(model.bodies)) if once else None
     tables = {CONTACTS_ARGUMENT.name: found.table, HEIGHTS_ARGUMENT.name: found.tables[-1]}
     sizes: dict[str, int] = {"nv": model.nv, **found.table.sizes}
     if held is not None:
@@ -179,7 +182,7 @@ def solver(
             else:
                 more = [np.empty(shape) for shape in spec.extra_outputs({"nq": model.nq, **sizes})]
                 taken = [None if x is None else inputs[x.name] for x in spec.inputs]
-                spec.recursion(model.bodies, np.zeros(model.nv + 1, spec.work), *taken, *parts.values(), *more)
+                spec.recursion(rows, scratch(spec.work, model.nv + 1), *taken, *parts.values(), *more)
             return parts
 
         torques = {}

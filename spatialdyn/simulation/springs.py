@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
-from ..errors import SimulationError
+from ..errors import ModelError, SimulationError
 from ..model.model import Model
 from ..recursions.springs import SPRING_TORQUE, add_springs
 from .system import System
@@ -83,6 +83,8 @@ def check_springs(model: Model, method: str, q: Array, dt: float) -> None:
     """
     if not has_springs(model):
         return
+    if model.mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has springs and mimic joints, expected one of them (mimic=False)')
     if method in UNFIT:
         raise SimulationError(f'method is "{method}", expected another with springs, such as gauss4')
     if method not in STEPS or largest_factor(model, method, q, dt) <= 1.0 + GROWS:

@@ -21,9 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction
 from ..bodies.kinds import LENGTHS, NV
+from ..bodies.table import independent
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model, core_shape
 from ..calls.dynamics import calls, checked_call
-from ..errors import ModelError, SimulationError, SpatialDynError
+from ..errors import SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
 from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
@@ -50,7 +51,7 @@ def step_derivatives(
 
     Source: see ``recursions.step_derivatives`` and ``simulation.implicit_derivatives``.
 
-    model   Model without mimic joints and springs
+    model   Model without springs
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
@@ -72,7 +73,7 @@ def step_derivatives(
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array. NaN or infinity in a sample's state,
             torque or forces gives NaN in that sample alone, where it counts.
-    Raises  SpatialDynError for another method or a dt that is not finite; ModelError for mimic joints; SimulationError
+    Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
             for other friction, springs, an implicit step that does not converge, and a joint of several freedoms that
             turns by π or more in a step, each naming the first sample and how many; the errors of ``aba``.
 
@@ -150,7 +151,7 @@ def _checked(model: Model, friction: Any) -> tuple[tuple[slice, ...], tuple[Arra
         raise fault[0](fault[1])
     if isinstance(friction, Friction) and friction.smoothing is not None:
         given = friction.check(model)
-        return turns, (*given.law, friction.smoothing)
+        return turns, (*given.law, given.smoothing)
     if friction is not None and not (isinstance(friction, (bool, np.bool_)) and not friction):
         raise SimulationError(
             f"friction is {friction!r}, expected None, False or a Friction with smoothing: Coulomb's law has no "
@@ -174,13 +175,10 @@ def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tupl
     several freedoms; whether the URDF has friction.
     """
     fault: tuple[type[SpatialDynError], str] | None = None
-    if model.mimic_matrix is not None:
-        what = f'robot "{model.name}" has dependent mimic joints, expected none; load it with mimic=False'
-        fault = ModelError, what
-    elif has_springs(model):
+    if has_springs(model):
         fault = SimulationError, f'robot "{model.name}" has springs of series-elastic joints, expected none'
     turns = []
-    for i, row in enumerate(model.bodies[1:]):
+    for i, row in enumerate(independent(model.bodies)[1:]):
         if NV[row["kind"]] > 1:
             turns.append(slice(i + LENGTHS[row["kind"]], i + NV[row["kind"]]))
     return fault, tuple(turns), bool(model.damping.any() or model.friction.any())

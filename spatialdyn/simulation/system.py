@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.scalars import inline
+from ..bodies.table import independent
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import all_finite
+from ..model.model import Model
 
 OK, UNIT, PIVOT, NONFINITE = numba_kernels.OK, numba_kernels.UNIT, numba_kernels.PIVOT, numba_kernels.NONFINITE
 TORQUE, STALLED, TURNED = 5, 6, 7  # further status codes
@@ -28,7 +30,7 @@ class System(NamedTuple):
     kernels  NamedTuple of the family's kernels
     torque   ``torque(system, t, q, v)`` writes tau, and the status TORQUE if it is not finite
     user     the user's function that ``torque`` calls, None for torques held over a step
-    table    the model's table of bodies, as kernels take it
+    table    the model's ``joint_table``, as kernels take it
     held     (rows, nv) torques of the steps; the last row is held on
     fext     (njoints, 6), or (0, 6) without external forces
     unit     (2 nv,) weights that make freedoms, and momenta, comparable: ``units``
@@ -68,6 +70,19 @@ class State(NamedTuple):
     work: Any
 
 
+class JointTable(NamedTuple):
+    """The rows of a model's independent joints as kernels on the joints' group take them; see ``bodies.table``."""
+
+    bodies: NDArray[Any]
+    address: int
+
+
+def joint_table(model: Model) -> JointTable:
+    """Of a model without mimic joints, its whole table. Kernels read it as long as it is kept."""
+    own = independent(model.bodies)
+    return JointTable(own, own.ctypes.data)
+
+
 def units(bodies: Any) -> NDArray[np.float64]:
     """(2 nv,) weights: 1 for rotations, 1 / length of the robot for translations; the reciprocals for momenta.
 
@@ -80,7 +95,7 @@ def units(bodies: Any) -> NDArray[np.float64]:
     lengths += [np.sqrt(abs(heavy["I"][k] / heavy["m"])) for k in ("xx", "yy", "zz")]
     longest = max((float(x.max(initial=0.0)) for x in lengths), default=0.0)
     exponent = math.frexp(longest)[1] if longest > 0.0 else 0
-    w = bodies["S"]["w"][1:]
+    w = independent(bodies)["S"]["w"][1:]
     travels = (w["x"] == 0.0) & (w["y"] == 0.0) & (w["z"] == 0.0)
     each = np.where(travels, exponent, 0)
     made: NDArray[np.float64] = np.ldexp(1.0, np.concatenate([-each, each]))

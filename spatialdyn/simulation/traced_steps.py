@@ -178,7 +178,7 @@ def step_specs(
     return tuple(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
-            "A step of a rollout.", "see explicit", regroup=control is None or control.regroup,
+            "A step of a rollout.", "see explicit", regroup=control is None or control.regroup, composed=True,
         )
         for k, x in enumerate((Q, V, *own))
     )  # fmt: skip

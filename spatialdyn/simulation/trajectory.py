@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from os import PathLike
-from typing import Any
-from zipfile import BadZipFile
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.files import check_ending
 from ..errors import SpatialDynError
 from ..model.model import Model
 from .contact_record import ContactRecord
 
 Array = NDArray[np.float64]
+ARRAY_FILES = (".npz",)
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
-WORDS = ("method", "dt", "robot", "interrupted")
+AXES = (1, 2, 2, 2, 2, 1)  # of each
+WORDS = {"method": str, "dt": float, "robot": str, "interrupted": bool}
 STATE, CONTACT = "state ", "contact "  # before the names of states in a file, and of what was recorded of contacts
 SPRINGS = "spring_energy"
 
@@ -81,31 +86,47 @@ class Trajectory:
             f"{abs(self.energy - self.energy[0]).max():.3g} J{cut}>"
         )
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads."""
-        parts = {name: np.asarray(getattr(self, name)) for name in (*ARRAYS, *WORDS)}
-        parts |= {STATE + name: x for name, x in self.states.items()}
+    def save(self, path: str | PathLike[str] | IO[bytes]) -> None:
+        """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads.
+
+        path  a name that ends in .npz, or a file open for writing bytes
+
+        Raises SpatialDynError for another ending, or if the file cannot be written.
+        """
+        check_ending("path", path, ARRAY_FILES)
+        parts = {part: np.asarray(getattr(self, part)) for part in (*ARRAYS, *WORDS)}
+        parts |= {STATE + part: x for part, x in self.states.items()}
         if self.contacts is not None:
-            parts |= {CONTACT + name: x for name, x in self.contacts._asdict().items()}
+            parts |= {CONTACT + part: x for part, x in self.contacts._asdict().items()}
         if self.spring_energy is not None:
             parts[SPRINGS] = self.spring_energy
-        with open(path, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **parts)
+        try:
+            with nullcontext(path) if hasattr(path, "write") else open(path, "wb") as file:
+                np.savez_compressed(file, allow_pickle=False, **parts)
+        except (OSError, ValueError) as error:  # the latter of a name that is none
+            raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Trajectory:
-        """The Trajectory in a file written by ``save``. Raises SpatialDynError if the file holds something else."""
+        """The Trajectory in a file written by ``save``.
+
+        Raises SpatialDynError if the file cannot be read, is damaged or holds something else.
+        """
+        name = _file_name(path)
         try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as parts:
-                arrays = [parts[name] for name in ARRAYS]
-                words = [parts[name].item() for name in WORDS]
-                states = {name.removeprefix(STATE): parts[name] for name in parts if name.startswith(STATE)}
-                touched = {name.removeprefix(CONTACT): parts[name] for name in parts if name.startswith(CONTACT)}
-                contacts = ContactRecord(**touched) if touched else None
-                springs = parts.get(SPRINGS, None)
-        except (KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
-            raise SpatialDynError(f"{path} holds no trajectory: {error}") from error
-        return replace(cls(*arrays, *words), states=states, contacts=contacts, spring_energy=springs)
+            parts = _read(name)
+            values: list[Any] = [*(parts.pop(x) for x in ARRAYS), *(parts.pop(x).item() for x in WORDS)]
+            made = cls(*values)
+            springs = parts.pop(SPRINGS, None)
+            states = {x.removeprefix(STATE): parts.pop(x) for x in [*parts] if x.startswith(STATE)}
+            touched = {x.removeprefix(CONTACT): parts.pop(x) for x in [*parts] if x.startswith(CONTACT)}
+            contacts = ContactRecord(**touched) if touched else None
+            made = replace(made, states=states, contacts=contacts, spring_energy=springs)
+            _check_parts(made, parts)
+        except Exception as error:  # of damaged bytes zipfile, zlib and NumPy raise much that they do not document
+            why = f"it has no part {error}" if isinstance(error, KeyError) else error or type(error).__name__
+            raise SpatialDynError(f"{path!r} holds no trajectory: {why}") from error
+        return made
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame: time as index, columns q0 ..., v0 ..., p0 ..., tau0 ..., energy, NAME0 ... of states."""
@@ -130,9 +151,9 @@ class Trajectory:
                 tau as fractions of their limits, the outside shaded
         joints  names of joints, by default all
         ax      Matplotlib axes to draw into, one for each panel
-        path    a file to write
+        path    a file to write, by its ending PNG, SVG, PDF, ...
 
-        Raises  SpatialDynError for another name, another number of axes, a file that cannot be written, or where
+        Raises  SpatialDynError for another name, number of axes or ending, a file that cannot be written, or where
                 matplotlib is not installed; ModelError for an unknown joint.
         """
         from ..pictures.trajectory_plots import plot_trajectory
@@ -142,8 +163,10 @@ class Trajectory:
     def report(self, path: str | PathLike[str]) -> None:
         """Write one HTML page of the run, which needs no network: robot, player, plots, numbers, how to reproduce it.
 
-        The player needs viser, ``pip install "spatialdyn[view]"``; without it the page says so.
-        Raises  SpatialDynError if the file cannot be written, or where matplotlib is not installed.
+        path  a name that ends in .html, or an open file
+
+        The player needs viser, ``pip install viser pycollada``; without it the page says so.
+        Raises  SpatialDynError for another ending, if the file cannot be written, or where matplotlib is not installed.
         """
         from ..pictures.page import report_trajectory
 
@@ -153,3 +176,37 @@ class Trajectory:
         from ..pictures.notebook import trajectory_html
 
         return trajectory_html(self)
+
+
+def _file_name(path: Any) -> str | PathLike[str]:
+    """The name of a file. Raises SpatialDynError; a number would be an open file of the process."""
+    if not isinstance(path, (str, PathLike)):
+        raise SpatialDynError(f"path is {path!r}, expected the name of a file")
+    return path
+
+
+def _read(path: str | PathLike[str]) -> dict[str, Array]:
+    """The arrays of an npz file, each checked by its checksum, to which ``np.load`` does not read on."""
+    with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
+        found = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
+    return {name: np.lib.format.read_array(data, allow_pickle=False) for name, data in found.items()}
+
+
+def _check_parts(run: Trajectory, unknown: Mapping[str, Array]) -> None:
+    """Raise ValueError naming a part of a file that no trajectory has, or not in that form."""
+    for name in unknown:
+        raise ValueError(f"{name!r} is no part of one")
+    for name, kind in WORDS.items():
+        if type(getattr(run, name)) is not kind:
+            raise ValueError(f"{name} is {getattr(run, name)!r}, expected a {kind.__name__}")
+    parts: dict[str, tuple[Any, int]] = {name: (getattr(run, name), n) for name, n in zip(ARRAYS, AXES, strict=True)}
+    if run.spring_energy is not None:
+        parts[SPRINGS] = run.spring_energy, 1
+    more = {**run.states, **({} if run.contacts is None else run.contacts._asdict())}
+    for name, (x, axes) in {**parts, **{name: (x, max(1, x.ndim)) for name, x in more.items()}}.items():
+        if x.dtype != np.float64 or x.ndim != axes or len(x) != len(run.t):
+            raise ValueError(
+                f"{name} is {x.dtype} of shape {x.shape}, expected float64 of {axes} axes, {len(run.t)} rows"
+            )
+    if not run.v.shape == run.p.shape == run.tau.shape:
+        raise ValueError(f"v, p and tau have shapes {run.v.shape}, {run.p.shape}, {run.tau.shape}, expected one")

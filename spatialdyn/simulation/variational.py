@@ -40,7 +40,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inline, inline_unoptimized
+from ..algebra.scalars import inline, inline_or_by_rows, inline_unoptimized
 from ..algebra.spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
 from ..bodies.joints import joint_motion, place_joint
 from ..bodies.kinds import CONTINUED
@@ -111,7 +111,7 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any
     return status
 
 
-@inline
+@inline_or_by_rows
 def sum_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> None:
     """``momenta_before`` without looking at the turns: cosines of half of them are in the scratch."""
     _put_displacement(work[0], Quat(0.0, 0.0, 0.0, 1.0), zero())
@@ -139,7 +139,7 @@ def sum_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) ->
     _add_along(bodies, moved, out)
 
 
-@inline
+@inline_or_by_rows
 def momenta_after(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
     """h J(q⁺)ᵀ μ⁺, the momenta at the end of a step of unit length; q is q⁺, and ``moved`` is read."""
     put_force(work[0].p, zero_force())

@@ -52,6 +52,7 @@ Made = TypeVar("Made")
 Where = Callable[[str, str], str]  # ("link" | "joint", name) -> file and line, a prefix of messages
 
 UNTURNED = np.eye(3)
+TURNS = 4.0 * math.pi  # rad: few joints turn further between limits, while 45 degrees are a larger number
 
 
 def load_urdf(
@@ -94,12 +95,17 @@ def load_urdf(
     return Model(robot, options)
 
 
-def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None) -> Robot:
-    """The checked Robot of a URDF, from which ``load_urdf`` makes a Model. Arguments and errors are the same."""
-    return _read(source, inertia, snap, stacklevel=4)[0]
+def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None, skip_leftovers: bool = False) -> Robot:
+    """The checked Robot of a URDF, from which ``load_urdf`` makes a Model. Arguments and errors are the same.
+
+    skip_leftovers  True leaves out elements of xacro and of undeclared prefixes that ``load_urdf`` refuses, and warns
+    """
+    return _read(source, inertia, snap, 4, skip_leftovers)[0]
 
 
-def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tuple[Robot, Where]:
+def _read(
+    source: Any, inertia: str, snap: float | None, stacklevel: int, skip_leftovers: bool = False
+) -> tuple[Robot, Where]:
     """The robot, and the function that gives the file and line of its links and joints."""
     real = isinstance(snap, (int, float, np.integer, np.floating))
     if snap is not None and not (real and 0.0 <= snap < 0.5 * RIGHT):
@@ -108,7 +114,7 @@ def _read(source: Any, inertia: str, snap: float | None, stacklevel: int) -> tup
         robot = _robot(source.robot, nowhere, [], snap)
         return check_inertias(robot, inertia, stacklevel=stacklevel), nowhere
     label, data = bytes_of(source)
-    reader = StrictReader(label, snap)
+    reader = StrictReader(label, snap, skip_leftovers)
     robot = _robot(_description(reader.read(data)), reader.where, reader.notes, None)
     robot = replace(robot, source=file_of(source))
     if reader.doubts:
@@ -358,6 +364,12 @@ def _joint_notes(description: Any) -> list[str]:
         for joint in description.joints
         if joint.limit is not None and min(_or(joint.limit.velocity, 0.0), _or(joint.limit.effort, 0.0)) < 0.0
     ]
+    wide = [
+        joint.name
+        for joint in bounded
+        if joint.type == "revolute"
+        and any(TURNS < abs(_or(x, 0.0)) < math.inf for x in (joint.limit.lower, joint.limit.upper))
+    ]
     skewed = [
         joint.name
         for joint in description.joints
@@ -367,6 +379,11 @@ def _joint_notes(description: Any) -> list[str]:
     return [
         *_note(free, "joint has no <limit>, so it is unlimited", "joints have no <limit>, so they are unlimited"),
         *_note(partial, "<limit> lacks lower or upper, taken as 0", "<limit>s lack lower or upper, taken as 0"),
+        *_note(
+            wide,
+            "joint has a limit beyond two turns, of degrees perhaps",
+            "joints have limits beyond two turns, of degrees perhaps",
+        ),
         *_note(negative, "velocity or effort limit < 0 is none", "velocity or effort limits < 0 are none"),
         *_note(skewed, "axis is not of unit length, normalised", "axes are not of unit length, normalised"),
         *_note(lost, "<mimic> names no joint of the robot", "<mimic>s name no joint of the robot"),

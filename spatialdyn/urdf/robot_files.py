@@ -9,8 +9,14 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import UrdfError
+from ..errors import UrdfError, pip_install
 from ..model.robot_checks import quoted
+
+SHORT_NAMES = {  # of robots of which example-robot-data has several files: the one that README and benchmarks mean
+    "anymal": "anymal_b_simple_description/anymal",
+    "anymal_b": "anymal_b_simple_description/anymal",
+    "talos": "talos_full_v2",
+}
 
 
 def _own_folder() -> Path:
@@ -58,14 +64,16 @@ def find_robot(name: str) -> Path:
 
     The first of these rules that finds a file decides; folders may precede the name, as in ``b1_description/b1``:
 
-    1. a file NAME.urdf ("panda"; "anymal" is two files, so it needs its folder);
+    1. a file NAME.urdf ("panda");
     2. a file NAME_robot.urdf ("ur5");
     3. files NAME_*.urdf, if all extend one of them ("talos_full": talos_full_v2, although there is talos_full_v2_box);
     4. the only file of a folder NAME_* ("hector").
 
+    ``SHORT_NAMES`` come before them: "anymal" and "talos" are several files.
+
     Raises UrdfError listing the candidates if there are several, or close names if there is none.
     """
-    *folders, stem = name.split("/")
+    *folders, stem = SHORT_NAMES.get(name, name).split("/")
     own = _own_folder() / f"{stem}.urdf"
     if not folders and stem and os.path.isfile(own):  # False, not OSError, for a name of 300 letters
         return own
@@ -90,7 +98,7 @@ def find_robot(name: str) -> Path:
         raise UrdfError(f'robot name "{name}" is ambiguous, expected one of {quoted((names[p] for p in found), 20)}')
     close = difflib.get_close_matches(name, names.values(), n=3, cutoff=0.5)
     hint = f"; close names are {quoted(close)}" if close else ""
-    hint += "" if example_robots() else '; example-robot-data is not installed; pip install "spatialdyn[validate]"'
+    hint += "" if example_robots() else f"; example-robot-data is not installed; {pip_install('validate')}"
     shown = name if len(name) <= 60 else name[:57] + "..."
     raise UrdfError(f"{shown!r} is neither a file nor the name of a robot, expected one of them{hint}")
 

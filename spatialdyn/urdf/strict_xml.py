@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from ..errors import UrdfError
 from ..model.robot import WITH_AXIS
-from ..model.robot_checks import quoted
+from ..model.robot_checks import is_number, quoted
 
 URDF_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LIMITED = ("revolute", "prismatic")
@@ -71,7 +71,6 @@ _CONDITIONS = ("if", "unless")  # of xacro: their content belongs to the element
 _UNDECLARED = "undeclared:"  # begins the namespace given to an undeclared prefix
 _NO_NAMESPACE = re.compile(r"Namespace prefix ([A-Za-z_][A-Za-z0-9_.-]*) (?:for \S+ )?on \S+ is not defined")
 _PASSES = 8  # of the parser, each reports up to 100 undeclared prefixes
-_NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan)", re.IGNORECASE)
 _BEFORE_ROOT = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->", re.DOTALL)
 
 
@@ -129,17 +128,20 @@ class Part(NamedTuple):
 class StrictReader:
     """Reads one URDF strictly: ``read`` returns its Part, ``where`` file and line, ``notes`` the oddities.
 
-    ``doubts`` are the notes that deserve a warning: leftovers that hold no link or joint.
+    ``doubts`` are the notes that deserve a warning: leftovers that hold no link or joint, and those that may, where
+    ``skip_leftovers`` leaves them out, as Pinocchio's reader does.
     """
 
-    def __init__(self, label: str, snap: float | None) -> None:
+    def __init__(self, label: str, snap: float | None, skip_leftovers: bool = False) -> None:
         self.label = label
         self.snap = snap
+        self.skip_leftovers = skip_leftovers
         self.lines: dict[tuple[str, str], int] = {}
         self.notes: list[str] = []
         self.doubts: list[str] = []
         self._ignored: Counter[str] = Counter()
         self._left: Counter[str] = Counter()
+        self._skipped: Counter[str] = Counter()
         self._without_axis: dict[str, None] = {}  # joints, each once
         self._undeclared: list[str] = []
         self._angles: list[float] = []
@@ -162,6 +164,9 @@ class StrictReader:
         self.doubts += [
             f"ignored, as it holds no link or joint: {what} ({n}x)" for what, n in sorted(self._left.items())
         ]
+        if self._skipped:
+            what = ", ".join(f"{what} ({n}x)" for what, n in sorted(self._skipped.items()))
+            self.doubts.append(f"not read, as Pinocchio does not, though it may stand for links and joints: {what}")
         if self._undeclared:
             many = "es" * (len(self._undeclared) > 1)
             self.doubts.append(
@@ -204,24 +209,33 @@ class StrictReader:
     def _tag(self, element: Any) -> str:
         """The element's name; empty for comments, other namespaces and xacro's definitions.
 
-        Raises UrdfError for what may stand for a link or joint: other elements of xacro, and undeclared prefixes.
+        Raises UrdfError for what may stand for a link or joint, or returns an empty name if such leftovers are skipped.
         """
+        what, expected = self._leftover(element)
+        if what and not self.skip_leftovers:
+            self._refuse(element, f"{what} {expected}")
         name = element.tag
         if not isinstance(name, str):
             return ""
         if name[0] != "{":  # of no namespace
             return name
-        space, _, tag = name.rpartition("}")
+        return "" if element.prefix or _is_xacro(element) else name.rpartition("}")[2]
+
+    def _leftover(self, element: Any) -> tuple[str, str]:
+        """What may stand for a link or joint, and what was expected: elements of xacro that are no definitions, and of
+        undeclared prefixes; empty for other elements.
+        """
+        if not isinstance(element.tag, str) or element.tag[0] != "{":
+            return "", ""
+        space, _, tag = element.tag.rpartition("}")
         if _is_xacro(element):
             if tag in (*_DEFINITIONS, *_CONDITIONS) and not _stands_for_elements(element):
-                return ""
-            self._refuse(element, f"<xacro:{tag}> is left, expected a URDF in which xacro has expanded every macro")
+                return "", ""
+            return f"<xacro:{tag}>", "is left, expected a URDF in which xacro has expanded every macro"
         if space[1:].startswith(_UNDECLARED):
             shown = f"<{_short(space[1 + len(_UNDECLARED) :])}:{_short(tag)}>"
-            self._refuse(
-                element, f"{shown} has a prefix that no xmlns declares, expected one that is declared, or none"
-            )
-        return "" if element.prefix else tag
+            return shown, "has a prefix that no xmlns declares, expected one that is declared, or none"
+        return "", ""
 
     def _part(self, element: Any, tag: str, owner: str) -> Part:
         """The Part of an element, with its known attributes and children; ``owner`` is its link or joint."""
@@ -255,6 +269,8 @@ class StrictReader:
                 made.append(self._part(child, name, owner))
             elif name and name not in _OF_NO_CONCERN.get(tag, ()):
                 self._ignored[f"<{_short(name)}> in <{tag}>"] += 1
+            elif leftover := self._leftover(child)[0]:
+                self._skipped[leftover] += 1
             elif not name and isinstance(child.tag, str) and _is_xacro(child):
                 self._left[f"<xacro:{child.tag.rpartition('}')[2]}>"] += 1
         for name, required in known.items():
@@ -330,7 +346,7 @@ def _numbers(value: str, kind: str) -> tuple[str, list[float]]:
     parts = value.split()
     wanted = 3 if kind == "three numbers" else 1
     for part in parts:
-        if not _NUMBER.fullmatch(part):
+        if not is_number(part):
             return f"holds {_short(part)!r}, which is no number", []
     if len(parts) != wanted:
         return f"has {len(parts)} number{'s' * (len(parts) != 1)}", []

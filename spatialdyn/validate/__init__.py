@@ -4,7 +4,7 @@ The table ``CALLS`` has a line per call: its inputs and Pinocchio's function. Wh
 joint with zero articulated inertia, a robot without moving mass) or computes something else (planar joints, whose axis
 it ignores), an identity is checked instead, and the row says so.
 
-Functions import Pinocchio when called: ``pip install "spatialdyn[validate]"`` installs it.
+Functions import Pinocchio when called: ``pip install pin`` installs it.
 """
 
 from __future__ import annotations

@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.arguments import as_count, as_flag, as_items
 from ..calls.progress import Progress, Steps, check_progress, reporting
+from ..calls.states import generator
 from ..errors import InertiaError, NonFiniteError, SpatialDynError
 from ..model.model import Model
 from ..urdf.load import load_urdf
@@ -44,6 +46,7 @@ from .times import times_of
 
 Array = NDArray[np.float64]
 
+MOST_SAMPLES = 1_000_000
 SOLVED = (*FORWARD, "minverse", "aba_derivatives")  # through M⁻¹: judged by their residual
 OMITTED = (
     "left out where M is ill conditioned or Pinocchio's own residual above half the bound"  # note of a row of values
@@ -83,8 +86,10 @@ def compare_with_pinocchio(
     """
     pin = pinocchio()
     asked = _asked(calls)
-    if samples < 1:
-        raise SpatialDynError(f"samples is {samples}, expected at least 1")
+    count = as_count(samples, MOST_SAMPLES)
+    if not count:
+        raise SpatialDynError(f"samples is {samples!r}, expected a whole number of 1 to {MOST_SAMPLES}")
+    rng, timed = generator("seed", seed), as_flag("timing", timing)
     check_progress(progress)
     model, pin_model = _both_models(source, root, continuous)
     if (model.nq, model.nv, model.njoints) != (pin_model.nq, pin_model.nv, pin_model.njoints):
@@ -93,11 +98,11 @@ def compare_with_pinocchio(
             f"{pin_model.nq}, {pin_model.nv}, {pin_model.njoints}"
         )
     peer = Peer(pin, pin_model, model)
-    states = random_states(model, samples, np.random.default_rng(seed))
+    states = random_states(model, count, rng)
     rows = [_joint_order(model, pin_model)]
     with reporting(progress, "compare") as report:
-        rows += _rows(asked, peer, states, timing, Steps(report, len(asked)))
-    return Comparison(model.name, model.options.root, model.nq, model.nv, samples, tuple(rows))
+        rows += _rows(asked, peer, states, timed, Steps(report, len(asked)))
+    return Comparison(model.name, model.options.root, model.nq, model.nv, count, tuple(rows))
 
 
 def _asked(names: Collection[str] | None) -> Sequence[Call]:
@@ -106,6 +111,7 @@ def _asked(names: Collection[str] | None) -> Sequence[Call]:
         return CALLS
     if isinstance(names, str):
         raise SpatialDynError(f'calls is "{names}", expected names of calls, ("{names}",) for one')
+    names = as_items("calls", names, str, "names of calls")
     known = {call.name for call in CALLS}
     for name in names:
         if name not in known:

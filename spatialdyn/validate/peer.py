@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..bodies.kinds import ANGLE, PAIR, kind_of
 from ..calls.arguments import core_shape
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, pip_install
 from ..model.model import Frame, Joint, Model
 from ..recursions import SPECS
 from ..urdf.load import find_robot
@@ -33,7 +33,9 @@ def pinocchio() -> Any:
     try:
         import pinocchio as pin
     except ImportError:
-        raise SpatialDynError('pinocchio is not installed; pip install "spatialdyn[validate]"') from None
+        raise SpatialDynError(f"pinocchio is not installed; {pip_install('validate')}") from None
+    if pin.__name__ != "pinocchio":
+        raise SpatialDynError(f"pinocchio is {pin.__name__}, expected Pinocchio itself, as after its uninstall()")
     return pin
 
 

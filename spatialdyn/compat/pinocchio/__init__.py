@@ -2,7 +2,8 @@
 
 Vectors are [linear; angular]; a free flyer has q = [x y z, quaternion x y z w] and v in its own axes; continuous
 joints have q = [cos, sin]; external forces are given in the joints' own frames. ``differences()`` lists what
-differs from Pinocchio on purpose; with ``strict(True)`` missing names and coordinates off their unit norm are errors.
+differs from Pinocchio on purpose; with ``strict(True)`` missing names and coordinates off their unit norm are errors;
+after ``install()`` other packages that import ``pinocchio`` import this one.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from .coverage.versions import *
 from .data.data import *
 from .deprecation import deprecated as deprecated
 from .explog import *
+from .importing import *
 from .liegroups import LieGroup as LieGroup
 from .liegroups import findCommonAncestor as findCommonAncestor
 from .liegroups import getTangentToConfigurationSparsitySegment as getTangentToConfigurationSparsitySegment
@@ -63,7 +65,8 @@ from .types.rotations import *
 from .types.se3 import *
 from .types.symmetric import *
 
-_OWN = "Any TYPE_CHECKING algorithms annotations data deprecation missing model types visualize"  # not Pinocchio's
+# not Pinocchio's
+_OWN = "Any TYPE_CHECKING algorithms annotations data deprecation importing missing model types visualize"
 
 if not TYPE_CHECKING:  # with a module __getattr__ type checkers would accept every name
     __all__ = sorted(name for name in globals() if name[0] != "_" and name not in _OWN.split())

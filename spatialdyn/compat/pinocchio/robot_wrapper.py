@@ -14,7 +14,7 @@ from .coverage.coverage import Partial, refused
 from .model.geometry import buildModelsFromUrdf, createDatas
 from .model.model import Model
 from .model.model_surgery import buildReducedModel
-from .types.arguments import ValueRuntimeError
+from .types.arguments import ValueRuntimeError, of_pinocchio
 from .types.frame import LOCAL
 from .visualize import MeshcatVisualizer
 
@@ -24,7 +24,8 @@ __all__ = ["RobotWrapper"]
 class RobotWrapper(Partial):
     """A robot: ``RobotWrapper(model)`` or ``RobotWrapper.BuildFromURDF(filename, package_dirs, root_joint)``.
 
-    model, data        a Model and its Data; ``rebuildData`` makes a new Data after joints or frames were added
+    model, data        a Model, one of Pinocchio's own class converted, and its Data; ``rebuildData`` makes a new Data
+                       after joints or frames were added
     q0, v0             the neutral configuration, and zero velocity
     index in methods   of a joint; in those whose name begins with frame, of a frame
 
@@ -37,13 +38,13 @@ class RobotWrapper(Partial):
 
     def __init__(
         self,
-        model: Model | None = None,
+        model: Any = None,
         collision_model: Any = None,
         visual_model: Any = None,
         constraint_models: Any = None,
         verbose: bool = False,
     ) -> None:
-        self.model = Model() if model is None else model
+        self.model = Model(model) if of_pinocchio(model, "Model") else Model() if model is None else model
         self.collision_model, self.visual_model = collision_model, visual_model
         self.constraint_models = constraint_models
         self.rebuildData()

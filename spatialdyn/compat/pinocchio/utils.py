@@ -11,11 +11,12 @@ import numpy.linalg as npl
 from .coverage.coverage import refused
 from .rpy import matrixToRpy, rotate, rpyToMatrix
 from .types.containers import StdVec_StdString
+from .types.rotations import skew
 from .types.value import Value
 
 __all__ = [
     "eye", "fromListToVectorOfString", "isapprox", "matrixToRpy", "mprint", "np", "npToTTuple", "npToTuple", "npl",
-    "rand", "rotate", "rpyToMatrix", "zero",
+    "rand", "rotate", "rpyToMatrix", "skew", "zero",
 ]  # fmt: skip
 
 

@@ -17,10 +17,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ...errors import pip_install
 from ...model.robot import Link
 from ...pictures.inertia_shapes import inertia_boxes
 from ...pictures.shapes import Shape, mesh_shapes, primitive_shape, urdf_shapes
-from ...pictures.stage import HOST, Stage, has_screen, page_frame, warn_missing
+from ...pictures.stage import HOST, Stage, has_screen, page_frame, warn_of
 from .algorithms import configuration, kinematics
 from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
 from .data.data import Data
@@ -29,7 +30,7 @@ from .model.model import Model
 from .types.arguments import ValueRuntimeError
 from .types.frame import BODY
 
-_ADVICE = 'ViserVisualizer and MeshcatVisualizer draw where viser is installed: pip install "spatialdyn[view]"'
+_ADVICE = f"ViserVisualizer and MeshcatVisualizer draw where viser is installed: {pip_install('view')}"
 
 
 @cache
@@ -201,8 +202,7 @@ class ViserVisualizer(BaseVisualizer):
         with stage.at_once():
             self._shown = {"visuals": self._geometry(self.visual_model, "visual") or self._inertias()}
             self.display()
-            box = stage.bounds(stage.shown)
-            stage.look_at(box, float(box[0, 2]))
+            stage.look_at(stage.bounds(stage.shown), 0.0)
 
     def _add(self, at: Any, shape: Shape) -> Any:
         """Draw a shape at a frame or geometry object."""
@@ -210,16 +210,16 @@ class ViserVisualizer(BaseVisualizer):
 
     def _geometry(self, given: GeometryModel | None, kind: str) -> list[Any]:
         """Draw the shapes of a GeometryModel: those of its file, and the objects added to it."""
-        made, missing = [], []
+        made, missing, faulty = [], [], []
         if given is not None and given._file is not None:
             geometry = urdf_shapes(given._file[0], kind, given._file[1])
             missing += geometry.missing
+            faulty += geometry.faulty
             bodies = {frame.name: frame for frame in self.model.frames if frame.type == BODY}
             made += [self._add(bodies[shape.link], shape) for shape in geometry.shapes if shape.link in bodies]
         for added in given.geometryObjects if given is not None else ():
-            made += [self._add(added, shape) for shape in _shapes_of(added, missing)]
-        if missing:
-            warn_missing(self.model.name, missing)
+            made += [self._add(added, shape) for shape in _shapes_of(added, missing, faulty)]
+        warn_of(self.model.name, missing, faulty)
         return made
 
     def _inertias(self) -> list[Any]:
@@ -314,12 +314,13 @@ def _installed() -> bool:
         return False
 
 
-def _shapes_of(added: GeometryObject, missing: list[str]) -> list[Shape]:
+def _shapes_of(added: GeometryObject, missing: list[str], faulty: list[str]) -> list[Shape]:
     """The shapes of a GeometryObject: its mesh file, or a box, cylinder or sphere of coal."""
     color = tuple(np.asarray(added.meshColor, float).tolist())
     if added.meshPath:
-        found, lost = mesh_shapes(added.name, added.meshPath, added.meshScale)
+        found, lost, broken = mesh_shapes(added.name, added.meshPath, added.meshScale)
         missing += lost
+        faulty += broken
         return [shape._replace(color=color) if added.overrideMaterial else shape for shape in found]
     shape = primitive_shape(added.name, added.geometry, color)
     if shape is None:

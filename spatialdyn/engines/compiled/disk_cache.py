@@ -29,6 +29,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from .. import locks
 from .numba_settings import setting
 
 VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, no cache if empty; Numba's variable names the folder above it
@@ -47,12 +48,19 @@ _SURE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os,
 _BINARY = getattr(os, "O_BINARY", 0)
 _REPARSED = (0xA000000C, 0xA0000003)  # Windows' links and junctions
 
-_lock = threading.Lock()
+_lock = locks.new(threading.Lock)
 _done: set[tuple[str, Path]] = set()  # (action, folder) done in this process
 
 
 class _UnsafeError(Exception):
     """A path that another user may control, and why."""
+
+
+def kept() -> str:
+    """Where compiled code goes, for a message that says what compiles."""
+    if folder() is None:
+        return f"; set {VARIABLE} to a folder to keep it for later processes"
+    return "; it is kept in the cache for later processes"
 
 
 def folder() -> Path | None:

@@ -19,6 +19,8 @@ from numba.np import arrayobj
 from ...algebra.scalars import compiled_as, inline, register
 from ...bodies.table import BODIES
 from ..interrupt import interruptible
+from ..waiting import watch
+from . import disk_cache
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
 from .sines import turn as turn
@@ -160,7 +162,9 @@ def _aside(compiled: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     lock: Any = global_compiler_lock
     if lock.is_locked():
         return compiled(*arguments, **named)
-    return interruptible(partial(compiled, *arguments, **named))
+    dispatcher: Any = compiled.__self__  # type: ignore[attr-defined]
+    with watch.work(f"compiling {dispatcher.py_func.__name__}", disk_cache.kept):
+        return interruptible(partial(compiled, *arguments, **named))
 
 
 def compile_signature(

@@ -15,8 +15,8 @@ A user's own function in Numba's cache, whose key is its own file only, must cap
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -25,6 +25,9 @@ import numpy as np
 
 from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec
+from .. import locks
+from ..waiting import watch
+from . import disk_cache
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
@@ -35,7 +38,8 @@ OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 _SIZES = {"nq": "bodies[0].q_index", "nv": "len(bodies) - 1", "njoints": "bodies[0].dofs"}
 FLOAT = np.dtype(np.float64)
 TABLE = "bodies" if PLAIN else "address"  # the attribute of a Model that kernels take
-_LOCK = threading.RLock()
+_LOCK = locks.new()
+_made: set[Spec] = set()  # calls whose ``batch_kernel`` is compiled
 
 
 def variant(spec: Spec, present: Collection[str]) -> Spec:
@@ -80,7 +84,7 @@ def _scratch(spec: Spec) -> dict[str, tuple[list[str], str]]:
     return found | {f"scratch{k}": ([_extent(spec, x) for x in shape], "FLOAT") for k, shape in enumerate(spec.scratch)}
 
 
-def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
+def _body(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel."""
     arrays = [x for x in spec.present if x.shape]
     mismatch = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(spec, x))
@@ -99,7 +103,7 @@ def _body(spec: Spec, fail: Callable[[int], str]) -> list[str]:
     for x in spec.present:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
-    turned = {x.name for x in spec.present if x.turned and not PLAIN}
+    turned = {x.name for x in spec.present if x.turned and not plain}
     scratch = {f"{name}_turned": (["3", _extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
     for name, (shape, dtype) in scratch.items():
         lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
@@ -143,9 +147,9 @@ def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: d
     return made
 
 
-def native() -> dict[str, Any]:
+def native(plain: bool = PLAIN) -> dict[str, Any]:
     """The functions of ``jit`` that kernels call; in plain Python the table is passed and scratch is an array."""
-    if PLAIN:
+    if plain:
         return {
             "table_at": lambda table: table,
             "rows_at": lambda rows, dtype: rows,
@@ -159,9 +163,9 @@ def native() -> dict[str, Any]:
     return {name: getattr(jit, name) for name in names}
 
 
-def _scope(spec: Spec) -> dict[str, Any]:
+def _scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
     return {
-        **native(),
+        **native(plain),
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
         "recursion": spec.recursion,
         "WORK": spec.work,
@@ -192,14 +196,18 @@ def _label(spec: Spec) -> str:
     return "_".join([spec.name, *(x.name for x in spec.present)])
 
 
+def _named(spec: Spec) -> AbstractContextManager[None]:
+    return watch.work(f"compiling the table kernel of {spec.name}", disk_cache.kept)
+
+
 @cache
 def sample_kernel(spec: Spec) -> Callable[..., int]:
     """``(table, *inputs, output) -> status`` of one sample; inputs of any layout, none modified."""
-    from numba import types
+    with _LOCK, _named(spec):  # a fork waits for the import too
+        from numba import types
 
-    from . import jit
+        from . import jit
 
-    with _LOCK:
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
         body = ["bodies = table_at(table)", *_body(spec, lambda status: f"return {status}"), f"return {OK}"]
         function = kernel_from_text(_label(spec), parameters, body, _scope(spec))
@@ -209,16 +217,29 @@ def sample_kernel(spec: Spec) -> Callable[..., int]:
 
 
 @cache
+def plain_kernel(spec: Spec) -> Callable[..., int]:
+    """A ``sample_kernel`` in plain Python, which takes the table itself: for a few samples, it compiles nothing."""
+    parameters = ["table", *(x.name for x in spec.present), spec.output.name]
+    body = ["bodies = table_at(table)", *_body(spec, lambda status: f"return {status}", plain=True), f"return {OK}"]
+    return kernel_from_text(_label(spec), parameters, body, _scope(spec, plain=True))
+
+
+def is_made(spec: Spec) -> bool:
+    """Whether the ``batch_kernel`` of a call is in memory."""
+    return spec in _made
+
+
+@cache
 def batch_kernel(spec: Spec) -> Callable[..., int]:
     """``(table, n, *(input, step), *static inputs, output, status) -> number of samples whose status is not OK``.
 
     Arrays are C-ordered with the samples first; an input with step 0 has one row, which serves all samples.
     """
-    from numba import types
+    with _LOCK, _named(spec):  # a fork waits for the import too
+        from numba import types
 
-    from . import jit
+        from . import jit
 
-    with _LOCK:
         varying = [x for x in spec.present if not x.static]
         static = [x for x in spec.present if x.static]
         parameters = ["table", "n"]
@@ -243,7 +264,9 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
             signature += [_type(x, 1, layout="C"), types.int64]
         signature += [_type(x, 0) for x in static]
         signature += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-        return jit.compile_signature(function, tuple(signature))
+        made = jit.compile_signature(function, tuple(signature))
+        _made.add(spec)
+        return made
 
 
 _MESSAGES = {

@@ -27,6 +27,7 @@ from ...algebra.scalars import inline
 from ...errors import SpatialDynError
 from ..compiled import numba_kernels
 from ..programs.constants import SPLITTER
+from ..programs.mimic_rows import rows_of
 from ..programs.operations import CONST, FORMS, INPUT, name_of, operands, signed
 from ..programs.program import Program
 from ..programs.tracer import Tape, table
@@ -245,7 +246,7 @@ def record_double_double(bodies: NDArray[Any], inputs: int, made: Callable[..., 
     tape = Tape()
     x = np.empty(inputs, dtype=object)
     x[:] = [tape.input(k) for k in range(inputs)]
-    rows = table(bodies, tape.unfolded)
+    rows = rows_of(table(bodies, tape.unfolded))
     return allocate_registers(Program(tape, made(rows, x), inputs, fuse=False))
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...algebra import scalars
 from ...bodies.kinds import KINDS
-from ...errors import SpatialDynError
+from ...errors import SpatialDynError, pip_install
 
 LEAST = 53  # bits of float64
 MOST = 1 << 20  # bits at which a product takes milliseconds
@@ -196,7 +196,7 @@ def _context(bits: int) -> Any:
         from mpmath import MPContext
     except ImportError:
         raise SpatialDynError(
-            'digits beyond float64 need mpmath, which is not installed; pip install "spatialdyn[exact]"'
+            f"digits beyond float64 need mpmath, which is not installed; {pip_install('exact')}"
         ) from None
     context: Any = MPContext()
     context.prec = bits

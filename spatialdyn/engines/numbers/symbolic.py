@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra import scalars
-from ...errors import SpatialDynError
+from ...errors import SpatialDynError, pip_install
 from ...recursions.spec import Spec, shape_in
 from ..programs.tracer import evaluate
 from .fourier import fourier, length
@@ -38,9 +38,7 @@ def need_sympy() -> Any:
     try:
         import sympy
     except ImportError:
-        raise SpatialDynError(
-            'symbols need sympy, which is not installed; pip install "spatialdyn[symbolic]"'
-        ) from None
+        raise SpatialDynError(f"symbols need sympy, which is not installed; {pip_install('symbolic')}") from None
     return sympy
 
 

@@ -3,7 +3,7 @@
 ``kernel`` returns the program of some calls for one table of bodies: from memory, from the disk cache, or compiled.
 Machine code is of a program's structure, and shared by all tables of that structure; their numbers come by pointer. A
 file of the cache holds either a structure's code, or for a table its numbers and the digest of its structure.
-Calling it computes the valid samples and returns the indices of the others, to be recomputed by the table kernel,
+Calling it computes the valid samples and returns the indices of the others, to be recomputed in NumPy,
 which handles sines of large angles, NaN and errors.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import struct
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -21,9 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...recursions.spec import Spec
+from .. import locks
 from ..compiled import disk_cache
 from ..compiled.stamp import STAMP
 from ..threads import PIECES, thread_pool
+from ..waiting import watch
 from . import host_cpu, simd, structure
 from .batches import Batches, rejected
 from .derived import record as record
@@ -40,7 +41,7 @@ RESULT_COST = 64  # bytes of machine code for each byte of results: 0.3 ns of fr
 DIGEST_SIZE = 64  # characters of a digest
 STREAM_BYTES = 16 << 20  # least bytes of an output that bypasses the CPU caches: half the time of crba of talos
 
-_lock = threading.RLock()
+_lock = locks.new()
 _programs: OrderedDict[str, Kernel | None] = OrderedDict()
 _codes: OrderedDict[str, MachineCode] = OrderedDict()
 
@@ -122,7 +123,8 @@ def kernel(
     recorded  what ``record`` returns for it, if that is known
     """
     digest = _digest(specs, key, static, dtype, options, one, stream)
-    with _lock:
+    what = " and ".join(spec.name for spec in specs)
+    with _lock, watch.work(f"compiling the program of {what}", disk_cache.kept):
         known, made = _at_hand(digest, dtype, one)
         if known:
             return made

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...algebra.rotations import rotation
 from ...bodies.kinds import CONTINUED, LENGTHS, NV, R1, UNITS
+from ...bodies.table import independent
 from ...errors import SpatialDynError
 from ...recursions import SPECS
 from ...recursions.spec import Spec
@@ -52,7 +53,7 @@ def _with_bounds(
     (spec,) = specs
     matrix = len(spec.output.shape) == 2
     fma = host_cpu.host()[3]
-    if not spec.residual or (matrix and len(bodies) - 1 > MOST_PRODUCT):
+    if not spec.residual or (matrix and len(independent(bodies)) - 1 > MOST_PRODUCT):
         program, layout = recording.record(specs, bodies, static, options, dtype)
         with_errors = recording.record(specs, bodies, static, options, dtype, errors=True).program
         made = Bounding(dtype, with_errors.operations["depth"], fma)
@@ -68,7 +69,7 @@ def _with_bounds(
     inputs = made.inputs(program.inputs, layout.units, options.exact_inputs)
     results = made.run(program, inputs, bounds=False)
     columns = _columns(spec, options, bodies, inputs)
-    n = len(bodies) - 1
+    n = len(independent(bodies)) - 1
     entries = made.run(inverse, _chosen(solving, options, bodies, columns, inputs))[: n * n]
     rows = [entries[n * i : n * i + n] for i in range(n)]
     if matrix:
@@ -120,7 +121,7 @@ def _chosen(
         for entry, constant in zip(columns[x.name], known.get(x.name, columns[x.name]), strict=True)
         if not isinstance(constant, float) or math.isnan(constant)
     ]
-    count = sum(math.prod(parameter_shape(p, len(bodies) - 1)) for p in options.parameters)
+    count = sum(math.prod(parameter_shape(p, len(independent(bodies)) - 1)) for p in options.parameters)
     return [*chosen, *inputs[len(inputs) - count :]]
 
 
@@ -128,6 +129,7 @@ def _with_derivative(
     specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
 ) -> Recording:
     """Some calls with their derivatives."""
+    own = independent(bodies)
     program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
     tape, order = Tape(), itertools.count(program.inputs)
     inputs = [tape.input(k) for k in range(program.inputs)]
@@ -137,13 +139,13 @@ def _with_derivative(
     parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
     forward = options.derivative in ("jvp", "tangent")
     further, results = [], []
-    turns = [_turns(bodies, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
+    turns = [_turns(own, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
     every = [turn for those in turns for _, turn in those]
     if forward:
         tangents: list[Any] = []
         turning: list[Any] = []
         for mover, part, those in zip(arrays, parts, turns, strict=True):
-            further.append(len(bodies) - 1 if mover else len(part))
+            further.append(len(own) - 1 if mover else len(part))
             along = [tape.input(next(order)) for _ in range(further[-1])]
             turning += [along[freedom] for freedom, _ in those]
             if mover:
@@ -163,7 +165,7 @@ def _with_derivative(
         for mover, part, first, those in zip(arrays, parts, ends, turns, strict=False):
             by = found[first : first + len(part)]
             if mover:
-                by = vjp(tape, _mover(mover, bodies), [*part, *[0.0] * (len(bodies) - 1)], by)[1][len(part) :]
+                by = vjp(tape, _mover(mover, bodies), [*part, *[0.0] * (len(own) - 1)], by)[1][len(part) :]
             for freedom, _ in those:
                 by[freedom] = by[freedom] + next(by_turn)
             results.append(by)

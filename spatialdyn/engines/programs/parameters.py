@@ -78,7 +78,8 @@ def put(rows: Any, parameters: Sequence[Parameter], values: Sequence[Sequence[An
             g = rows[0].gravity
             g.x, g.y, g.z = given
         elif p.kind == "armature":
-            for row, value in zip(rows[1:], given, strict=True):
+            free = [row for row in rows[1:] if not row.leader]  # of freedoms of the model's own
+            for row, value in zip(free, given, strict=True):
                 row.armature = value
         elif p.kind == "payload":
             x = p.frame

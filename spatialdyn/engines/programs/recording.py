@@ -16,18 +16,20 @@ from ...algebra.scalars import EPS
 from ...bodies.joints import pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
 from ...bodies.static_table import StaticTable
+from ...bodies.table import independent
 from ...errors import SpatialDynError
 from ...recursions.spec import Argument, Spec, shape_in, sizes_of
 from . import float32_range, host_cpu
 from .constants import constant
 from .kernel_layout import KernelLayout
+from .mimic_rows import MimicRows, diagonal_of_M, evaluate, rows_of
 from .move_origins import move_origins
 from .parameters import Parameter, put, withdraw
 from .parameters import shape as parameter_shape
 from .program import Program
 from .regroup import regroup
 from .to_double_double import to_double_double
-from .tracer import Number, Tape, evaluate, table
+from .tracer import Tape, table
 
 MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
@@ -106,20 +108,21 @@ def record(
     cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
     """
     for spec in specs:
-        if not spec.traceable:
+        if not traces(spec, bodies):
             raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
     fixed, known = iter(static), dict(options.fixed)
     tape = Tape(errors)
     number = tape.unfolded if options.double_double else constant
-    rows = table(bodies, number)
-    vars(rows[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
-    taken = withdraw(rows, options.parameters)
+    tree = table(bodies, number)
+    vars(tree[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
+    taken = withdraw(tree, options.parameters)
     if all(spec.regroup for spec in specs) and not (options.double_double or errors):
         in_body = options.parameters or any(x.name == "fext" or x.table for spec in specs for x in spec.present)
         if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
-            move_origins(rows)
-        regroup(rows, any(spec.pivots for spec in specs))
-    n, sizes = len(bodies) - 1, _sizes(bodies, static)
+            move_origins(tree)
+        regroup(tree, any(spec.pivots for spec in specs))
+    rows, own = rows_of(tree), independent(bodies)
+    n, sizes = len(own) - 1, _sizes(bodies, static)
 
     def shape(symbols: Sequence[str | int]) -> tuple[int, ...]:
         return shape_in(symbols, sizes)
@@ -147,7 +150,7 @@ def record(
             ]
             given[x.name] = numbers.reshape(shape(x.shape)) if x.shape else numbers[0]
             if x.unit_norm:
-                parts = [tuple(places_of[k] for k in part) for part in unit_parts(bodies)]
+                parts = [tuple(places_of[k] for k in part) for part in unit_parts(own)]
                 units += [tuple(k for k in part if k is not None) for part in parts if None not in part]
             width = next(order) - count
             if width or not entries:
@@ -160,7 +163,7 @@ def record(
         widths.append(math.prod(parameter_shape(p, n)))
         loads.append([tape.input(count + k) for k in range(widths[-1])])
         count += widths[-1]
-    put(rows, options.parameters, loads, taken)
+    put(tree, options.parameters, loads, taken)
     results: list[Any] = []
     places, pivots, norms = [], [], []
     for k, spec in enumerate(specs):
@@ -171,7 +174,7 @@ def record(
         if spec.output.unit_norm:
             chosen = options.outputs[k] if options.outputs else range(out.size)
             at_of = {entry: len(results) + at for at, entry in enumerate(chosen)}
-            norms += [tuple(at_of[e] for e in part) for part in unit_parts(bodies) if set(part) <= set(at_of)]
+            norms += [tuple(at_of[e] for e in part) for part in unit_parts(own) if set(part) <= set(at_of)]
         results += wanted.tolist()
         if spec.pivots:
             margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else float(np.finfo(dtype).eps))
@@ -198,8 +201,8 @@ def _tracked(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
-    """Values of the symbols in the shape of an argument, also of those that static tables add."""
-    found = sizes_of(bodies)
+    """Values of the symbols in the shape of a model's argument, also of those that static tables add."""
+    found = sizes_of(independent(bodies))
     for x in static:
         if isinstance(x, StaticTable):
             found |= x.sizes
@@ -216,9 +219,13 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
 
     With t the sum of the m distances |x| that joints below the root have travelled, 2 b t <= a + c t², because
     b² <= a c for the moments of any body, and t² <= m Σ x²: a polynomial, which a program can hold, and the same in
-    all units. Entries of ``rows`` that are Numbers go to the margin, floats to the least.
+    all units. Entries of ``rows`` that are no floats go to the margin, floats to the least. With mimic joints the
+    composite inertias are the diagonal of M.
     """
     n = len(rows) - 1
+    if isinstance(rows, MimicRows):
+        diagonal = diagonal_of_M(rows, q)  # recorded already
+        return [(D - (n * eps) * x, 0.0) for D, x in zip(pivots, diagonal, strict=True)]
     moved: list[Any] = []
     for row in rows[1:]:
         if row.kind in SCREWS:
@@ -237,10 +244,10 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
             small * row.inertia_bound.x if moved else 0.0,
             growth,
         ):
-            if isinstance(part, Number):
-                D = D - part
-            else:
+            if isinstance(part, float):
                 least += part
+            else:
+                D = D - part
         margins.append((D, float(least)))
     return margins
 
@@ -258,4 +265,9 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
     short &= all(n <= MOST_EQUATIONS for x in static if isinstance(x, StaticTable) for n in x.sizes.values())
     short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
-    return short and all(spec.traceable for spec in specs)
+    return short and all(traces(spec, bodies) for spec in specs)
+
+
+def traces(spec: Spec, bodies: NDArray[Any]) -> bool:
+    """Whether a call on a table can be recorded: with mimic joints one that solves does not run its own recursion."""
+    return spec.traceable or (spec.through_M is not None and bool(bodies["leader"].any()))

@@ -8,7 +8,7 @@ into several functions, between which values are spilled to that workspace.
 The code computes ordinary samples only. Beside the results it writes one bit per sample: whether every input is
 finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot regular and every
 result finite; in float32, with ``ranged``, also whether underflow cannot matter. A sample whose bit is 0 is recomputed
-by the table kernel, which names the fault.
+by the recursion in NumPy, which finds the fault.
 """
 
 from __future__ import annotations

@@ -13,13 +13,13 @@ import ctypes
 import inspect
 import math
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import locks
 from .. import object_layout as layout
 from .host_cpu import LoadedCode, stored_code
 from .single_call_text import (
@@ -35,7 +35,7 @@ from .single_call_text import (
 )
 
 NO_LIMIT = np.array([1 << 62])  # a counter of calls
-_lock = threading.RLock()
+_lock = locks.new()
 
 
 def _code(calls: int) -> LoadedCode:

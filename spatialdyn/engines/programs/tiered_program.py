@@ -8,7 +8,6 @@ or on disk. All ways give the same bits and reject the same samples: only the ti
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -17,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...recursions.spec import Spec
+from .. import locks
+from ..waiting import watch
 from . import batch_kernels, single_call
 from .batches import Batches
 from .interpreter import TILE_LINE_NS, Interpreted, InterpretedBatches
@@ -42,7 +43,7 @@ class TieredProgram:
         """
         self._arguments = (specs, bodies, key, tuple(static))
         self._options = options
-        self._lock = threading.RLock()
+        self._lock = locks.new()
         self._calls = np.zeros(1, np.int64)  # how many single samples are interpreted until compiling pays
         self._seconds = math.nan  # how long batches are interpreted until then
         self._compiled: dict[tuple[bool, bool], batch_kernels.Kernel | None] = {}
@@ -55,7 +56,8 @@ class TieredProgram:
     def recording(self) -> Recording:
         """The program and its layout."""
         specs, bodies, _, static = self._arguments
-        return batch_kernels.record(specs, bodies, static, self._options)
+        with watch.work(f"recording the program of {specs[0].name}"):
+            return batch_kernels.record(specs, bodies, static, self._options)
 
     @cached_property
     def interpreted(self) -> Interpreted:

@@ -11,7 +11,7 @@ import numpy as np
 from ....bodies.kinds import kind_of
 from ....engines.compiled.cpython import READY
 from ....engines.compiled.generated import function_from_text
-from ....errors import ShapeError
+from ....errors import ShapeError, SpatialDynError
 from ...native import operator_kernels, operators
 from ..coverage.strictness import strict
 from ..data.dispatch import vector
@@ -116,9 +116,19 @@ def distance(model: Model, q1: Any, q2: Any) -> float:
 
 
 def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
-    """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1."""
+    """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1. Raises SpatialDynError, a
+    ValueError, for a prec below 0.
+    """
+    prec = _precision(prec)
     parts = _unit_parts(expected(model, Model, "model"), vector("q", q, model.nq))
     return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in parts)
+
+
+def _precision(prec: Any) -> float:
+    """A precision as a float. Raises SpatialDynError unless it is 0 or more."""
+    if not number(prec, "prec") >= 0.0:
+        raise SpatialDynError(f"prec is {prec!r}, expected a number that is not negative")
+    return float(prec)
 
 
 def _unit_parts(model: Model, q: Array) -> list[Array]:
@@ -129,9 +139,10 @@ def _unit_parts(model: Model, q: Array) -> list[Array]:
 def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
     """Whether two configurations agree to prec; a quaternion and its negative are one rotation.
 
-    Quaternions and pairs off their unit norm agree if their numbers do, to prec of the smaller norm.
+    Quaternions and pairs off their unit norm agree if their numbers do, to prec of the smaller norm. Raises as
+    ``isNormalized``.
     """
-    prec = number(prec, "prec")
+    prec = _precision(prec)
     parts = zip(*(_unit_parts(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2))), strict=True)
     for x, y in parts:
         norms = [math.hypot(*part.tolist()) for part in (x, y)]

@@ -39,6 +39,7 @@ RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arg
     ("forwardDynamics impulseDynamics constraintDynamics", _DEPENDENT),
     ("*.loadFromText *.loadFromXML *.loadFromBinary *.loadFromString", _FOREIGN),
 )
+OWN = {"coverage", "differences", "install", "strict", "uninstall"}  # names that Pinocchio does not have
 MEMBERS = {"saveToText", "saveToXML", "saveToBinary", "lowerVelocityLimit", "visualize"}
 
 
@@ -95,7 +96,7 @@ def compat_package() -> types.ModuleType:
 @cache
 def names() -> frozenset[str]:
     """The public names of Pinocchio 4.1's Python module: those that are here, and those out of scope."""
-    return ABSENT | {*compat_package().__all__} - {"coverage", "differences", "strict"}
+    return ABSENT | {*compat_package().__all__} - OWN
 
 
 def instead(name: str) -> str:
@@ -164,7 +165,7 @@ def missing(name: str) -> NoReturn:
     if instead(name):
         kind = OutOfScopeImportError if _imported() else OutOfScopeAttributeError
         raise kind(f"pinocchio.{name} is not supported: {entry(name).note}")
-    raise AttributeError(f"module {__package__!r} has no attribute {name!r}{_suggestion(name)}")
+    raise AttributeError(f"module {compat_package().__name__!r} has no attribute {name!r}{_suggestion(name)}")
 
 
 def _imported() -> bool:

@@ -99,12 +99,16 @@ arrays of the other byte order | bytes are read unswapped | read correctly
 aba with too few external forces | memory after them is read | ShapeError
 compactTangentMap of a joint of more than six velocities | memory is overwritten | ShapeError
 frame Jacobians of a model without freedoms | a crash | an array (6, 0)
+Jacobians, their derivatives and centroidal maps of models with one freedom: nv = 1 | one-dimensional, (6,) or (3,) |
+    (6, 1), (3, 1), as for any nv
 axes of unaligned joints that are not unit vectors | wrong joints | normalised; an error if zero
 gravity with an angular part | an angular acceleration of the world | ModelError
 assigning an array of the wrong size to a limit or an armature | accepted | ShapeError naming the attribute
 inertias that no body can have in a URDF | accepted | accepted, and named in a warning
 a planar joint of a URDF whose axis is not z | its axis is ignored | ignored too, with a warning
 a revolute joint of a URDF without limits | an error | an unlimited joint
+elements of xacro that are left in a URDF | left out, silently | left out, with a warning; spatialdyn.load_urdf refuses
+    them
 broken or half-read URDF | the part that urdfdom reads | UrdfError naming file, line, element and attribute
 negative effort or velocity limits of a URDF | accepted | no limit
 appendModel: gravity, name and armature | defaults | gravity and name of A, armature of both

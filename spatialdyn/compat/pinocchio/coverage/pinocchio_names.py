@@ -19,7 +19,7 @@ Jacobian, spatialdyn.Constraints
     lcaba computeImpulseDynamicsDerivatives contactInverseDynamics computeInverseDynamicsConstraintForces
     computeDampedDelassusMatrixInverse computeJointMinimalOrdering convertToRigidConstraintModel AUTOMATIC MANUAL
     CONSTANT LINEAR OSQP SPECTRAL
-MJCF and SDF: spatialdyn.from_mujoco of a mujoco.MjModel, or a URDF
+MJCF and SDF: buildModelFromUrdf of a URDF; spatialdyn.from_mujoco and to_mujoco convert states of its model
     buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*
     buildModelAnd{,Legacy}ConstraintsFromMJCF buildModel{,s}FromMJCF buildModelFromMJCFAndRootJoint
     buildModelsAndConstraintsFrom{MJCF,Sdf} buildModelsFromSdf
@@ -51,10 +51,10 @@ a switch of the binding's arrays: results are copies, fields of Data are written
     sharedMemory
 building models as graphs: Model.addJoint, spatialdyn.ModelBuilder
     graph
-internals of the wheel
-    romeo_wrapper* windows_dll_manager* derivative*
+internals of the wheel: the same names of the package itself
+    romeo_wrapper* windows_dll_manager* derivative* pinocchio_pywrap* pinocchio_pywrap_default
 a foreign module in the wheel's namespace: import it by its own name
-    inspect sys numpy pin pinocchio_pywrap_default submodules module_info
+    inspect sys numpy pin submodules module_info
 a detail of the binding
     DeprecatedBool LogLevel Exception
 """

@@ -7,11 +7,13 @@ results of buildModelFrom..., createData, RobotWrapper or a class of Pinocchio, 
 from __future__ import annotations
 
 import ast
+import warnings
 from typing import NamedTuple
 
 from ....errors import SpatialDynError
 from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry, names, raises
 
+TOO_DEEP = "holds an expression that is nested too deep to be read, expected a Python script"
 ROOT, FACE = "pinocchio", "spatialdyn.compat.pinocchio"
 _MADE = {  # class -> functions that make an object of it
     "Model": "buildModelFromUrdf buildModelFromXML buildReducedModel buildSampleModelManipulator appendModel "
@@ -57,10 +59,14 @@ def uses(source: str) -> list[Use]:
     """The names of Pinocchio that a script uses: missing ones first, then those that may raise or differ.
 
     source  text of the script
-    Raises SpatialDynError naming the line of a syntax error
+    Raises SpatialDynError naming the line of a syntax error, or for expressions nested too deep to be read
     """
     reader = _Reader()
-    reader.visit(_parsed(source))
+    tree = _parsed(source)
+    try:
+        reader.visit(tree)
+    except RecursionError:
+        raise SpatialDynError(TOO_DEEP) from None
     found = [_use(name.replace("#", "."), lines) for name, lines in reader.found.items()]
     return sorted(found, key=lambda use: (use.works, not use.raises, use.status == SUPPORTED, use.lines, use.name))
 
@@ -101,7 +107,11 @@ def _face_import(alias: ast.alias) -> str:
 
 def _parsed(source: str) -> ast.Module:
     try:
-        return ast.parse(source)
+        with warnings.catch_warnings():  # of the script's own oddities, as "\d"
+            warnings.simplefilter("ignore")
+            return ast.parse(source)
+    except (RecursionError, MemoryError):  # of the parser's own stack
+        raise SpatialDynError(TOO_DEEP) from None
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         where = "" if line is None else f"line {line}: "

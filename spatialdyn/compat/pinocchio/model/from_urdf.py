@@ -70,7 +70,8 @@ def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, 
             raise ArgumentError(f"{call} got {name}={value!r}, expected it once, of {', '.join(given)}")
         given[name] = expected(value, kinds[name], name)
     model = given["model"] if given["model"] is not None else Model()
-    append(model, read_urdf(source), given["root_joint"], given["root_joint_name"], given["mimic"])
+    robot = read_urdf(source, skip_leftovers=True)
+    append(model, robot, given["root_joint"], given["root_joint_name"], given["mimic"])
     return model
 
 

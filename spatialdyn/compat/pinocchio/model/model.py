@@ -10,12 +10,13 @@ import numpy as np
 from ....errors import ModelError
 from ....model.robot_checks import missing
 from ..coverage.strictness import strict
-from ..types.arguments import ArgumentError, Array, expected
+from ..types.arguments import ArgumentError, Array, expected, of_pinocchio
 from ..types.bases import Copied, Registered
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
+from .from_pinocchio import pinocchio_state
 from .joint import JointModel
 from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Indices, Tree, limit
 from .serialization_format import FORMAT, Stored, fill, state
@@ -74,8 +75,11 @@ class Model(Tree, Stored, Copied):
 
     _format = FORMAT
 
-    def __init__(self, clone: Model | None = None) -> None:
-        """A model with the universe alone, or a copy of another."""
+    def __init__(self, clone: Any = None) -> None:
+        """A model with the universe alone, or a copy of another, also of one of Pinocchio's own class.
+
+        Raises ModelError for a joint of Pinocchio's whose kind is not here.
+        """
         self._sealed = False
         super().__init__()
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
@@ -83,7 +87,9 @@ class Model(Tree, Stored, Copied):
         self.frames: list[Frame] = [universe]
         self.referenceConfigurations: dict[str, Array] = Configurations()
         self._sealed = True
-        if clone is not None:
+        if of_pinocchio(clone, "Model"):
+            fill(self, pinocchio_state(clone))
+        elif clone is not None:
             self._copy(expected(clone, Model, "clone"))
 
     def _copy(self, other: Model) -> None:

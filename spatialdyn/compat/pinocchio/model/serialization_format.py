@@ -31,20 +31,22 @@ def state(model: Any) -> dict[str, Any]:
     """A model as lists of numbers and names."""
     joints = zip(model.names, model.parents, model.joints, model.jointPlacements, model.inertias, strict=True)
     return {
-        "format": FORMAT, "name": model.name, "nbodies": model.nbodies, "gravity": _numbers(model.gravity),
+        "format": FORMAT, "name": model.name, "nbodies": model.nbodies, "gravity": numbers(model.gravity),
         "joints": [
-            {"name": name, "parent": int(parent), "joint": x.state(), "placement": _numbers(X), "inertia": _numbers(I)}
+            {"name": name, "parent": int(parent), "joint": x.state(), "placement": numbers(X), "inertia": numbers(I)}
             for name, parent, x, X, I in joints
         ],
-        "frames": [
-            {
-                "name": x.name, "joint": x.parentJoint, "before": x.parentFrame, "placement": _numbers(x.placement),
-                "type": x.type.name, "inertia": _numbers(x.inertia),
-            }
-            for x in model.frames
-        ],
+        "frames": [frame_state(x) for x in model.frames],
         "arrays": {name: x.tolist() for name, x in model._arrays.items()},
         "configurations": {name: np.asarray(q).tolist() for name, q in model.referenceConfigurations.items()},
+    }  # fmt: skip
+
+
+def frame_state(frame: Frame) -> dict[str, Any]:
+    """A frame as numbers and names."""
+    return {
+        "name": frame.name, "joint": frame.parentJoint, "before": frame.parentFrame,
+        "placement": numbers(frame.placement), "type": frame.type.name, "inertia": numbers(frame.inertia),
     }  # fmt: skip
 
 
@@ -69,7 +71,8 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
         model.referenceConfigurations[name] = np.array(q, dtype=float)
 
 
-def _numbers(value: Any) -> list[float]:
+def numbers(value: Any) -> list[float]:
+    """The numbers of an SE3, Motion or Inertia, row by row."""
     x: list[float] = value._x.ravel().tolist()
     return x
 

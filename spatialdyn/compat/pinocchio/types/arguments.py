@@ -16,6 +16,8 @@ from ....model.robot_checks import masked
 
 Array = NDArray[np.float64]
 NUMBERS = "fiub"  # kinds of dtype that become float64
+FACE = __package__.rpartition(".")[0]
+CONVERTED = ("Force", "Frame", "Inertia", "Model", "Motion", "SE3")  # classes that take Pinocchio's own object
 
 
 class ArgumentError(SpatialDynError, TypeError):
@@ -45,12 +47,25 @@ def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
 
 
 def described(value: Any) -> str:
-    """A value by type, shape and dtype, for error messages."""
+    """A value by type, shape and dtype, for error messages; a class of another package with its module."""
     if isinstance(value, np.ndarray):
         if masked(value):
             return "a masked array, whose mask would be lost"
         return f"an array of shape {value.shape} and dtype {value.dtype}"
-    return f"a {type(value).__name__}"
+    kind = type(value)
+    if kind.__module__ == "builtins" or f"{kind.__module__}.".startswith(f"{FACE}."):
+        return f"a {kind.__name__}"
+    converts = [f"{FACE}.{name}(...) converts" for name in CONVERTED if of_pinocchio(value, name)]
+    cures = [*converts, *[f"{FACE}.install() avoids"] * kind.__module__.startswith("pinocchio.")]
+    return f"a {kind.__module__}.{kind.__qualname__}" + f", which {' and '.join(cures)}" * bool(cures)
+
+
+def of_pinocchio(value: Any, kind: str) -> bool:
+    """Whether a value is of Pinocchio's own class of that name; those of its symbolic numbers are left out."""
+    return any(
+        x.__name__ == kind and x.__module__.startswith("pinocchio.") and "casadi" not in x.__module__
+        for x in type(value).__mro__
+    )
 
 
 def expected(value: Any, kind: type, what: str) -> Any:

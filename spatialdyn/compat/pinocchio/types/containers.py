@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import ArgumentError, module_of_caller
+from .arguments import ArgumentError, described, module_of_caller
 from .bases import Copied, OwnedValue, Owner
 from .frame import Frame
 from .inertia import Inertia
@@ -93,5 +93,5 @@ class StdMap_String_VectorXd(dict[str, Any]):
 
     def __setitem__(self, name: str, value: Any) -> None:
         if not isinstance(name, str) or not isinstance(value, np.ndarray):
-            raise ArgumentError(f"{name!r} is a {type(value).__name__}, expected an array by a name")
+            raise ArgumentError(f"{name!r} is {described(value)}, expected an array by a name")
         super().__setitem__(name, np.array(value, dtype=float).ravel())

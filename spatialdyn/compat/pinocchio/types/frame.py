@@ -7,7 +7,7 @@ from enum import EnumMeta, IntEnum
 from operator import attrgetter
 from typing import Any
 
-from .arguments import ArgumentError, expected
+from .arguments import ArgumentError, described, expected, of_pinocchio
 from .bases import OwnedValue, owned_attribute
 from .inertia import Inertia
 from .se3 import SE3
@@ -85,7 +85,7 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
 
 
 class Frame(OwnedValue):
-    """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``,
+    """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``, also of Pinocchio's own class,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
 
@@ -103,13 +103,17 @@ class Frame(OwnedValue):
             arguments = ("", 0, 0, SE3.Identity(), FrameType.OP_FRAME)
         if len(arguments) == 1 and isinstance(arguments[0], Frame):
             arguments = arguments[0]._content()
+        elif len(arguments) == 1 and of_pinocchio(arguments[0], "Frame"):
+            x = arguments[0]
+            arguments = (x.name, x.parentJoint, x.parentFrame, SE3(x.placement), FrameType[x.type.name])
+            arguments = (*arguments, Inertia(x.inertia))
         if len(arguments) > 2 and isinstance(arguments[2], SE3):
             arguments = (*arguments[:2], 0, *arguments[2:])
         if len(arguments) == 5:
             arguments = (*arguments, Inertia.Zero())
         kinds = (str, object, object, SE3, object, Inertia)
         if len(arguments) != 6 or not all(map(isinstance, arguments, kinds)):
-            got = ", ".join(x.__class__.__name__ for x in arguments)
+            got = ", ".join(described(x).partition(" ")[2] for x in arguments)
             raise ArgumentError(
                 f"Frame got ({got}), expected (name, parent joint, [parent frame,] placement, type, [inertia])"
             )

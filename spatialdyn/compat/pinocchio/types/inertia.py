@@ -9,7 +9,17 @@ import numpy as np
 from ....errors import InertiaError
 from ...native import operators
 from ..coverage.strictness import strict
-from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, row, rows
+from .arguments import (
+    ArgumentError,
+    Array,
+    ValueRuntimeError,
+    array,
+    described,
+    expected,
+    of_pinocchio,
+    row,
+    rows,
+)
 from .motion import Motion
 from .pseudo_inertia import LogCholeskyParameters, PseudoInertia, ten
 from .random import GENERATOR
@@ -36,7 +46,7 @@ class Inertia(
     near="near(self_in[:1], other_in[:1], prec) * near(self.c, other.c, prec) * near(self_in[4:], other_in[4:], prec)",
 ):
     """A rigid body: ``Inertia(mass [kg], lever (3,) [m], inertia (3, 3) [kg m²])``, lever the centre of mass and
-    inertia the rotational inertia about it; ``Inertia(other)``.
+    inertia the rotational inertia about it; ``Inertia(other)``, also of Pinocchio's own class.
 
     ``I + J`` is both bodies as one, ``I * v`` the momentum of a Motion, a Force. ``lever`` is a writable view,
     ``inertia`` a copy. ``Inertia()`` is zero.
@@ -55,6 +65,8 @@ class Inertia(
             self._x = np.zeros(10)
         elif isinstance(mass, Inertia) and lever is None:
             self._x = mass._x.copy()
+        elif of_pinocchio(mass, "Inertia") and lever is None:
+            self._x = np.array([mass.mass, *mass.lever, *six(mass.inertia)])  # as it is, as from an Inertia
         else:
             raise ArgumentError(f"Inertia got {described(mass)}, expected mass, lever and inertia, or an Inertia")
 

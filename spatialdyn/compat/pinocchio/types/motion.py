@@ -7,7 +7,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from .arguments import ArgumentError, Array, array, described, row
+from .arguments import ArgumentError, Array, array, described, of_pinocchio, row
 from .random import uniform
 from .value import InFrames, Summable, on_table, on_values, part, preset
 
@@ -39,6 +39,8 @@ class Spatial(Summable, InFrames):
     def _six(cls, given: Any) -> Array:
         if given is None:
             return np.zeros(6)
+        if of_pinocchio(given, cls.__name__):
+            return np.array(given.vector, float)
         return given._x.copy() if isinstance(given, cls) else array(given, (6,), cls.__name__)
 
     _, setZero = preset(lambda: np.zeros(6), "zero")
@@ -84,7 +86,9 @@ Zero() -> {kind} = zero_{space}()
 
 
 class Force(Spatial, kind="Force"):
-    """A spatial force: ``Force(linear (3,), angular (3,))`` or ``Force(vector (6,))`` [N, N m about the origin]."""
+    """A spatial force: ``Force(linear (3,), angular (3,))``, ``Force(vector (6,))`` [N, N m about the origin] or
+    ``Force(other)``, also of Pinocchio's own class.
+    """
 
     _letters = ("  f", "tau")
     __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Force", "n", "f")
@@ -93,7 +97,8 @@ class Force(Spatial, kind="Force"):
 
 
 class Motion(Spatial, kind="Motion"):
-    """A spatial velocity: ``Motion(linear (3,), angular (3,))`` or ``Motion(vector (6,))`` [m/s, rad/s].
+    """A spatial velocity: ``Motion(linear (3,), angular (3,))``, ``Motion(vector (6,))`` [m/s, rad/s] or
+    ``Motion(other)``, also of Pinocchio's own class.
 
     ``v ^ w`` and ``v.cross(w)`` are v × w for a Motion w, v ×* w for a Force.
     """

@@ -53,7 +53,7 @@ class OwnedList(list[Value], Listed):
         if not isinstance(value, self._kind):
             kinds = self._kind if isinstance(self._kind, tuple) else (self._kind,)
             raise ArgumentError(
-                f"a {type(value).__name__} was given, expected {' or '.join(kind.__name__ for kind in kinds)}"
+                f"{described(value)} was given, expected {' or '.join(kind.__name__ for kind in kinds)}"
             )
         return owned_copy(value, self._owner) if isinstance(value, OwnedValue) else value
 

@@ -1,0 +1,26 @@
+"""Names of files to write: the ending says what the file holds, so one that says something else is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from ..errors import SpatialDynError
+
+
+def check_ending(name: str, path: Any, endings: Sequence[str]) -> Any:
+    """The argument ``name``: a path that ends in one of the endings, in any case of letters, or an open file.
+
+    Raises SpatialDynError for any other ending, or for what is no path.
+    """
+    if hasattr(path, "write"):
+        return path
+    shown = path.__fspath__() if hasattr(path, "__fspath__") else path
+    if not isinstance(shown, str):
+        raise SpatialDynError(f"{name} is {path!r}, expected the name of a file")
+    stem, dot, ending = re.split(r"[/\\]", shown)[-1].rpartition(".")
+    if not stem or dot + ending.lower() not in endings:
+        known = f"one of {', '.join(endings)}" if len(endings) > 2 else endings[0]
+        raise SpatialDynError(f"{name} is {shown!r}, expected a name that ends in {known}")
+    return path

@@ -1,0 +1,50 @@
+"""What an engine knows of recursions by name to run them for models with mimic joints.
+
+v of the whole tree is G v with constant G. A recursion that walks the tree runs on the whole one, and its torques are
+reduced: Gᵀ τ, Gᵀ M G. Joints that move together are no tree, so one that solves with M factors M = Gᵀ M G instead: its
+Spec has a ``through_M``. Recursions that are ``composed`` of others call those below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from .aba import acceleration_through_M
+from .derivatives import aba_derivatives_by_factor, aba_derivatives_through_M
+from .ltdl import factor_tree, solve_tree
+from .signatures import Array, Bodies, Matrix, Vector
+from .spec import MassMatrix
+
+
+class Reduction(NamedTuple):
+    """The recursions that an engine replaces for rows of a model with mimic joints.
+
+    mass_matrix  name of the call of M
+    on_tree      names of calls that run on the whole tree
+    through_M    names of calls that solve with M
+    factor, solve  ``factor(bodies, M)`` and ``solve(bodies, L, x)`` in place, by the parents of the rows
+    by_factor    ``(bodies, work, q, v, tau, fext, D, pivots, a, inverse)``, a recursion that factors M itself
+    of_factor    the same of M: ``(M, q, v, tau, fext) -> a, parts of D``, each (samples, ...)
+    """
+
+    mass_matrix: str
+    on_tree: tuple[str, ...]
+    through_M: tuple[str, ...]
+    factor: Callable[[Bodies, Matrix], None]
+    solve: Callable[[Bodies, Matrix, Vector], None]
+    by_factor: Any
+    of_factor: Callable[..., tuple[Array, tuple[Array, ...]]]
+
+
+def accelerations_and_derivatives(
+    M: MassMatrix, q: Array, v: Array, tau: Array, fext: Array
+) -> tuple[Array, tuple[Array, ...]]:
+    """a, and its derivatives by q, v and τ."""
+    return acceleration_through_M(M, q, v, tau, fext), aba_derivatives_through_M(M, q, v, tau, fext)
+
+
+REDUCTION = Reduction(
+    "crba", ("crba", "rnea", "momentum_rate"), ("aba", "hamilton_field"), factor_tree, solve_tree,
+    aba_derivatives_by_factor, accelerations_and_derivatives,
+)  # fmt: skip
