@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
+
+from environment import VARIABLES
 
 
 def pytest_configure() -> None:
-    """Hear Ctrl-C also where the suite was started in the background, whose processes ignore it."""
+    """Forget what a person has set for the library; hear Ctrl-C also where the suite was started in the background,
+    whose processes ignore it.
+    """
+    for name in VARIABLES:
+        os.environ.pop(name, None)
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -14,6 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 import spatialdyn as sd
+from spatialdyn.calls import dynamics
+from spatialdyn.engines import run
 from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.recursions.spec import Argument, Spec
 
@@ -73,6 +75,12 @@ def empty_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """No program and no machine code in memory, until the end of the test."""
     for held in ("_programs", "_codes"):
         monkeypatch.setattr(batch_kernels, held, OrderedDict())
+
+
+def no_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the calls of a new model run without programs, as those of robots too large for one."""
+    monkeypatch.setattr(run, "program", lambda *given: None)
+    monkeypatch.setattr(dynamics, "_plan", lambda *given: None)
 
 
 def run_python(code: str, *arguments: str, package: Path = PACKAGE, **environment: str) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.calls.arguments import from_full_tree, to_full_tree
-from spatialdyn.engines.programs.tracer import evaluate, table
+from spatialdyn.engines.programs.mimic_rows import evaluate, rows_of
+from spatialdyn.engines.programs.tracer import table
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import shape_in, sizes_of
 
@@ -23,15 +23,14 @@ def states(model: sd.Model, seed: int = 0, count: int = 1) -> dict[str, Array]:
 
 
 def plainly(model: sd.Model, name: str, x: dict[str, Array], k: int = 0) -> Array:
-    """The recursion in plain Python, on the full tree of a model with mimic joints; joint forces are left out."""
-    spec, rows = SPECS[name], table(model.bodies)
-    inputs = {i.name: to_full_tree(model, i, x[i.name][k]) for i in spec.present if i.name in x}
+    """The recursion in plain Python; joint forces are left out."""
+    spec, rows = SPECS[name], rows_of(table(model.bodies))
+    inputs = {i.name: x[i.name][k] for i in spec.present if i.name in x}
     if "fext" in {i.name for i in spec.present if not i.optional}:
         inputs["fext"] = np.zeros((model.njoints, 6))
     sizes = sizes_of(rows)
     made = evaluate(spec, rows, shape_in(spec.output.shape, sizes), inputs, np.zeros(sizes["nv"], object))
-    made = from_full_tree(model, spec.output, made.astype(float).reshape(shape_in(spec.output.shape, sizes)))
-    return np.asarray(made)
+    return made.astype(float).reshape(shape_in(spec.output.shape, sizes))
 
 
 def close(one: Any, other: Any, tolerance: float = EXACT) -> None:

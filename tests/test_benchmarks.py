@@ -29,6 +29,7 @@ import corpus  # noqa: E402
 import costs  # noqa: E402
 import machine  # noqa: E402
 import measure  # noqa: E402
+import mutants  # noqa: E402
 import peers  # noqa: E402
 import plots  # noqa: E402
 import report  # noqa: E402
@@ -223,6 +224,21 @@ def test_no_kept_recommendation_broke_its_promise(kept: dict[str, Any]) -> None:
         assert row["way"] is None or row["error"] <= row["tolerance"]
 
 
+@compiled
+def test_no_recommendation_of_today_breaks_its_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows of ``promise`` of one robot, measured now: of the kept ones alone a broken library would pass."""
+    model = cases.load("two_link")
+    monkeypatch.setattr(tradeoff, "PROMISED", {"2R": lambda: model})
+    monkeypatch.setattr(tradeoff, "FRESH", 60)
+    monkeypatch.setattr(tradeoff, "TOLERANCES", (1e-4, 1e-12))
+    monkeypatch.setattr(tradeoff, "_beyond", lambda *_: 0.0)
+    found = tradeoff.of_promises(False)
+    assert found["recommended"] == len(found["rows"]) == 6
+    assert found["broken"] == 0
+    for row in found["rows"]:
+        assert row["error"] <= row["bound"] <= row["tolerance"]
+
+
 def test_work_precision_figures_of_one_robot_are_drawn(kept: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     written = tradeoff.draw({what: {"panda": kept[what]["panda"]} for what in ("evaluations", "motions")}, tmp_path)
@@ -285,6 +301,22 @@ def test_an_unknown_group_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert "group is 'tipes', expected some of types, panda" in capsys.readouterr().err
 
 
+def test_the_first_hour_times_twenty_calls(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the wheel's module for both: this package's calls take a minute of compiling."""
+    path = str(sd.urdf.load.find_robot("two_link"))
+    compat.main(["--first-calls", "pinocchio", path])
+    found = json.loads(capsys.readouterr().out)
+    assert len(found) == 21  # the import too
+    assert min(found.values()) >= 0.0
+    seconds = compat.first_seconds("pinocchio", "", "two_link")
+    assert list(seconds) == list(found)
+    monkeypatch.setattr(compat, "first_seconds", lambda module, cache: found)
+    compat.print_first_hour()
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 23
+    assert lines[-1].split()[:2] == ["in", "all"]
+
+
 # --- what pictures hold -----------------------------------------------------------------------------------
 
 
@@ -312,3 +344,51 @@ def test_no_panel_is_empty_and_no_colour_means_two_things(results: dict[str, Any
 def test_the_front_is_what_nothing_beats() -> None:
     points = [(3.0, 0.1), (1.0, 1.0), (2.0, 2.0), (4.0, 0.1), (2.0, 0.5)]
     assert tradeoff.front_of(points) == [(1.0, 1.0), (2.0, 0.5), (3.0, 0.1)]
+
+
+# --- faults -----------------------------------------------------------------------------------------------
+
+
+def test_every_fault_of_the_table_is_still_one_and_rooms_have_theirs_by_their_size() -> None:
+    """A fault is a text that is in its file exactly once; its tests are there. No test is run here."""
+    table = mutants.faults()
+    assert mutants.check(table) == []
+    assert len(table) >= 120
+    package = Path(sd.__file__).parent
+    lines = {
+        room.name: sum(len(path.read_text(encoding="utf-8").splitlines()) for path in room.rglob("*.py"))
+        for room in package.iterdir()
+        if (room / "__init__.py").exists()
+    }
+    whole = sum(lines.values())
+    for room, size in lines.items():
+        share = sum(x.room == room for x in table) / len(table)
+        assert share >= size / whole / 3.0, f"{room} has {share:.1%} of the faults and {size / whole:.1%} of the lines"
+
+
+def test_a_table_of_faults_that_cannot_be_read_is_named_by_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "table.txt"
+    path.write_text("model/mimic.py\n- a\n+ b\n! model/test_model.py\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"line 4 is '! model/test_model.py', expected one that begins with"):
+        mutants.faults(path)
+    path.write_text("# faults\n\nmodel/mimic.py\n- a\n+ b\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"the fault of line 3 has 1 -, 1 \+, expected one each, and \? or ="):
+        mutants.faults(path)
+    path.write_text("model/mimic.py\n- offset\n+ b\n? plain model/test_model.py -k nowhere_at_all\n", encoding="utf-8")
+    (wrong,) = mutants.check(mutants.faults(path))
+    assert wrong.startswith("line 1, model/mimic.py: 'offset' is there ")
+
+
+def test_a_fault_is_put_into_a_copy_and_taken_out_again(tmp_path: Path) -> None:
+    file = tmp_path / "spatialdyn" / "errors.py"
+    file.parent.mkdir()
+    text = (Path(sd.__file__).parent / "errors.py").read_bytes()
+    file.write_bytes(text)
+    before = file.stat().st_mtime_ns
+    fault = mutants.Fault(
+        "errors.py", "class SpatialDynError(ValueError):", "class SpatialDynError(TypeError):", (), "", 1
+    )
+    with mutants.put(tmp_path, fault):
+        assert b"class SpatialDynError(TypeError):" in file.read_bytes()
+    assert file.read_bytes() == text
+    assert file.stat().st_mtime_ns == before

@@ -63,8 +63,8 @@ RENAMED: dict[str, dict[str, str]] = {
     },
     "calls": {
         "rows_of": "flatten_batch", "frame_of": "frame_row_and_placement", "reference_of": "reference_code",
-        "refuse_lost": "raise_if_not_finite", "refuse_singular": "raise_if_singular", "Task": "SpecializeRequest",
-        "expanded": "to_full_tree", "contracted": "from_full_tree", "words": "as_words", "shown": "shape_text",
+        "refuse_singular": "raise_if_singular", "Task": "SpecializeRequest",
+        "words": "as_words", "shown": "shape_text",
         "task_of": "read_request", "KINDS": "EXTRA_INPUTS", "no_inertia": "zero_inertia_message",
         "general": "checked_call", "_public": "_public_function",
     },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -58,21 +59,53 @@ def test_it_is_read_only_hashed_and_compared_by_content(arm: sd.Model) -> None:
         ({"coulomb": [1.0, -1.0]}, '"joint2": coulomb is -1, expected a finite number of 0 or more'),
         ({"viscous": [np.nan, 0.0]}, '"joint1": viscous is nan'),
         ({"viscous": [np.inf, 0.0]}, '"joint1": viscous is inf'),
-        ({"static": [1.0, 0.5]}, '"joint2": static is 0.5, expected at least its Coulomb friction of 1'),
+        ({"static": {"joint1": 1.0, "joint2": 0.5}}, '"joint2": static is 0.5, expected at least its Coulomb frict'),
         ({"stribeck_velocity": [0.0, 1.0]}, '"joint1": stribeck velocity is 0, expected a finite number above 0'),
         ({"smoothing": [1.0, -2.0]}, '"joint2": smoothing is -2, expected a finite number above 0'),
-        ({"bristle_stiffness": -1.0}, '"joint1": bristle stiffness is -1'),
-        ({"bristle_damping": -1.0}, '"joint1": bristle damping is -1'),
+        ({"bristle_stiffness": {"joint1": -1.0}}, '"joint1": bristle stiffness is -1'),
+        ({"bristle_damping": [-1.0, 0.0]}, '"joint1": bristle damping is -1'),
+        ({"viscous": {"elbow": 1.0}}, 'joint "elbow"'),
+        ({"smoothing": {"joint2": 1.0}}, 'no smoothing of joint "joint1", expected one of every joint, or one number'),
     ],
 )
 def test_bad_coefficients_are_named_by_joint(arm: sd.Model, changes: dict[str, Any], words: str) -> None:
     given = {"coulomb": [1.0, 1.0], "viscous": 0.0, **changes}
     with pytest.raises(sd.ModelError, match=words):
         sd.Friction.of(arm, **given)
-    with pytest.raises(sd.ModelError, match=words):
-        sd.friction_torque(arm, [0.0, 0.0], sd.Friction(**given))
-    with pytest.raises(sd.ModelError, match=words):
-        sd.rollout(arm, [0, 0], [0, 0], dt=1e-3, steps=2, friction=sd.Friction(**given))
+
+
+@pytest.mark.parametrize("name", [x.name for x in fields(sd.Friction)])
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf, [0.5, -0.1], {"joint1": -2.0}, {"joint1": np.nan}, {3: 1.0}])
+def test_bad_coefficients_are_refused_when_made(name: str, value: Any) -> None:
+    with pytest.raises(sd.ModelError, match=name.replace("_", "[ _]")):
+        sd.Friction(**{name: value})
+
+
+@pytest.mark.parametrize("name", [x.name for x in fields(sd.Friction)])
+def test_a_number_or_numbers_by_joint_are_those_of_a_robot(arm: sd.Model, name: str) -> None:
+    base = {"static": 9.0} if name != "static" else {}
+    whole = getattr(sd.Friction(**base, **{name: 0.5}).check(arm), name)
+    np.testing.assert_array_equal(whole, [0.5, 0.5])
+    each = sd.Friction(**base, **{name: {"joint2": 0.25, "joint1": 0.5}})
+    np.testing.assert_array_equal(getattr(each.check(arm), name), [0.5, 0.25])
+    assert each == sd.Friction(**base, **{name: {"joint1": 0.5, "joint2": 0.25}})
+    assert each != sd.Friction(**base, **{name: {"joint1": 0.5, "joint2": 0.5}})
+    assert pickle.loads(pickle.dumps(each)) == each
+    assert hash(each) == hash(pickle.loads(pickle.dumps(each)))
+    assert name in repr(each)
+
+
+def test_one_coefficient_is_enough(arm: sd.Model) -> None:
+    """The others are 0; a robot of any size takes it, in every call with friction."""
+    only = sd.Friction(viscous=5)
+    np.testing.assert_allclose(sd.friction_torque(arm, [0.5, -2.0], only), [-2.5, 10.0])
+    run = sd.simulate(arm, [0.1, 0.2], [0.0, 0.0], 0.05, 1e-3, friction=only)
+    many = sd.rollout(arm, [0.1, 0.2], [0.0, 0.0], dt=1e-3, steps=50, friction=only)
+    np.testing.assert_array_equal(run.q[1:], many.q)
+    by_name = sd.Friction(viscous={"joint1": 5, "joint2": 5})
+    np.testing.assert_array_equal(sd.simulate(arm, [0.1, 0.2], [0.0, 0.0], 0.05, 1e-3, friction=by_name).q, run.q)
+    A, _ = sd.step_derivatives(arm, [0.1, 0.2], [0, 0], [0, 0], 1e-3, friction=sd.Friction(viscous=5, smoothing=0.1))
+    assert A.shape == (4, 4)
 
 
 def test_sizes_that_do_not_match_are_refused(arm: sd.Model) -> None:
@@ -118,20 +151,6 @@ def test_friction_of_true_is_the_urdfs() -> None:
     model = sd.load_urdf("tree")
     v = np.ones(model.nv)
     np.testing.assert_allclose(sd.friction_torque(model, v, True), -(model.friction + model.damping), rtol=1e-15)
-
-
-def test_mimic_joints_are_refused(arm: sd.Model) -> None:
-    builder = sd.ModelBuilder("pair").add_body("a", None, "revolute", (0, 0, 1), inertia=(1, (0, 0, 0), np.eye(3)))
-    builder.add_body(
-        "b",
-        "a",
-        "revolute",
-        (0, 0, 1),
-        inertia=(1, (0, 0, 0), np.eye(3)),
-        mimic={"leader": "a_joint", "multiplier": 2.0, "offset": 0.0},
-    )
-    with pytest.raises(sd.ModelError, match="mimic joints"):
-        sd.friction_torque(builder.build(mimic=True), [0.0], sd.Friction([1.0], 0.0))
 
 
 # --- the regressor --------------------------------------------------------------------------------------

@@ -121,24 +121,33 @@ def test_motors_are_compared_by_content() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"resistance": [0.0, 1.0]}, '"joint1": resistance is 0, expected a finite number above 0'),
-        ({"voltage": [1.0, -1.0]}, '"joint2": voltage is -1'),
-        ({"ratio": [1.0, 0.0]}, '"joint2": ratio is 0, expected a finite number other than 0'),
-        ({"efficiency": 1.2}, r'"joint1": efficiency is 1\.2, expected a number above 0, at most 1'),
-        ({"current": 0.0}, '"joint1": current is 0, expected a number above 0'),
-        ({"torque_constant": [K, np.nan]}, '"joint2": torque constant is nan'),
+        ({"resistance": [0.0, 1.0]}, "freedom 0: resistance is 0, expected a finite number above 0"),
+        ({"voltage": [1.0, -1.0]}, "freedom 1: voltage is -1"),
+        ({"ratio": [1.0, 0.0]}, "freedom 1: ratio is 0, expected a finite number other than 0"),
+        ({"efficiency": 1.2}, r"freedom 0: efficiency is 1\.2, expected a number above 0, at most 1"),
+        ({"current": 0.0}, "freedom 0: current is 0, expected a number above 0"),
+        ({"torque_constant": [K, np.nan]}, "freedom 1: torque constant is nan"),
     ],
 )
-def test_bad_values_are_named_by_joint(arm: sd.Model, changes: dict[str, Any], words: str) -> None:
+def test_bad_values_are_refused_when_made(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(sd.ModelError, match=words):
-        sd.torque_limits(arm, [0.0, 0.0], motor(**changes))
+        motor(**changes)
+
+
+def test_one_motor_is_that_of_every_joint(arm: sd.Model) -> None:
+    np.testing.assert_array_equal(
+        sd.torque_limits(arm, [1.0, -2.0], sd.Motor(K, R, V)),
+        sd.torque_limits(arm, [1.0, -2.0], sd.Motor([K, K], R, V)),
+    )
+    run = [sd.simulate(arm, [0, 0], [0, 0], 0.02, 1e-3, torque=[1, 2], motor=sd.Motor(k, R, V)).q for k in (K, [K, K])]
+    np.testing.assert_array_equal(*run)
 
 
 def test_what_does_not_fit_is_refused(arm: sd.Model) -> None:
     with pytest.raises(sd.ShapeError, match=r"torque_constant \(2,\), resistance \(3,\)"):
         motor(resistance=[1.0, 1.0, 1.0])
-    with pytest.raises(sd.ShapeError, match="motor has 1 freedoms, expected the 2"):
-        sd.torque_limits(arm, [0.0, 0.0], sd.Motor(K, R, V))
+    with pytest.raises(sd.ShapeError, match="motor has 3 freedoms, expected the 2"):
+        sd.torque_limits(arm, [0.0, 0.0], sd.Motor([K, K, K], R, V))
     with pytest.raises(sd.ModelError, match="motor is None, expected a Motor"):
         sd.torque_limits(arm, [0.0, 0.0], None)  # type: ignore[arg-type]
     with pytest.raises(sd.ShapeError, match=r"v has shape \(3,\)"):

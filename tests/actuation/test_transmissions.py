@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from asymmetric import primes, roots
 from plain import EXACT, close, plainly, states
 from trees import random_inertia, random_placement, random_unit
 
@@ -51,7 +52,8 @@ def wrists(request: pytest.FixtureRequest) -> tuple[sd.Model, sd.Model, np.ndarr
 # --- maps -----------------------------------------------------------------------------------------------
 
 
-def test_actuators_and_joints_exchange_the_same_power() -> None:
+@pytest.mark.parametrize("A", [A, roots(2, 2)], ids=["differential", "any"])
+def test_actuators_and_joints_exchange_the_same_power(A: np.ndarray) -> None:
     model, rng = arm(), np.random.default_rng(0)
     q, v, tau = (rng.normal(size=(5, 6)) for _ in range(3))
     t = sd.Transmission(WRIST.joints, A, offset=[0.3, -0.1])
@@ -62,6 +64,8 @@ def test_actuators_and_joints_exchange_the_same_power() -> None:
         np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14)
     at = [model.joint(name).idx_v for name in t.joints]
     np.testing.assert_allclose(q[:, at], there.q[:, at] @ A.T + [0.3, -0.1], rtol=1e-13)
+    np.testing.assert_allclose(v[:, at], there.v[:, at] @ A.T, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(there.tau[:, at], tau[:, at] @ A, rtol=1e-12, atol=1e-14)
     others = [k for k in range(6) if k not in at]
     np.testing.assert_array_equal(there.q[:, others], q[:, others])
     assert sd.to_joints(model, [], v=v).tau is None
@@ -103,6 +107,15 @@ def test_the_inertias_add_a_block_to_the_mass_matrix(wrists: tuple[sd.Model, sd.
         close(plainly(geared, name, x), plainly(plain, name, x))
     by, before = plainly(geared, "rnea_derivatives", x), plainly(plain, "rnea_derivatives", x)
     close(by, before + np.array([0 * B, 0 * B, B]))
+
+
+def test_reflected_inertia_is_that_of_the_actuators_kinetic_energy() -> None:
+    """½ θ̇ᵀ J θ̇ = ½ q̇ᵀ B q̇ of a matrix without symmetry."""
+    A, J, v = roots(3, 3), primes(3), roots(3, after=30)
+    B = sd.Transmission(("a", "b", "c"), A, J).reflected_inertia()
+    turns = np.linalg.solve(A, v)
+    assert v @ B @ v == pytest.approx(turns @ (J * turns), rel=1e-11)
+    np.testing.assert_array_equal(B, B.T)
 
 
 def test_calls_that_solve_invert_it(wrists: tuple[sd.Model, sd.Model, np.ndarray]) -> None:

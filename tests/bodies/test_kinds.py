@@ -15,6 +15,7 @@ from trees import SCREWS, random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.bodies import kinds
+from spatialdyn.bodies.joints import pitch_of
 from spatialdyn.bodies.kinds import CODES, KINDS, kind_of
 from spatialdyn.calls.dynamics import calls, table_call
 from spatialdyn.engines.compiled import numba_kernels
@@ -130,6 +131,13 @@ def test_a_screw_lifts_its_load_by_its_pitch() -> None:
     )
     assert (model.joints[1].kind, model.joints[1].pitch) == ("helical", p)
     assert model.bodies["inertia_bound"]["x"][1] >= J + m * p * p
+
+
+@pytest.mark.parametrize("pitch", [-0.3, 0.05, 2.5])
+def test_the_pitch_of_a_row_is_that_of_its_joint(pitch: float) -> None:
+    axis = np.array([1.0, -2.0, 3.0])
+    model = sd.ModelBuilder().add_body("nut", None, "helical", axis, inertia=(1, (0, 0, 0), np.eye(3)), pitch=pitch)
+    assert pitch_of(model.build().bodies[1]) == pytest.approx(pitch, rel=1e-14)
 
 
 STATES = {

@@ -735,7 +735,7 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
     ),
     "simulate": (
         sd.simulate, {"q0": REST, "v0": REST, "duration": 1.0, "dt": 0.1},
-        {"q0": (), "v0": (), "duration": (*NUMBERS, "nought"), "dt": NUMBERS, "method": (), "rtol": NUMBERS,
+        {"q0": (), "v0": (), "duration": (*NUMBERS, "nought"), "dt": NUMBERS, "method": ("none",), "rtol": NUMBERS,
          "atol": NUMBERS, "record": ("none", *COUNTS, "huge"), "fext": ("none",)},
     ),
     "simulate with friction": (
@@ -754,7 +754,8 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
         sd.Friction.of, {},
         {name: (*NUMBERS, *(("nought",) if name in ("coulomb", "viscous", "bristle_stiffness") else ()), "array",
                 *(("none",) if name not in ("coulomb", "viscous") else ()),
-                *(("nought",) if name in ("static", "bristle_damping") else ()))
+                *(("nought",) if name in ("static", "bristle_damping") else ()),
+                *(("mapping",) if name not in ("stribeck_velocity", "smoothing") else ()))
          for name in ("coulomb", "viscous", "static", "stribeck_velocity", "smoothing", "bristle_stiffness",
                       "bristle_damping")},
     ),

@@ -13,7 +13,7 @@ from trees import random_inertia, random_placement, random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.accuracy.references import truths
-from spatialdyn.calls.forward_dynamics import METHODS
+from spatialdyn.calls.forward_dynamics import METHODS, extended_runs_on_lanes
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.extended import MOST_ROWS
 from spatialdyn.engines.programs import recording
@@ -519,3 +519,15 @@ def test_compare_says_what_is_singular_of_a_root_without_mass(cart: tuple[float,
     for name in METHODS.values():
         assert "M is singular" in rows[name].note
         assert "root_joint" in rows[name].note
+
+
+def test_models_with_mimic_joints_have_a_program_in_double_double() -> None:
+    """Through M, which the program of the full tree is not."""
+    model, rng = sd.load_urdf("tree", mimic=True), np.random.default_rng(0)
+    assert extended_runs_on_lanes(model)
+    q, (v, tau) = sd.random_configuration(model, rng, 600), rng.normal(size=(2, 600, model.nv))
+    many = sd.forward_dynamics(model, q, v, tau, method="extended")
+    truth = sd.exact(model, sd.aba)(q[:3], v[:3], tau[:3]).astype(float)
+    assert (abs(many[:3] - truth) <= np.spacing(abs(truth))).all()
+    few = sd.forward_dynamics(model, q[:3], v[:3], tau[:3], method="extended")
+    np.testing.assert_array_equal(few, truth)

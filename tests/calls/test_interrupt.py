@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from inputs import no_programs
 
 import spatialdyn as sd
-from spatialdyn.calls import mimic_batches
 from spatialdyn.compat import pinocchio as pin
 from spatialdyn.compat.pinocchio.algorithms import parallel
 from spatialdyn.constraints import contact
 from spatialdyn.engines import extended, threads
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.numbers.samples import Evaluation
 from spatialdyn.engines.programs import batch_kernels, time_loop
 from spatialdyn.engines.programs.interpreter import RESULT_NS, SLICE_NS, InterpretedBatches
 from spatialdyn.engines.programs.tiered_program import TieredProgram
@@ -236,6 +237,8 @@ def test_results_that_the_caller_never_sees_are_not_filled(
         made.append(np.full(shape, 7.0, dtype))
         return made[-1]
 
+    if way == "mimic":
+        no_programs(monkeypatch)
     n = 60 if way in ("table", "mimic") else 2048
     model = gripper if way == "mimic" else arm
     given = states(model, n)
@@ -247,7 +250,7 @@ def test_results_that_the_caller_never_sees_are_not_filled(
         call = sd.specialize(model, sd.aba)
         given[0][::2] += 1e6
     call(*given)  # compiles
-    for module in (dynamics, mimic_batches, specialized):
+    for module in (dynamics, specialized):
         monkeypatch.setattr(module, "empty", empty)
     own = type(np)("own")
     vars(own).update(vars(np) | {"empty": empty})
@@ -255,10 +258,8 @@ def test_results_that_the_caller_never_sees_are_not_filled(
     if way in ("program", "slices", "double-double"):
         monkeypatch.setattr(batch_kernels.Kernel, "reach", 1 << 20 if way == "program" else 4)
         stopping(monkeypatch, batch_kernels.Kernel, "_part", 1 if way == "program" else 3)
-    elif way in ("table", "specialize"):
-        stopping_slices(monkeypatch, threads, 2)
     else:
-        stopping_slices(monkeypatch, mimic_batches.threads, 2, of=n)
+        stopping_slices(monkeypatch, threads, 2)
     with pytest.raises(KeyboardInterrupt):
         call(*given)
     assert made
@@ -333,7 +334,7 @@ def stopping_slices(
     return cuts
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def gripper() -> sd.Model:
     """A finger that mimics another joint."""
     inertia = (1.0, (0.1, 0.0, 0.2), np.diag([0.1, 0.2, 0.15]))
@@ -348,18 +349,41 @@ def gripper() -> sd.Model:
 def test_ctrl_c_leaves_what_was_done_of_a_model_with_mimic_joints(
     gripper: sd.Model, name: str, n: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    no_programs(monkeypatch)
     values = states(gripper, n)[: 1 if name == "crba" else 3]
     wanted = getattr(sd, name)(gripper, *values)
     out = np.zeros(wanted.shape)
-    own = type(threads)("own")  # the slices of this module alone
-    own.slices = threads.slices  # type: ignore[attr-defined]
-    monkeypatch.setattr(mimic_batches, "threads", own)
-    cuts = stopping_slices(monkeypatch, own, 2, 4, n)
+    cuts = stopping_slices(monkeypatch, threads, 2, 4, n)
     with pytest.raises(KeyboardInterrupt):
         getattr(sd, name)(gripper, *values, out=out)
     done = cuts[-1][1]
     assert done == 5  # after the first slice none is longer than a sample
     wanted[done:] = np.nan
+    np.testing.assert_array_equal(out, wanted)
+
+
+@pytest.mark.parametrize("name", ["crba", "aba"])
+def test_ctrl_c_within_a_slice_of_a_mimic_batch_leaves_nan_in_all_of_it(
+    gripper: sd.Model, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second of slices of 7 samples is half written when the signal comes."""
+    no_programs(monkeypatch)
+    values = states(gripper, 30)[: 1 if name == "crba" else 3]
+    wanted, right, begun = getattr(sd, name)(gripper, *values), Evaluation.__call__, []
+
+    def stopped(self: Evaluation, inputs: Any, out: np.ndarray, *more: Any) -> None:
+        right(self, inputs, out, *more)
+        begun.append(1)
+        if len(begun) == 2:
+            out[4:] = 7.0
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(threads, "slices", lambda n, *_: ((k, min(k + 7, n)) for k in range(0, n, 7)))
+    monkeypatch.setattr(Evaluation, "__call__", stopped)
+    out = np.zeros(wanted.shape)
+    with pytest.raises(KeyboardInterrupt):
+        getattr(sd, name)(gripper, *values, out=out)
+    wanted[7:] = np.nan
     np.testing.assert_array_equal(out, wanted)
 
 
@@ -435,7 +459,7 @@ def test_ctrl_c_leaves_what_double_double_has_done_on_lanes(
 def test_ctrl_c_leaves_nan_in_every_later_result_of_several_calls(
     arm: sd.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And, where a mass is an input, in every later sample: each has a table of its own."""
+    """And, where a mass is an input, in every later sample."""
     q, v, tau = states(arm, 600)
     q[::2] += 1e6
     several = sd.specialize(arm, [sd.aba, sd.generalized_gravity])
@@ -452,7 +476,7 @@ def test_ctrl_c_leaves_nan_in_every_later_result_of_several_calls(
     payload = np.zeros((600, 10))
     payload[:, 0] = np.linspace(1.0, 2.0, 600)
     out = np.zeros((600, 2))
-    stopping(monkeypatch, threads.ThreadPool, "share", 3)
+    stopping_slices(monkeypatch, threads, 2)
     with pytest.raises(KeyboardInterrupt):
         massive(q, payload, out=out)
     assert np.isnan(out[4::2]).all()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inputs import empty_memory
+from inputs import empty_memory, run_python
 
 import spatialdyn as sd
 from spatialdyn.calls.progress import Steps, check_progress, reporting
@@ -31,6 +31,20 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(numba_kernels, "batch_kernel", lambda spec: asked.append(f"{label(spec)} batch"))
     monkeypatch.setattr(run, "compile_program", lambda spec, model, static: asked.append(label(spec)) or True)
     return asked
+
+
+def test_finding_a_call_makes_no_other() -> None:
+    """The first ``specialize`` and ``simulate`` made all public functions, 0.1 s, to find one Spec."""
+    code = """
+import spatialdyn as sd
+from spatialdyn.calls import dynamics
+model, rnea = sd.load_urdf("two_link"), sd.rnea
+sd.specialize(model, rnea)
+made = list(dict.keys(dynamics.calls))
+sd.simulate(model, [0.1, 0.2], [0, 0], 0.01, 1e-3)
+print(made, len(dict.keys(dynamics.calls)) < 12)
+"""
+    assert run_python(code).strip() == "['rnea'] True"
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +85,10 @@ def test_without_a_program_the_table_kernel_is_compiled(
         ({"calls": "frame_jacobian"}, sd.SpatialDynError, "frame_jacobian has a frame, expected its name"),
         ({"calls": "frame_jacobian", "frame": "nowhere"}, sd.ModelError, "nowhere"),
         ({"calls": "frame_jacobian", "frame": "link2", "reference": "x"}, sd.SpatialDynError, "reference is 'x'"),
+        ({"calls": 5}, sd.SpatialDynError, "calls is 5, expected public calls such as spatialdyn.rnea, or their names"),
+        ({"calls": "rnea", "frame": "nope"}, sd.SpatialDynError, "frame is 'nope', expected None: no call takes one"),
+        ({"calls": "rnea", "reference": "world"}, sd.SpatialDynError, "reference is 'world', expected the default"),
+        ({"calls": "rnea", "classical": 2}, sd.SpatialDynError, "classical is 2, expected True or False"),
         ({"fext": 1}, sd.SpatialDynError, "fext is 1, expected True or False"),
         ({"progress": "x"}, sd.SpatialDynError, "progress is 'x', expected True, False or a function"),
         ({"model": 3}, sd.ModelError, "model is a int"),

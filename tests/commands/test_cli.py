@@ -82,6 +82,70 @@ def test_info_says_what_is_odd(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     assert len(record["notes"]) >= 2
 
 
+def test_info_counts_the_meshes_and_names_those_that_are_missing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    names = ["package://arm/a.stl", "package://arm/b.stl", "package://arm/../c.stl", "package://arm/a.stl"]
+    shape = '<{0}><geometry><mesh filename="{1}"/></geometry></{0}>'
+    shapes = "".join(shape.format("visual", name) for name in names) + shape.format("collision", names[0])
+    ball = "<visual><geometry><sphere radius='1'/></geometry></visual>"
+    file = tmp_path / "arm.urdf"
+    file.write_text(f'<robot name="arm"><link name="l">{shapes}{ball}</link></robot>')
+    (tmp_path / "packages" / "arm").mkdir(parents=True)
+    (tmp_path / "packages" / "arm" / "a.stl").write_text("")
+    refused = f"{names[2]} holds .., expected a path below its package"
+    for more, missing in (
+        ([], [f"{names[0]} is not found", f"{names[1]} is not found", refused]),
+        (["--package-dir", str(tmp_path / "packages")], [f"{names[1]} is not found", refused]),
+    ):
+        lost = ", ".join(f'"{line}"' for line in missing)
+        shown = f"meshes  3 of 4 visual and 1 collision shapes, {len(missing)} missing: {lost}\n"
+        assert shown in run(capsys, "info", str(file), *more)[1]
+        record = json.loads(run(capsys, "info", str(file), "--json", *more)[1])
+        assert record["meshes"] == {"names": names[:3], "visual": 4, "collision": 1, "missing": missing}
+    assert "meshes" not in run(capsys, "info", "two_link")[1]
+
+
+def test_json_of_info_is_the_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Every number of the record is that of the model, none of them twice, so that a swap shows."""
+    file = tmp_path / "chain.urdf"
+    kinds = ("revolute", "prismatic", "continuous", "revolute")
+    link = (
+        '<link name="l{0}"><inertial><origin xyz="0.{0}1 0.{0}2 0.{0}3"/><mass value="{0}.5"/><inertia ixx="1" '
+        'iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+    parts = [link.format(k) for k in range(5)]
+    for k, kind in enumerate(kinds, start=1):
+        parts.append(
+            f'<joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/>'
+            f'<child link="l{k}"/><axis xyz="0 {k % 2} {(k + 1) % 2}"/><limit lower="-0.{k}7" '
+            f'upper="1.{k}3" velocity="{k}1" effort="{k}2"/>' + '<mimic joint="j1"/>' * (k == 4) + "</joint>"
+        )
+    file.write_text(f'<robot name="chain">{"".join(parts)}</robot>')
+    for root in ("fixed", "floating"):
+        record = json.loads(run(capsys, "info", str(file), "--root", root, "--json")[1])
+        model = sd.load_urdf(file, root=root)
+        assert [record[key] for key in ("name", "root", "nq", "nv", "frames", "root_link")] == [
+            "chain", root, model.nq, model.nv, len(model.frames), "l0",
+        ]  # fmt: skip
+        assert (record["total_mass"], record["gravity"]) == (model.total_mass, [0.0, 0.0, -9.81])
+        assert [(x["name"], x["mass"], x["com"]) for x in record["links"]] == [
+            (f"l{k}", k + 0.5, [float(f"0.{k}{i}") for i in (1, 2, 3)]) for k in range(5)
+        ]
+        for k, x in enumerate(record["joints"], start=1):
+            at = model.joint(f"j{k}")
+            free = kinds[k - 1] == "continuous"
+            assert [x["lower"], x["upper"]] == ([None, None] if free else [float(f"-0.{k}7"), float(f"1.{k}3")])
+            assert [x["velocity"], x["effort"]] == [10.0 * k + 1.0, 10.0 * k + 2.0]
+            assert free or [x["lower"], x["upper"]] == [model.lower[at.idx_q], model.upper[at.idx_q]]
+            assert [x["velocity"], x["effort"]] == [model.velocity_limit[at.idx_v], model.effort_limit[at.idx_v]]
+            assert [x[key] for key in ("name", "kind", "parent", "child", "idx_v", "mimic")] == [
+                f"j{k}", kinds[k - 1], f"l{k - 1}", f"l{k}", at.idx_v, "j1" if k == 4 else None,
+            ]  # fmt: skip
+            assert x["axis"] == [0.0, float(k % 2), float((k + 1) % 2)]
+        assert record["notes"] == list(model.robot.notes)
+
+
 def test_info_without_a_robot_lists_those_that_have_a_name(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, "info")
     assert (status, err) == (0, "")
@@ -316,7 +380,7 @@ def test_without_pinocchio_compare_says_how_to_get_it(
     hide(monkeypatch, "pinocchio")
     status, _, err = run(capsys, "compare", "pendulum")
     assert status == 2
-    assert err == 'spatialdyn: pinocchio is not installed; pip install "spatialdyn[validate]"\n'
+    assert err == "spatialdyn: pinocchio is not installed; pip install pin example-robot-data\n"
     assert run(capsys, "info", "pendulum")[0] == 0
 
 
@@ -391,7 +455,7 @@ def test_simulate_shows_what_there_is_at_ctrl_c(
 def test_ctrl_c_ends_every_command_in_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stop(arguments: Any) -> None:
+    def stop(arguments: Any, **more: Any) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("spatialdyn.commands.simulate.load", stop)
@@ -418,6 +482,13 @@ def test_a_simulation_that_diverges_is_no_result(capsys: pytest.CaptureFixture[s
     assert (status, out) == (2, "")
     assert err.startswith("spatialdyn: rk4 diverged at t = ")
     assert "reduce dt" in err
+
+
+@pytest.mark.parametrize("option", ["--q", "--q0", "--v0"])
+def test_numbers_after_an_option_may_begin_with_a_minus(option: str) -> None:
+    for numbers in ("-1,0.5", "-.5,2", "-1e-3"):
+        assert cli._joined(["view", option, numbers]) == ["view", f"{option}={numbers}"]
+    assert cli._joined([option, "--json", "-1"]) == [option, "--json", "-1"]
 
 
 @pytest.mark.parametrize("how", ["--q0 -1,0.5", "--q0=-1,0.5", "--v0 -.5,-2", "--v0 -1e-3,2 --q0 -2,-1"])
@@ -459,7 +530,19 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     assert "run.png', a directory, expected the name of a file" in capsys.readouterr().err
     hide(monkeypatch, "matplotlib", "matplotlib.backend_bases")
     assert cli.main([command, "two_link", "--plot", "energy.png"]) == 2
-    assert capsys.readouterr().err == 'spatialdyn: matplotlib is not installed; pip install "spatialdyn[plot]"\n'
+    assert capsys.readouterr().err == "spatialdyn: matplotlib is not installed; pip install matplotlib\n"
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run", "run.npy", "run.csv", "run.html.gz", ".npz"])
+def test_simulate_saves_to_no_file_of_an_unknown_ending(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("spatialdyn.commands.simulate.simulate", None)  # it is refused before the work
+    status, out, err = run(capsys, "simulate", "two_link", "--save", name)
+    wanted = f"spatialdyn: --save is {name!r}, expected a name that ends in one of .npz, .html, .htm\n"
+    assert (status, out, err) == (2, "", wanted)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_trajectory_that_cannot_be_saved_is_an_error_in_one_line(
@@ -503,6 +586,78 @@ def test_simulate_lets_friction_act_and_says_what_it_took(tmp_path: Path, capsys
     assert "by rk4" in out
 
 
+LIMITED = """<robot name="claw"><link name="base"/>
+<link name="a"><inertial><mass value="1"/><origin xyz=".2 0 0"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/>
+</inertial></link><link name="b"><inertial><mass value="1"/><origin xyz=".2 0 0"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="lead" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+<limit lower="-0.5" upper="1.0" effort="1" velocity="1"/><dynamics damping="0.1" friction="0.05"/></joint>
+<joint name="then" type="revolute"><parent link="base"/><child link="b"/><axis xyz="0 1 0"/>
+<limit lower="-0.5" upper="1.0" effort="1" velocity="1"/><mimic joint="lead" multiplier="0.5"/></joint></robot>"""
+
+
+@pytest.fixture
+def limited(tmp_path: Path) -> str:
+    """A claw whose second joint mimics the first."""
+    path = tmp_path / "claw.urdf"
+    path.write_text(LIMITED)
+    return str(path)
+
+
+def test_simulate_starts_at_rest_in_the_middle_of_the_limits(
+    limited: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And joints that mimic others follow them."""
+    path = str(tmp_path / "run.npz")
+    options = [limited, "--duration", "0.5", "--dt", "1e-3", "--save", path]
+    status, out, err = run(capsys, "simulate", *options)
+    assert (status, err) == (0, "")
+    kept = Trajectory.load(path)
+    assert (kept.q[0].tolist(), kept.v[0].tolist(), kept.method) == ([0.25], [0.0], "rk4")
+    assert "note    joints pass their limits, which --limits stops them at: lead" in out
+    assert "which simulate ignores unless --friction" in out
+    random = []
+    for seed in ("0", "0", "1"):
+        assert run(capsys, "simulate", *options, "--seed", seed)[0] == 0
+        random.append(Trajectory.load(path).q[0].tolist())
+    assert random[0] == random[1] != random[2]
+    model = sd.load_urdf(limited, mimic=True)
+    assert random[2] == sd.random_configuration(model, np.random.default_rng(1)).tolist()
+
+
+def test_simulate_stops_at_limits_with_friction_and_shows_their_work(
+    limited: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(tmp_path / "run.npz")
+    options = ["--duration", "1", "--dt", "1e-3", "--save", path, "--friction", "--limits"]
+    status, out, err = run(capsys, "simulate", limited, *options)
+    assert (status, err) == (0, "")
+    assert "by semi_implicit_euler" in out
+    assert "work    friction -" in out
+    assert "contacts -" in out
+    assert "note" not in out
+    kept = Trajectory.load(path)
+    assert 0.99 < kept.q.max() < 1.001
+    model = sd.load_urdf(limited, mimic=True)
+    wanted = sd.simulate(model, [0.25], [0.0], 1.0, 1e-3, friction=True, limits=True)
+    np.testing.assert_array_equal(kept.q, wanted.q)
+
+
+def test_constraints_of_a_file_act_beside_joints_that_mimic_others(
+    limited: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which are coupled to their leaders then."""
+    loops, path = tmp_path / "loops.toml", str(tmp_path / "run.npz")
+    loops.write_text('[[constraint]]\nkind = "coupler"\njoint = "then"\nto = "lead"\nratio = 0.5\n')
+    options = ["--duration", "0.2", "--dt", "1e-3", "--constraints", str(loops), "--save", path]
+    assert run(capsys, "simulate", limited, *options)[0] == 0
+    kept, alone = Trajectory.load(path), sd.load_urdf(limited, mimic=True)
+    wanted = sd.simulate(alone, [kept.q[0, 0]], [0.0], 0.2, 1e-3, friction=False)
+    np.testing.assert_allclose(kept.q[:, 0], wanted.q[:, 0], atol=1e-9)
+    np.testing.assert_allclose(kept.q[:, 1], 0.5 * kept.q[:, 0], atol=1e-11)
+
+
 def test_simulate_holds_the_constraints_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     loops, path = tmp_path / "loops.toml", str(tmp_path / "run.npz")
     loops.write_text('[[constraint]]\nkind = "coupler"\njoint = "joint2"\nto = "joint1"\nratio = -2\n')
@@ -527,7 +682,13 @@ def test_simulate_holds_the_constraints_of_a_file(tmp_path: Path, capsys: pytest
         (["--friction", "--method", "rk4"], 'friction_method is "implicit" and method "rk4"'),
         (["--constraints", "nowhere.toml"], "--constraints is 'nowhere.toml', which cannot be read"),
         (["--stabilization", "0.1"], "stabilization is 0.1, expected None: no constraints are given"),
-        (["--ledger", "x.png"], "--ledger was given, expected --friction or --constraints beside it"),
+        (["--ledger", "x.png"], "--ledger was given, expected --friction, --limits or --constraints beside"),
+        (
+            ["--limits", "--method", "rk4"],
+            'limits are to act and method is "rk4", expected method="semi_implicit_euler"',
+        ),
+        (["--seed", "-1"], "--seed is -1, expected a whole number of 0 or more"),
+        (["--seed", "1", "--q0", "1,2"], "--q0 and --seed were given, expected one of them"),
         (["--friction", "--ledger", "x.nope"], "--ledger is 'x.nope', expected a name that ends in one of"),
     ],
 )

@@ -73,7 +73,7 @@ def test_without_viser_one_line_says_what_to_install(
     monkeypatch.setitem(sys.modules, "viser", None)
     status, out, err = run(capsys, *argv)
     assert (status, out) == (2, "")
-    assert err == 'spatialdyn: viser is not installed; pip install "spatialdyn[view]"\n'
+    assert err == "spatialdyn: viser is not installed; pip install viser pycollada\n"
 
 
 def test_view_opens_a_tab_where_there_is_a_screen_and_closes_its_server(

@@ -370,3 +370,30 @@ def test_the_seed_repeats_a_random_humanoid() -> None:
     ours.seed(3)
     assert ours.buildSampleModelHumanoidRandom() == first
     assert ours.buildSampleModelHumanoidRandom() != first
+
+
+# --- what xacro has left ----------------------------------------------------------------------------------
+
+LEFTOVERS = """<robot name="r" xmlns:xacro="http://ros.org/x">
+<xacro:include filename="a.xacro"/><xacro:my_arm prefix="l"/><xacro:macro name="m"><link name="inner"/></xacro:macro>
+<link name="a"/>{more}
+<link name="b"><inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="j" type="revolute"><xacro:if value="1"><origin xyz="1 2 3"/></xacro:if><parent link="a"/><child link="b"/>
+<axis xyz="0 1 0"/><xacro:insert_block name="o"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("more", ["", '<xacro:link name="c"/>', '<u:joint name="k" type="fixed"/>'])
+def test_elements_of_xacro_are_left_out_as_in_the_wheel_with_a_warning(more: str) -> None:
+    text = LEFTOVERS.format(more=more)
+    said = r"not read, as Pinocchio does not, .*<xacro:if> \(1x\), <xacro:include> \(1x\), .*<xacro:my_arm> \(1x\)"
+    with pytest.warns(UserWarning, match=said) as warned:
+        mine = ours.buildModelFromXML(text)
+    assert len(warned) == 1
+    other = theirs.buildModelFromXML(text)
+    assert list(mine.names) == list(other.names)
+    assert [x.name for x in mine.frames] == [x.name for x in other.frames]
+    assert mine.jointPlacements[1].translation.tolist() == other.jointPlacements[1].translation.tolist()
+    assert mine.inertias[1].mass == other.inertias[1].mass == 2.0
+    with pytest.raises(sd.UrdfError, match="<xacro:include> is left, expected"):
+        sd.load_urdf(text)

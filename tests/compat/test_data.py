@@ -364,6 +364,21 @@ def test_the_derivative_of_the_centroidal_map_is_one() -> None:
     assert abs(theirs.computeCentroidalMapTimeVariation(peer, peer.createData(), q, v) - slope).max() > 0.1
 
 
+def test_the_jacobian_of_a_subtrees_centre_is_its_derivative() -> None:
+    """Of each joint's subtree, in the world: the joints above it move it whole, those within it a part, others not."""
+    model = biped(ours)
+    data = model.createData()
+    q, v, *_ = state(model)
+
+    def centre(t: float, k: int) -> np.ndarray:
+        ours.centerOfMass(model, data, ours.integrate(model, q, t * v))
+        return np.array(data.oMi[k].act(np.array(data.com[k])))
+
+    for k in range(1, model.njoints):
+        by = (centre(1e-5, k) - centre(-1e-5, k)) / 2e-5
+        close(ours.jacobianSubtreeCenterOfMass(model, data, q, k) @ v, by, 1e-8)
+
+
 @pytest.mark.slow(quick="compat/test_matrix.py::test_every_call_equals_the_wheel")
 def test_rates_are_right_where_a_joints_axes_move_in_its_body() -> None:
     """Composites, universal joints, ZYX angles: Pinocchio's dJ, dAg and C leave out the rate of S there."""
@@ -530,6 +545,60 @@ def test_arrays_that_are_held_are_written_by_reading() -> None:
     assert held is data.M
     assert not held.any()
     assert data == fresh
+
+
+def test_what_a_call_reads_of_an_earlier_one_is_of_the_latest() -> None:
+    """The factors of data.M, which is not read in between."""
+    model = biped(ours)
+    data = model.createData()
+    q, step, *_ = state(model)
+    for k in range(3):
+        q, fresh = ours.integrate(model, q, k * step), model.createData()
+        for x in (data, fresh):
+            ours.crba(model, x, q)
+        assert (ours.cholesky.decompose(model, data) == ours.cholesky.decompose(model, fresh)).all()
+
+
+def test_poses_that_a_call_reads_of_an_earlier_one_are_of_the_latest() -> None:
+    """Places in the world are composed of those in the parents, which are not read in between."""
+    model = biped(ours)
+    data = model.createData()
+    q, step, *_ = state(model)
+    for k in range(3):
+        q, fresh = ours.integrate(model, q, k * step), model.createData()
+        for x in (data, fresh):
+            ours.forwardKinematics(model, x, q)
+            ours.updateGlobalPlacements(model, x)
+        for one, other in zip(data.oMi, fresh.oMi, strict=True):
+            assert one == other
+
+
+def test_fields_are_at_the_gravity_of_the_call_however_its_inputs_were_given() -> None:
+    """A column is no vector that a builtin takes; the field is computed when it is read, after gravity has changed."""
+    model = biped(ours)
+    data = model.createData()
+    q, v, a, _ = state(model)
+    ours.rnea(model, data, q, v, a)
+    gravity = np.array([1.0, 2.0, -3.0])
+    model.gravity.linear = gravity
+    ours.rnea(model, data, q[:, None], v, a)
+    model.gravity.linear = np.zeros(3)
+    fresh_model = biped(ours)
+    fresh_model.gravity.linear = gravity
+    fresh = fresh_model.createData()
+    ours.rnea(fresh_model, fresh, q, v, a)
+    for one, other in zip(data.a_gf, fresh.a_gf, strict=True):
+        close(one.vector, other.vector)
+
+
+def test_reading_leaves_nothing_of_what_was_computed_before() -> None:
+    model = biped(ours)
+    data = model.createData()
+    ours.crba(model, data, state(model)[0])
+    ours.cholesky.decompose(model, data)
+    data.loadFromString(model.createData().saveToString())
+    with pytest.raises(ValueError, match=r"data\.M is zero, expected crba to have been called"):
+        ours.cholesky.decompose(model, data)
 
 
 def test_data_that_are_none_are_refused_and_change_nothing(tmp_path: Path) -> None:

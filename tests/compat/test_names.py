@@ -198,7 +198,7 @@ def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.Mo
     visualize._warn.cache_clear()
     monkeypatch.setattr(visualize, "_installed", lambda: False)
     model, kind = arm(ours), getattr(visualize, f"{name}Visualizer")
-    with pytest.warns(UserWarning, match=r'shows nothing: .*pip install "spatialdyn\[view\]"'):
+    with pytest.warns(UserWarning, match="shows nothing: .*pip install viser pycollada"):
         shown = kind(model, ours.GeometryModel(), ours.GeometryModel())
     with warnings.catch_warnings():
         warnings.simplefilter("error")

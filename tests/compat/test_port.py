@@ -271,3 +271,54 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path, capsys: pytest.Capt
     plain.write_text("print(1)")
     assert cli.main(["port", str(plain)]) == 0
     assert "uses nothing of Pinocchio" in capsys.readouterr().out
+
+
+UNREADABLE = {  # what a file holds, and part of the message about it
+    "a syntax error": (b"if:", "line 1: "),
+    "bytes": (b"x = '\xff\xfe'", "cannot be decoded"),
+    "no codec": (b"# -*- coding: frobnicate -*-\n", "cannot be decoded"),
+    "a null": (b"x = '\0'", "null bytes"),
+    "a nest that Python's parser refuses": (b"-" * 200_000 + b"1", ""),
+    "brackets": (b"(" * 5000 + b")" * 5000, ""),
+    "a nest that the reader refuses": (b"import pinocchio as pin\npin" + b".a" * 5000, "nested too deep"),
+    "a sum": (b"x = " + b"+".join([b"1"] * 20_000), "nested too deep"),
+}
+
+
+@pytest.mark.parametrize("what", UNREADABLE)
+def test_a_folder_goes_on_after_a_file_that_cannot_be_parsed(
+    what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content, reason = UNREADABLE[what]
+    (tmp_path / "bad.py").write_bytes(content)
+    (tmp_path / "good.py").write_text(GOOD)
+    assert cli.main(["port", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    (said,) = [line for line in out.splitlines() if line.startswith("not read: ")]
+    assert "bad.py" in said
+    assert reason in said
+    assert "7 of 7 names work (100 %) in 1 files" in out
+    assert cli.main(["port", str(tmp_path), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert list(json.loads(out)) == [str(tmp_path / "good.py")]
+    assert "bad.py" in err
+    assert cli.main(["port", str(tmp_path / "bad.py")]) == 2
+    assert reason in capsys.readouterr().err
+
+
+def test_a_file_is_decoded_as_python_decodes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mark.py").write_bytes(b"\xef\xbb\xbf" + GOOD.encode())
+    (tmp_path / "latin.py").write_bytes(b"# -*- coding: latin-1 -*-\n# \xe9\n" + GOOD.encode())
+    (tmp_path / "odd.py").write_text(f"x = '\\d'\n{GOOD}")
+    assert cli.main(["port", str(tmp_path)]) == 0
+    assert "7 of 7 names work (100 %) in 3 files" in capsys.readouterr().out
+
+
+def test_no_line_of_a_pipe_ends_in_blanks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "good.py").write_text(GOOD)
+    (tmp_path / "bad.py").write_text(GOOD + "pin.computeCollisions(model)\n")
+    for given in (tmp_path, tmp_path / "bad.py"):
+        cli.main(["port", str(given)])
+        lines = capsys.readouterr().out.splitlines()
+        assert len(lines) > 5
+        assert [line for line in lines if line != line.rstrip()] == []

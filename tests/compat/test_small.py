@@ -110,3 +110,50 @@ def test_columns_may_be_matrices() -> None:
     assert ours.Motion(X, X) == ours.Motion(p, p)
     with pytest.raises(TypeError, match=r"q is an array of shape \(1, 6\)"):
         ours.crba(model, data, Q.T)
+
+
+@pytest.mark.parametrize("prec", [float("nan"), -1.0, -1e-300])
+def test_a_precision_that_is_none_is_refused_as_in_the_wheel(prec: float) -> None:
+    for pin in (ours, pytest.importorskip("pinocchio")):
+        model = humanoid(pin)
+        q = pin.neutral(model)
+        with pytest.raises(ValueError, match=r"prec is |should be positive"):
+            pin.isNormalized(model, q, prec)
+        with pytest.raises(ValueError, match=r"prec is |should be positive"):
+            pin.isSameConfiguration(model, q, q, prec)
+        assert not pin.isNormalized(model, q, 0.0)
+        assert pin.isSameConfiguration(model, q, q, 0.0)
+
+
+def test_jacobians_of_one_freedom_have_two_axes_and_that_is_listed() -> None:
+    shapes = []
+    for pin in (ours, pytest.importorskip("pinocchio")):
+        model, q = pin.Model(), np.zeros(1)
+        model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "a")
+        model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+        frame, data = model.addJointFrame(1), model.createData()
+        shapes.append([
+            x.shape
+            for x in (
+                pin.computeJointJacobians(model, data, q), data.J, pin.getJointJacobian(model, data, 1, pin.LOCAL),
+                pin.computeFrameJacobian(model, data, q, frame), pin.getFrameJacobian(model, data, frame, pin.WORLD),
+                pin.computeJointJacobiansTimeVariation(model, data, q, q), data.dJ,
+                pin.jacobianCenterOfMass(model, data, q), data.Jcom, pin.ccrba(model, data, q, q), data.Ag,
+            )
+        ])  # fmt: skip
+    here, there = shapes
+    assert here == [(*shape, 1) for shape in there]
+    assert {len(shape) for shape in there} == {1}
+    assert [x for x in ours.differences() if "nv = 1" in x.what]
+
+
+def test_utils_have_skew() -> None:
+    """Pinocchio 2 had it there, and scripts use it."""
+    assert ours.utils.skew is ours.skew
+
+
+def test_an_attribute_error_names_the_package() -> None:
+    with pytest.raises(AttributeError, match=r"^module 'spatialdyn\.compat\.pinocchio' has no attribute 'frobnicate'"):
+        ours.frobnicate
+    with pytest.raises(ImportError, match=r"cannot import name 'frobnicate' from 'spatialdyn\.compat\.pinocchio'"):
+        exec("from spatialdyn.compat.pinocchio import frobnicate", {})

@@ -251,6 +251,14 @@ def test_delassus_is_what_an_impulse_does() -> None:
     assert abs(sd.delassus(model, held, s.q) - wanted).max() <= 1e4 * EPS * abs(wanted).max()
 
 
+def test_an_impact_that_lacks_an_argument_says_which() -> None:
+    model = sd.load_urdf("two_link")
+    with pytest.raises(
+        TypeError, match=r"impact of a Jacobian: missing a required argument: 'J', expected \(model, q, v"
+    ):
+        sd.impact(model, [0.0, 0.0], [0.0, 0.0])  # type: ignore[call-overload]
+
+
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_an_impact_loses_the_energy_of_its_own_velocities(e: float) -> None:
     """ΔT = -½ (1 - e²) (J v)ᵀ G⁻¹ J v = ½ λᵀ J (v⁺ + v⁻)."""

@@ -14,6 +14,7 @@ import spatialdyn as sd
 from spatialdyn.bodies.constraint_table import CONSTRAINTS
 from spatialdyn.bodies.static_table import StaticTable
 from spatialdyn.calls.dynamics import checked_call
+from spatialdyn.constraints.kinds import across
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import batch_kernels
@@ -31,6 +32,45 @@ SAME = 1e3 * EPS  # of two engines: sums of some dozen terms in another order
 def moved(model: sd.Model, s: Any, t: float) -> Any:
     """q a time t along the motion of constant joint velocities."""
     return sd.integrate(model, s.q, t * s.v)
+
+
+def pose_of(at: Any) -> np.ndarray:
+    X = np.eye(4)
+    if at is not None:
+        X[:3, 3] = np.array(at)[:3, 3]
+        X[:3, :3] = np.array(at)[:3, :3]
+    return X
+
+
+def error_of(model: sd.Model, q: np.ndarray, x: Any) -> list[float]:
+    """φ of a constraint of positions, from the poses of its frames."""
+    if isinstance(x, sd.CouplerConstraint):
+        at = [q[model.joint(name).idx_q] for name in (x.joint, x.to)]
+        return [at[0] - x.ratio * at[1] - x.offset]
+    A = sd.frame_placement(model, q, x.frame_a) @ pose_of(x.at_a)
+    B = (np.eye(4) if x.frame_b is None else sd.frame_placement(model, q, x.frame_b)) @ pose_of(x.at_b)
+    X = np.linalg.inv(B) @ A
+    R, p = X[:3, :3], X[:3, 3]
+    if isinstance(x, sd.DistanceConstraint):
+        return [(p @ p - x.length**2) / (2.0 * x.length)]
+    if isinstance(x, sd.PointConstraint):
+        return [p["xyz".index(letter)] for letter in x.axes]
+    if isinstance(x, sd.WeldConstraint):
+        return [*p, *(0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))]
+    u = np.array(x.axis)
+    return [*p, *(axis @ R @ u for axis in across(u))]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_are_those_of_the_frames_poses(seed: int) -> None:
+    model, held, s = every_kind(seed, floating=seed % 2 == 0)
+    found, at = sd.constraint_error(model, held, s.q), 0
+    for x in held:
+        count = sum(e.constraint is x for e in held.equations)
+        if not isinstance(x, (sd.VelocityConstraint, sd.RollingConstraint)):
+            np.testing.assert_allclose(found[at : at + count], error_of(model, s.q, x), rtol=1e-11, atol=1e-12)
+        at += count
+    assert at == held.nc
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -380,6 +380,25 @@ def test_the_ground_pushes_a_joint_off_its_limit(push: float) -> None:
     assert step.impulse[0, 2] > 0.0
 
 
+@pytest.mark.parametrize("q", [-0.02, 0.0, 2e-4])
+@pytest.mark.parametrize("sweeps", [4, 40])
+def test_a_joint_before_at_and_beyond_its_limit_carries_a_foot_by_the_law(q: float, sweeps: int) -> None:
+    """Both joints of a leg are pressed to their limits by a foot in the ground, each at a velocity of its own."""
+    made = sd.ModelBuilder("leg").add_body("body", None, "prismatic", (0, 0, 1), inertia=(5.0, (0, 0, 0), np.eye(3)))
+    inertia, limits = (1.0, (0.3, 0.1, 0), np.diag([0.02, 0.1, 0.1])), (0.0, 1.0)
+    made.add_body("thigh", "body", "revolute", (0, 1, 0), inertia=inertia, limits=limits)
+    made.add_body("shank", "thigh", "revolute", (0, 1, 0), (0.7, 0, 0), inertia, limits=limits)
+    model = made.add_body("foot", "shank", "fixed", placement=(0.5, 0, 0)).build()
+    contacts = sd.Contacts(model, {"foot": 0.0}, terrain=sd.Plane(height=1e-4), limits=True, sweeps=sweeps)
+    state = np.array([0.0, q, 0.5 * q])
+    state[0] -= sd.contact_gaps(model, contacts, state)[0]
+    step = sd.contact_step(model, contacts, state, np.zeros(3), [-80.0, -3.0, -5.0], DT)
+    least = np.array([-x / DT if x >= 0.0 else -x / RISING for x in state[1:]])
+    tolerance = 1e-9 if sweeps == 40 else 1e-3
+    assert (step.v[1:] >= least - tolerance).all()
+    assert step.residual <= tolerance
+
+
 def test_limits_and_feet_are_solved_together() -> None:
     """A leg that is pressed to its limit by the ground: all joints stay within, and the feet keep Coulomb's law."""
     model, feet = quadruped()

@@ -139,9 +139,18 @@ def test_constraints_come_from_toml() -> None:
         ("[[constraint]]\nkind = 'point'\nframe = 'a'", "constraint 0 of the TOML text has frame, expected some of fr"),
         ("[[constraint]]\nkind = 'point'", "constraint 0 of the TOML text lacks frame_a, expected frame_a, frame_b"),
         ("[[constraint]]\nkind = 'point'\nframe_a = 3", "PointConstraint has frame_a 3, expected a name"),
+        ("x = " + 1000 * "[" + 1000 * "]", "^constraints are no TOML: "),
+        ("x = " + 5000 * "1", "^constraints are no TOML: "),
+        (
+            f"[[constraint]]\nkind = 'coupler'\njoint = 'a'\nto = 'b'\nratio = {400 * '1'}",
+            "has ratio 1.*, expected a fin",
+        ),
+        (5, "^TOML is a int, expected its text$"),
+        (None, "^TOML is a NoneType, expected its text$"),
+        (b"", "^TOML is a bytes, expected its text$"),
     ],
 )
-def test_what_toml_cannot_be(text: str, wanted: str) -> None:
+def test_what_toml_cannot_be(text: Any, wanted: str) -> None:
     pytest.importorskip("tomllib")
     with pytest.raises(sd.ConstraintError, match=wanted):
         sd.Constraints.of_toml(four_bar(), text)
@@ -264,8 +273,50 @@ def test_independent_joints_determine_the_others() -> None:
     assert np.linalg.matrix_rank(sd.constraint_jacobian(model, one, s.q)[:, rest]) == 3
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_joints_that_depend_on_each_other_are_not_both_left_out(sign: float) -> None:
+    """Of equal joints: two whose columns are parallel, of which one alone can be solved for, and a third one."""
+    builder = sd.ModelBuilder("four")
+    for k in range(4):
+        builder.add_body(f"b{k}", inertia=(1.0, (0.3, 0, 0), np.eye(3)))
+    model = builder.build()
+    A = np.array([[10.0 * sign, 9.9 * sign, 0.0, 0.0], [5.0, 4.95, 1.0, 0.0]])
+    assert sd.independent_joints(model, sd.Constraints(model, [sd.VelocityConstraint(A)]), np.zeros(4)) == (1, 3)
+
+
 @pytest.mark.parametrize("module", [contact, dynamics, kinds, loops, table])
 def test_the_examples_of_the_docstrings_hold(module: Any) -> None:
     if module is table:
         pytest.importorskip("tomllib")
     assert doctest.testmod(module).failed == 0
+
+
+def test_what_fits_no_batch_is_refused_by_name() -> None:
+    model = sd.load_urdf("two_link")
+    held = sd.Constraints(model, [sd.PointConstraint("tip", axes="x")])
+    q, v = np.zeros((3, 2)), np.zeros((2, 2))
+    for call in (sd.project_velocity, sd.impact):
+        with pytest.raises(sd.ShapeError, match=r"^batch shapes do not broadcast: q \(3,\), v \(2,\)$"):
+            call(model, held, q, v)
+        with pytest.raises(sd.ShapeError, match=r"^v has shape \(3,\), expected \(\.\.\., 2\)$"):
+            call(model, held, q, np.zeros(3))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_input_that_is_none_is_refused_and_not_read(first: bool) -> None:
+    """A program recorded without it read whatever lay there."""
+    model = sd.load_urdf("two_link")
+    held = sd.Constraints(model, [sd.PointConstraint("tip", axes="x")])
+    q, v, tau = [0.5, -0.3], [1.0, 2.0], [0.1, 0.2]
+    calls = {
+        sd.constraint_jacobian: (q,), sd.constraint_error: (q,), sd.constraint_drift: (q, v), sd.delassus: (q,),
+        sd.constrained_dynamics: (q, v, tau), sd.constrained_dynamics_derivatives: (q, v, tau), sd.impact: (q, v),
+    }  # fmt: skip
+    for call, good in calls.items():
+        if not first:
+            call(model, held, *good)
+        for k in range(len(good)):
+            given = [None if i == k else x for i, x in enumerate(good)]
+            name = ("q", "v", "tau")[k]
+            with pytest.raises(sd.ShapeError, match=f"^{name} has dtype object, expected real numbers$"):
+                call(model, held, *given)

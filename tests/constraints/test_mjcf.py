@@ -112,6 +112,10 @@ def test_what_is_not_active_is_left_out() -> None:
             "<equality><weld body1='crank' relpose='0 0 0 2 0 0 0'/></equality>",
             "expected a quaternion w x y z of norm 1",
         ),
+        (
+            "<equality><weld body1='crank' relpose='0 0 0 1.00001 0 0 0'/></equality>",
+            "expected a quaternion w x y z of norm 1",
+        ),
         ("<equality><weld body1='crank' active='1'/></equality>", 'has active="1", expected true or false'),
         ("<equality><joint joint1='crank_joint'/></equality>", "lacks joint1 or joint2, expected both"),
         (
@@ -120,6 +124,10 @@ def test_what_is_not_active_is_left_out() -> None:
         ),
         ("<equality><connect body1='crnk' anchor='0 0 0'/></equality>", '"crnk"'),
         (3, "MJCF is a int, expected its text"),
+        ("<equality>\udc80</equality>", "^MJCF is not well-formed XML"),
+        ("<equality><connect body1='crank' anchor='1_0 0 0'/></equality>", 'has anchor="1_0 0 0", expected 3 finite'),
+        ("<equality><connect body1='crank' anchor='1 ٣ 0'/></equality>", 'has anchor="1 ٣ 0", expected 3 finite'),
+        ("<equality><connect body1='crank' anchor='1 nan 0'/></equality>", 'has anchor="1 nan 0", expected 3 finite'),
     ],
 )
 def test_what_mjcf_cannot_be(text: Any, wanted: str) -> None:

@@ -138,10 +138,9 @@ def test_pd_rests_where_springs_and_gravity_balance() -> None:
 @pytest.mark.slow(quick="simulation/test_integrators.py::test_energy_of_symplectic_methods_stays_bounded")
 @compiled
 def test_double_pendulum_bounded_where_symplectic_and_growing_where_not() -> None:
-    pytest.importorskip("scipy")
     found = run("double_pendulum")
     for errors in found.values():
-        assert list(errors) == list(sd.integrators)
+        assert list(errors) == [x for x in sd.integrators if x in gallery.module("double_pendulum").METHODS]
     smooth, violent = found.values()
     for method, off in smooth.items():
         if sd.integrators[method].symplectic:
@@ -149,7 +148,7 @@ def test_double_pendulum_bounded_where_symplectic_and_growing_where_not() -> Non
     assert smooth["rk4"][-1] > 3.0 * smooth["rk4"][1]
     assert smooth["explicit_euler"][-1] > 10.0 * smooth["explicit_euler"][1]
     assert smooth["stormer_verlet"][-1] > 1000.0 * smooth["rk4"][-1]  # the chapter has it the other way round
-    assert violent["velocity_verlet"][-1] > violent["stormer_verlet"][-1] > violent["gauss4"][-1]
+    assert violent["velocity_verlet"][-1] > violent["stormer_verlet"][-1]
     (q0, _), model = gallery.module("double_pendulum").STARTS.values(), sd.load_urdf("two_link")
     motion = sd.simulate(model, q0, [0.0, 0.0], 10.0, 0.01, "rk4", record=1)
     energy = energy_of_two_links(motion.q, motion.v)
@@ -204,8 +203,13 @@ def test_payload_is_found_within_its_deviations() -> None:
 
 @robots
 @compiled
-def test_payloads_on_lanes_equal_pinocchios_one_by_one() -> None:
+def test_payloads_on_lanes_equal_pinocchios_one_by_one(capsys: pytest.CaptureFixture[str]) -> None:
     found = run("payloads_on_lanes")
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("panda_joint")]
+    for size, row in zip(abs(found["tau"]).T, rows, strict=True):
+        worst, limit, share = float(row[3]), float(row[4]), float(row[5].rstrip("%"))
+        assert worst == pytest.approx(size.max(), abs=0.01)
+        assert share == pytest.approx(100.0 * (size > limit).mean(), abs=0.01)
     (q, v, a), n = found["state"], 5
     whole = pin.buildModelFromUrdf(str(find_robot("panda")))
     fingers = [whole.getJointId(f"panda_finger_joint{k}") for k in (1, 2)]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.interop.names import NAMES, Aliases
+import spatialdyn.compat.pinocchio as face
+from spatialdyn.examples import gallery
+from spatialdyn.interop.names import ABSENT, EXAMPLES, NAMES, Aliases
 
 
 def test_only_public_names_are_listed() -> None:
@@ -17,7 +20,8 @@ def test_only_public_names_are_listed() -> None:
 
 def test_suggested_names_exist_and_no_name_leads_two_ways() -> None:
     assert set(NAMES) <= set(sd.__all__)
-    words = Counter(word for others in NAMES.values() for word in {w.lower() for f in others for w in f.split()})
+    given = [*NAMES.values(), *((words,) for words in (*EXAMPLES.values(), *ABSENT.values()))]
+    words = Counter(word for others in given for word in {w.lower() for f in others for w in f.split()})
     assert [word for word, n in words.items() if n > 1] == []
     assert {word for word in words if word in sd.__all__} <= set(NAMES)
 
@@ -37,6 +41,39 @@ def test_suggested_names_exist_and_no_name_leads_two_ways() -> None:
 def test_names_of_other_libraries_lead_to_ours(name: str, ours: str) -> None:
     with pytest.raises(AttributeError, match=rf"no attribute '{name}', did you mean {ours}$"):
         getattr(sd, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("ik", "see `spatialdyn example inverse_kinematics`"),
+        ("inverse_kinematics", "see `spatialdyn example inverse_kinematics`"),
+        ("lqr", "see `spatialdyn example cart_pole_lqr`"),
+        ("pid", "see `spatialdyn example pd_with_gravity`"),
+        ("identify", "see `spatialdyn example payload_identification`"),
+        ("collision", "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions"),
+        ("trajectory", "did you mean Trajectory"),
+        ("load_mjcf", "MJCF is read by Pinocchio: from_pinocchio(pinocchio.buildModelFromMJCF(path))"),
+        ("SE3", "poses are arrays (4, 4); spatialdyn.compat.pinocchio.SE3 is a class of them"),
+    ],
+)
+def test_what_no_call_does_leads_to_an_example_or_to_what_has_it(name: str, hint: str) -> None:
+    with pytest.raises(AttributeError) as refused:
+        getattr(sd, name)
+    assert str(refused.value) == f"module 'spatialdyn' has no attribute '{name}', {hint}"
+
+
+def test_hints_name_what_exists() -> None:
+    assert set(EXAMPLES) <= set(gallery.names())
+    assert {name for hint in ABSENT for name in re.findall(r"\b(load_urdf|from_\w+)\b", hint)} <= set(sd.__all__)
+    named = [name for hint in ABSENT for name in re.findall(r"spatialdyn\.compat\.pinocchio\.(\w+)", hint)]
+    assert named
+    assert [name for name in named if not hasattr(face, name)] == []
+
+
+def test_the_face_keeps_mjcf_to_pinocchio() -> None:
+    pin = pytest.importorskip("pinocchio")
+    assert hasattr(pin, "buildModelFromMJCF")
 
 
 def test_names_like_none_get_no_suggestion() -> None:

@@ -353,7 +353,7 @@ def test_bad_parameters_are_named(parameters: Any, message: str) -> None:
 def test_bad_requests_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     s = two_link()
     for call, message in (
-        (lambda: s.evaluate("cba"), 'call is "cba"'),
+        (lambda: s.evaluate("cba"), "call is 'cba'"),
         (lambda: s.evaluate("difference"), "has the input q0"),
         (lambda: s.evaluate("frame_placement"), "needs a frame"),
         (lambda: s.C("guess"), "route is 'guess'"),
@@ -368,7 +368,7 @@ def test_bad_requests_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(sd.ModelError, match="has mimic joints"):
         sd.SymbolicManipulator(sd.load_urdf("tree", mimic=True))
     monkeypatch.setitem(sys.modules, "sympy", None)
-    with pytest.raises(sd.SpatialDynError, match=r"spatialdyn\[symbolic\]"):
+    with pytest.raises(sd.SpatialDynError, match="pip install sympy"):
         two_link()
 
 

@@ -111,6 +111,23 @@ def test_a_margin_grows_with_each_coordinate_that_slides(kind: str, count: int) 
         assert singular_row(model.bodies, q, alone, 1.0 / model.nv) == far + 1
 
 
+def test_a_payload_that_slides_far_counts_by_the_square_of_its_way() -> None:
+    """A point mass on a slide, 1 km from the joint that turns it: its own mass is nearly all."""
+    body = (1e-3, (0.0, 0.0, 0.0), 1e-3 * np.eye(3))
+    builder = sd.ModelBuilder("slide").add_body("turns", axis=(0, 0, 1), inertia=body)
+    model = builder.add_body("slides", "turns", "prismatic", (1, 0, 0), inertia=body).build()
+    loaded = model.with_(payload={"slides": (500.0, (0.0, 0.0, 0.0), np.zeros((3, 3)))})
+    here = Parameter("payload", 2, parameters.place(np.eye(4)))
+    found = changed(model.bodies, [here], [[500.0, *[0.0] * 9]])
+    for way in (0.0, 1.0, 1000.0, -1000.0):
+        q = np.array([0.3, way])
+        bound = found["inertia_bound"][1:]
+        most = bound["x"] + abs(way) * (2.0 * bound["y"] + abs(way) * bound["z"])
+        assert (seen(loaded, q) <= most * (1.0 + SLACK)).all()
+        margins = pivot_margins(table(found), q, seen(loaded, q), 1.0 / model.nv)
+        assert all(D <= least * (1.0 + SLACK) for D, least in margins)
+
+
 def test_a_payload_on_a_screw_counts_by_its_pitch() -> None:
     """A point mass on the axis, which no turn moves: p² m is all that the joint sees of it."""
     body = (1.0, (0.0, 0.0, 0.0), np.diag([0.1, 0.1, 0.2]))

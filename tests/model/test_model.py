@@ -11,11 +11,14 @@ from typing import Any
 import dense
 import numpy as np
 import pytest
+from asymmetric import primes
+from inputs import no_programs
 from numpy.typing import ArrayLike, NDArray
 from slow import slow_but
 from trees import KINDS, merged, random_inertia, random_placement, random_state, random_tree, random_unit
 
 import spatialdyn as sd
+from spatialdyn.engines import threads
 from spatialdyn.errors import InertiaError, ModelError
 from spatialdyn.model.builder import ModelBuilder
 from spatialdyn.model.model import Frame, Joint, Model, Options, assemble
@@ -742,3 +745,51 @@ def test_a_subtree_without_the_leader_is_refused_by_name() -> None:
     b = fingers(("a", None, 0.0, 0.0)).add_body("t", "base", "fixed").add_body("s", "t", mimic={"leader": "a"})
     assert message(b.build(mimic=True).subtree, "t") == 'joint "s_joint" mimics "a", which robot "hand" does not have'
     assert b.build().subtree("t").nv == 1
+
+
+def test_each_number_of_a_joint_is_in_its_own_array() -> None:
+    """Of two joints, all numbers distinct."""
+    builder = sd.ModelBuilder()
+    numbers = primes(2, 7)
+    for k, (lower, upper, *rest) in enumerate(numbers.tolist()):
+        named = dict(zip(("velocity", "effort", "damping", "friction", "armature"), rest, strict=True))
+        builder.add_body(f"b{k}", inertia=BALL, limits=(-lower, upper), **named)
+    model = builder.build()
+    arrays = -model.lower, model.upper, model.velocity_limit, model.effort_limit, model.damping, model.friction
+    np.testing.assert_array_equal(np.stack([*arrays, model.armature], 1), numbers)
+
+
+# --- mimic joints by hand -----------------------------------------------------------------------------------
+
+
+def follower(**options: Any) -> sd.Model:
+    """A joint that leads, one that follows at -3 q + 0.7, and one that follows that at 5 q - 0.2."""
+    box = (1.0, (0.1, 0.2, 0.3), np.diag([1.0, 1.2, 1.4]))
+    builder = sd.ModelBuilder("follower").set_inertia("base", box).add_body("a", inertia=box, joint_name="lead")
+    builder.add_body("b", "a", axis=(0, 1, 0), inertia=box, mimic={"leader": "lead", "multiplier": -3.0, "offset": 0.7})
+    chained = {"leader": "b_joint", "multiplier": 5.0, "offset": -0.2}
+    return builder.add_body("c", "b", axis=(1, 0, 0), placement=(0.1, 0, 0.4), inertia=box, mimic=chained).build(
+        **options
+    )
+
+
+def test_followers_stand_at_multiples_of_their_leader_and_an_offset() -> None:
+    whole, model = follower(), follower(mimic=True)
+    q, v = np.array([0.3]), np.array([1.1])
+    full, rates = np.array([0.3, -3 * 0.3 + 0.7, 5 * (-3 * 0.3 + 0.7) - 0.2]), np.array([1.1, -3 * 1.1, -15 * 1.1])
+    np.testing.assert_allclose(sd.frame_placement(model, q, "c"), sd.frame_placement(whole, full, "c"), atol=1e-14)
+    np.testing.assert_allclose(
+        sd.frame_velocity(model, q, v, "c"), sd.frame_velocity(whole, full, rates, "c"), atol=1e-13
+    )
+    tau = sd.nonlinear_effects(whole, full, rates) @ [1.0, -3.0, -15.0]
+    np.testing.assert_allclose(sd.nonlinear_effects(model, q, v), [tau], rtol=1e-13)
+
+
+def test_a_bad_sample_of_a_batch_with_mimic_joints_is_named_whatever_the_slice(monkeypatch: pytest.MonkeyPatch) -> None:
+    no_programs(monkeypatch)
+    model, rng = follower(mimic=True, root="floating"), np.random.default_rng(0)
+    q = sd.random_configuration(model, rng, 20)
+    q[17, 3:7] *= 1.1
+    monkeypatch.setattr(threads, "slices", lambda n, *_: ((k, min(k + 7, n)) for k in range(0, n, 7)))
+    with pytest.raises(sd.ConfigurationError, match=r'norm 1\.1 for joint "root_joint" in sample 17,'):
+        sd.crba(model, q)

@@ -21,6 +21,7 @@ from spatialdyn.accuracy.results import Option, Tradeoff
 from spatialdyn.commands import cli
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.pictures import page as pages
+from spatialdyn.pictures.figures import ENDINGS
 
 pytest.importorskip("matplotlib")
 
@@ -75,7 +76,7 @@ def test_a_run_is_one_page_with_all_its_parts(evil: sd.Model, tmp_path: Path) ->
     assert page.seen.count("img") == 4
     for word in (EVIL, f"j{EVIL}", f"q j{EVIL}"):
         assert word in page.words
-    for word in ("spatialdyn 0.1.0", "NumPy", "odd thing", 'spatialdyn[view]"'):
+    for word in ("spatialdyn 0.1.0", "NumPy", "odd thing", "pip install viser pycollada"):
         assert word in page.text
     trajectory(evil).report(tmp_path / "run.html")
     assert (tmp_path / "run.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
@@ -117,7 +118,10 @@ def test_the_player_is_a_frame_of_its_own(evil: sd.Model, monkeypatch: pytest.Mo
     monkeypatch.setattr(pages, "_plots", lambda run: [])
     closed: list[bool] = []
     scene = SimpleNamespace(
-        html=lambda: f'<p title="{EVIL}">', close=lambda: closed.append(True), missing=[f"{EVIL}.stl"]
+        html=lambda: f'<p title="{EVIL}">',
+        close=lambda: closed.append(True),
+        missing=[f"{EVIL}.stl"],
+        faulty=[f"{EVIL}.dae: no such material"],
     )
     fake = ModuleType("spatialdyn.pictures.scene")
     fake.view = lambda run: scene  # type: ignore[attr-defined]
@@ -129,6 +133,7 @@ def test_the_player_is_a_frame_of_its_own(evil: sd.Model, monkeypatch: pytest.Mo
     assert ("sandbox", "allow-scripts") in page.attributes
     assert "script" not in page.seen
     assert f"{EVIL}.stl" in page.words
+    assert f"{EVIL}.dae: no such material" in page.words
     assert closed == [True]
 
     def fails(run: Any) -> Any:
@@ -202,5 +207,5 @@ def test_an_animation_is_refused_before_the_work(
 ) -> None:
     monkeypatch.setattr(f"spatialdyn.commands.{command}.load", None)
     assert cli.main([command, "two_link", "--plot", "x.gif"]) == 2
-    wanted = "--plot is 'x.gif', expected a name that ends in one of .png, .svg, .pdf, .jpg, .webp\n"
+    wanted = f"--plot is 'x.gif', expected a name that ends in one of {', '.join(ENDINGS)}\n"
     assert capsys.readouterr().err.endswith(wanted)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import re
 import subprocess
 import sys
 import threading
 import time
 import warnings
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -111,11 +113,10 @@ def test_mimic_joints_move(view: Any) -> None:
     assert nodes(scene)["/robot/2_b"].position == pytest.approx([-0.25, 0.0, 0.0])
 
 
-def test_camera_sees_all_and_the_floor_lies_under_the_lowest_point(chain: sd.Model, view: Any) -> None:
+def test_camera_sees_all(chain: sd.Model, view: Any) -> None:
     scene = view(chain, [0.0, 0.0])
     low, high = scene.stage.bounds(scene.stage.shown)
     assert (low[2], high[2]) == pytest.approx((-0.1, 2.1), abs=1e-3)
-    assert nodes(scene)["/floor"].position[2] == pytest.approx(-0.1, abs=1e-3)
     camera = scene.server.initial_camera
     assert camera.look_at == pytest.approx([0.0, 0.0, 1.0], abs=1e-3)
     away = np.linalg.norm(camera.position - camera.look_at)
@@ -129,7 +130,22 @@ def test_a_long_fall_does_not_take_the_camera_along(chain: sd.Model, view: Any) 
     Q = np.tile(sd.neutral(model), (50, 1))
     Q[:, 2] = -(np.linspace(0.0, 30.0, 50) ** 2)
     scene = view(model, Q, 0.1)
-    assert -20.0 < nodes(scene)["/floor"].position[2] <= -0.1
+    assert -20.0 < scene.server.initial_camera.look_at[2] < 1.0
+
+
+def test_the_floor_is_at_height_0_by_default(chain: sd.Model, view: Any) -> None:
+    model = sd.load_urdf(chain.robot.source, root="floating")
+    falls = np.tile(sd.neutral(model), (20, 1))
+    falls[:, 2] = np.linspace(1.0, 0.2, 20)  # above the floor from first to last
+    for scene in (view(model), view(model, falls, 0.1), view(chain, [2.0, 0.0])):
+        assert nodes(scene)["/floor"].position[2] == 0.0
+        scene.show(scene.q)
+        assert nodes(scene)["/floor"].position[2] == 0.0
+    assert nodes(view(model, falls, 0.1, floor=-0.25))["/floor"].position[2] == -0.25
+    assert "/floor" not in nodes(view(model, floor=None))
+    for floor in ("low", np.nan, True, [0.0]):
+        with pytest.raises(sd.SpatialDynError, match=r"floor is .*, expected its height in metres, or None"):
+            view(model, floor=floor)
 
 
 def test_frames_forces_traces_and_the_centre_of_mass_are_drawn(chain: sd.Model, view: Any) -> None:
@@ -295,6 +311,31 @@ def test_play_ends_at_the_last_pose_in_time(chain: sd.Model, view: Any, monkeypa
 # --- controls --------------------------------------------------------------------------------------------
 
 
+def test_the_page_has_its_controls_whether_a_tab_opens_or_not(
+    chain: sd.Model, view: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scene_module, "has_screen", lambda: False)
+    floating = sd.load_urdf(chain.robot.source, root="floating")
+    for opens in (False, None):
+        for scene, wanted in (
+            (view(chain, open=opens), {"j1", "j2"}),
+            (view(floating, open=opens), {f"root_joint {part}" for part in "xyz"} | {"j1"}),
+            (view(chain, swing(chain), 0.1, open=opens), {"time [s]", "play / pause", "speed"}),
+        ):
+            labels = {handle.label for handle in scene.server.gui._gui_input_handle_from_uuid.values()}
+            assert labels >= wanted | {"inertia", "frames", "centre of mass"}
+
+
+def test_a_scene_whose_tab_is_open_lives_until_it_is_closed(chain: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("webbrowser.open", lambda url: None)
+    alive = weakref.ref(sd.view(chain, open=True))
+    gc.collect()
+    assert alive() is not None
+    alive().close()
+    gc.collect()
+    assert alive() is None
+
+
 class Event:
     """A hand on a control of the page."""
 
@@ -304,7 +345,6 @@ class Event:
 
 def test_sliders_end_at_the_limits_and_move_the_robot(chain: sd.Model, view: Any) -> None:
     scene = view(chain)
-    scene._add_controls()
     (_, first), (_, second) = scene._controls.handles
     assert (first.min, first.max, first.label) == (-2.0, 1.0, "j1")
     second.value = 0.5
@@ -319,7 +359,6 @@ def test_sliders_end_at_the_limits_and_move_the_robot(chain: sd.Model, view: Any
 def test_sliders_of_a_floating_base_are_displacements(chain: sd.Model, view: Any) -> None:
     model = sd.load_urdf(chain.robot.source, root="floating")
     scene = view(model)
-    scene._add_controls()
     shown = scene._controls.handles
     assert [handle.label for _, handle in shown[2:4]] == ["root_joint z", "root_joint turn x"]
     assert len(shown) == 8
@@ -345,7 +384,6 @@ def test_layers_are_drawn_when_they_are_first_shown(chain: sd.Model, view: Any) 
 
 def test_the_player_of_a_page_plays_and_pauses(chain: sd.Model, view: Any) -> None:
     scene = view(chain, swing(chain, 101), 0.01)
-    scene._add_controls()
     handles = {h.label: h for h in scene.server.gui._gui_input_handle_from_uuid.values()}
     slider = handles["time [s]"]
     slider.value = 0.5
@@ -406,8 +444,9 @@ def test_a_tab_opens_for_a_model_only_where_there_is_a_screen(
 
 def test_a_scene_that_is_dropped_ends_its_server(chain: sd.Model) -> None:
     before = threading.active_count()
-    for _ in range(3):
-        assert len(sd.view(chain, swing(chain), 0.1).html()) > 1000
+    for motion in ((), (swing(chain), 0.1)) * 2:
+        assert len(sd.view(chain, *motion, open=False).html()) > 1000
+    gc.collect()
     until = time.monotonic() + 10.0
     while threading.active_count() > before and time.monotonic() < until:
         time.sleep(0.02)
@@ -433,7 +472,7 @@ def test_without_viser_the_error_says_what_to_install(chain: sd.Model, monkeypat
     for name in ("viser", "trimesh"):
         with monkeypatch.context() as hidden:
             hidden.setitem(sys.modules, name, None)
-            with pytest.raises(sd.SpatialDynError, match=r'pip install "spatialdyn\[view\]"'):
+            with pytest.raises(sd.SpatialDynError, match="pip install viser pycollada"):
                 sd.view(chain, open=False)
 
 

@@ -12,7 +12,9 @@ from spatialdyn.errors import InertiaError
 from spatialdyn.model.robot import Link
 from spatialdyn.model.robot_checks import make_link
 from spatialdyn.pictures.inertia_shapes import BOX, WRONG, box_of, inertia_boxes, joint_axes, reach, turned_to
-from spatialdyn.pictures.shapes import find_mesh, mesh_shapes, primitive_shape, urdf_shapes
+from spatialdyn.pictures.mesh_files import NotDrawnError, find_mesh
+from spatialdyn.pictures.robot_shapes import robot_shapes
+from spatialdyn.pictures.shapes import mesh_shapes, primitive_shape, urdf_shapes
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -42,13 +44,13 @@ def extent(shape: object) -> list[float]:
     ],
 )
 def test_primitives_have_their_sizes(geometry: str, sides: list[float]) -> None:
-    (shape,), missing = urdf_shapes(urdf(primitive(geometry)))
+    (shape,), missing, _ = urdf_shapes(urdf(primitive(geometry)))
     assert missing == []
     assert extent(shape) == pytest.approx(sides, rel=0.02)
 
 
 def test_an_origin_places_and_turns_what_it_is_of() -> None:
-    (shape,), _ = urdf_shapes(
+    (shape,), *_ = urdf_shapes(
         urdf(primitive('<box size="1 2 3"/>', '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'))
     )
     assert extent(shape) == pytest.approx([2.0, 1.0, 3.0])
@@ -58,7 +60,7 @@ def test_an_origin_places_and_turns_what_it_is_of() -> None:
 def test_colours_are_the_materials_own_or_by_name_and_one_colour_is_one_shape() -> None:
     red, blue = '<color rgba="1 0 0 1"/>', '<color rgba="0 0 1 0.5"/>'
     box = '<geometry><box size="1 1 1"/></geometry>'
-    shapes, _ = urdf_shapes(
+    shapes, *_ = urdf_shapes(
         urdf(
             f'<visual>{box}<material name="mine">{red}</material></visual>',
             f'<visual>{box}<material name="known"/></visual>',
@@ -84,7 +86,7 @@ def test_a_mesh_is_read_scaled_and_placed(tmp_path: Path) -> None:
     (tmp_path / "t.obj").write_text(TRIANGLE)
     path = tmp_path / "r.urdf"
     path.write_text(urdf(MESH.format(name="t.obj", more=' scale="1 -2 1"')))
-    (shape,), missing = urdf_shapes(path)
+    (shape,), missing, _ = urdf_shapes(path)
     assert missing == []
     assert sorted(shape.vertices.tolist()) == [[0.0, -4.0, 5.0], [0.0, 0.0, 5.0], [1.0, 0.0, 5.0]]
     a, b, c = shape.vertices[shape.faces[0]]
@@ -115,12 +117,41 @@ def test_packages_are_found_above_the_file_and_where_they_are_listed(
     assert find_mesh("http://example.org/t.obj", inside) is None
 
 
+@pytest.mark.parametrize("scheme", ["package", "model"])
+@pytest.mark.parametrize(
+    "inside",
+    ["../t.obj", "meshes/../../t.obj", "meshes/../t.obj", "%2e%2e/t.obj", "%2E%2E%2Ft.obj", "..%2ft.obj", "..\\t.obj",
+     "meshes\\..\\..\\t.obj"],
+)  # fmt: skip
+def test_a_name_that_leaves_its_package_is_refused(scheme: str, inside: str, tmp_path: Path) -> None:
+    for folder in (tmp_path, tmp_path / "arm", tmp_path / "arm" / "meshes", tmp_path / "arm" / "%2e%2e"):
+        folder.mkdir(exist_ok=True)
+        (folder / "t.obj").write_text(TRIANGLE)
+    path = tmp_path / "r.urdf"
+    for name in (f"{scheme}://arm/{inside}", f"{scheme}://{inside}"):
+        with pytest.raises(NotDrawnError, match=r"holds \.\., expected a path below its package"):
+            find_mesh(name, path, [tmp_path])
+        path.write_text(urdf(MESH.format(name=name, more="")))
+        shapes, missing, _ = urdf_shapes(path, package_dirs=[tmp_path])
+        assert (shapes, missing) == ([], [f"{name} holds .., expected a path below its package"])
+
+
+@pytest.mark.parametrize("inside", ["/t.obj", "//t.obj", "/./t.obj"])
+def test_an_absolute_name_in_a_package_is_one_below_it(inside: str, tmp_path: Path) -> None:
+    (tmp_path / "arm").mkdir()
+    name = f"package://arm/{tmp_path}/{inside}"
+    (tmp_path / "t.obj").write_text(TRIANGLE)
+    assert find_mesh(name, None, [tmp_path]) is None
+    (tmp_path / "arm" / "t.obj").write_text(TRIANGLE)
+    assert find_mesh(f"package://arm{inside}", None, [tmp_path]) == tmp_path / "arm" / "t.obj"
+
+
 def test_meshes_that_are_missing_or_broken_are_named(tmp_path: Path) -> None:
     (tmp_path / "bad.stl").write_text("no triangles")
     path = tmp_path / "r.urdf"
     lost = [MESH.format(name=name, more="") for name in ("package://x/y.stl", "package://x/y.stl", "bad.stl")]
     path.write_text(urdf(*lost, primitive('<sphere radius="1"/>')))
-    shapes, missing = urdf_shapes(path)
+    shapes, missing, _ = urdf_shapes(path)
     assert len(shapes) == 1
     assert missing[0] == "package://x/y.stl is not found"
     assert missing[1].startswith("bad.stl ")
@@ -130,22 +161,102 @@ def test_meshes_that_are_missing_or_broken_are_named(tmp_path: Path) -> None:
 def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
     path = tmp_path / "t.obj"
     path.write_text(TRIANGLE)
-    before, _ = mesh_shapes("a", str(path), 1.0)
+    before, *_ = mesh_shapes("a", str(path), 1.0)
     path.write_text(TRIANGLE.replace("1 0 0", "7 0 0"))
-    after, _ = mesh_shapes("a", str(path), 1.0)
+    after, *_ = mesh_shapes("a", str(path), 1.0)
     assert [extent(x[0])[0] for x in (before, after)] == [1.0, 7.0]
-    assert mesh_shapes("a", "nowhere.obj", 1.0) == ([], ["nowhere.obj is not found"])
+    assert mesh_shapes("a", "nowhere.obj", 1.0) == ([], ["nowhere.obj is not found"], [])
+
+
+COLLADA = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset>
+<library_images>{image}</library_images>
+<library_effects>
+  <effect id="plain"><profile_COMMON><technique sid="c"><phong><diffuse><color>1 0 0 1</color></diffuse></phong>
+    </technique></profile_COMMON></effect>
+  <effect id="covered"><profile_COMMON>
+    <newparam sid="surface"><surface type="2D"><init_from>{init}</init_from></surface></newparam>
+    <newparam sid="sampler"><sampler2D><source>{source}</source></sampler2D></newparam>
+    <technique sid="c"><phong><diffuse><texture texture="sampler" texcoord="UV"/></diffuse></phong></technique>
+  </profile_COMMON></effect>
+</library_effects>
+<library_materials><material id="one"><instance_effect url="#plain"/></material>
+  <material id="two"><instance_effect url="{effect}"/></material></library_materials>
+<library_geometries>{geometries}</library_geometries>
+<library_visual_scenes><visual_scene id="s">{nodes}</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+GEOMETRY = """<geometry id="g{0}"><mesh><source id="p{0}"><float_array id="a{0}" count="9">0 0 {0} 1 0 {0} 0 2 {0}
+  </float_array><technique_common><accessor source="#a{0}" count="3" stride="3"><param name="X" type="float"/>
+  <param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+  <vertices id="v{0}"><input semantic="POSITION" source="#p{0}"/></vertices>
+  <triangles count="1" material="m"><input semantic="VERTEX" source="#v{0}" offset="0"/><p>0 1 2</p></triangles>
+  </mesh></geometry>"""
+NODE = """<node><instance_geometry url="#g{}"><bind_material><technique_common>
+  <instance_material symbol="m" target="{}"/></technique_common></bind_material></instance_geometry></node>"""
+WHOLE = {
+    "image": '<image id="i"><init_from>no.png</init_from></image>', "init": "i", "source": "surface",
+    "effect": "#covered", "target": "#two",
+}  # fmt: skip
+BROKEN = [  # what of the file is not as it should be, and a word of what is said
+    ("image", "", "image"),
+    ("init", "j", "image"),
+    ("source", "elsewhere", "surface elsewhere"),
+    ("effect", "#none", "Effect not found"),
+    ("target", "#none", "Material #none"),
+]
+
+
+def collada(**broken: str) -> str:
+    """A file of two triangles, at heights 1 and 2 and of materials one and two."""
+    given = WHOLE | broken
+    nodes = NODE.format(1, "#one") + NODE.format(2, given.pop("target"))
+    return COLLADA.format(geometries=GEOMETRY.format(1) + GEOMETRY.format(2), nodes=nodes, **given)
+
+
+@pytest.mark.parametrize(("part", "value", "said"), BROKEN)
+def test_a_broken_material_leaves_the_triangles(part: str, value: str, said: str, tmp_path: Path) -> None:
+    pytest.importorskip("collada")
+    (tmp_path / "t.dae").write_text(collada(**{part: value}))
+    path = tmp_path / "r.urdf"
+    path.write_text(urdf(MESH.format(name="t.dae", more="")))
+    shapes, missing, faulty = urdf_shapes(path)
+    assert missing == []
+    heights = {round(float(z), 9) for shape in shapes for z in shape.vertices[:, 2]}
+    assert heights == {6.0, 7.0}
+    assert next(x.color for x in shapes if x.vertices[0, 2] == pytest.approx(6.0)) == (1.0, 0.0, 0.0, 1.0)
+    assert len(faulty) == 1
+    assert faulty[0].startswith("t.dae: ")
+    with pytest.warns(UserWarning, match='robot "r": 1 mesh file is broken in part, what is sound is drawn: "t.dae: '):
+        drawn = robot_shapes(sd.load_urdf(path), "visual")
+    assert (len(drawn.shapes), drawn.missing, drawn.faulty) == (len(shapes), [], faulty)
+    assert said in faulty[0]
+
+
+def test_a_sound_file_has_no_fault(tmp_path: Path) -> None:
+    pytest.importorskip("collada")
+    (tmp_path / "t.dae").write_text(collada())
+    shapes, missing, faulty = mesh_shapes("a", str(tmp_path / "t.dae"), 1.0)
+    assert ({float(shape.vertices[0, 2]) for shape in shapes}, missing, faulty) == ({1.0, 2.0}, [], [])
+
+
+def test_a_file_without_triangles_says_what_is_broken(tmp_path: Path) -> None:
+    pytest.importorskip("collada")
+    (tmp_path / "t.dae").write_text(collada().replace("0 1 2</p>", "0 1 x</p>"))
+    shapes, missing, faulty = mesh_shapes("a", str(tmp_path / "t.dae"), 1.0)
+    assert (shapes, faulty) == ([], [])
+    assert missing[0].startswith(f"{tmp_path / 't.dae'} holds no triangles (")
 
 
 def test_units_of_collada_are_metres(tmp_path: Path) -> None:
     pytest.importorskip("collada")
     path = tmp_path / "t.dae"
     trimesh.creation.box((1.0, 1.0, 1.0)).export(path)
-    whole, _ = mesh_shapes("a", str(path), 1.0)
+    whole, *_ = mesh_shapes("a", str(path), 1.0)
     text = path.read_text()
     assert "<unit" not in text
     path.write_text(text.replace("</asset>", '<unit name="millimeter" meter="0.001"/></asset>'))
-    small, _ = mesh_shapes("a", str(path), 1.0)
+    small, *_ = mesh_shapes("a", str(path), 1.0)
     assert extent(small[0]) == pytest.approx(np.multiply(extent(whole[0]), 1e-3))
 
 

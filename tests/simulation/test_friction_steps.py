@@ -332,7 +332,7 @@ def test_the_urdfs_friction_acts_where_it_is_asked_for() -> None:
     [
         ({"method": "rk4"}, 'friction_method is "implicit" and method "rk4", expected method="semi_implicit_euler"'),
         ({"method": "gauss4", "friction_method": "lugre"}, 'friction_method is "lugre" and method "gauss4"'),
-        ({"method": "variational", "friction_method": "smooth"}, 'method is "variational", expected another'),
+        ({"method": "variational", "friction_method": "smooth"}, 'method is "variational", expected one of explicit_euler'),
         ({"friction_method": "tanh"}, "friction_method is 'tanh', expected one of implicit, lugre, smooth"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "smooth"}, "friction has no smoothing"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "lugre"}, "friction has no bristle_stiffness"),

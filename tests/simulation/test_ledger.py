@@ -173,6 +173,20 @@ def test_steps_in_python_keep_the_same_ledger_of_constraints(stabilization: floa
     np.testing.assert_allclose(found.error, wanted.error, rtol=0.0, atol=1e-12)
 
 
+@compiled
+def test_a_loop_that_rubs_dry_keeps_the_same_ledger_in_programs_and_in_python() -> None:
+    """Constraints and dry joints are solved together: the force of each equation is its impulse over the step."""
+    model = four_bar()
+    held, (q, v) = pin_of(model), four_bar_state()
+    dry = sd.Friction([0.3, 0.2, 0.1], [0.05, 0.03, 0.02])
+    args, kept = (model, q, v, 0.02, 1e-3, STEPPED), dict(constraints=held, friction=dry, record="work")
+    wanted, found = (sd.energy_ledger(run(*args, **kept), held) for run in (sd.simulate, in_python))
+    assert abs(wanted.work["constraints"]).max() > 1e-7
+    for kind, x in wanted.work.items():
+        np.testing.assert_allclose(found.work[kind], x, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(found.error, wanted.error, rtol=0.0, atol=1e-10)
+
+
 # --- however it runs ------------------------------------------------------------------------------------
 
 

@@ -50,6 +50,50 @@ def feedback_returns(t: float, q: np.ndarray, v: np.ndarray) -> list[float]:
     return [3.0 * math.cos(2.0 * t) - v[0], 1.0 - 2.0 * q[1] - 0.5 * v[1]]
 
 
+# --- what a newcomer writes -----------------------------------------------------------------------------
+
+
+def acting(arm: sd.Model) -> dict[str, dict[str, Any]]:
+    """What may act in a run."""
+    foot = sd.Contacts(arm, {"tip": 0.02}, terrain=sd.Plane(height=-3.0))
+    smooth = sd.Friction(coulomb=0.1, smoothing=0.5)
+    motor = sd.Motor(torque_constant=0.05, resistance=1.0, voltage=24.0, ratio=20.0)
+    coupler = sd.Constraints(arm, [sd.CouplerConstraint("joint2", "joint1", 0.75)])
+    return {
+        "nothing": {}, "torque": {"torque": [0.1, 0.2]}, "friction": {"friction": True}, "limits": {"limits": True},
+        "no friction": {"friction": False}, "no limits": {"limits": False}, "contacts": {"contacts": foot},
+        "smooth": {"friction": smooth, "friction_method": "smooth"}, "motor": {"motor": motor},
+        "constraints": {"constraints": coupler}, "all": {"friction": True, "limits": True, "contacts": foot},
+        "lugre": {"friction": sd.Friction(0.1, 0.1, bristle_stiffness=100.0), "friction_method": "lugre"},
+    }  # fmt: skip
+
+
+SMOOTH_FORCES = ("nothing", "torque", "no friction", "no limits", "smooth", "constraints")
+
+
+@pytest.mark.parametrize("what", [*SMOOTH_FORCES, "friction", "limits", "contacts", "motor", "all", "lugre"])
+def test_the_default_method_takes_whatever_acts_and_is_named(arm: sd.Model, what: str) -> None:
+    given = acting(arm)[what]
+    run = sd.simulate(arm, Q0, [0.3, 0.225], 0.02, 1e-3, **given)
+    assert run.method == ("rk4" if what in SMOOTH_FORCES else "semi_implicit_euler")
+    named = sd.simulate(arm, Q0, [0.3, 0.225], 0.02, 1e-3, run.method, **given)
+    np.testing.assert_array_equal(run.q, named.q)
+
+
+@pytest.mark.parametrize("what", ["friction", "limits", "contacts", "motor", "lugre"])
+@pytest.mark.parametrize("method", ["rk4", "gauss4", "dop853"])
+def test_a_method_that_cannot_take_what_acts_is_refused_with_one_that_can(
+    arm: sd.Model, what: str, method: str
+) -> None:
+    with pytest.raises(sd.SpatialDynError, match="semi_implicit_euler"):
+        sd.simulate(arm, Q0, V0, 0.02, 1e-3, method, **acting(arm)[what])
+
+
+def test_smooth_friction_names_the_methods_that_take_it(arm: sd.Model) -> None:
+    with pytest.raises(sd.SimulationError, match=r'"variational", expected one of explicit_euler, .*, gauss4'):
+        sd.simulate(arm, Q0, V0, 0.02, 1e-3, "variational", **acting(arm)["smooth"])
+
+
 # --- by hand --------------------------------------------------------------------------------------------
 
 
@@ -136,6 +180,19 @@ def test_functions_get_copies(arm: sd.Model) -> None:
     run = sd.simulate(arm, Q0, V0, 0.02, 0.01, torque=torque)
     assert abs(run.q).max() < 2.0
     assert len({id(q) for q in seen}) == len(seen)
+
+
+@COMPILED
+def test_compiled_functions_that_write_to_their_arguments_move_no_state_of_scipys_methods(arm: sd.Model) -> None:
+    @numba.njit
+    def torque(t: float, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> None:
+        tau[0], tau[1] = -q[0], -v[1]
+        q += 100.0
+        v -= 100.0
+
+    run = sd.simulate(arm, Q0, V0, 0.02, 0.01, "dop853", torque=torque)
+    wanted = sd.simulate(arm, Q0, V0, 0.02, 0.01, "dop853", torque=lambda t, q, v: [-q[0], -v[1]])
+    np.testing.assert_array_equal(run.q, wanted.q)
 
 
 # --- records --------------------------------------------------------------------------------------------
@@ -322,9 +379,6 @@ def test_what_makes_no_simulation_is_refused(arm: sd.Model) -> None:
         sd.simulate(arm, Q0, V0, 1.0, 0.1, fext=np.zeros(6))
     with pytest.raises(sd.ModelError, match="model is a str"):
         sd.simulate("panda", Q0, V0, 1.0, 0.1)  # type: ignore[arg-type]
-    tree = sd.load_urdf("tree", mimic=True)
-    with pytest.raises(sd.ModelError, match="has dependent mimic joints"):
-        sd.simulate(tree, np.zeros(tree.nq), np.zeros(tree.nv), 1.0, 0.1)
     with pytest.raises(sd.InertiaError, match='joint "b_joint" has zero articulated inertia'):
         sd.simulate(sd.ModelBuilder().add_body("b").build(), [0.0], [0.0], 1.0, 0.1)
 
@@ -403,6 +457,23 @@ def test_ctrl_c_leaves_what_was_recorded_and_the_last_state(arm: sd.Model, name:
     np.testing.assert_array_equal(run.t, whole.t[at])
     for part in ("q", "v", "p"):
         np.testing.assert_allclose(getattr(run, part), getattr(whole, part)[at], rtol=0, atol=100 * TINY)
+
+
+def test_ctrl_c_leaves_the_torque_that_was_held_when_it_came(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a torque for each step; the last state is no sample of the record."""
+    torque = np.arange(20.0).reshape(10, 2) / 10.0
+    monkeypatch.setattr(fixed_steps, "SLICE", 0.0)
+    monkeypatch.setattr(fixed_steps, "program", lambda *_: None)  # which takes more steps at once
+
+    def progress(done: int, total: int) -> None:
+        if done >= 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(sd.SimulationInterrupt) as caught:
+        sd.simulate(arm, Q0, V0, 0.1, 0.01, torque=torque, record=10, progress=progress)
+    run = caught.value.trajectory
+    assert run.t.tolist() == [0.0, 0.05]
+    np.testing.assert_array_equal(run.tau, torque[[0, 5]])
 
 
 @pytest.mark.parametrize("start", [sd.simulate, sd.hamilton_simulation])

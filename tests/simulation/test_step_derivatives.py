@@ -514,15 +514,10 @@ def test_a_turn_beyond_pi_is_named_with_its_sample(method: str) -> None:
 
 
 @pytest.mark.slow(quick="test_what_cannot_be_is_named")
-def test_mimic_joints_springs_and_joints_without_inertia_are_named() -> None:
+def test_springs_and_joints_without_inertia_are_named() -> None:
     builder = sd.ModelBuilder("pair")
     for name in "ab":
-        builder.add_body(name, axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name=name,
-                         mimic=None if name == "a" else {"leader": "a", "multiplier": 2.0})  # fmt: skip
-    for call in (sd.step_derivatives, sd.linearize):
-        step = (0.01,) if call is sd.step_derivatives else ()
-        with pytest.raises(sd.ModelError, match='robot "pair" has dependent mimic joints'):
-            call(builder.build(mimic=True), [0.0], [0.0], [0.0], *step)
+        builder.add_body(name, axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name=name)
     with pytest.raises(
         sd.SimulationError,
         match="friction is True, expected None, False or a Friction with smoothing: Coulomb's law has no deriv",

@@ -460,6 +460,9 @@ def test_a_manual_description_may_leave_out_what_has_a_default() -> None:
         ("tiago_dual", "tiago_description/robots/tiago_dual.urdf"),
         ("anymal_b_simple_description/anymal", "anymal_b_simple_description/robots/anymal.urdf"),
         ("anymal_c_simple_description/urdf/anymal", "anymal_c_simple_description/urdf/anymal.urdf"),
+        ("anymal", "anymal_b_simple_description/robots/anymal.urdf"),
+        ("anymal_b", "anymal_b_simple_description/robots/anymal.urdf"),
+        ("talos", "talos_data/robots/talos_full_v2.urdf"),
         ("anymal_c", "anymal_c_simple_description/urdf/anymal.urdf"),
         ("hector", "hector_description/robots/quadrotor_base.urdf"),
     ],
@@ -469,9 +472,9 @@ def test_a_name_finds_its_file(name: str, file: str) -> None:
 
 
 def test_an_ambiguous_name_lists_the_candidates() -> None:
-    expected = '"anymal_b_simple_description/anymal", "anymal_c_simple_description/anymal"'
-    assert refusal("anymal") == f'robot name "anymal" is ambiguous, expected one of {expected}'
-    assert '"talos_full_v2_box"' in refusal("talos")
+    expected = '"allegro_left_hand", "allegro_right_hand"'
+    assert refusal("allegro") == f'robot name "allegro" is ambiguous, expected one of {expected}'
+    assert '"talos_reduced_box"' in refusal("talos_data/talos")
 
 
 def test_an_unknown_name_suggests_close_ones() -> None:
@@ -480,6 +483,16 @@ def test_an_unknown_name_suggests_close_ones() -> None:
         in refusal("pnada")
     )
     refusal("")
+
+
+@pytest.mark.parametrize("name", ["pand", "talos_ful", "ur5_robo"])
+def test_the_beginning_of_a_word_is_no_name(name: str) -> None:
+    assert f"'{name}' is neither a file nor the name of a robot" in refusal(name)
+
+
+@pytest.mark.parametrize("limits", ['lower="inf" upper="inf"', 'lower="-inf" upper="-inf"'])
+def test_limits_that_leave_no_position_are_refused(limits: str) -> None:
+    assert "leaves no position" in refusal(changed('lower="-1" upper="1"', limits))
 
 
 def test_an_existing_file_comes_before_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -503,7 +516,7 @@ def test_without_the_examples_the_message_says_so(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(sys, "prefix", os.sep + "nowhere")
     monkeypatch.delenv("CONDA_PREFIX", raising=False)
     assert example_robots() == []
-    assert refusal("panda").endswith('example-robot-data is not installed; pip install "spatialdyn[validate]"')
+    assert refusal("panda").endswith("example-robot-data is not installed; pip install pin example-robot-data")
     assert read_urdf("pendulum").name == "pendulum"
 
 
@@ -515,7 +528,16 @@ ODD = {
         'joint has no <limit>, so it is unlimited: "elbow"',
     ),
     "half a limit": (changed(' lower="-1"', ""), '<limit> lacks lower or upper, taken as 0: "elbow"'),
+    "limits in degrees": (
+        changed('lower="-1" upper="1"', 'lower="-90" upper="90"'),
+        'joint has a limit beyond two turns, of degrees perhaps: "elbow"',
+    ),
+    "one limit in degrees": (
+        changed('upper="1"', 'upper="45"'),
+        'joint has a limit beyond two turns, of degrees perhaps: "elbow"',
+    ),
     "a negative limit": (changed('velocity="2"', 'velocity="-1"'), 'velocity or effort limit < 0 is none: "elbow"'),
+    "a negative effort": (changed('effort="3"', 'effort="-3"'), 'velocity or effort limit < 0 is none: "elbow"'),
     "a long axis": (changed("0 1 0", "0 2 0"), 'axis is not of unit length, normalised: "elbow"'),
     "a lost mimic": (changed("<axis", '<mimic joint="x"/><axis'), '<mimic> names no joint of the robot: "elbow"'),
     "no mass": (changed('value="2"', 'value="0"'), 'link has mass 0: "hand"'),
@@ -537,9 +559,27 @@ def test_what_is_odd_is_accepted_and_noted(case: str) -> None:
     assert expected in read_urdf(text).notes
 
 
+@pytest.mark.parametrize(
+    ("limits", "kind"),
+    [('lower="-12.5" upper="12.5"', "revolute"), ('lower="-inf" upper="inf"', "revolute"),
+     ('lower="-90" upper="90"', "prismatic"), ('lower="-90" upper="90"', "continuous")],
+)  # fmt: skip
+def test_limits_that_are_no_degrees_are_not_odd(limits: str, kind: str) -> None:
+    text = changed('lower="-1" upper="1"', limits).replace('type="revolute"', f'type="{kind}"')
+    assert read_urdf(text).notes == ()
+
+
 def test_a_revolute_joint_without_limit_is_unlimited() -> None:
     elbow = joint_of(read_urdf(ODD["no limit"][0]), "elbow")
     assert (elbow.lower, elbow.upper, elbow.velocity, elbow.effort) == (-math.inf, math.inf, math.inf, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("case", "limits"), [("a negative limit", (math.inf, 3.0)), ("a negative effort", (2.0, math.inf))]
+)
+def test_a_negative_limit_is_none_and_the_other_stays(case: str, limits: tuple[float, float]) -> None:
+    elbow = joint_of(read_urdf(ODD[case][0]), "elbow")
+    assert (elbow.velocity, elbow.effort) == limits
 
 
 def test_an_axis_is_normalised() -> None:

@@ -17,10 +17,11 @@ JOINTS = "".join(
 )
 TWO = (
     '<transmission name="w"><type>transmission_interface/DifferentialTransmission</type>'
-    '<actuator name="m2"><role>actuator2</role><mechanicalReduction>5</mechanicalReduction></actuator>'
-    '<actuator name="m1"><role>actuator1</role><mechanicalReduction>-10</mechanicalReduction></actuator>'
-    '<joint name="j1"><role>joint1</role><offset>0.25</offset><mechanicalReduction>2</mechanicalReduction></joint>'
-    '<joint name="j2"><role>joint2</role><mechanicalReduction>-1</mechanicalReduction></joint></transmission>'
+    '<actuator name="m2"><role>actuator2</role><mechanicalReduction>11</mechanicalReduction></actuator>'
+    '<actuator name="m1"><role>actuator1</role><mechanicalReduction>-7</mechanicalReduction></actuator>'
+    '<joint name="j1"><role>joint1</role><offset>0.25</offset><mechanicalReduction>3</mechanicalReduction></joint>'
+    '<joint name="j2"><role>joint2</role><offset>0.75</offset><mechanicalReduction>-2</mechanicalReduction></joint>'
+    "</transmission>"
 )
 
 
@@ -55,13 +56,13 @@ def test_a_simple_transmission_divides_by_its_reduction() -> None:
 def test_a_differential_has_half_the_sum_and_half_the_difference() -> None:
     """ros_control: τ_j1 = N1 (n1 τ1 + n2 τ2), τ_j2 = N2 (n1 τ1 - n2 τ2), and the velocities of the same power."""
     (t,) = read(TWO)
-    n, N = (-10.0, 5.0), (2.0, -1.0)
+    n, N = (-7.0, 11.0), (3.0, -2.0)  # of distinct primes, whose products differ
     np.testing.assert_allclose(
         t.matrix, [[0.5 / (N[0] * n[0]), 0.5 / (N[0] * n[1])], [0.5 / (N[1] * n[0]), -0.5 / (N[1] * n[1])]], rtol=1e-15
     )
     efforts = np.array([[N[0] * n[0], N[0] * n[1]], [N[1] * n[0], -N[1] * n[1]]])
     np.testing.assert_allclose(np.linalg.inv(t.matrix).T, efforts, rtol=1e-14)
-    assert (t.actuators, t.offset.tolist()) == (("m1", "m2"), [0.25, 0.0])
+    assert (t.actuators, t.offset.tolist()) == (("m1", "m2"), [0.25, 0.75])
 
 
 def test_the_four_bar_law_of_ros_does_not_keep_power() -> None:

@@ -258,3 +258,32 @@ def test_objects_and_arrays_are_freed() -> None:
     left = weakref.ref(made.x)
     del made
     assert left() is None
+
+
+@pytest.mark.parametrize("least", [1e-3, 1e-9, -1e-9, -1e-3, -1.0])
+def test_an_inertia_is_faulty_if_and_only_if_an_eigenvalue_is_negative(least: float) -> None:
+    """In any orientation; the determinant alone is positive of two negative ones."""
+    rng = np.random.default_rng(0)
+    for others in ((2.0, 5.0), (3.0, 1.0), (-3.0 if least < 0.0 else 3.0, 7.0)):
+        for _ in range(50):
+            Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+            J = (Q * [least, *others]) @ Q.T
+            J = 0.5 * (J + J.T)
+            wanted = operators.NEGATIVE if least < 0.0 else operators.SOUND
+            assert operators.fault_of_inertia(euclidean.Mat3(*J.ravel().tolist())) == wanted
+            for k in np.ndindex(3, 3):
+                if k[0] != k[1]:
+                    off = J.copy()
+                    off[k] += 1e-10 * abs(J).sum()
+                    assert operators.fault_of_inertia(euclidean.Mat3(*off.ravel().tolist())) == operators.ASYMMETRIC
+
+
+def test_random_rotations_are_of_unit_norm_and_uniform() -> None:
+    """Over the unit cube the second and fourth moments are those of the sphere."""
+    n = 16
+    cube = (np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 3) + 0.5) / n
+    q = np.array([operators.random_rotation(euclidean.Vec(*u)) for u in cube.tolist()])
+    np.testing.assert_allclose((q * q).sum(1), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(q.T @ q / len(q), np.eye(4) / 4.0, atol=1e-14)
+    fourth = np.einsum("si,sj->ij", q * q, q * q) / len(q)  # 1/8 on the diagonal, 1/24 off it
+    np.testing.assert_allclose(fourth, (np.ones((4, 4)) + 2.0 * np.eye(4)) / 24.0, atol=1e-3)

@@ -477,6 +477,7 @@ SCRIPT = """
 import sys
 import numpy as np
 import spatialdyn as sd
+from spatialdyn.calls.dynamics import table_call
 if len(sys.argv) > 1:
     import resource
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
@@ -484,7 +485,7 @@ body = (1.0, (0.0, 0.1, 0.5), np.eye(3))
 builder = sd.ModelBuilder("arm").add_body("a", None, inertia=body).add_body("b", "a", axis=(1, 0, 0), inertia=body)
 model = builder.build()
 single = sd.potential_energy(model, [0.1, 0.2])
-assert np.isnan(sd.potential_energy(model, [np.nan, 0.2]))  # by the table kernel
+assert abs(table_call("potential_energy", model, [0.1, 0.2]) - single) <= 1e-14 * abs(single)
 sd.compile(model, "potential_energy")
 batch = sd.potential_energy(model, np.tile([0.1, 0.2], (600, 1)))
 assert (abs(batch - single) <= 1e-14 * abs(single)).all()

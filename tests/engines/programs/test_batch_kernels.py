@@ -387,7 +387,7 @@ def test_what_is_no_number_of_threads_is_refused(n: Any) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-def test_rejected_samples_are_the_table_kernels_and_valid_ones_unchanged(
+def test_rejected_samples_are_as_in_the_table_kernel_and_valid_ones_unchanged(
     model: sd.Model, parts: Parts, threads: int
 ) -> None:
     """NaN and inf give NaN, an angle beyond the short sine is recomputed with the long one; in the tail too."""
@@ -409,10 +409,12 @@ def test_rejected_samples_are_the_table_kernels_and_valid_ones_unchanged(
         good = np.setdiff1d(np.arange(2005), list(rejected))
         np.testing.assert_array_equal(found[good], wanted[good])
         again = untraced(model, spec, values)
-        flagged = [k for k in rejected if k != 1001]
-        np.testing.assert_array_equal(found[flagged], again[flagged])
+        np.testing.assert_array_equal(np.isfinite(found), np.isfinite(again))
         if name != "aba":
-            assert scaled(found[1001:1002], again[1001:1002], len(spec.output.shape)) <= ROUNDING
+            finite = [k for k in rejected if np.isfinite(again[k]).all()]
+            assert scaled(found[finite], again[finite], len(spec.output.shape)) <= ROUNDING
+        for k in (8, 1000, 2004):  # whatever their number
+            np.testing.assert_array_equal(on_lanes(model, spec, [x[k : k + 1] for x in values]), found[k : k + 1])
         assert np.isnan(found[3]).any()
         assert np.isfinite(found[1000]).all()
 

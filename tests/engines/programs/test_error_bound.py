@@ -9,6 +9,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from asymmetric import roots
 from slow import slow_but
 
 from spatialdyn.algebra import scalars
@@ -126,6 +127,23 @@ def test_the_bound_of_a_sum_is_within_ten_times_its_error() -> None:
         total = total + tape.input(1)
     (line,) = bounded(Program(tape, [total], 2)).run([1.0, 1.0 + 2.0**-30])[1:]
     assert 0.33 * 1000**2 * 2.0**-53 < line < 0.35 * 1000**2 * 2.0**-53  # Σ ufp k is 0.338 of 1000²
+
+
+@pytest.mark.parametrize("excess", [1e-6, -1e-6, 1e-9, -1e-12])
+@pytest.mark.parametrize("width", [2, 4])
+def test_coordinates_off_unit_norm_are_bounded_by_what_norms_them(width: int, excess: float) -> None:
+    """A quaternion or pair of norm 1 + excess is off x / |x| by that; the bound is less than 1.05 times it."""
+    made = Bounding(np.float64, 1, fma=False)
+    given = made.inputs(width, [range(width)])
+    program = Program(made.tape, [made.absolute(x.b) for x in given], width, fuse=False)
+    x = roots(width)
+    x *= (1.0 + excess) / np.linalg.norm(x)
+    with mpmath.workprec(200):
+        whole = [mpmath.mpf(float(e)) for e in x]
+        size = mpmath.sqrt(sum(e * e for e in whole))
+        off = [abs(float(e / size - e)) for e in whole]
+    for bound, error in zip(program.run(x), off, strict=True):
+        assert error <= bound <= 1.05 * error + 1e-15
 
 
 def test_a_divisor_that_may_be_zero_has_no_bound() -> None:

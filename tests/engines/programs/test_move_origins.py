@@ -60,6 +60,15 @@ def test_an_origin_moves_along_its_axis_where_zeros_come_of_it() -> None:
     assert (I.m, *vec_of(I.h)) == pytest.approx((m, h[0] + 2.0 * 0.2, h[1], h[2]))  # the com is 0.2 further away
 
 
+@pytest.mark.parametrize("k", range(3))
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_origin_moves_along_an_axis_of_either_sign(k: int, sign: float) -> None:
+    builder = sd.ModelBuilder("m").add_body("a", axis=sign * np.eye(3)[k], placement=(0.2, 0.3, 0.4), inertia=BODY)
+    rows = rows_of(builder.build())
+    move_origins(rows)
+    assert vec_of(rows[1].X.p) == tuple(0.0 if i == k else x for i, x in enumerate((0.2, 0.3, 0.4)))
+
+
 def test_an_origin_stays_where_zeros_would_go() -> None:
     """The child joint has no entry along the axis, and its own axis cannot undo one."""
     carried = np.eye(4)

@@ -182,6 +182,34 @@ def within_the_analysis(x: NDArray[Any], found: NDArray[Any], off: NDArray[Any],
     return np.asarray(off <= error * (0.5 * kind.eps) + kind.tiny)
 
 
+WORST: dict[tuple[Any, bool], tuple[float, ...]] = {  # angles of 20 million, in float32 of all, by the error of a sine
+    (np.float64, True): (73290.3402353959, -8485.316668470416, 8279.792462561254, -72009.89087033892),
+    (np.float64, False): (-4449.2967416981355, -93425.47693154756, -20713.29387957339, 27389.188099639938),
+    (np.float32, True): (54250.59375, 97277.84375, 25.921314239501953, 1888.882568359375),
+    (np.float32, False): (54250.59375, 97277.84375, 25.921314239501953, 1888.882568359375),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=name_of)
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_the_worst_angles_have_the_error_that_bounds_count_on_and_four_fifths_of_it_are_too_few(
+    dtype: Any, shape: Shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x = np.array(WORST[dtype, shape.fma] * 4, dtype)
+    (found,), valid = Runner(*program_of(sin_and_cos, 1), shape, dtype)(x)
+    assert valid.all()
+    with mpmath.workprec(160):
+        pairs = [mpmath.cos_sin(mpmath.mpf(float(angle)))[::-1] for angle in x]
+        off = [
+            [abs(float(mpmath.mpf(float(x)) - exact)) for x, exact in zip(*row, strict=True)]
+            for row in zip(found, pairs, strict=True)
+        ]
+    assert within_the_analysis(x, found, np.array(off), shape).all()
+    key = np.dtype(dtype).itemsize, shape.fma
+    monkeypatch.setitem(TURN, key, 0.8 * TURN[key])
+    assert not within_the_analysis(x, found, np.array(off), shape).all()
+
+
 def many_angles(dtype: Any) -> Iterator[NDArray[Any]]:
     """Ten million: next to every multiple of π/2 to MAX_ANGLE, where r is just above 1/2, small ones, and evenly.
 
@@ -241,6 +269,19 @@ def test_an_angle_out_of_range_is_flagged_and_no_other(dtype: Any) -> None:
     for shape in SHAPES:
         _, valid = Runner(*program_of(sin_and_cos, 1), shape, dtype)(x)
         np.testing.assert_array_equal(valid, np.asarray(abs(x) <= MAX_ANGLE))
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("count", [2, 7])
+def test_the_range_of_every_angle_is_checked(count: int, dtype: Any) -> None:
+    """Of several angles in one program, each far in turn, and the others near."""
+    x = np.full((16 * count, count), 0.5)
+    x[np.arange(count), np.arange(count)] = 2.0 * MAX_ANGLE
+    runner = Runner(
+        *program_of(lambda *q: [f(e) for e in q for f in (scalars.sin, scalars.cos)], count), Shape(4, False), dtype
+    )
+    _, valid = runner(x)
+    np.testing.assert_array_equal(valid, np.arange(16 * count) >= count)
 
 
 def test_an_angle_that_no_sine_is_taken_of_may_be_far() -> None:

@@ -1,0 +1,271 @@
+"""Motions of robots with mimic joints: those of the same mechanism under couplers, by every method, energy kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from slow import slow_but
+
+import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.recursions.rnea import rnea
+from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
+
+Array = NDArray[np.float64]
+COUPLED = 1e-10  # of the motion under constraints with projection, which are the same steps
+BODY = (0.8, (0.0, 0.02, -0.2), np.diag([0.02, 0.03, 0.01]))
+FINGER = (0.1, (0.0, 0.0, 0.05), np.diag([2e-4, 3e-4, 1e-4]))
+DT, STEPS = 1e-3, 60
+EXPLICIT = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
+FIXED = [name for name, x in sd.integrators.items() if x.family is not None]
+
+
+def gripper(mimic: bool = True) -> sd.Model:
+    """An arm with two fingers, one a slider, that follow a third by other ratios."""
+    builder = sd.ModelBuilder("gripper").add_body("arm", axis=(0, 1, 0), inertia=BODY, joint_name="lift", damping=0.1)
+    builder.add_body("wrist", "arm", axis=(1, 0, 0), inertia=BODY, joint_name="turn", placement=_at(0.0, 0.0, -0.4))
+    first = {"damping": 0.05, "friction": 0.02, "limits": (-0.4, 0.4)}
+    builder.add_body(
+        "thumb", "wrist", axis=(0, 0, 1), inertia=FINGER, joint_name="grip", placement=_at(0.1, 0, 0), **first
+    )
+    follow = {"leader": "grip", "multiplier": -0.5, "offset": 0.1}
+    builder.add_body(
+        "index",
+        "wrist",
+        axis=(0, 1, 0),
+        inertia=FINGER,
+        joint_name="index",
+        placement=_at(-0.1, 0, 0),
+        mimic=follow,
+        damping=0.04,
+        friction=0.01,
+    )
+    slide = {"leader": "grip", "multiplier": 0.2}
+    builder.add_body("jaw", "index", "prismatic", axis=(1, 0, 0), inertia=FINGER, joint_name="jaw", mimic=slide)
+    return builder.build(mimic=mimic)
+
+
+def _at(x: float, y: float, z: float) -> Array:
+    made = np.eye(4)
+    made[:3, 3] = x, y, z
+    return made
+
+
+MODEL, FREE = gripper(), gripper(False)
+COUPLERS = [sd.CouplerConstraint("index", "grip", -0.5, 0.1), sd.CouplerConstraint("jaw", "grip", 0.2)]
+Q0, V0, TAU0 = np.array([0.4, -0.2, 0.3]), np.array([0.5, 1.0, -2.0]), np.array([0.1, -0.05, 0.02])
+OWN = [FREE.joint(name).idx_v for name in ("lift", "turn", "grip")]
+SAME = [MODEL.joint(name).idx_v for name in ("lift", "turn", "grip")]
+
+
+def whole(q: Array, v: Array) -> tuple[Array, Array]:
+    """The state of the whole tree."""
+    return q[..., MODEL.mimic_index] * MODEL.mimic_ratio + MODEL.mimic_offset, v @ np.asarray(MODEL.mimic_matrix).T
+
+
+def run(model: sd.Model, method: str | None = None, **more: Any) -> Any:
+    """A short motion; of the free tree under couplers."""
+    q, v = (Q0, V0) if model is MODEL else whole(Q0, V0)
+    if model is FREE:
+        more["constraints"] = sd.Constraints(FREE, COUPLERS)
+    return sd.simulate(model, q, v, STEPS * DT, DT, method, **{"friction": False, **more})
+
+
+@pytest.mark.parametrize("method", slow_but(("semi_implicit_euler", "rk4"), (*EXPLICIT, "variational")))
+def test_a_motion_is_that_of_the_tree_under_couplers(method: str) -> None:
+    ours, theirs = run(MODEL, method), run(FREE, method)
+    for mine, other in ((ours.q, theirs.q), (ours.v, theirs.v)):
+        assert abs(mine[:, SAME] - other[:, OWN]).max() < COUPLED * abs(other).max()
+    q, v = whole(ours.q, ours.v)
+    np.testing.assert_allclose(q, theirs.q, atol=COUPLED)
+    np.testing.assert_allclose(v, theirs.v, atol=10 * COUPLED)
+
+
+@pytest.mark.parametrize("method", slow_but(("rk4", "gauss4"), sd.integrators))
+def test_energy_is_kept_to_the_order_of_the_method(method: str) -> None:
+    """Halving the step reduces the error of the energy by 2^order, down to rounding."""
+    coarse, fine = (sd.simulate(MODEL, Q0, V0, 0.2, dt, method, friction=False) for dt in (4e-3, 2e-3))
+    errors = [abs(x.energy - x.energy[0]).max() for x in (coarse, fine)]
+    order = sd.integrators[method].order if sd.integrators[method].family is not None else 0
+    assert errors[1] <= max(0.8 * errors[0] / 2.0 ** (order - 1) if order else errors[0], 1e-9)
+
+
+@pytest.mark.parametrize("method", slow_but(("rk4", "gauss4"), FIXED))
+def test_a_torque_function_takes_the_same_steps(method: str) -> None:
+    """It runs in Python, where the reduced recursions are public calls."""
+    asked = run(MODEL, method, torque=lambda t, q, v: TAU0)
+    np.testing.assert_allclose(asked.q, run(MODEL, method, torque=TAU0).q, rtol=1e-13, atol=1e-14)
+
+
+def test_external_forces_act_on_the_whole_tree() -> None:
+    """A force on a finger that follows: by its power on the free tree."""
+    push = np.zeros((MODEL.njoints, 6))
+    push[MODEL.joint("index").row if MODEL.njoints == len(MODEL.bodies) else 4] = [0.3, -0.2, 0.5, 0.01, 0.02, 0.0]
+    ours, theirs = run(MODEL, "rk4", fext=push), run(FREE, "rk4", fext=push)
+    assert abs(ours.q[-1, SAME] - theirs.q[-1, OWN]).max() < COUPLED
+    assert abs(ours.q[-1] - run(MODEL, "rk4").q[-1]).max() > 1e-4
+
+
+def test_a_rollout_is_many_simulations() -> None:
+    rng = np.random.default_rng(1)
+    q, v, tau = Q0 + 0.1 * rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), rng.normal(size=(5, 3)) * 0.1
+    many = sd.rollout(MODEL, q, v, tau[:, None], dt=DT, steps=STEPS, friction=False)
+    for k in range(5):
+        one = sd.simulate(MODEL, q[k], v[k], STEPS * DT, DT, "semi_implicit_euler", torque=tau[k], friction=False)
+        np.testing.assert_allclose(many.q[k], one.q[1:], rtol=1e-14 if numba_kernels.PLAIN else 0.0)
+    hold = sd.PD(kp=np.full(3, 5.0), kd=np.full(3, 1.0), q_ref=Q0)
+    held = sd.rollout(MODEL, q, v, dt=DT, steps=20000, friction=False, pd=hold, record="last")
+    at_rest = np.linalg.solve(np.diag([5.0] * 3), -sd.generalized_gravity(MODEL, held.q)[..., None])[..., 0] + Q0
+    np.testing.assert_allclose(held.q, at_rest, atol=1e-3)
+
+
+def test_a_law_takes_the_models_own_coordinates_and_may_call_recursions() -> None:
+    """Gravity compensation by the RNEA, on rows that follow: the robot stays."""
+    work = sd.recursions.SPECS["rnea"].work
+
+    def weightless(bodies: Any, scratch: Any, q: Any, v: Any, tau: Any) -> None:
+        rnea(bodies, scratch, q, [0.0 * x for x in v], None, None, tau)
+
+    law = Spec("weightless", weightless, work, (Q, V), TAU, "g(q).", "")
+    still = sd.simulate(MODEL, Q0, np.zeros(3), 0.2, DT, "rk4", control=sd.Control(law), friction=False)
+    assert abs(still.q - Q0).max() < 1e-12
+    asked = sd.simulate(
+        MODEL, Q0, np.zeros(3), 0.02, DT, "rk4", control=sd.Control(law), friction=False, torque=lambda t, q, v: 0.0 * v
+    )
+    assert abs(asked.q - Q0).max() < 1e-12
+
+    def walker(bodies: Any, q: Any, v: Any, tau: Any) -> None:
+        tau[0] = bodies[1].X.p.x * v[0]
+
+    bad = Spec("walker", walker, None, (Q, V), TAU, "", "")
+    with pytest.raises(sd.ModelError, match='spec "walker" walks the tree of a robot with mimic joints'):
+        sd.simulate(MODEL, Q0, V0, 0.02, DT, "rk4", control=sd.Control(bad), friction=False)
+
+
+def test_a_cost_sums_the_models_own_coordinates() -> None:
+    def effort(bodies: Any, q: Any, v: Any, tau: Any, cost: Any) -> None:
+        cost[0] = v[2] * v[2]
+
+    spec = Spec("effort", effort, None, (Q, V, TAU), Argument("cost", (1,), "", "of a step"), "", "")
+    ran = sd.rollout(MODEL, Q0, V0, dt=DT, steps=STEPS, friction=False, cost=sd.Cost(spec), record=1)
+    before = np.concatenate([V0[2:], ran.v[:-1, 2]])
+    np.testing.assert_allclose(np.asarray(ran.cost).ravel()[-1], (before**2).sum(), rtol=1e-2)
+
+
+@pytest.mark.parametrize("method", slow_but(("rk4", "semi_implicit_euler"), FIXED))
+def test_derivatives_of_a_step_are_those_of_differences(method: str) -> None:
+    h, n = 1e-6, MODEL.nv
+    A, B = sd.step_derivatives(MODEL, Q0, V0, TAU0, 5e-3, method, friction=False)
+    rates = np.zeros((2 * n, 3 * n))
+    for k in range(3 * n):
+        d = np.zeros(3 * n)
+        d[k] = h
+        ends = []
+        for s in (1, -1):
+            q = sd.integrate(MODEL, Q0, s * d[:n])
+            ran = sd.simulate(
+                MODEL, q, V0 + s * d[n : 2 * n], 5e-3, 5e-3, method, torque=TAU0 + s * d[2 * n :], friction=False
+            )
+            ends.append(np.concatenate([ran.q[-1], ran.v[-1]]))
+        rates[:, k] = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(np.hstack([A, B]), rates, atol=2e-8 * abs(rates).max())
+
+
+def test_linearize_is_the_limit_of_a_step_and_step_takes_it() -> None:
+    A, B = sd.linearize(MODEL, Q0, V0, TAU0, friction=False)
+    dt = 1e-7
+    by_state, by_tau = sd.step_derivatives(MODEL, Q0, V0, TAU0, dt, "explicit_euler", friction=False)
+    np.testing.assert_allclose((by_state - np.eye(6)) / dt, A, atol=1e-6 * abs(A).max())
+    np.testing.assert_allclose(by_tau / dt, B, rtol=1e-6, atol=1e-9)
+    q, v = sd.step(MODEL, Q0, V0, TAU0, DT, "rk4")
+    one = sd.simulate(MODEL, Q0, V0, DT, DT, "rk4", torque=TAU0, friction=False)
+    np.testing.assert_allclose(q, one.q[-1], rtol=1e-13)
+    np.testing.assert_allclose(v, one.v[-1], rtol=1e-12)
+
+
+def test_limits_stop_the_joint_that_leads() -> None:
+    v0 = [0.5, 1.0, -8.0]
+    free = sd.simulate(MODEL, Q0, v0, 0.5, DT, friction=False)
+    ran = sd.simulate(MODEL, Q0, v0, 0.5, DT, limits=True, friction=False)
+    at = MODEL.joint("grip").idx_q
+    assert free.method == "rk4"
+    assert ran.method == "semi_implicit_euler"
+    assert free.q[:, at].min() < -0.5
+    assert ran.q[:, at].min() > -0.401
+    asked = sd.simulate(MODEL, Q0, v0, 0.05, DT, limits=True, friction=False, torque=lambda t, q, v: 0.0 * v)
+    np.testing.assert_allclose(asked.q, ran.q[:51], atol=1e-12)
+
+
+def test_friction_of_joints_that_follow_acts_on_their_leader() -> None:
+    """Smooth friction and damping of every joint of the free tree under couplers."""
+    ours = sd.Friction.of(MODEL)
+    k = MODEL.joint("grip").idx_v
+    assert ours.viscous[k] == pytest.approx(0.05 + 0.25 * 0.04)
+    assert ours.coulomb[k] == pytest.approx(0.02 + 0.5 * 0.01)
+    damped = {"friction": sd.Friction.of(MODEL, coulomb=0.0, static=0.0, smoothing=0.1), "friction_method": "smooth"}
+    other = {"friction": sd.Friction.of(FREE, coulomb=0.0, static=0.0, smoothing=0.1), "friction_method": "smooth"}
+    mine, theirs = run(MODEL, "rk4", **damped), run(FREE, "rk4", **other)
+    assert abs(mine.q[-1, SAME] - theirs.q[-1, OWN]).max() < COUPLED
+    assert abs(mine.q[-1] - run(MODEL, "rk4").q[-1]).max() > 1e-4
+
+
+@pytest.mark.parametrize("way", ["implicit", "lugre", "smooth"])
+def test_friction_runs_in_programs_and_in_python_alike(way: str) -> None:
+    rubs = sd.Friction(coulomb=0.05, viscous=0.1, smoothing=0.2, bristle_stiffness=50.0, bristle_damping=0.5)
+    given = {"friction": rubs, "friction_method": way}
+    mine, asked = run(MODEL, torque=TAU0, **given), run(MODEL, torque=lambda t, q, v: TAU0, **given)
+    assert mine.method == ("rk4" if way == "smooth" else "semi_implicit_euler")
+    np.testing.assert_allclose(asked.q, mine.q, atol=1e-12)
+    motor = sd.Motor(torque_constant=0.05, resistance=1.0, voltage=24.0, ratio=10.0)
+    if way == "implicit":
+        np.testing.assert_allclose(run(MODEL, torque=TAU0, motor=motor, **given).q[-1], mine.q[-1], atol=0.1)
+
+
+def test_work_is_recorded_and_closes_the_ledger() -> None:
+    ran = run(MODEL, "rk4", torque=TAU0, record="work")
+    assert abs(sd.energy_ledger(ran).error).max() < 1e-9
+
+
+def test_what_is_not_there_is_refused_by_name() -> None:
+    with pytest.raises(sd.ModelError, match=r"has mimic joints, expected one without .* for points"):
+        sd.Contacts(MODEL, {"jaw": 0.0})
+    with pytest.raises(sd.ModelError, match=r"has mimic joints, expected one without .* for constraints"):
+        sd.Constraints(MODEL, [sd.CouplerConstraint("lift", "turn")])
+
+
+def test_trade_and_recommend_measure_them() -> None:
+    table = sd.trade(MODEL, "forward_dynamics", states=64, batch=64)
+    assert {x.code.partition("(")[0] for x in table.options} >= {"sd.aba", "sd.crba_solve"}
+    best = sd.recommend(MODEL, "mass_matrix", 1e-10, states=64, batch=64)
+    np.testing.assert_allclose(best(Q0), sd.crba(MODEL, Q0), rtol=1e-10)
+
+
+def test_mujoco_joint_equalities_move_alike() -> None:
+    """With stiff equalities and MuJoCo's RK4, to what its soft constraints allow."""
+    mujoco = pytest.importorskip("mujoco")
+    xml = """<mujoco><option timestep="0.0002" integrator="RK4" gravity="0 0 -9.81"/><compiler angle="radian"/>
+    <default><equality solref="0.0008 1" solimp="0.9999 0.9999 0.001"/></default><worldbody>
+    <body name="arm"><inertial pos="0 0.02 -0.2" mass="0.8" fullinertia="0.02 0.03 0.01 0 0 0"/>
+     <joint name="lift" type="hinge" axis="0 1 0"/>
+     <body name="wrist" pos="0 0 -0.4"><inertial pos="0 0.02 -0.2" mass="0.8" fullinertia="0.02 0.03 0.01 0 0 0"/>
+      <joint name="turn" type="hinge" axis="1 0 0"/>
+      <body name="thumb" pos="0.1 0 0"><inertial pos="0 0 0.05" mass="0.1" fullinertia="2e-4 3e-4 1e-4 0 0 0"/>
+       <joint name="grip" type="hinge" axis="0 0 1"/></body>
+      <body name="index" pos="-0.1 0 0"><inertial pos="0 0 0.05" mass="0.1" fullinertia="2e-4 3e-4 1e-4 0 0 0"/>
+       <joint name="index" type="hinge" axis="0 1 0"/>
+       <body name="jaw"><inertial pos="0 0 0.05" mass="0.1" fullinertia="2e-4 3e-4 1e-4 0 0 0"/>
+        <joint name="jaw" type="slide" axis="1 0 0"/></body></body></body></body></worldbody>
+    <equality><joint joint1="index" joint2="grip" polycoef="0.1 -0.5 0 0 0"/>
+     <joint joint1="jaw" joint2="grip" polycoef="0 0.2 0 0 0"/></equality></mujoco>"""
+    theirs = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(theirs)
+    q, v = whole(Q0, V0)
+    order = [FREE.joint(name).idx_v for name in ("lift", "turn", "grip", "index", "jaw")]
+    data.qpos[:], data.qvel[:] = q[order], v[order]
+    for _ in range(500):
+        mujoco.mj_step(theirs, data)
+    ours = sd.simulate(MODEL, Q0, V0, 0.1, 2e-4, "rk4", friction=False)
+    assert abs(ours.q[-1, SAME] - data.qpos[:3]).max() < 1e-4

@@ -1,0 +1,206 @@
+"""Odd values of every parameter of every public name: answered, or refused by an error of this library.
+
+One value at a time takes the place of a valid argument of ``valid_calls``. Then the call returns, or raises a
+SpatialDynError, an error that its docstring names, or a TypeError that a ``raise`` of this package made on purpose; a
+warning counts as an error.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import linecache
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import valid_calls
+from valid_calls import arguments, function, other, places, targets
+
+import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.threads import thread_pool
+
+PACKAGE = Path(sd.__file__).parent
+
+
+def deep(levels: int) -> Any:
+    """A list in lists."""
+    made: Any = [1.0]
+    for _ in range(levels - 1):
+        made = [made]
+    return made
+
+
+ODD: dict[str, Any] = {
+    "None": None,
+    "5": 5,
+    "-1": -1,
+    "5.5": 5.5,
+    "10**400": 10**400,
+    "True": True,
+    "nan": math.nan,
+    "inf": math.inf,
+    "x": "x",
+    "nothing": "",
+    "bytes": b"x",
+    "surrogate": "\udc80",
+    "zero": "\0",
+    "[[1]]": [[1]],
+    "[]": [],
+    "[None]": [None],
+    "{}": {},
+    "{x: x}": {"x": "x"},
+    "{5: 5}": {5: 5},
+    "object": object(),
+    "complex": np.array([1j, 2.0]),
+    "objects": np.array([None, "x"], object),
+    "nans": np.array([math.nan, 1.0]),
+    "infs": np.array([math.inf, 1.0]),
+    "ragged": [[1.0], [1.0, 2.0]],
+    "33 axes": deep(33),
+    "65 axes": deep(65),
+    "(2, 3, 7)": np.ones((2, 3, 7)),
+    "empty": np.empty((0, 2)),
+    "model": None,  # another model
+}
+
+
+TAKES_LONG = {("compile", "calls"): ("None",)}  # all calls
+PACKAGES = {  # by the beginning of a name
+    "from_pinocchio": "pinocchio", "compare_with_pinocchio": "pinocchio", "Symbolic": "sympy", "view": "viser",
+    "plot": "matplotlib", "Tradeoff": "matplotlib", "Trajectory": "matplotlib", "Rollout": "matplotlib",
+    "EnergyLedger": "matplotlib", "Diagnosis": "matplotlib", "Specialized": "casadi", "Exact": "mpmath",
+    "exact": "mpmath", "trade": "mpmath", "recommend": "mpmath", "Recommendation": "mpmath",
+}  # fmt: skip
+
+
+COMPILED = ("Promise", "bounded", "hamilton_simulation", "simulate", "recommend")
+
+
+def odd(name: str) -> Any:
+    """The value of that name."""
+    return other() if name == "model" else ODD[name]
+
+
+@cache
+def raising(file: str) -> list[range]:
+    """The lines of the ``raise`` statements of a file."""
+    tree = ast.parse("".join(linecache.getlines(file)))
+    return [range(x.lineno, (x.end_lineno or x.lineno) + 1) for x in ast.walk(tree) if isinstance(x, ast.Raise)]
+
+
+def on_purpose(error: TypeError) -> bool:
+    """Whether a ``raise`` of this package made the error."""
+    trace = error.__traceback__
+    assert trace is not None
+    while trace.tb_next is not None:
+        trace = trace.tb_next
+    file = trace.tb_frame.f_code.co_filename
+    return file.startswith(str(PACKAGE)) and any(trace.tb_lineno in lines for lines in raising(file))
+
+
+def documented(call: Callable[..., Any], error: BaseException) -> bool:
+    """Whether the docstring of a call, or of its class, names the error."""
+    owner = getattr(call, "__self__", None)
+    texts = [inspect.getdoc(x) or "" for x in (call, owner if inspect.isclass(owner) else type(owner))]
+    return any(type(error).__name__ in text for text in texts)
+
+
+def called(target: str, given: dict[str, Any]) -> None:
+    """Call a target with arguments by name; those of ``*name`` by that name, too, one or a tuple of them."""
+    given = dict(given)
+    starred = [given.pop(x.name) for x in places(target) if x.kind is x.VAR_POSITIONAL and x.name in given]
+    spread = starred[0] if starred and isinstance(starred[0], tuple) else starred
+    made = function(target)(*spread, **given)
+    if target == "view":
+        made.stage.stop()
+
+
+def complaint(target: str, given: dict[str, Any]) -> str:
+    """What is wrong with how a call answers; empty if nothing is."""
+    try:
+        called(target, given)
+    except sd.SpatialDynError:
+        pass
+    except Exception as error:
+        if not (isinstance(error, TypeError) and on_purpose(error)) and not documented(function(target), error):
+            return f"{type(error).__name__}: {error}"[:200]
+    return ""
+
+
+def parameters(target: str) -> list[str]:
+    """The parameters that a target may be given by name, and those of ``*name``."""
+    named = [x.name for x in places(target) if x.kind is not x.VAR_KEYWORD]
+    rest = [x for x in arguments(target) if x not in named]
+    return [x for x in named if not (rest and x == "given")] + rest
+
+
+def need(name: str) -> None:
+    """Skip the test where a package that a name is of is not installed, or what it is made of is not compiled."""
+    if numba_kernels.PLAIN and name in COMPILED:
+        pytest.skip("NUMBA_DISABLE_JIT: without programs, or minutes of plain Python")
+    for start, package in PACKAGES.items():
+        if name.startswith(start):
+            pytest.importorskip(package)
+
+
+def of(name: str) -> list[str]:
+    """The targets of a public name: itself, if it is not a record, and its methods."""
+    return [x for x in targets() if x.partition(" of ")[0].partition(".")[0] == name]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """In a folder with a file to load, as some calls write files of odd names; with as many threads after it."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    valid_calls.run().save("run.npz")
+    yield
+    thread_pool.ask(None)
+
+
+@pytest.mark.parametrize("name", sorted(sd.__all__))
+def test_valid_arguments_are_answered(name: str) -> None:
+    """So that one odd value is what is refused; a public name without a row of arguments fails."""
+    need(name)
+    for target in of(name):
+        called(target, arguments(target))
+
+
+@pytest.mark.parametrize("name", sorted(sd.__all__))
+def test_odd_values_are_answered_or_refused_with_reason(name: str) -> None:
+    need(name)
+    wrong = {
+        (target, parameter, value): said
+        for target in of(name)
+        for parameter in parameters(target)
+        for value in ODD
+        if value not in TAKES_LONG.get((target, parameter), ())
+        if (said := complaint(target, arguments(target) | {parameter: odd(value)}))
+    }
+    assert wrong == {}
+
+
+@pytest.mark.parametrize("name", sorted(sd.__all__))
+def test_batches_that_do_not_fit_are_answered_or_refused_with_reason(name: str) -> None:
+    need(name)
+    wrong = {
+        (target, parameter): said
+        for target in of(name)
+        for parameter, given in misfits(target)
+        if (said := complaint(target, given))
+    }
+    assert wrong == {}
+
+
+def misfits(target: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Arguments whose arrays have axes that do not broadcast: three of one beside two of the others."""
+    given = arguments(target)
+    arrays = [name for name, x in given.items() if isinstance(x, np.ndarray) and x.ndim]
+    for name in arrays:
+        yield name, given | {x: np.stack([given[x]] * (3 if x == name else 2)) for x in arrays}

@@ -1,0 +1,399 @@
+"""Valid arguments of every public name, small and quick: what ``test_odd_arguments`` puts one odd value in place of.
+
+``targets`` lists what can be called with arguments: the functions of ``spatialdyn.__all__``, its classes, and methods
+as CLASS.METHOD. Records that calls return (named tuples, plain dataclasses) keep whatever they are made of, so of those
+the methods alone are there. ``arguments`` fails for a target without a row.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+from inputs import options, random_inputs, sorted_inputs
+
+import spatialdyn as sd
+from spatialdyn.recursions import SPECS
+from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
+
+TOML = '[[constraint]]\nkind = "coupler"\njoint = "joint2"\nto = "joint1"'
+MJCF = '<equality><joint joint1="joint2" joint2="joint1" polycoef="0.1 -2"/></equality>'
+SOLID = (1.0, (0.0, 0.0, 0.1), 0.1 * np.eye(3))
+
+
+@cache
+def model() -> sd.Model:
+    """Two hinges."""
+    return sd.load_urdf("two_link")
+
+
+@cache
+def other() -> sd.Model:
+    """A slide and two hinges: another number of everything."""
+    builder = sd.ModelBuilder("other")
+    for k, kind in enumerate(("prismatic", "revolute", "revolute")):
+        builder.add_body(f"b{k}", f"b{k - 1}" if k else None, kind, np.eye(3)[k], (0.1, 0.0, 0.3), SOLID)
+    return builder.build()
+
+
+@cache
+def elastic() -> sd.Model:
+    """A hinge behind a spring."""
+    return elastic_builder().add_series_elastic("b_joint", 100.0, rotor=0.1).build()
+
+
+def elastic_builder() -> sd.ModelBuilder:
+    """A hinge."""
+    return sd.ModelBuilder("elastic").add_body("b", None, "revolute", (0, 1, 0), None, SOLID)
+
+
+@cache
+def held() -> sd.Constraints:
+    """The tip in a plane."""
+    return sd.Constraints(model(), [sd.PointConstraint("tip", axes="x")])
+
+
+@cache
+def touching() -> sd.Contacts:
+    """A sphere at the tip, which may touch the ground."""
+    return sd.Contacts(model(), {"tip": 0.1})
+
+
+@cache
+def run() -> sd.Trajectory:
+    """Four steps."""
+    return sd.simulate(model(), q(), v(), 0.04, 0.01, record="work")
+
+
+@cache
+def samples() -> sd.Rollout:
+    """Two motions of three steps."""
+    return sd.rollout(model(), np.zeros((2, 2)), np.zeros((2, 2)), dt=0.01, steps=3, record=1)
+
+
+@cache
+def friction() -> sd.Friction:
+    """Of two joints."""
+    return sd.Friction([0.1, 0.1], [0.2, 0.2])
+
+
+@cache
+def motor() -> sd.Motor:
+    """Of two joints."""
+    return sd.Motor([0.1, 0.1], [1.0, 1.0], [24.0, 24.0])
+
+
+def _towards(bodies: Any, q: Any, v: Any, reach: Any, tau: Any) -> None:
+    for i in range(len(tau)):
+        tau[i] = reach[i] - q[i] - v[i]
+
+
+def _squares(bodies: Any, q: Any, cost: Any) -> None:
+    cost[0] = sum(x * x for x in q)
+
+
+LAW = Spec("towards", _towards, None, (Q, V, Argument("reach", ("nv",), "rad", "goal")), TAU, "", "")
+SQUARES = Spec("squares", _squares, None, (Q,), Argument("cost", (1,), "", ""), "", "")
+
+
+@cache
+def control() -> sd.Control:
+    """A spring and a damper."""
+    return sd.Control(LAW, {"reach": [0.1, 0.2]})
+
+
+@cache
+def program() -> sd.Specialized:
+    """The mass matrix."""
+    made = sd.specialize(model(), sd.crba)
+    assert isinstance(made, sd.Specialized)
+    return made
+
+
+@cache
+def promise() -> sd.Promise:
+    """The mass matrix within a bound."""
+    made = sd.specialize(model(), sd.crba, tolerance=1e-9)
+    assert isinstance(made, sd.Promise)
+    return made
+
+
+@cache
+def symbols() -> sd.SymbolicManipulator:
+    """Of the two hinges."""
+    return sd.SymbolicManipulator(model())
+
+
+@cache
+def recommendation() -> sd.Recommendation:
+    """Of two integrators."""
+    return sd.recommend(model(), batch=8, tolerance=1e-3, states=2)
+
+
+@cache
+def findings() -> sd.Diagnosis:
+    """Of the two hinges."""
+    return sd.diagnose(model())
+
+
+def q() -> Any:
+    """Joint positions."""
+    return np.array([0.5, -0.3])
+
+
+def v() -> Any:
+    """Joint velocities."""
+    return np.array([1.0, 2.0])
+
+
+def tau() -> Any:
+    """Joint torques."""
+    return np.array([0.1, 0.2])
+
+
+def _state(**more: Any) -> dict[str, Any]:
+    return {"model": model(), "q": q(), "v": v(), **more}
+
+
+def _held(*names: str, **more: Any) -> dict[str, Any]:
+    values = {"q": q(), "v": v(), "tau": tau()}
+    return {"model": model(), "constraints": held(), **{name: values[name] for name in names}, **more}
+
+
+def _run_of(**more: Any) -> dict[str, Any]:
+    return {"model": model(), "q0": q(), "v0": v(), "dt": 0.01, **more}
+
+
+def _jacobian() -> dict[str, Any]:
+    return {"J": sd.frame_jacobian(model(), q(), "tip", "local_world_aligned")[[0]]}
+
+
+def _fext() -> Any:
+    return np.zeros((3, 6))
+
+
+CONSTRAINT = {"frame_a": "tip", "frame_b": "base", "name": "loop"}
+PLACES = {"at_a": np.zeros(3), "at_b": np.eye(4)}
+
+# {target: its arguments}; what is not there is left to its default, but for an odd value; a tuple is all of ``*x``
+ROWS: dict[str, Callable[[], dict[str, Any]]] = {
+    "ChristoffelC": lambda: {"model": model()},
+    **{
+        f"ChristoffelC.{name}": lambda: {"q": q(), "v": v()}
+        for name in ("__call__", "by_rnea_columns", "from_derivatives", "not_christoffel", "recursive")
+    },
+    "ChristoffelC.by_finite_differences": lambda: {"q": q(), "v": v()},
+    "Constraints": lambda: {"model": model(), "items": [sd.PointConstraint("tip")]},
+    "Constraints.of_mjcf": lambda: {"model": model(), "text": MJCF, "q": q()},
+    "Constraints.of_toml": lambda: {"model": model(), "text": TOML},
+    "Contacts": lambda: {"model": model(), "points": {"tip": 0.1}},
+    "Contacts.with_dry": lambda: {"dry": np.array([True, False])},
+    "Control": lambda: {"spec": LAW, "values": {"reach": [0.1, 0.2]}},
+    "Control.axes": lambda: {"model": model()},
+    "Control.rows": lambda: {"model": model(), "samples": 1, "steps": 2},
+    "Cost": lambda: {"spec": SQUARES},
+    "CouplerConstraint": lambda: {"joint": "joint2", "to": "joint1", "name": "gear"},
+    "Diagnosis.of": lambda: {"kind": "mass"},
+    "Diagnosis.report": lambda: {"path": "report.html"},
+    "DistanceConstraint": lambda: {**CONSTRAINT, **PLACES, "length": 1.0},
+    "EnergyLedger.plot": dict,
+    "Exact": lambda: {"model": model(), **_of_exact()},
+    "Exact.__call__": lambda: {"values": q()},
+    "Friction": lambda: {"coulomb": [0.1, 0.1], "viscous": [0.2, 0.2]},
+    "Friction.check": lambda: {"model": model()},
+    "Friction.of": lambda: {"model": model(), "coulomb": [0.1, 0.1]},
+    "Heightfield": lambda: {"z": np.zeros((3, 4)), "spacing": 0.5},
+    "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "Model": lambda: {"robot": model().robot, "options": model().options},
+    "Model.frame": lambda: {"name": "tip"},
+    "Model.joint": lambda: {"name": "joint1"},
+    "Model.reduced": lambda: {"lock": ["joint2"]},
+    "Model.subtree": lambda: {"link": "link1"},
+    "Model.with_": lambda: {"armature": {"joint1": 0.1}},
+    "ModelBuilder": dict,
+    "ModelBuilder.add_body": lambda: {"name": "next", "parent": "b", "inertia": SOLID},
+    "ModelBuilder.add_series_elastic": lambda: {"joint": "b_joint", "stiffness": 100.0, "rotor": 0.1, "ratio": 2.0},
+    "ModelBuilder.build": lambda: {"gravity": (0.0, 0.0, -9.81), "root": "fixed"},
+    "ModelBuilder.robot": dict,
+    "ModelBuilder.set_inertia": lambda: {"link": "b", "inertia": SOLID},
+    "Motor": lambda: {"torque_constant": [0.1, 0.1], "resistance": [1.0, 1.0], "voltage": [24.0, 24.0]},
+    "Motor.check": lambda: {"model": model()},
+    "Plane": dict,
+    "PointConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "Promise": lambda: {"request": program()._request, "tolerance": 1e-9, "maker": sd.specialize, "arguments": (),
+                        "bounded": lambda dtype: sd.bounded(model(), sd.crba, dtype)},
+    "Promise.__call__": lambda: {"arrays": q()},
+    "Recommendation.__call__": lambda: {"arguments": (q(), v(), tau())},
+    "RollingConstraint": lambda: {"frame": "tip", "axis": (0.0, 1.0, 0.0), "radius": 0.1, "name": "wheel"},
+    "Rollout.plot": dict,
+    "Specialized": lambda: {"request": program()._request, "maker": sd.specialize, "arguments": ()},
+    "Specialized.__call__": lambda: {"arrays": q()},
+    "Specialized.c_code": dict,
+    "Specialized.python_code": dict,
+    "Specialized.to_casadi": dict,
+    "SymbolicManipulator": lambda: {"model": model()},
+    "SymbolicManipulator.C": dict,
+    "SymbolicManipulator.christoffel": dict,
+    "SymbolicManipulator.evaluate": lambda: {"name": "frame_placement", "frame": "tip"},
+    "SymbolicManipulator.poisson_bracket": lambda: {"F": symbols().q[0], "G": symbols().p[0]},
+    "SymbolicManipulator.simplify": lambda: {"expression": symbols().q[0]},
+    **{
+        f"SymbolicManipulator.{name}": lambda: {"what": "M"}
+        for name in ("c_code", "lambdify", "latex", "python_code", "quantity", "text")
+    },
+    "Tradeoff.cheapest": lambda: {"tolerance": 1e-6},
+    "Tradeoff.plot": dict,
+    "Tradeoff.report": lambda: {"path": "report.html"},
+    "Trajectory.load": lambda: {"path": "run.npz"},
+    "Trajectory.plot": lambda: {"what": "q"},
+    "Trajectory.report": lambda: {"path": "report.html"},
+    "Trajectory.save": lambda: {"path": "run.npz"},
+    "Transmission": lambda: {"joints": ("joint1", "joint2"), "matrix": [[0.5, 0.5], [0.5, -0.5]]},
+    "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
+    "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "assemble": lambda: {"robot": model().robot},
+    "bounded": lambda: {"model": model(), "call": sd.crba},
+    "check_conservation": lambda: {"trajectory": run()},
+    "close_loops": lambda: _held("q"),
+    "compare_with_pinocchio": lambda: {"source": "two_link", "root": "fixed", "samples": 2, "calls": ["rnea"]},
+    "compile": lambda: {"model": model(), "calls": "rnea"},
+    "conserved_quantities": lambda: {"model": model()},
+    "constrained_dynamics": lambda: _held("q", "v", "tau", stabilization=0.1, minimum_norm=False, fext=_fext()),
+    "constrained_dynamics of J": lambda: {**_state(tau=tau()), **_jacobian(), "drift": np.zeros(1), "damping": 0.1},
+    "constrained_dynamics_derivatives": lambda: _held("q", "v", "tau"),
+    "constraint_drift": lambda: _held("q", "v"),
+    "constraint_error": lambda: _held("q"),
+    "constraint_jacobian": lambda: _held("q"),
+    "contact_gaps": lambda: {"model": model(), "contacts": touching(), "q": q()},
+    "contact_step": lambda: {**_state(tau=tau(), dt=0.01), "contacts": touching()},
+    "delassus": lambda: _held("q"),
+    "diagnose": lambda: {"model": model(), "q": q()},
+    "energy_ledger": lambda: {"trajectory": run()},
+    "exact": lambda: {"model": model(), "call": sd.crba},
+    "forward_dynamics": lambda: _state(tau=tau()),
+    "friction_regressor": lambda: {"model": model(), "v": v()},
+    "friction_torque": lambda: {"model": model(), "v": v(), "friction": friction()},
+    "from_drake": lambda: _state(joints=["joint1", "joint2"]),
+    "from_mujoco": lambda: {"model": model(), "qpos": q(), "qvel": v(), "joints": ["joint1", "joint2"]},
+    "from_pinocchio": lambda: {"pin_model": _pinocchio()},
+    "hamilton_equations": lambda: {"model": model(), "q": q(), "p": v()},
+    "hamilton_simulation": lambda: {"model": model(), "q0": q(), "p": v(), "duration": 0.02, "dt": 0.01},
+    "impact": lambda: _held("q", "v", restitution=0.5),
+    "impact of J": lambda: {**_state(), **_jacobian(), "restitution": 0.5, "damping": 0.1},
+    "independent_joints": lambda: _held("q"),
+    "linearize": lambda: _state(tau=tau(), dt=0.01, method="rk4"),
+    "load_urdf": lambda: {"source": "two_link"},
+    "mobility": lambda: _held("q"),
+    "plot": lambda: {"runs": [run(), run()], "what": "q"},
+    "poisson_bracket": lambda: {"model": model(), "F": lambda q, p: q[0], "G": lambda q, p: p[0], "q": q(), "p": v()},
+    "project_configuration": lambda: _held("q"),
+    "project_velocity": lambda: _held("q", "v"),
+    "random_configuration": lambda: {"model": model(), "rng": 3, "shape": (2,)},
+    "read_transmissions": lambda: {"source": "two_link"},
+    "recommend": lambda: {"model": model(), "batch": 8, "tolerance": 1e-3, "states": 2},
+    "rollout": lambda: _run_of(tau=np.zeros((2, 2)), steps=2),
+    "set_num_threads": lambda: {"n": 1},
+    "simplify": lambda: {"model": model(), "lock": ["joint2"]},
+    "simulate": lambda: _run_of(duration=0.02),
+    "specialize": lambda: {"model": model(), "calls": sd.crba},
+    "spring_energy": lambda: {"model": elastic(), "q": np.zeros(elastic().nq)},
+    "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
+    "step": lambda: _state(tau=tau(), dt=0.01),
+    "step_derivatives": lambda: _state(tau=tau(), dt=0.01),
+    "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
+    "to_drake": lambda: _state(joints=["joint1", "joint2"]),
+    "to_joints": lambda: _state(tau=tau(), transmissions=[sd.Transmission(("joint1",), 2.0)]),
+    "to_mujoco": lambda: _state(joints=["joint1", "joint2"]),
+    "torque_limits": lambda: {"model": model(), "v": v(), "motor": motor()},
+    "total_mass": lambda: {"model": model()},
+    "trade": lambda: {"model": model(), "batch": 8, "states": 2},
+    "verify_skew_symmetry": lambda: _state(),
+    "view": lambda: {"robot": model(), "open": False, "port": 0},
+    "wrench_at": lambda: {"model": model(), "q": q(), "frame": "tip", "force": np.zeros(6)},
+}  # fmt: skip
+INSTANCES: dict[str, Callable[[], Any]] = {
+    "ChristoffelC": lambda: sd.ChristoffelC(model()),
+    "Constraints": held,
+    "Contacts": touching,
+    "Control": control,
+    "Diagnosis": findings,
+    "EnergyLedger": lambda: sd.energy_ledger(run()),
+    "Exact": lambda: sd.exact(model(), sd.crba),
+    "Friction": friction,
+    "Model": model,
+    "ModelBuilder": elastic_builder,
+    "Motor": motor,
+    "Promise": promise,
+    "Recommendation": recommendation,
+    "Rollout": samples,
+    "Specialized": program,
+    "SymbolicManipulator": symbols,
+    "Tradeoff": lambda: recommendation().tradeoff,
+    "Trajectory": run,
+    "Transmission": lambda: sd.Transmission(("joint1",), 2.0),
+}
+
+
+def _of_exact() -> dict[str, Any]:
+    made = sd.exact(model(), sd.crba)
+    return {"spec": SPECS["crba"], "arithmetic": made._arithmetic, "static": {}, "bits": 240}
+
+
+def _pinocchio() -> Any:
+    import pinocchio
+
+    return pinocchio.buildModelFromXML('<robot name="r"><link name="a"/></robot>')
+
+
+def targets() -> Iterator[str]:
+    """The names of what has arguments."""
+    for name in sorted(sd.__all__):
+        thing = getattr(sd, name)
+        if inspect.isclass(thing):
+            if not issubclass(thing, BaseException):
+                yield from _of_class(name, thing)
+        elif callable(thing):
+            yield name
+    yield from (name for name in ROWS if " of " in name)  # another way of calling one
+
+
+def _of_class(name: str, kind: type) -> Iterator[str]:
+    generated = kind.__init__.__code__.co_filename == "<string>" if hasattr(kind.__init__, "__code__") else True
+    if not generated or hasattr(kind, "__post_init__"):
+        yield name
+    for method, thing in sorted(vars(kind).items()):
+        public = not method.startswith("_") or method == "__call__"
+        if public and (inspect.isfunction(thing) or isinstance(thing, (classmethod, staticmethod))):
+            bound = inspect.signature(getattr(kind, method)).parameters
+            if set(bound) - {"self"}:
+                yield f"{name}.{method}"
+
+
+def function(target: str) -> Callable[..., Any]:
+    """What a target calls; a method of an instance that is made anew where it is changed."""
+    name, _, method = target.partition(" of ")[0].partition(".")
+    thing: Any = getattr(sd, name)
+    if not method:
+        return thing  # type: ignore[no-any-return]
+    made = thing if inspect.ismethod(getattr(thing, method)) else INSTANCES[name]()
+    return getattr(made, method)  # type: ignore[no-any-return]
+
+
+def places(target: str) -> list[inspect.Parameter]:
+    """The parameters of a target."""
+    name, _, method = target.partition(" of ")[0].partition(".")
+    kind: Any = getattr(sd, name)
+    found = [*inspect.signature(getattr(kind, method) if method else kind).parameters.values()]
+    return found[1:] if method and not inspect.ismethod(getattr(kind, method)) else found
+
+
+def arguments(target: str) -> dict[str, Any]:
+    """Valid arguments of a target, by name."""
+    if target in SPECS:
+        spec = SPECS[target]
+        named = dict(zip([x.name for x in sorted_inputs(spec)], random_inputs(model(), spec), strict=True))
+        return {"model": model(), **named, **options(model(), spec)}
+    return ROWS[target]()
