@@ -5,7 +5,7 @@
 Of 20 robots every entry of every sample of rnea, crba and aba, in float64 and float32, is compared with double-double:
 an error above its bound ends the run. Prints the median of bound over error, the share of samples without a bound, and,
 of three arms, the time of the bounded call over the plain one, on one thread. Needs ``pip install
-"spatialdyn[validate,bench]"``.
+".[validate,bench]"``.
 """
 
 from __future__ import annotations

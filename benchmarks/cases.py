@@ -26,7 +26,7 @@ ROBOTS = {  # name: (argument of load_urdf, root)
     "2R": ("two_link", "fixed"),
     "ur5": ("ur5", "fixed"),
     "panda": ("panda", "fixed"),
-    "anymal": ("anymal_b_simple_description/robots/anymal", "floating"),
+    "anymal": ("anymal", "floating"),
     "talos_full": ("talos_full", "fixed"),
     "tiago_dual": ("tiago_dual", "fixed"),
 }

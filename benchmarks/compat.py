@@ -1,17 +1,24 @@
 """This package's Pinocchio names against Pinocchio: microseconds per call of the same expression under both imports.
 
     python benchmarks/compat.py             all groups
-    python benchmarks/compat.py types       some of types, panda, talos_full_v2
+    python benchmarks/compat.py types       some of types, panda, talos_full_v2, first_hour
 
-Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function.
+Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function. The
+group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet: seconds of CPU of
+each first call with an empty cache, of all of them, and of all in a second process, which finds the code on disk.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
+import subprocess
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -160,6 +167,71 @@ GROUPS: dict[str, Group] = {
     ),
 }
 
+FIRST_HOUR = "first_hour"
+NAMES = [*GROUPS, FIRST_HOUR]
+
+
+# --- the first hour: calls of a new process ------------------------------------------------------------------
+
+FIRST_CALLS = """
+build: model = pin.buildModelFromUrdf(path); data = model.createData(); q = pin.neutral(model); v = np.ones(model.nv)
+rnea: pin.rnea(model, data, q, v, v)
+crba: pin.crba(model, data, q)
+aba: pin.aba(model, data, q, v, v)
+nle: pin.nle(model, data, q, v)
+g: pin.computeGeneralizedGravity(model, data, q)
+kinematics: pin.forwardKinematics(model, data, q, v, v)
+frames: pin.framesForwardKinematics(model, data, q)
+joint Jacobians: pin.computeJointJacobians(model, data, q)
+frame Jacobian: pin.getFrameJacobian(model, data, model.nframes - 1, pin.LOCAL_WORLD_ALIGNED)
+frame velocity: pin.getFrameVelocity(model, data, model.nframes - 1)
+integrate: pin.integrate(model, q, v)
+difference: pin.difference(model, q, q)
+com: pin.centerOfMass(model, data, q)
+Minverse: pin.computeMinverse(model, data, q)
+C: pin.computeCoriolisMatrix(model, data, q, v)
+ccrba: pin.ccrba(model, data, q, v)
+RNEA derivatives: pin.computeRNEADerivatives(model, data, q, v, v)
+log6 of a product: pin.log6(data.oMf[1] * data.oMf[2])
+kinetic energy: pin.computeKineticEnergy(model, data, q, v)
+"""
+
+
+def first_seconds(module: str, cache: str, robot: str = "panda") -> dict[str, float]:
+    """Seconds of CPU, of all threads, of the import and of each first call in a new process with such a cache."""
+    from spatialdyn.urdf.load import find_robot
+
+    command = [sys.executable, __file__, "--first-calls", module, str(find_robot(robot))]
+    done = subprocess.run(
+        command, env={**os.environ, "SPATIALDYN_CACHE_DIR": cache}, stdout=subprocess.PIPE, text=True, check=True
+    )
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def first_calls(module: str, path: str) -> dict[str, float]:
+    """``first_seconds``, in this process."""
+    start = time.process_time()
+    scope = {"np": np, "path": path, "pin": __import__(module, fromlist=["rnea"])}
+    found = {"import": time.process_time() - start}
+    for line in FIRST_CALLS.strip().split("\n"):
+        name, _, statement = line.partition(": ")
+        start = time.process_time()
+        exec(statement, scope)
+        found[name] = time.process_time() - start
+    return found
+
+
+def print_first_hour() -> None:
+    """A line for each call, with seconds of CPU of the wheel, and of this package with an empty and a filled cache."""
+    with TemporaryDirectory() as cache:
+        columns = [first_seconds("pinocchio", cache)]
+        columns += [first_seconds("spatialdyn.compat.pinocchio", cache) for _ in range(2)]
+    print(f"{'first_hour: s of CPU, panda':40s}{'wheel':>9s}{'empty':>9s}{'kept':>9s}")
+    for name in columns[0]:
+        print(f"{name:40s}" + "".join(f"{column[name]:9.3f}" for column in columns))
+    print(f"{'in all':40s}" + "".join(f"{sum(column.values()):9.3f}" for column in columns))
+
 
 def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     """Microseconds per call of each expression under each module."""
@@ -179,17 +251,24 @@ def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str,
 def main(arguments: Sequence[str]) -> None:
     """Print a line for each expression."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"some of {', '.join(GROUPS)}; by default all")
-    chosen = parser.parse_args(arguments).groups or list(GROUPS)
-    unknown = [name for name in chosen if name not in GROUPS]
+    parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"some of {', '.join(NAMES)}; by default all")
+    parser.add_argument("--first-calls", nargs=2, metavar=("MODULE", "URDF"), help=argparse.SUPPRESS)
+    given = parser.parse_args(arguments)
+    if given.first_calls:
+        print(json.dumps(first_calls(*given.first_calls)))
+        return
+    chosen = given.groups or NAMES
+    unknown = [name for name in chosen if name not in NAMES]
     if unknown:
-        parser.error(f"group is {unknown[0]!r}, expected some of {', '.join(GROUPS)}")
+        parser.error(f"group is {unknown[0]!r}, expected some of {', '.join(NAMES)}")
+    if FIRST_HOUR in chosen:
+        print_first_hour()
     import pinocchio
 
     import spatialdyn.compat.pinocchio
 
     modules = {"wheel": pinocchio, "ours": spatialdyn.compat.pinocchio}
-    for name in chosen:
+    for name in (name for name in chosen if name != FIRST_HOUR):
         print(f"{name:74s}{'wheel':>9s}{'ours':>9s}{'ratio':>8s}")
         for expression, taken in timed(GROUPS[name], modules):
             ratio = taken["ours"] / taken["wheel"]

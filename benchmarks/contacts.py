@@ -6,7 +6,7 @@ with a friction of 0.8; MuJoCo has Newton's method with pyramidal cones, and no 
 steps of the library are held to Coulomb's law (residual), the free motions of both are compared, and both robots have
 to stand on their weight. With dry joints (MuJoCo's frictionloss) the torques that M, bias, PD and the feet's impulses
 leave over have to be within the friction's level, and against the motion of joints that move. Needs
-``pip install "spatialdyn[validate,bench]"``.
+``pip install ".[validate,bench]"``.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python benchmarks/friction.py [--quick]
 
 Coulomb's law is asserted first, on every step, by M of ``crba`` and its inverse: the share of steps that are solved to
-rounding, and the largest violation, are printed beside the times. Needs ``pip install "spatialdyn[validate,bench]"``.
+rounding, and the largest violation, are printed beside the times. Needs ``pip install ".[validate,bench]"``.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python benchmarks/lagrange.py [--quick]
 
 Prints tables and, unless --quick, writes lagrange.json beside this file. Needs
-``pip install "spatialdyn[validate,bench]"``.
+``pip install ".[validate,bench]"``.
 """
 
 from __future__ import annotations

@@ -10,35 +10,14 @@ ROBOT_DESCRIPTIONS_CACHE), xacrodoc, loop-rate-limiters, pytest.
 from __future__ import annotations
 
 import argparse
-import importlib
-import importlib.abc
-import importlib.util
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 OURS = "spatialdyn.compat.pinocchio"
-
-
-class Importer(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Imports modules of OURS under Pinocchio's names: ``pinocchio.visualize`` is ``OURS.visualize`` itself."""
-
-    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
-        """The spec of a module of Pinocchio. Returns None if not applicable."""
-        return importlib.util.spec_from_loader(name, self) if name.split(".")[0] in ("pin", "pinocchio") else None
-
-    def create_module(self, spec: Any) -> Any:
-        """The module of OURS."""
-        module = importlib.import_module(OURS + spec.name.partition(".")[1] + spec.name.partition(".")[2])
-        self.own = module.__spec__
-        return module
-
-    def exec_module(self, module: Any) -> None:
-        """Nothing to do: the module ran under its own name, whose spec it keeps."""
-        module.__spec__ = self.own
 
 
 def tests(folder: Path, ours: bool, arguments: list[str]) -> int:
@@ -46,7 +25,7 @@ def tests(folder: Path, ours: bool, arguments: list[str]) -> int:
     import pytest
 
     if ours:
-        sys.meta_path.insert(0, Importer())
+        import_module(OURS).install()
     sys.path.insert(0, str(folder))
     return int(pytest.main(["-q", "-p", "no:cacheprovider", "--rootdir", str(folder), *arguments]))
 

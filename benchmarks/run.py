@@ -4,7 +4,7 @@
 
 Prints tables, writes results.json and plots/*.svg and *.png into the folder, by default this one; with
 --quick or --robots, which leave figures out, it writes nothing without --output. benchmarks/report.py puts a table into
-the README. Needs ``pip install "spatialdyn[validate,bench]"``; adam, frax and drake are measured where installed.
+the README. Needs ``pip install ".[validate,bench]"``; adam, frax and drake are measured where installed.
 """
 
 from __future__ import annotations

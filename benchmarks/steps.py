@@ -4,7 +4,7 @@
 
 The derivatives are asserted first, along random directions, against central differences of the steps, and A and B of
 one knot against differences in 240 bits. Times are medians of rounds in which all contestants take turns.
-Needs ``pip install "spatialdyn[validate,exact]"``.
+Needs ``pip install ".[validate,exact]"``.
 """
 
 from __future__ import annotations
