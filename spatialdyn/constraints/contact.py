@@ -200,7 +200,8 @@ def _impact_of_points(
     broadcast(["q", "v", "J"], [M.shape[:-2], v.shape[:-1], J.shape[:-2]])
     gamma = (1.0 + elastic) * (J @ v[..., None])[..., 0]
     solved = solve(model, M, np.zeros(model.nv), J, gamma, damping)
-    return Impact(v + solved.x, solved.force)
+    with np.errstate(invalid="ignore"):  # of samples that are not finite
+        return Impact(v + solved.x, solved.force)
 
 
 _POINTS = inspect.signature(_impact_of_points)
