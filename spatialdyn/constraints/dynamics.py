@@ -159,7 +159,8 @@ def constrained_impact(
         raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
     v, rate = constraint_rate(model, constraints, q, v)
     change, impulse, residual, rank = response(model, constraints, q, -(1.0 + elastic) * rate)
-    return ConstrainedImpact(v + change, impulse, residual, rank)
+    with np.errstate(invalid="ignore"):  # of samples that are not finite
+        return ConstrainedImpact(v + change, impulse, residual, rank)
 
 
 def constraint_rate(model: Model, constraints: Constraints, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
