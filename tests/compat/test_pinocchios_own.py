@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import warnings
 from types import SimpleNamespace
 from typing import Any
@@ -184,8 +185,70 @@ def test_errors_name_the_module_of_what_was_given_and_the_cure() -> None:
 
 
 def test_a_model_of_the_library_itself_is_named_by_its_module() -> None:
-    with pytest.raises(TypeError, match=r"model is a spatialdyn\.model\.model\.Model, expected a Model"):
+    with pytest.raises(
+        TypeError, match=r"model is a spatialdyn\.model\.model\.Model, which the calls of spatialdyn itself take"
+    ):
         ours.rnea(sd.load_urdf("two_link"), ours.Model().createData(), *[np.zeros(2)] * 3)
     model = ours.buildSampleModelManipulator()
     with pytest.raises(TypeError, match="q is a list, expected"):  # of no module that helps
         ours.crba(model, model.createData(), [0.0] * 6)
+
+
+# --- operators of both ------------------------------------------------------------------------------------
+
+
+def _values() -> dict[str, tuple[Any, Any]]:
+    """An object of each class, Pinocchio's own and ours."""
+    R = theirs.SE3.Random().rotation
+    made = {name: getattr(theirs, name).Random() for name in ("SE3", "Motion", "Force", "Inertia")}
+    made |= {"Quaternion": theirs.Quaternion(R), "AngleAxis": theirs.AngleAxis(R)}
+    return {name: (x, getattr(ours, name)(x)) for name, x in made.items()}
+
+
+def _numbers(x: Any) -> Any:
+    found = next((getattr(x, name) for name in ("homogeneous", "vector", "coeffs", "matrix") if hasattr(x, name)), x)
+    return np.asarray(found() if callable(found) else found, float)
+
+
+OPERATORS = (operator.add, operator.sub, operator.mul, operator.xor)
+
+
+@pytest.mark.parametrize("act", OPERATORS, ids=lambda x: x.__name__)
+def test_operators_take_objects_of_both(act: Any) -> None:
+    """Of all pairs of classes: with one operand of each library, on either side, what Pinocchio gives of its own."""
+    values, answered = _values(), 0
+    for left, a in values.items():
+        for right, b in values.items():
+            try:
+                wanted = act(a[0], b[0])
+            except TypeError:
+                wanted = None
+            for mixed in ((a[1], b[0]), (a[0], b[1])):
+                if wanted is None:
+                    with pytest.raises(TypeError):
+                        act(*mixed)
+                    continue
+                np.testing.assert_allclose(_numbers(act(*mixed)), _numbers(wanted), rtol=0, atol=1e-12, err_msg=left)
+                answered += 1
+            assert right
+    assert answered >= 4
+
+
+@pytest.mark.parametrize("name", ["SE3", "Motion", "Force", "Inertia", "Quaternion", "AngleAxis"])
+def test_equality_compares_with_pinocchios_own(name: str) -> None:
+    (given, mine), (other, _) = _values()[name], _values()[name]
+    assert mine == given
+    assert given == mine
+    assert mine != other
+    assert mine.isApprox(given)
+    assert not mine.isApprox(other)
+    if name in ("SE3", "Motion", "Force", "Inertia"):
+        M = ours.SE3.Random()
+        assert M.act(given).isApprox(M.act(mine))
+        assert M.actInv(given).isApprox(M.actInv(mine))
+
+
+def test_a_model_of_the_library_is_named_with_what_takes_it() -> None:
+    model = sd.load_urdf("two_link")
+    with pytest.raises(TypeError, match=r"spatialdyn\.model\.model\.Model, which the calls of spatialdyn itself take"):
+        ours.rnea(model, None, np.zeros(2), np.zeros(2), np.zeros(2))

@@ -17,7 +17,8 @@ from ....model.robot_checks import masked
 Array = NDArray[np.float64]
 NUMBERS = "fiub"  # kinds of dtype that become float64
 FACE = __package__.rpartition(".")[0]
-CONVERTED = ("Force", "Frame", "Inertia", "Model", "Motion", "SE3")  # classes that take Pinocchio's own object
+CONVERTED = ("AngleAxis", "Force", "Frame", "Inertia", "Model", "Motion", "Quaternion", "SE3")  # of Pinocchio's own too
+OF_PINOCCHIO = ("pinocchio.", "coal.", "eigenpy.")  # modules of Pinocchio's own classes and of rotations
 
 
 class ArgumentError(SpatialDynError, TypeError):
@@ -57,13 +58,15 @@ def described(value: Any) -> str:
         return f"a {kind.__name__}"
     converts = [f"{FACE}.{name}(...) converts" for name in CONVERTED if of_pinocchio(value, name)]
     cures = [*converts, *[f"{FACE}.install() avoids"] * kind.__module__.startswith("pinocchio.")]
+    if kind.__module__.startswith("spatialdyn.model.") and kind.__name__ == "Model":
+        cures = ["the calls of spatialdyn itself take"]
     return f"a {kind.__module__}.{kind.__qualname__}" + f", which {' and '.join(cures)}" * bool(cures)
 
 
 def of_pinocchio(value: Any, kind: str) -> bool:
     """Whether a value is of Pinocchio's own class of that name; those of its symbolic numbers are left out."""
     return any(
-        x.__name__ == kind and x.__module__.startswith("pinocchio.") and "casadi" not in x.__module__
+        x.__name__ == kind and f"{x.__module__}.".startswith(OF_PINOCCHIO) and "casadi" not in x.__module__
         for x in type(value).__mro__
     )
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
 from .arguments import ArgumentError, Array, array, described, of_pinocchio, row
 from .random import uniform
-from .value import InFrames, Summable, on_table, on_values, part, preset
+from .value import InFrames, Summable, on_table, on_values, own_value, part, preset
 
 __all__ = ["Force", "Motion"]
 
@@ -59,7 +59,10 @@ class Spatial(Summable, InFrames):
     def __mul__(self: Vector, scale: Any) -> Vector:
         return self._scaled(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
 
-    __rmul__ = __mul__
+    def __rmul__(self: Vector, scale: Any) -> Vector:
+        if isinstance(scale, (float, int)):
+            return self * scale
+        return cast(Vector, self._reflected(scale, "__mul__"))
 
     def __truediv__(self: Vector, scale: Any) -> Vector:
         return self._divided(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
@@ -112,11 +115,12 @@ class Motion(Spatial, kind="Motion"):
     dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
 
     def __xor__(self, other: Any) -> Any:
-        return _cross_motion(self, other) if isinstance(other, Motion) else _cross_force(self, other)
+        motion = isinstance(other, Motion) or of_pinocchio(other, "Motion")
+        return _cross_motion(self, other) if motion else _cross_force(self, other)
 
     def cross(self, other: Any) -> Any:
         """self × other for a Motion, self ×* other for a Force."""
-        made = self ^ other if isinstance(other, Spatial) else NotImplemented
+        made = self ^ other if isinstance(other, Spatial) or own_value(other) is not None else NotImplemented
         if made is NotImplemented:
             raise ArgumentError(f"other is {described(other)}, expected Motion or Force")
         return made

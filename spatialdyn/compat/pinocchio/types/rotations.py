@@ -10,8 +10,8 @@ import numpy as np
 from ....algebra.euclidean import Vec, cross
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
-from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, row
-from .value import Value, on_table, on_values, part, preset
+from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, of_pinocchio, row
+from .value import Value, on_table, on_values, own_value, part, preset
 
 __all__ = ["AngleAxis", "Quaternion", "XAxis", "YAxis", "ZAxis", "skew", "skewSquare", "unSkew"]
 
@@ -40,7 +40,10 @@ class Rotation(Value):
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, np.ndarray) and other.shape in ((3,), (3, 1)):
             return self._transformVector(other)
-        return self._product(other) if isinstance(other, Rotation) else NotImplemented
+        if not isinstance(other, Rotation):
+            mine = own_value(other)
+            return self._product(mine) if isinstance(mine, Rotation) else NotImplemented
+        return self._product(other)
 
     def _product(self, other: Rotation) -> Any:
         return _product(Quaternion(self), Quaternion(other))
@@ -204,7 +207,10 @@ class AngleAxis(Rotation):
             self.angle, self.axis = arguments
         elif len(arguments) == 1:
             one = arguments[0]
-            self._x[:] = one._x if isinstance(one, AngleAxis) else _angle_axis(_coefficients(one, (3, 3)))
+            if of_pinocchio(one, "AngleAxis"):
+                self.angle, self.axis = one.angle, np.array(one.axis)
+            else:
+                self._x[:] = one._x if isinstance(one, AngleAxis) else _angle_axis(_coefficients(one, (3, 3)))
         elif arguments:
             raise ArgumentError(f"AngleAxis got {len(arguments)} arguments, expected 0, 1 or 2")
 
@@ -236,6 +242,10 @@ def _coefficients(x: Any, *shapes: tuple[int, ...]) -> Any:
         return array(x, (4,), "coefficients")
     if isinstance(x, Quaternion):
         return x._x.copy()
+    if of_pinocchio(x, "Quaternion"):
+        return np.array(x.coeffs(), float)
+    if of_pinocchio(x, "AngleAxis"):
+        x = AngleAxis(x)
     if isinstance(x, AngleAxis):
         return np.array([*(math.sin(0.5 * x.angle) * x._x[1:]), math.cos(0.5 * x.angle)])
     if isinstance(x, np.ndarray) and x.shape == (4, 1) and not shapes:

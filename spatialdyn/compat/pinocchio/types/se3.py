@@ -9,7 +9,7 @@ import numpy as np
 from .arguments import ArgumentError, Array, array, described, of_pinocchio, row, rows
 from .random import GENERATOR
 from .rotations import Quaternion
-from .value import Value, as_array, on_table, on_values, part, preset
+from .value import Value, as_array, on_table, on_values, own_value, part, preset
 
 __all__ = ["SE3"]
 
@@ -45,6 +45,8 @@ class SE3(
     ) -> None:
         if translation is None or rotation is None:
             rotation = next((x for x in (rotation, quat, array, clone) if x is not None), None)
+        if of_pinocchio(rotation, "Quaternion"):
+            rotation = Quaternion(rotation)
         if translation is None:
             self._x = _homogeneous(rotation)
         else:
@@ -98,15 +100,24 @@ Identity() -> Pose = identity_pose()
         if isinstance(other, np.ndarray):
             return _point_to_parent(self, other) if other.shape in ((3,), (3, 1)) else NotImplemented
         move = getattr(type(other), "_to_parent", None)
-        return NotImplemented if move is None else move(self, other)
+        if move is None:
+            mine = own_value(other)
+            return NotImplemented if mine is None else self * mine
+        return move(self, other)
 
     def act(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the frame to the reference frame."""
-        return getattr(type(other), "_to_parent", _point_to_parent)(self, other)
+        move = getattr(type(other), "_to_parent", None)
+        if move is None and (mine := own_value(other)) is not None:
+            return self.act(mine)
+        return (move or _point_to_parent)(self, other)
 
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
-        return getattr(type(other), "_to_child", _point_to_child)(self, other)
+        move = getattr(type(other), "_to_child", None)
+        if move is None and (mine := own_value(other)) is not None:
+            return self.actInv(mine)
+        return (move or _point_to_child)(self, other)
 
     def isIdentity(self, prec: float = 1e-12) -> bool:
         """Whether no entry differs from the identity's by more than prec."""

@@ -10,7 +10,17 @@ import numpy as np
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels
-from .arguments import ArgumentError, Array, array, documented_rows, expected, module_of_caller, near, number
+from .arguments import (
+    ArgumentError,
+    Array,
+    array,
+    documented_rows,
+    expected,
+    module_of_caller,
+    near,
+    number,
+    of_pinocchio,
+)
 from .bases import OwnedValue
 from .tracked_array import tracked
 
@@ -26,12 +36,14 @@ class Value(OwnedValue):
     __slots__ = ("__dict__", "__weakref__", "_x")  # for subclasses too, which name none
     _x: Array
     _classes: ClassVar[dict[str, type[Value]]] = {}  # by the kind of their array, capitalized
+    _named: ClassVar[dict[str, type[Value]]] = {}  # by their own names
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
 
     def __init_subclass__(cls, kind: str = "", near: str = "", same: str = "", **options: Any) -> None:
         """``near`` and ``same`` are formulas of two objects, as of ``on_values``, by default of all their numbers."""
         super().__init_subclass__(**options)
+        Value._named[cls.__name__] = cls
         if not kind:
             return
         Value._classes[kind] = cls
@@ -66,7 +78,7 @@ class Value(OwnedValue):
 
     def isApprox(self, other: Any, prec: float = 1e-12) -> bool:
         """Whether both agree to prec of their norms, part by part."""
-        a, b = self._x, expected(other, type(self), "other")._x
+        a, b = self._x, expected(own_value(other) or other, type(self), "other")._x
         return all(near(a[at], b[at], prec) for at in self._compared)
 
     def __getinitargs__(self) -> tuple[Any, ...]:
@@ -78,9 +90,34 @@ class Value(OwnedValue):
         return self.over, (self._x.copy(),)
 
     def __eq__(self, other: object) -> Any:
-        return self._x.tolist() == other._x.tolist() if isinstance(other, type(self)) else NotImplemented
+        mine = other if isinstance(other, type(self)) else own_value(other)
+        return self._x.tolist() == mine._x.tolist() if isinstance(mine, type(self)) else NotImplemented
 
     __hash__ = object.__hash__
+
+    def _reflected(self, other: Any, name: str) -> Any:
+        """``other`` operator self, of Pinocchio's own object on the left; NotImplemented for another."""
+        mine = own_value(other)
+        act = getattr(type(mine), name, None)
+        return NotImplemented if mine is None or act is None else act(mine, self)
+
+    def __radd__(self, other: Any) -> Any:
+        return self._reflected(other, "__add__")
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._reflected(other, "__sub__")
+
+    def __rmul__(self, other: Any) -> Any:
+        return self._reflected(other, "__mul__")
+
+    def __rxor__(self, other: Any) -> Any:
+        return self._reflected(other, "__xor__")
+
+
+def own_value(given: Any) -> Value | None:
+    """The value that one of Pinocchio's own objects converts to; None for anything else."""
+    kind = Value._named.get(type(given).__name__)
+    return kind(given) if kind is not None and of_pinocchio(given, kind.__name__) else None  # type: ignore[call-arg]
 
 
 class Summable(Value):
@@ -214,6 +251,9 @@ def _converted(x: Any, kind: str, what: str) -> Any:
     if kind == "number":
         return number(x, what)
     first, _, other = kind.partition("|")
-    if first in Value._classes and (not other or isinstance(x, Value._classes[first])):
-        return expected(x, Value._classes[first], what)._x
+    own = Value._classes.get(first)
+    if own is not None and of_pinocchio(x, own.__name__):
+        return own(x)._x  # type: ignore[call-arg]
+    if own is not None and (not other or isinstance(x, own)):
+        return expected(x, own, what)._x
     return array(x, operator_kernels.SHAPES[operator_kernels.array_kind(kind)], what)
