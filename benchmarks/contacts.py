@@ -128,9 +128,13 @@ class Peer:
 def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[float]:
     """AssertionError unless all hold: residuals, free motion of both, both stand. Returns percentiles of residuals."""
     walk = sd.rollout(
-        model, q, np.zeros(model.nv), dt=DT, pd=law(model, trot(model, q, WALK)), contacts=contacts,
-        record_contacts=True,
-    )  # fmt: skip
+        sd.Scene(model, contacts=contacts),
+        q,
+        np.zeros(model.nv),
+        dt=DT,
+        pd=law(model, trot(model, q, WALK)),
+        record="contacts",
+    )
     assert walk.contacts is not None
     residual = walk.contacts.residual
     assert (residual <= SOLVED).mean() >= SHARE, np.percentile(residual, [50, 95, 100])
@@ -138,15 +142,21 @@ def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[
 
     high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
     high[2] += 5.0
-    ours = sd.rollout(model, high, v, dt=DT, steps=50, pd=law(model, q), contacts=contacts)
+    ours = sd.rollout(sd.Scene(model, contacts=contacts), high, v, dt=DT, steps=50, pd=law(model, q))
     theirs = peer.rollout(peer.states(high[None], v[None]), np.tile(q, (50, 1)))[0]
     wanted = peer.states(ours.q, ours.v)
     off = abs(theirs[-1, 1:] - wanted[-1, 1:]).max()
     assert off < 0.02, off  # MuJoCo integrates the base in the world and damping implicitly: equal to first order
 
     stand = sd.rollout(
-        model, q, np.zeros(model.nv), dt=DT, steps=1000, pd=law(model, q), contacts=contacts, record_contacts=True
-    )  # fmt: skip
+        sd.Scene(model, contacts=contacts),
+        q,
+        np.zeros(model.nv),
+        dt=DT,
+        steps=1000,
+        pd=law(model, q),
+        record="contacts",
+    )
     assert stand.contacts is not None
     weight = sd.total_mass(model) * G
     assert abs(stand.contacts.impulse[-1, :, 2].sum() / DT / weight - 1.0) < 1e-3
@@ -193,8 +203,8 @@ def check_dry(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> l
     reference, friction = trot(model, q, WALK), dry_joints(model)
     kept: dict[str, Any] = dict(contacts=contacts, friction=friction)
     walk = sd.rollout(
-        model, q, np.zeros(model.nv), dt=DT, pd=law(model, reference), record_contacts=True, check=False, **kept
-    )  # fmt: skip
+        model, q, np.zeros(model.nv), dt=DT, pd=law(model, reference), check=False, **kept, record="contacts"
+    )
     assert walk.contacts is not None
     residual = walk.contacts.residual
     assert (residual <= SOLVED_DRY).mean() >= SHARE, np.percentile(residual, [50, 95, 100])

@@ -69,7 +69,7 @@ def friction_of(model: sd.Model) -> sd.Friction:
 
 def coulomb(name: str, model: sd.Model, q0: Array, v0: Array, tau: Array, friction: sd.Friction) -> tuple[float, float]:
     """The share of the implicit steps that are solved, and the largest violation; AssertionError beyond the bounds."""
-    run = sd.rollout(model, q0, v0, tau, dt=DT, friction=friction, check=False)
+    run = sd.rollout(sd.Scene(model, friction=friction), q0, v0, tau, dt=DT, check=False)
     q = np.concatenate([q0[:, None], run.q[:, :-1]], 1)
     v = np.concatenate([v0[:, None], run.v[:, :-1]], 1)
     M, bias = sd.crba(model, q), sd.nonlinear_effects(model, q, v)

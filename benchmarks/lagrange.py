@@ -156,7 +156,7 @@ def rollout(robot: Case, method: str, rounds: int) -> dict[str, Any]:
         return mujoco.rollout.rollout(theirs, data, state, tau, control_spec=held, skip_checks=False)[0]
 
     def ours() -> sd.Rollout:
-        return sd.rollout(model, q, v, tau, dt=DT, method=method, friction=False)
+        return sd.rollout(sd.Scene(model, friction=False), q, v, tau, dt=DT, method=method)
 
     same(ours().q[:, :50], peer()[:, :50, 1 : 1 + model.nq], f"rollout by {method}")
     times = interleaved({"ours": ours, "mujoco": peer}, rounds, 0.2)

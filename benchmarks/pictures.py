@@ -25,7 +25,7 @@ def main() -> None:
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     model = sd.load_urdf("panda")
     rest, start = np.zeros(model.nv), sd.random_configuration(model, 0)
-    run = sd.simulate(model, start, rest, SECONDS, 1.0 / (4 * FRAMES), record=4, friction=False)
+    run = sd.simulate(sd.Scene(model, friction=False), start, rest, SECONDS, 1.0 / (4 * FRAMES), record=4)
     assert len(run.t) == SECONDS * FRAMES + 1
     import viser  # noqa: F401  what is timed is the page
 

@@ -50,7 +50,7 @@ def main() -> None:
         run.compile_program(variant(spec, ()), model, ())  # it would be interpreted until compiling pays
 
     def derive(method: str) -> Any:
-        return lambda: sd.step_derivatives(model, q, v, tau, DT, method, friction=False)
+        return lambda: sd.step_derivatives(sd.Scene(model, friction=False), q, v, tau, DT, method)
 
     contestants = {"aba_derivatives": lambda: sd.aba_derivatives(model, q, v, tau)}
     contestants |= {method: derive(method) for method in METHODS}
@@ -63,7 +63,7 @@ def main() -> None:
 
 def check(model: sd.Model, method: str, q: Array, v: Array, tau: Array) -> None:
     """AssertionError unless A and B are differences of the step along random directions."""
-    A, B = sd.step_derivatives(model, q, v, tau, DT, method, friction=False)
+    A, B = sd.step_derivatives(sd.Scene(model, friction=False), q, v, tau, DT, method)
     dq, dv, dtau = np.random.default_rng(1).normal(size=(3, *v.shape))
     e, ends = 1e-6, []
     for s in (e, -e):
@@ -78,7 +78,7 @@ def check(model: sd.Model, method: str, q: Array, v: Array, tau: Array) -> None:
 
 def truth(model: sd.Model, method: str, q: Array, v: Array, tau: Array) -> None:
     """AssertionError unless three columns of a knot are differences of the same step in 240 bits."""
-    A, B = sd.step_derivatives(model, q, v, tau, DT, method, friction=False)
+    A, B = sd.step_derivatives(sd.Scene(model, friction=False), q, v, tau, DT, method)
     arithmetic, n = sd.exact(model, sd.aba)._arithmetic, model.nv
     steps = [Exact(model, spec, arithmetic, {}, 240) for spec in step_specs(method, False, True)]
     small = arithmetic.context.mpf(10) ** -30
@@ -119,7 +119,7 @@ def parts(p: Any, x: Array, u: Array, K: Array) -> dict[str, Any]:
     q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
 
     def derive() -> Array:
-        return np.concatenate(sd.step_derivatives(p.model, q, v, u, p.h, friction=False), axis=2)
+        return np.concatenate(sd.step_derivatives(sd.Scene(p.model, friction=False), q, v, u, p.h), axis=2)
 
     _, slope, W, last = cost_of(p, x, u)
     given = derive(), slope, W, *last, p.low - u, p.high - u, 0.0, k.copy(), K.copy()

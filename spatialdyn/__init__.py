@@ -106,6 +106,7 @@ if TYPE_CHECKING:
     from .simulation.rollout_result import PD, Rollout
     from .simulation.rollouts import rollout
     from .simulation.runs import hamilton_simulation, simulate
+    from .simulation.scene import Scene
     from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
     from .urdf.transmissions import read_transmissions
@@ -119,7 +120,7 @@ __all__ = [
     "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
     "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
-    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "ShapeError", "SimulationError",
+    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
     "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
     "Transmission", "UrdfError",
     "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
@@ -165,7 +166,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.costs": "Cost",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollout_result": "PD Rollout", "simulation.rollouts": "rollout",
-    "simulation.runs": "hamilton_simulation simulate",
+    "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
     "simulation.step_derivatives": "linearize step_derivatives", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip

@@ -85,7 +85,7 @@ def held_away(off: float) -> None:
     """A run from a state that is off its constraint by that."""
     model = TWO.build()
     held = sd.Constraints(model, [sd.CouplerConstraint("a_joint", "b_joint")])
-    sd.simulate(model, [off, 0.0], [0.0, 0.0], 1e-3, 1e-3, "rk4", constraints=held)
+    sd.simulate(sd.Scene(model, constraints=held), [off, 0.0], [0.0, 0.0], 1e-3, 1e-3, "rk4")
 
 
 # {what: (what is called, promised, error, words, whether both signs are)}: accepted at 0.99 of it, refused at 1.01

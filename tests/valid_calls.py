@@ -164,7 +164,11 @@ def _held(*names: str, **more: Any) -> dict[str, Any]:
 
 
 def _run_of(**more: Any) -> dict[str, Any]:
-    return {"model": model(), "q0": q(), "v0": v(), "dt": 0.01, **more}
+    return {"scene": model(), "q0": q(), "v0": v(), "dt": 0.01, **more}
+
+
+def _in_scene(given: dict[str, Any]) -> dict[str, Any]:
+    return {("scene" if name == "model" else name): x for name, x in given.items()}
 
 
 def _jacobian() -> dict[str, Any]:
@@ -187,6 +191,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "ChristoffelC.by_finite_differences": lambda: {"q": q(), "v": v()},
     "Constraints": lambda: {"model": model(), "items": [sd.PointConstraint("tip")]},
+    "Constraints.of_entries": lambda: {"model": model(), "entries": [{"kind": "point", "frame_a": "tip"}]},
     "Constraints.of_mjcf": lambda: {"model": model(), "text": MJCF, "q": q()},
     "Constraints.of_toml": lambda: {"model": model(), "text": TOML},
     "Contacts": lambda: {"model": model(), "points": {"tip": 0.1}},
@@ -229,6 +234,12 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Recommendation.__call__": lambda: {"arguments": (q(), v(), tau())},
     "RollingConstraint": lambda: {"frame": "tip", "axis": (0.0, 1.0, 0.0), "radius": 0.1, "name": "wheel"},
     "Rollout.plot": dict,
+    "Scene": lambda: {"model": model(), "friction": friction(), "contacts": touching(), "limits": True},
+    "Scene.from_toml": lambda: {"model": model(), "text": "limits = true"},
+    "Scene.of": lambda: {"model": model()},
+    "Scene.to_toml": dict,
+    "Scene.unfit": lambda: {"method": "rk4"},
+    "Scene.with_": lambda: {"friction": None},
     "Specialized": lambda: {"request": program()._request, "maker": sd.specialize, "arguments": ()},
     "Specialized.__call__": lambda: {"arrays": q()},
     "Specialized.c_code": dict,
@@ -280,11 +291,11 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "from_mujoco": lambda: {"model": model(), "qpos": q(), "qvel": v(), "joints": ["joint1", "joint2"]},
     "from_pinocchio": lambda: {"pin_model": _pinocchio()},
     "hamilton_equations": lambda: {"model": model(), "q": q(), "p": v()},
-    "hamilton_simulation": lambda: {"model": model(), "q0": q(), "p": v(), "duration": 0.02, "dt": 0.01},
+    "hamilton_simulation": lambda: {"scene": model(), "q0": q(), "p": v(), "duration": 0.02, "dt": 0.01},
     "impact": lambda: _held("q", "v", restitution=0.5),
     "impact of J": lambda: {**_state(), **_jacobian(), "restitution": 0.5, "damping": 0.1},
     "independent_joints": lambda: _held("q"),
-    "linearize": lambda: _state(tau=tau(), dt=0.01, method="rk4"),
+    "linearize": lambda: _in_scene(_state(tau=tau(), dt=0.01, method="rk4")),
     "load_urdf": lambda: {"source": "two_link"},
     "mobility": lambda: _held("q"),
     "plot": lambda: {"runs": [run(), run()], "what": "q"},
@@ -302,7 +313,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "spring_energy": lambda: {"model": elastic(), "q": np.zeros(elastic().nq)},
     "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
     "step": lambda: _state(tau=tau(), dt=0.01),
-    "step_derivatives": lambda: _state(tau=tau(), dt=0.01),
+    "step_derivatives": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
     "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
     "to_drake": lambda: _state(joints=["joint1", "joint2"]),
     "to_joints": lambda: _state(tau=tau(), transmissions=[sd.Transmission(("joint1",), 2.0)]),
@@ -319,6 +330,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Constraints": held,
     "Contacts": touching,
     "Control": control,
+    "Scene": lambda: sd.Scene(model(), friction=friction(), limits=True),
     "Diagnosis": findings,
     "EnergyLedger": lambda: sd.energy_ledger(run()),
     "Exact": lambda: sd.exact(model(), sd.crba),

@@ -16,7 +16,6 @@ from ..calls.dynamics import calls
 from ..calls.files import check_ending
 from ..calls.prepare import compile_calls
 from ..calls.states import random_configuration
-from ..constraints.kinds import CouplerConstraint
 from ..constraints.loops import close_loops
 from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError
@@ -29,7 +28,8 @@ from ..simulation.carried_runs import ADAPTIVE
 from ..simulation.energy import scale_of
 from ..simulation.friction_steps import STEPPED, WAYS
 from ..simulation.ledger import EnergyLedger, energy_ledger
-from ..simulation.traced_steps import EXPLICIT_METHODS
+from ..simulation.methods import EXPLICIT_METHODS
+from ..simulation.scene import Scene, couplers_of
 from ..simulation.trajectory import ARRAY_FILES
 from .printing import shown
 from .robots import add_quiet, add_robot, load, parse_numbers
@@ -108,14 +108,25 @@ def _run(arguments: argparse.Namespace) -> int:
         warnings.simplefilter("always")
         try:
             run = simulate(
-                model, q0, np.zeros(model.nv) if v0 is None else v0, arguments.duration, arguments.dt,
-                arguments.method, record=(arguments.record, "work") if works else arguments.record, progress=report,
-                friction=friction, friction_method=arguments.friction_method, constraints=constraints,
-                stabilization=arguments.stabilization, limits=arguments.limits,
-            )  # fmt: skip
+                Scene(
+                    model,
+                    friction=friction,
+                    friction_method=arguments.friction_method,
+                    constraints=constraints,
+                    stabilization=arguments.stabilization,
+                    limits=arguments.limits,
+                ),
+                q0,
+                np.zeros(model.nv) if v0 is None else v0,
+                arguments.duration,
+                arguments.dt,
+                arguments.method,
+                record=(arguments.record, "work") if works else arguments.record,
+                progress=report,
+            )
         except SimulationInterrupt as interrupt:
             run, stopped = interrupt.trajectory, interrupt
-    ledger = energy_ledger(run, constraints) if works else None
+    ledger = energy_ledger(run) if works else None
     for line in _report(model, run, ledger, arguments.limits):
         print(line)
     for warning in caught:
@@ -200,10 +211,7 @@ def _constraints(model: Model, path: str | None) -> Constraints | None:
     except (OSError, UnicodeDecodeError) as error:
         raise SpatialDynError(f"--constraints is {path!r}, which cannot be read: {error}") from None
     found = Constraints.of_toml(model, text)
-    follow = [x for x in model.robot.joints if x.mimic is not None and x.kind != "fixed"]
-    couplers = [
-        CouplerConstraint(x.name, m.leader, m.multiplier, m.offset) for x in follow if (m := x.mimic) is not None
-    ]
+    couplers = couplers_of(model)
     return Constraints(model, [*found, *couplers]) if couplers else found
 
 

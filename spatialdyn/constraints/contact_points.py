@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.contact_table import CONTACTS, HEIGHTS
 from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
-from ..calls.arguments import as_array, as_count, as_flag, as_number, check_model
+from ..calls.arguments import as_array, as_count, as_number, check_model
 from ..calls.failures import joint_of_velocity
 from ..errors import ConstraintError, ModelError
 from ..model.model import Model
@@ -130,7 +130,6 @@ class Contacts:
     terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
     sweeps       passes over all points in a step: 5 solve 95 % of the steps of a walking quadruped to 1e-4 m/s; beside
                  dry joints, where a pass costs most, 3 do
-    limits       whether joints of one coordinate stop at their position limits, without bouncing
 
     names, radii              of the points (np)
     friction, restitution     (np,), as arrays
@@ -168,9 +167,13 @@ class Contacts:
         restitution: float | Mapping[str, float] = 0.0,
         terrain: Plane | Heightfield | None = None,
         sweeps: int = 5,
-        limits: bool = False,
     ) -> None:
         """See the class."""
+        self._make(model, points, friction, restitution, terrain, sweeps, False)
+
+    def _make(
+        self, model: Model, points: Any, friction: Any, restitution: Any, terrain: Any, sweeps: Any, limits: bool
+    ) -> None:
         check_model(model)
         if not isinstance(points, Mapping):
             raise ConstraintError(f"points are {points!r}, expected {{frame: radius}}")
@@ -188,7 +191,7 @@ class Contacts:
             "model": model, "names": names, "radii": tuple(float(points[x]) for x in names),
             "friction": _of_points("friction", friction, names, math.inf),
             "restitution": _of_points("restitution", restitution, names, 1.0), "terrain": ground,
-            "sweeps": int(sweeps), "limits": as_flag("limits", limits),
+            "sweeps": int(sweeps), "limits": limits,
         }  # fmt: skip
         stops = _stops(model) if held["limits"] else []
         table = np.zeros(1 + len(rows) + len(stops), CONTACTS)
@@ -207,8 +210,8 @@ class Contacts:
             object.__setattr__(self, name, value)
 
     def with_limits(self) -> Contacts:
-        """These contacts, and the joints' position limits."""
-        return Contacts(*self._given(), limits=True)
+        """These contacts, and the position limits of joints of one coordinate, which stop there without bouncing."""
+        return _limited(*self._given())
 
     def with_dry(self, dry: NDArray[np.bool_]) -> StaticTable:
         """The table, and a row for each freedom of ``dry`` (nv,), True or False, that has none."""
@@ -261,7 +264,7 @@ class Contacts:
         return hash((self.model, self._content()))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Contacts, (*self._given(), self.limits)
+        return (_limited if self.limits else Contacts), self._given()
 
     def _given(self) -> tuple[Any, Any, Any, Any, Plane | Heightfield, int]:
         """What makes contacts like these, but for limits."""
@@ -273,6 +276,13 @@ class Contacts:
     def __repr__(self) -> str:
         stops = ", joint limits" if self.limits else ""
         return f"<Contacts of {self.model.name}: {len(self)} points, {', '.join(self.names)}{stops}>"
+
+
+def _limited(*given: Any) -> Contacts:
+    """Contacts and position limits of joints."""
+    made = Contacts.__new__(Contacts)
+    made._make(*given, True)  # type: ignore[call-arg]
+    return made
 
 
 def check_contacts(model: Model, contacts: Any) -> Contacts:

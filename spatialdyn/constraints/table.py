@@ -137,6 +137,20 @@ class Constraints:
         if given or not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):
             found = ", ".join(given) or "one [constraint]"
             raise ConstraintError(f"constraints in TOML have {found}, expected entries [[constraint]] alone")
+        return cls.of_entries(model, entries)
+
+    @classmethod
+    def of_entries(cls, model: Model, entries: Any) -> Constraints:
+        """The constraints of entries ``[[constraint]]`` that are read: dicts as ``of_toml`` has them; errors as there.
+
+        >>> import spatialdyn as sd
+        >>> entry = {"kind": "point", "frame_a": "tip", "axes": "x"}
+        >>> held = sd.Constraints.of_entries(sd.load_urdf("two_link"), [entry])
+        >>> held.nc
+        1
+        """
+        if not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):
+            raise ConstraintError(f"entries are {entries!r}, expected a list of dicts, [[constraint]] in TOML")
         return cls(model, [_of_entry(k, x) for k, x in enumerate(entries)])
 
     @classmethod

@@ -1,6 +1,6 @@
 """A ball that bounces: where its impacts are, and when infinitely many of them are over.
 
-Learn    sd.Contacts with restitution, method="semi_implicit_euler", record_contacts, Trajectory.contacts.
+Learn    sd.Contacts with restitution, method="semi_implicit_euler", record="contacts", Trajectory.contacts.
 Look at  the times: √(2h/g), then twice that, and half as long each time. Their sum is finite, so is the number of
          steps, and the ball comes to rest; no event is searched for, and what an impact takes is in its impulse.
 """
@@ -22,7 +22,7 @@ def main(save: str | None = None) -> dict[str, np.ndarray]:
     contacts = sd.Contacts(model, {"ball": radius}, restitution=e)
     q0 = np.array([0.0, 0.0, 1.0 + radius, 0.0, 0.0, 0.0, 1.0])
     run = sd.simulate(
-        model, q0, np.zeros(6), 1.6, dt, "semi_implicit_euler", contacts=contacts, record=1, record_contacts=True
+        sd.Scene(model, contacts=contacts), q0, np.zeros(6), 1.6, dt, "semi_implicit_euler", record=(1, "contacts")
     )
     assert run.contacts is not None
     height, impulse = run.q[:, 2] - radius, run.contacts.impulse[:, 0, 2]

@@ -40,13 +40,13 @@ def main(save: str | None = None) -> dict[str, np.ndarray]:
     print("  μ   acceleration [m/s²]   g (sin a - μ cos a)")
     for mu in mus:
         contacts = sd.Contacts(model, corners, friction=float(mu), terrain=slope, sweeps=20)
-        run = sd.rollout(model, q0, np.zeros(6), dt=DT, steps=500, contacts=contacts)
+        run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(6), dt=DT, steps=500)
         found.append((run.v[-1, 0] - run.v[99, 0]) / (400 * DT))
         print(f"{mu:4.2f} {found[-1]:20.9f} {max(0.0, 9.81 * (np.sin(angle) - mu * np.cos(angle))):21.9f}")
     creep = []
     for sweeps in (5, 10, 20):
         contacts = sd.Contacts(model, corners, friction=0.5, terrain=slope, sweeps=sweeps)
-        v = sd.rollout(model, q0, np.zeros(6), dt=DT, steps=500, contacts=contacts).v
+        v = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(6), dt=DT, steps=500).v
         creep.append(np.linalg.norm(v[250:, :3], axis=1).max())
         print(f"μ = 0.5, {sweeps:2} sweeps: the box moves at {1e6 * creep[-1]:.1e} µm/s")
     if save:

@@ -27,9 +27,15 @@ def main(quick: bool = False, save: str | None = None) -> dict[Any, Any]:
     for way, method in WAYS.items():
         for dt in (2e-3, 1e-3, 5e-4):
             run = sd.simulate(
-                model, [-1.0, 0.5, 0.3], [0.0, 0.0, 0.0], duration, dt, method, torque=[4.0, 1.0, 0.5], record="work",
-                friction=FRICTION, friction_method=way,
-            )  # fmt: skip
+                sd.Scene(model, friction=FRICTION, friction_method=way),
+                [-1.0, 0.5, 0.3],
+                [0.0, 0.0, 0.0],
+                duration,
+                dt,
+                method,
+                torque=[4.0, 1.0, 0.5],
+                record="work",
+            )
             ledger = found[way, dt] = sd.energy_ledger(run)
             motors, rubbed = (ledger.work[kind][-1].sum() for kind in ("torque", "friction"))
             print(f"{way:10}{dt:8g}{ledger.change[-1]:12.5f}{motors:10.4f}{rubbed:10.4f}{ledger.error[-1]:10.1e}")

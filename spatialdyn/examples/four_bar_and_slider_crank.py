@@ -37,8 +37,8 @@ def main(save: str | None = None) -> dict[str, float]:
     print(f"four-bar: {free} freedom; 3 joints less {pin.nc} equations are {gruebler}, of which {rank} are independent")
     print(f"the crank at 60° and 2 rad/s accelerates by {found.a[0]:.12f} rad/s², the pin holds {found.force[:2]} N")
 
-    runs = {"rk4": sd.simulate(model, q, v, 4.0, 4e-3, constraints=pin)}
-    runs["RATTLE"] = sd.simulate(model, q, v, 4.0, 4e-3, "stormer_verlet", constraints=pin)
+    runs = {"rk4": sd.simulate(sd.Scene(model, constraints=pin), q, v, 4.0, 4e-3)}
+    runs["RATTLE"] = sd.simulate(sd.Scene(model, constraints=pin), q, v, 4.0, 4e-3, "stormer_verlet")
     kept = {name: float(np.ptp(run.energy)) for name, run in runs.items()}
     loop = max(float(abs(sd.constraint_error(model, pin, run.q)).max()) for run in runs.values())
     print(f"4 s in steps of 4 ms: energy within {kept['rk4']:.1e} J by rk4, {kept['RATTLE']:.1e} J by RATTLE")
@@ -51,7 +51,9 @@ def main(save: str | None = None) -> dict[str, float]:
     made.add_body("piston", None, "prismatic", (1, 0, 0), (0, 0, 0), (0.5, (0, 0, 0), np.eye(3)))
     engine = made.build(gravity=(0, -9.81, 0))
     wrist = sd.Constraints(engine, [sd.PointConstraint("rod", "piston", at_a=(l, 0, 0))])
-    push = sd.simulate(engine, [0.0, 0.0, r + l], np.zeros(3), 1.0, 1e-3, torque=[0.5, 0, 0], constraints=wrist)
+    push = sd.simulate(
+        sd.Scene(engine, constraints=wrist), [0.0, 0.0, r + l], np.zeros(3), 1.0, 1e-3, torque=[0.5, 0, 0]
+    )
     theta = push.q[:, 0]
     piston = float(abs(push.q[:, 2] - r * np.cos(theta) - np.sqrt(l * l - (r * np.sin(theta)) ** 2)).max())
     print(f"slider-crank: {theta[-1] / (2 * np.pi):.1f} turns, the piston is off its formula by at most {piston:.1e} m")

@@ -33,7 +33,9 @@ def main(robot: str = "panda", save: str | None = None) -> dict[str, np.ndarray]
     # the robot that moves is the loaded one; the torques held are those of either model, or none
     names, steps, dt = ("knows the load", "does not", "nothing held"), 500, 1e-3
     tau = np.repeat(np.stack([g_loaded, g, 0 * g])[:, None], steps, axis=1)  # (laws, steps, nv)
-    run = sd.rollout(loaded, q, np.zeros(model.nv), tau, dt=dt, friction=False)  # joints without friction fall
+    run = sd.rollout(
+        sd.Scene(loaded, friction=False), q, np.zeros(model.nv), tau, dt=dt
+    )  # joints without friction fall
     fall = sd.frame_placement(model, q, hand)[2, 3] - sd.frame_placement(model, run.q, hand)[..., 2, 3]
     for name, depth in zip(names, fall, strict=True):
         print(f"{name:16} the hand falls {1e3 * depth[-1]:8.3f} mm in 0.5 s")

@@ -144,7 +144,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
             x, u, new, forces, (_, slope, W, last) = new, forces, x, u, found
             new[0] = x[0]
             q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
-            C = np.concatenate(sd.step_derivatives(p.model, q, v, u, p.h, friction=False), axis=2)
+            C = np.concatenate(sd.step_derivatives(sd.Scene(p.model, friction=False), q, v, u, p.h), axis=2)
         less = backward(C, slope, W, *last, p.low - u, p.high - u, mu, k, K)
         size = 0.0 if np.isnan(less) else min(1.0, 4.0 * taken)
         while size > 1e-3:

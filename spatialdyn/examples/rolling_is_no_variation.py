@@ -48,7 +48,7 @@ def main(save: str | None = None) -> dict[str, float]:
     made.add_body("blade", None, "planar", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.diag([0.1, 0.2, I])))
     model = made.build(gravity=(PULL, 0, -9.81 * np.cos(0.3)))  # x is downhill
     edge = sd.Constraints(model, [sd.VelocityConstraint([0, 1, 0], name="edge")])
-    run = sd.simulate(model, np.zeros(3), [0, 0, SPIN], 6.0, 1e-3, constraints=edge)
+    run = sd.simulate(sd.Scene(model, constraints=edge), np.zeros(3), [0, 0, SPIN], 6.0, 1e-3)
     c, angle = PULL / (2 * SPIN**2), SPIN * run.t
     closed = np.stack([c * np.sin(angle) ** 2, c * (angle - 0.5 * np.sin(2 * angle)), angle], axis=1)
     off = float(abs(run.q - closed).max())

@@ -21,7 +21,7 @@ def main(save: str | None = None) -> dict[str, float]:
     made.add_body("sleigh", None, "planar", (0, 0, 1), inertia=(m, (a, 0, 0), np.diag([0.1, 0.2, I])))
     sleigh = made.build()
     blade = sd.Constraints(sleigh, [sd.VelocityConstraint([0, 1, 0], name="blade")])  # v is (vx, vy, ω) of the sleigh
-    run = sd.simulate(sleigh, np.zeros(3), [u0, 0, w0], 2.0, 1e-3, constraints=blade)
+    run = sd.simulate(sd.Scene(sleigh, constraints=blade), np.zeros(3), [u0, 0, w0], 2.0, 1e-3)
     k = np.sqrt((I + m * a * a) / m)
     V = np.hypot(u0, k * w0)
     phase = a * V * run.t / k**2 + np.arctanh(u0 / V)
@@ -41,7 +41,7 @@ def main(save: str | None = None) -> dict[str, float]:
         q = np.array([0, 0, r * np.cos(lean), np.sin(lean / 2), 0, 0, np.cos(lean / 2)])
         rate = share * critical
         v = np.array([r * rate, 0, 0, 0, rate, 0])
-        roll = sd.simulate(disc, q, sd.project_velocity(disc, ground, q, v), 3.0, 1e-3, constraints=ground)
+        roll = sd.simulate(sd.Scene(disc, constraints=ground), q, sd.project_velocity(disc, ground, q, v), 3.0, 1e-3)
         tilt = np.arcsin(sd.frame_placement(disc, roll.q, "disc")[:, 2, 1])
         leans[share] = abs(tilt).max(), roll.t, tilt
         print(f"disc at {share} of {critical:.6f} rad/s: leans by at most {abs(tilt).max():.4f} rad in 3 s")

@@ -45,14 +45,14 @@ def main(save: str | None = None) -> dict[str, Any]:
     free, dry = sd.Control(SPRING, {"stiffness": [K], "speed": [0.0]}), sd.Friction([2.0], [0.0], smoothing=[1e-3])
     for way in ("implicit", "smooth"):
         run = sd.simulate(
-            model, [0.21], [0.0], 2.0, dt, METHOD, friction=dry, friction_method=way, control=free, record=1
+            sd.Scene(model, friction=dry, friction_method=way), [0.21], [0.0], 2.0, dt, METHOD, control=free, record=1
         )
         found[way] = run.q[-1, 0], run.v[-1, 0]
         print(f"{way:9} at 2 s: x = {run.q[-1, 0]:.8f} m, v = {run.v[-1, 0]:.2e} m/s")
     fs, fc, speed = 3.0, 2.0, 0.1
     belt = sd.Control(SPRING, {"stiffness": [K], "speed": [speed]})
     run = sd.simulate(
-        model, [0.0], [0.0], 2.5, dt, METHOD, friction=sd.Friction([fc], [0.0], [fs]), control=belt, record=1
+        sd.Scene(model, friction=sd.Friction([fc], [0.0], [fs])), [0.0], [0.0], 2.5, dt, METHOD, control=belt, record=1
     )
     sticks, x = run.v[:, 0] == 0.0, run.q[:, 0] + speed * run.t  # in the room; q is in the belt's frame
     changes = run.t[np.flatnonzero(sticks[1:] != sticks[:-1])]

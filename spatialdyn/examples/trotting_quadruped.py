@@ -45,7 +45,12 @@ def main(save: str | None = None, quick: bool = False) -> dict[str, np.ndarray]:
         q0 = q_ref[0].copy()
         q0[2] -= sd.contact_gaps(model, contacts, q0).min()
         run = sd.rollout(
-            model, q0, np.zeros(model.nv), dt=DT, pd=sd.PD(kp, kd, q_ref), contacts=contacts, record_contacts=True
+            sd.Scene(model, contacts=contacts),
+            q0,
+            np.zeros(model.nv),
+            dt=DT,
+            pd=sd.PD(kp, kd, q_ref),
+            record="contacts",
         )
         assert run.contacts is not None
         runs.append(run)

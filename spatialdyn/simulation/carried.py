@@ -20,7 +20,7 @@ from ..calls.arguments import as_array, core_shape
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.spec import Argument
-from . import ledger
+from . import works
 from .control_laws import OWN_INPUT
 from .system import State, System
 
@@ -204,7 +204,7 @@ def carry_solved(
         x = x.reshape(own[name].shape)
         found[name] = own[name] + times(h, x) if name in acting.integrated else x
     way = times(0.5 * h, v + after)
-    for name, force in {ledger.TORQUE.name: tau, **forces}.items():
+    for name, force in {works.TORQUE.name: tau, **forces}.items():
         if name in own:
             found[name] = own[name] + (force(way) if callable(force) else force * way)
     return after, found

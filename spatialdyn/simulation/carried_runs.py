@@ -18,17 +18,17 @@ from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.friction import DT
 from ..recursions.spec import Argument
-from . import explicit, ledger, solved_steps
+from . import explicit, solved_steps, works
 from .carried import Acting, carry, carry_solved
 from .constrained import Held, motion_under, project
 from .contact_steps import Touching
 from .control_laws import OWN_INPUT, Control, law_on, moved_states
 from .friction_steps import OWN, SMOOTH, Rubbing, smooth_kernel, solver
+from .methods import EXPLICIT_METHODS
 from .recorder import Recorder
 from .solved_steps import external
 from .springs import has_springs, spring_kernel
 from .system import OK, State, System
-from .traced_steps import EXPLICIT_METHODS
 
 Array = NDArray[np.float64]
 ADAPTIVE = ("dop853", "radau")
@@ -89,7 +89,7 @@ def carrying(
     names = [x.name for x in carried.arguments]
     laws = None if control is None else law_in_floats(control, model, recorder.steps.total)
     moved = () if control is None else moved_states(control.spec)
-    moving = (*moved, *(x.name for x in work if x != ledger.PROJECTION))
+    moving = (*moved, *(x.name for x in work if x != works.PROJECTION))
     pull = spring_kernel() if springs else None
     solve: Any = None
     if touch is not None:
@@ -101,23 +101,23 @@ def carrying(
     own_kernels = kernels if held is None else explicit.kernels_of(None)
 
     def free(system: System, q: Any, v: Any, a: Any) -> tuple[int, dict[str, Any]]:
-        powers = {ledger.TORQUE.name: system.tau * v}
+        powers = {works.TORQUE.name: system.tau * v}
         if fext is not None and work:
-            powers[ledger.EXTERNAL.name] = external(model, q, fext) * v
+            powers[works.EXTERNAL.name] = external(model, q, fext) * v
         if resist is not None:
             friction = resist(system.table, np.array(v))
-            powers[ledger.FRICTION.name] = friction * v
+            powers[works.FRICTION.name] = friction * v
             system = system._replace(tau=system.tau + friction)
         if pull is not None:
             pulled = pull(system.table, np.array(q), np.array(v))
-            powers[ledger.SPRINGS.name] = pulled * v
+            powers[works.SPRINGS.name] = pulled * v
             system = system._replace(tau=system.tau + pulled)
         if held is None or motion is None:
             return kernels.accelerate(system, q, v, a), powers
         made = motion(system, q, v)
         a[:] = made.a
-        if ledger.CONSTRAINTS in work:
-            powers[ledger.CONSTRAINTS.name] = made.force * (constraint_jacobian(model, held.constraints, q) @ v)
+        if works.CONSTRAINTS in work:
+            powers[works.CONSTRAINTS.name] = made.force * (constraint_jacobian(model, held.constraints, q) @ v)
         return OK, powers
 
     def step(system: System, t: float, h: float, state: State) -> None:
@@ -130,9 +130,9 @@ def carrying(
             def solved(tau: Any) -> Any:
                 after, changed, forces = solve(system._replace(tau=tau), t, h, state, own)
                 if fext is not None and work:
-                    forces[ledger.EXTERNAL.name] = external(model, state.q, fext)
+                    forces[works.EXTERNAL.name] = external(model, state.q, fext)
                 if pull is not None:
-                    forces[ledger.SPRINGS.name] = pull(system.table, state.q, state.w)
+                    forces[works.SPRINGS.name] = pull(system.table, state.q, state.w)
                 return after, changed, forces
 
             state.w[:], after = carry_solved(solved, h, state.q, state.w, system.tau.copy(), own, acting)
@@ -145,8 +145,8 @@ def carrying(
         if held is not None and system.status[0] == OK and finite:
             before = energy_of(model, state)
             project(held, model, state.q, state.w, touch is None)
-            if ledger.PROJECTION in work:
-                after[ledger.PROJECTION.name] = after[ledger.PROJECTION.name] + energy_of(model, state) - before
+            if works.PROJECTION in work:
+                after[works.PROJECTION.name] = after[works.PROJECTION.name] + energy_of(model, state) - before
         for name, x in zip(names, carried.views(recorder.own), strict=True):
             x[...] = after[name]
 
@@ -177,16 +177,16 @@ def beside(
         if laws is not None:
             wanted, found = laws(step, recorder.steps.dt)(q, v, tau, dict(zip(names, carried.views(x), strict=True)))
             tau = tau + wanted
-        found[ledger.TORQUE.name] = tau * v
+        found[works.TORQUE.name] = tau * v
         if fext is not None and work:
-            found[ledger.EXTERNAL.name] = external(model, q, fext) * v
+            found[works.EXTERNAL.name] = external(model, q, fext) * v
         if resist is not None:
             friction = resist(getattr(model, numba_kernels.TABLE), v)
-            found[ledger.FRICTION.name] = friction * v
+            found[works.FRICTION.name] = friction * v
             tau = tau + friction
         if pull is not None:
             pulled = pull(getattr(model, numba_kernels.TABLE), q, v)
-            found[ledger.SPRINGS.name] = pulled * v
+            found[works.SPRINGS.name] = pulled * v
             tau = tau + pulled
         return tau, np.concatenate([np.empty(0), *(found[name].ravel() for name in names)])
 

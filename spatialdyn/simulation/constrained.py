@@ -8,7 +8,7 @@ a program rejects the sample, and the step done by calls raises the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.scalars import EPS, exceeds
-from ..calls.arguments import as_number
 from ..calls.dynamics import calls
 from ..constraints.calls import CONTRADICTION, call, raise_contradiction
 from ..constraints.dynamics import (
@@ -25,10 +24,9 @@ from ..constraints.dynamics import (
     constraint_error,
     constraint_jacobian,
     response,
-    stabilization_time,
 )
 from ..constraints.loops import raise_if_open
-from ..constraints.table import Constraints, check_constraints
+from ..constraints.table import Constraints
 from ..engines.programs.tracer import scratch
 from ..errors import ConstraintError, SimulationError
 from ..model.model import Model
@@ -67,28 +65,21 @@ class Held(NamedTuple):
         return made if self.rate is None else {**made, "rate": np.full((1, 1, 1), self.rate)}
 
 
-def held_by(
-    model: Model, constraints: Any, stabilization: Any, method: str, known: Sequence[str], q: Array, v: Array,
-    dt: float, solved: bool = False,
-) -> Held | None:  # fmt: skip
+def held_by(scene: Any, q: Array, v: Array, dt: float) -> Held | None:
     """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there.
 
-    solved  whether its steps find velocities with impulses, which then miss J v = 0 by the order of dt³, or dt² in
-            an impact
+    Steps that find velocities with impulses miss J v = 0 by the order of dt³, or dt² in an impact.
     """
+    model, constraints, rate = scene.model, scene.constraints, None
     if constraints is None:
-        if stabilization is not None:
-            raise SimulationError(f"stabilization is {stabilization!r}, expected None: no constraints are given")
         return None
-    check_constraints(model, constraints)
-    if method not in known:
-        raise SimulationError(f"method is {method!r}, expected one that takes constraints: {', '.join(known)}")
-    rate = None
-    if stabilization is not None:
-        rate = 1.0 / stabilization_time(stabilization)
-        if rate * as_number(dt) * LEAST_STEPS > 1.0:
+    if scene.stabilization is not None:
+        rate = 1.0 / scene.stabilization
+        if rate * dt * LEAST_STEPS > 1.0:
             least = f"{LEAST_STEPS:g} dt = {LEAST_STEPS * dt:g} s: shorter times are unstable"
-            raise SimulationError(f"stabilization is {stabilization!r} s, expected at least {least}")
+            raise SimulationError(f"stabilization is {scene.stabilization!r} s, expected at least {least}")
+    rubs = scene.rubs
+    solved = scene.contacts is not None or scene.limits or (rubs is not None and rubs.way == "implicit")
     phi = constraint_error(model, constraints, q)
     raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
     J = constraint_jacobian(model, constraints, q)

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.static_table import StaticTable
-from ..calls.arguments import as_flag
 from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
 from ..constraints.contact_dynamics import contact_gaps
-from ..constraints.contact_points import Contacts, check_contacts
+from ..constraints.contact_points import Contacts
 from ..engines.programs.recording import MOST_TABLE
 from ..errors import ModelError, SimulationError
 from ..model.model import Model
@@ -26,7 +25,7 @@ from ..recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, R
 from ..recursions.spec import Argument, shape_in
 from .constrained import Held
 from .contact_record import ContactRecord
-from .friction_steps import IMPLICIT, LUGRE, STEPPED, Rubbing
+from .friction_steps import IMPLICIT, LUGRE
 
 Array = NDArray[Any]
 MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robot, and its program is long
@@ -124,29 +123,20 @@ class Touching:
         return ContactRecord(impulse.copy(), gap.astype(own.dtype), abs(own[..., 0]), stop)
 
 
-def touching(
-    model: Model, contacts: Any, limits: Any, records: Any, method: str, q: Array, found: Rubbing | None,
-    held: Held | None,
-) -> Touching | None:  # fmt: skip
-    """What acts by impulses, by the arguments of ``simulate`` and ``rollout``, from positions (..., nq); None for none.
+def touching(scene: Any, kept: bool, q: Array, held: Held | None) -> Touching | None:
+    """What acts by impulses in a run of a scene from positions (..., nq); None for none.
 
-    Raises  SimulationError for a method that takes none, and a start in the ground or beyond a limit, with its depth;
-            ConstraintError, ModelError
+    kept  whether impulses are recorded
+
+    Raises  SimulationError for a start in the ground or beyond a limit, with its depth
     """
-    stops, kept = as_flag("limits", limits), as_flag("record_contacts", records)
+    model, contacts, stops, found = scene.model, scene.contacts, scene.limits, scene.rubs
     if contacts is None and not stops and kept:
-        raise SimulationError("record_contacts is True, expected contacts or limits=True with it")
+        raise SimulationError('record has "contacts", expected contacts or limits=True in the scene')
     solved = found.way if found is not None and found.way in (IMPLICIT, LUGRE) else None
     if contacts is None and not stops and (held is None or solved != IMPLICIT):
         return None
-    given = Contacts(model, {}) if contacts is None else check_contacts(model, contacts)
-    if stops and not given.limits:
-        given = given.with_limits()
-    if method != STEPPED:  # of friction beside constraints, ``rubbing`` has checked it
-        what = "limits are to act" if contacts is None else "contacts are given"
-        raise SimulationError(
-            f'{what} and method is "{method}", expected method="{STEPPED}": impulses and velocities are found together'
-        )
+    given = scene.touching
     _check_start(model, given, q)
     dry = found.dry if found is not None and solved == IMPLICIT else np.zeros(model.nv, bool)
     made = Touching(given, kept, given.with_dry(dry), solved, held is not None)

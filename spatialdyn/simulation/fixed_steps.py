@@ -25,7 +25,6 @@ from .contact_steps import Touching, unsolved
 from .control_laws import Control
 from .energy import FAST
 from .friction_steps import OWN, SMOOTH, UNSOLVED, VIOLATION, Rubbing, rubbing_kernels, smooth_kernel
-from .ledger import work_states
 from .methods import Method
 from .mimic_kernels import mimic_kernels
 from .program_steps import program, slice_of
@@ -35,6 +34,7 @@ from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, joint_table, units, user_torque
 from .torques import Torque
 from .traced_steps import carried_by
+from .works import work_states
 
 Array = NDArray[np.float64]
 HELD_SYMPLECTIC = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.held_variational}

@@ -49,9 +49,8 @@ from ..recursions.friction import (
 )
 from ..recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from ..recursions.spec import Argument
-from . import ledger
+from . import works
 from .constrained import Held, Rows, bristles_held
-from .methods import integrators
 from .mimic_kernels import reduced_kernel
 from .springs import spring_kernel
 from .system import State, System, set_status
@@ -105,13 +104,12 @@ class Rubbing:
 
 
 def rubbing(
-    model: Model, friction: Friction | bool | None, way: str, method: str, dt: float, motor: Motor | None = None,
-    drive: str = CURRENT,
-) -> Rubbing | None:  # fmt: skip
-    """The friction of a run by the arguments of ``simulate`` and ``rollout``; None if none acts.
+    model: Model, friction: Friction | bool | None, way: str, motor: Motor | None = None, drive: str = CURRENT
+) -> Rubbing | None:
+    """The friction of a scene; None if none acts.
 
-    Raises  SimulationError for an unknown way, one that the method cannot take, a coefficient that it needs, and a step
-            above the stability limit of smooth friction, with that limit; ModelError naming the joint, ShapeError.
+    Raises  SimulationError for an unknown way or drive, options that contradict each other, and a coefficient that the
+            way needs; ModelError naming the joint, ShapeError.
     """
     if not isinstance(way, str) or way not in WAYS:
         raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
@@ -125,28 +123,19 @@ def rubbing(
             "of the URDF"
         )
     if motor is not None:
-        if way != IMPLICIT or method != STEPPED:
+        if way != IMPLICIT:
             raise SimulationError(
-                f'motor is given, friction_method is "{way}" and method "{method}", expected "{IMPLICIT}" and '
-                f'"{STEPPED}": gears rub, and motors brake, within its step'
+                f'motor is given and friction_method is "{way}", expected "{IMPLICIT}": gears rub, and motors brake, '
+                "within its step"
             )
         if friction is None or friction is False:
             friction = Friction(np.zeros(model.nv), 0.0)
     if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
         return None
     given = check_friction(model, friction)
-    if way != SMOOTH and method != STEPPED:
-        raise SimulationError(
-            f'friction_method is "{way}" and method "{method}", expected method="{STEPPED}", which alone solves for '
-            'friction and velocity together; any method but variational takes friction_method="smooth"'
-        )
-    if way == SMOOTH and method == "variational":
-        others = ", ".join(name for name in integrators if name != method)
-        raise SimulationError(f'method is "variational", expected one of {others} with smooth friction')
     inputs = dict(zip(("coulomb", "viscous", "static", "stribeck"), given.law, strict=True))
     if way == SMOOTH:
         inputs["smoothing"] = _needed(given.smoothing, "smoothing", way)
-        _check_stable(model, inputs, method, dt)
     if way == LUGRE:
         inputs["stiffness"] = _needed(given.bristle_stiffness, "bristle_stiffness", way)
         inputs["damping"] = _needed(given.bristle_damping, "bristle_damping", way)
@@ -156,6 +145,12 @@ def rubbing(
         inputs |= {"supply" if drive == VOLTAGE else "stall": stall, "emf": emf, "most": most}
         inputs |= {"efficiency": efficiency, "limit": limit}
     return Rubbing(way, tuple(inputs), tuple(inputs.values()))
+
+
+def check_rubbing(model: Model, found: Rubbing | None, method: str, dt: float) -> None:
+    """Raise SimulationError for a step above the stability limit of smooth friction, with that limit."""
+    if found is not None and found.way == SMOOTH:
+        _check_stable(model, dict(zip(found.inputs, found.values, strict=True)), method, dt)
 
 
 def _needed(value: Array | None, name: str, way: str) -> Array:
@@ -233,15 +228,15 @@ def traced_step(
             ahead, bristles = after[0], after[1]
         else:
             ahead, bristles = under.after_bristles(given, push)
-            forces[ledger.CONSTRAINTS.name] = lambda way: under.force * under.rates(q, way)
-        forces[ledger.FRICTION.name] = rubbed_by(LUGRE, given, law, ahead, bristles)
+            forces[works.CONSTRAINTS.name] = lambda way: under.force * under.rates(q, way)
+        forces[works.FRICTION.name] = rubbed_by(LUGRE, given, law, ahead, bristles)
         return ahead, {BRISTLES.name: bristles}, forces
     friction_step(rows, work, q, v, push, None, dt, *law, after, pivots, M, R)
     largest = given[VIOLATION.name][0]
     for x in after[1]:
         largest = select(x - largest, x, largest)
     rubbed = rubbed_by(IMPLICIT, given, law, after[0], after[2]) + lost
-    return after[0], {VIOLATION.name: np.array([largest], object)}, {ledger.FRICTION.name: rubbed}
+    return after[0], {VIOLATION.name: np.array([largest], object)}, {works.FRICTION.name: rubbed}
 
 
 def rubbed_by(way: str, given: dict[str, Any], law: tuple[Any, ...], after: Any, made: Any) -> Any:
@@ -284,9 +279,9 @@ def solver(
         made = after[2 if implicit else 1]
         rubbed = rubbed_by(found.way, given, rubs, after[0], made) + lost
         if not implicit:
-            return after[0], {BRISTLES.name: made}, {ledger.FRICTION.name: rubbed}
+            return after[0], {BRISTLES.name: made}, {works.FRICTION.name: rubbed}
         worst = np.array([max(own[VIOLATION.name][0], after[1].max(initial=0.0))])
-        return after[0], {VIOLATION.name: worst}, {ledger.FRICTION.name: rubbed}
+        return after[0], {VIOLATION.name: worst}, {works.FRICTION.name: rubbed}
 
     return solve
 
@@ -305,8 +300,8 @@ def _held_solver(
         after, changed, force = step(system, h, state, own[BRISTLES.name])
         J = constraint_jacobian(model, held.constraints, state.q)
         forces = {
-            ledger.FRICTION.name: rubbed_by(LUGRE, given, law_of(given), after, changed),
-            ledger.CONSTRAINTS.name: lambda way: force * (J @ way),
+            works.FRICTION.name: rubbed_by(LUGRE, given, law_of(given), after, changed),
+            works.CONSTRAINTS.name: lambda way: force * (J @ way),
         }
         return after, {BRISTLES.name: changed}, forces
 

@@ -16,39 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..constraints.contact_points import Contacts
-from ..constraints.table import Constraints
 from ..errors import SimulationError
 from ..model.model import Model
-from ..recursions.spec import Argument
 from .trajectory import Trajectory
+from .works import BY_FREEDOM, KINDS
 
 Array = NDArray[np.float64]
-TORQUE = Argument("work_torque", ("nv",), "J", "of the torques of motors, those of a control law among them", start=0.0)
-FRICTION = Argument("work_friction", ("nv",), "J", "of friction and damping", start=0.0)
-EXTERNAL = Argument("work_external", ("nv",), "J", "of external forces, by the freedoms that they move", start=0.0)
-SPRINGS = Argument("work_springs", ("nv",), "J", "of springs between rotors and joints, and their damping", start=0.0)
-CONSTRAINTS = Argument("work_constraints", ("nc",), "J", "of the force of each equation", start=0.0)
-CONTACTS = Argument("work_contacts", ("np+nl",), "J", "of each point on the ground, then of each limit", start=0.0)
-PROJECTION = Argument("work_projection", (1,), "J", "what projections onto the constraints add", start=0.0)
-KINDS = {
-    TORQUE.name: "torque", FRICTION.name: "friction", EXTERNAL.name: "external", SPRINGS.name: "springs",
-    CONSTRAINTS.name: "constraints", PROJECTION.name: "projection", CONTACTS.name: "contacts",
-}  # fmt: skip
-BY_FREEDOM = ("torque", "friction", "external", "springs")
-
-
-def work_states(
-    rubs: bool, pushed: bool, constrained: bool, projects: bool, springs: bool = False, touches: bool = False
-) -> tuple[Argument, ...]:
-    """The works of a run: of torques, and of friction, external forces, springs, constraints, projections, contacts if
-    there are any.
-    """
-    acts = (
-        (TORQUE, True), (FRICTION, rubs), (EXTERNAL, pushed), (SPRINGS, springs), (CONSTRAINTS, constrained),
-        (PROJECTION, projects), (CONTACTS, touches),
-    )  # fmt: skip
-    return tuple(x for x, there in acts if there)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,14 +70,12 @@ class EnergyLedger:
         return plot_ledger(self, kind, ax, path)
 
 
-def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any = None) -> EnergyLedger:
+def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
     """The energy ledger of a motion: what torques, friction, forces, constraints and contacts do to its energy, and ε.
 
     Source: the power balance d/dt E = vᵀτ, with the work of impulses after Moreau, ½ λᵀ(u⁻ + u⁺).
 
-    trajectory   of ``simulate(..., record="work")``
-    constraints  the Constraints of the run: their names become labels
-    contacts     the Contacts of the run, likewise; joint limits of ``limits=True`` are added to them
+    trajectory  of ``simulate(..., record="work")``; names of its scene's joints, constraints and points become labels
 
     The forces of ideal constraints that do not depend on time do no work: W_constraints is 0 to the order of the
     method; with ``stabilization`` their corrections are in it, and otherwise the projections after each step are apart.
@@ -112,7 +83,7 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any
     which other forces turn the motion round. Contact takes energy too, but where a point comes out of the ground.
 
     Returns EnergyLedger.
-    Raises  SimulationError for a trajectory that recorded no work, or constraints of another number of equations.
+    Raises  SimulationError for a trajectory that recorded no work.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -126,36 +97,25 @@ def energy_ledger(trajectory: Trajectory, constraints: Any = None, contacts: Any
     found = {kind: trajectory.states[name] for name, kind in KINDS.items() if name in trajectory.states}
     if not found:
         raise SimulationError('trajectory has no work, expected one of simulate(..., record="work")')
-    for name, given, kind in (("constraints", constraints, Constraints), ("contacts", contacts, Contacts)):
-        if given is not None and not isinstance(given, kind):
-            raise SimulationError(f"{name} is {given!r}, expected the {kind.__name__} of the run, or None")
-    equations = found.get("constraints")
-    if constraints is not None and (equations is None or equations.shape[1] != constraints.nc):
-        held = 0 if equations is None else equations.shape[1]
-        raise SimulationError(f"constraints have {constraints.nc} equations, expected the {held} of the trajectory")
-    touched = found.get("contacts")
-    if contacts is not None and touched is not None and touched.shape[1] == len(contacts.with_limits().labels):
-        contacts = contacts.with_limits()
-    if contacts is not None and (touched is None or touched.shape[1] != len(contacts.labels)):
-        held = 0 if touched is None else touched.shape[1]
-        count = len(contacts.labels)
-        raise SimulationError(f"contacts have {count} points and limits, expected the {held} of the trajectory")
     work = {kind: x - x[:1] for kind, x in found.items()}
     energy = trajectory.energy if trajectory.spring_energy is None else trajectory.energy - trajectory.spring_energy
     change = energy - energy[:1]
     error = change - sum(x.sum(axis=1) for x in work.values())
-    labels = {kind: _labels(kind, x.shape[1], trajectory.model, constraints) for kind, x in work.items()}
-    if contacts is not None:
-        labels["contacts"] = contacts.labels
+    labels = {kind: _labels(kind, x.shape[1], trajectory) for kind, x in work.items()}
     return EnergyLedger(trajectory.t, change, work, labels, error, trajectory.robot, trajectory.method)
 
 
-def _labels(kind: str, count: int, model: Model | None, constraints: Any) -> tuple[str, ...]:
-    """Names of the columns of a kind."""
-    if kind in BY_FREEDOM and model is not None:
-        return tuple(_freedoms(model))
-    if kind == "constraints" and constraints is not None:
-        return tuple(str(x.label) for x in constraints.equations)
+def _labels(kind: str, count: int, run: Trajectory) -> tuple[str, ...]:
+    """Names of the columns of a kind, by the scene of the run; numbers without one."""
+    names: Sequence[str] = ()
+    if kind in BY_FREEDOM and run.model is not None:
+        names = _freedoms(run.model)
+    elif kind == "constraints" and run.scene is not None and run.scene.constraints is not None:
+        names = [str(x.label) for x in run.scene.constraints.equations]
+    elif kind == "contacts" and run.scene is not None:
+        names = run.scene.touching.labels
+    if len(names) == count:
+        return tuple(names)
     return (kind,) if count == 1 else tuple(f"{kind} {k}" for k in range(count))
 
 

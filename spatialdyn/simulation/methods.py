@@ -109,6 +109,9 @@ _ALL = (
 )  # fmt: skip
 
 
+EXPLICIT_METHODS = {x.name: x.advance for x in _ALL if x.family is EXPLICIT and x.advance is not None}
+
+
 class Integrators(Mapping[str, Method]):
     """The integration methods by name: ``integrators["gauss4"].order``; prints as a table of costs and invariants.
 

@@ -23,11 +23,11 @@ from .constrained import Held
 from .contact_steps import Touching
 from .control_laws import Control, step_kernel
 from .friction_steps import Rubbing
-from .methods import Method
+from .methods import EXPLICIT_METHODS, Method
 from .recorder import Recorder
 from .system import State
 from .torques import Torque
-from .traced_steps import EXPLICIT_METHODS, step_specs
+from .traced_steps import step_specs
 
 # Rows of the table times forward dynamics per step: 85 to 350 operations of the program each, 0.1 ms to compile one.
 # At the limit that is 3 s once per model, and the code (600 kB) exceeds the caches: twice the table kernel's speed.

@@ -20,7 +20,7 @@ from ..algebra.scalars import EPS
 from ..bodies.kinds import R1
 from ..constraints.dynamics import constraint_jacobian
 from ..constraints.kinds import RollingConstraint, VelocityConstraint
-from ..errors import SimulationError
+from ..constraints.table import Constraints
 from ..model.model import Model
 from .constrained import Held, closed, momentum_along
 from .symplectic import SETTLED, SWEEPS, joint_rates
@@ -31,21 +31,22 @@ NAME = "stormer_verlet"
 ROUNDING = 8.0 * EPS  # of an iterate
 
 
-def check_symplectic(model: Model, held: Held, method: str) -> None:
-    """Raise SimulationError for what a symplectic method with constraints cannot do."""
-    rates = [x.label for x in held.constraints if isinstance(x, (RollingConstraint, VelocityConstraint))]
+def unfit(model: Model, constraints: Constraints, stabilization: float | None, method: str) -> str:
+    """What a symplectic method with constraints cannot do, "" if it can."""
+    rates = [x.label for x in constraints if isinstance(x, (RollingConstraint, VelocityConstraint))]
     expected = "expected equations of positions; explicit methods take those of velocities"
     if rates:
-        raise SimulationError(f"{method} is given {rates[0]}, {expected}")
-    if held.rate is not None:
-        raise SimulationError(f"stabilization is {1 / held.rate:g} s, expected None for {method}: it keeps φ = 0")
+        return f"{method} is given {rates[0]}, {expected}"
+    if stabilization is not None:
+        return f"stabilization is {stabilization:g} s, expected None for {method}: it keeps φ = 0"
     for joint in model.joints[1:] if method == NAME else ():
         if int(model.bodies[joint.row]["kind"]) not in R1:
             what = f'joint "{joint.name}" ({joint.kind})'
-            raise SimulationError(
+            return (
                 f"{NAME} under constraints is given {what}, expected joints whose position is one number; "
                 "method variational takes all"
             )
+    return ""
 
 
 def rattle(held: Held, model: Model) -> Callable[..., None]:

@@ -21,6 +21,7 @@ from .carried import Carried
 from .contact_steps import Touching
 from .control_laws import Control, law_torques
 from .methods import Method
+from .scene import Scene
 from .springs import has_springs
 from .trajectory import Trajectory
 
@@ -74,9 +75,10 @@ class Recorder:
     """
 
     def __init__(
-        self, model: Model, method: Method, steps: Steps, every: int, carried: Carried, touch: Touching | None = None
+        self, scene: Scene, method: Method, steps: Steps, every: int, carried: Carried, touch: Touching | None = None
     ) -> None:
-        self.model, self.method, self.steps, self.every = model, method, steps, every
+        self.scene, self.method, self.steps, self.every = scene, method, steps, every
+        self.model = model = scene.model
         kept = np.arange(0, steps.total + 1, every)
         if kept[-1] != steps.total:
             kept = np.append(kept, steps.total)
@@ -127,7 +129,7 @@ class Recorder:
             touched = self.touch.record(q, self.own_rows[:n, : self.touch.width])  # theirs come first
         held = spring_energy(model, q) if has_springs(model) else None
         energy = T + V if held is None else T + V + held
-        return Trajectory(t, q, v, p, tau, energy, *words, states, touched, held)
+        return Trajectory(t, q, v, p, tau, energy, *words, states, touched, held, self.scene)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,9 @@ from ..bodies.kinds import R1
 from ..errors import SimulationError
 from ..model.model import Model
 from .contact_record import ContactRecord
+
+if TYPE_CHECKING:
+    from .scene import Scene
 
 Array = NDArray[Any]
 
@@ -45,6 +48,7 @@ class Rollout:
     states    {name: (B, T, ...)}  states that it carried beside them, likewise: "bristles" (nv) of LuGre friction
               [rad | m], those of a control law
     contacts  ContactRecord of these states, likewise; None unless asked for
+    scene, method   the Scene, and the name of the method
     """
 
     q: Array
@@ -53,6 +57,8 @@ class Rollout:
     model: Model
     states: Mapping[str, Array] = field(default_factory=dict)
     contacts: ContactRecord | None = None
+    scene: Scene | None = None
+    method: str = ""
 
     @property
     def bristles(self) -> Array | None:

@@ -7,8 +7,7 @@ another through all steps, their states in the first-level cache.
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -16,11 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..actuation.friction import Friction
-from ..actuation.motors import Motor
-from ..calls.arguments import as_array, as_flag, as_number, broadcast, check_model
+from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.dynamics import calls
-from ..constraints.table import check_constraints
 from ..engines.compiled import numba_kernels
 from ..engines.programs import float32_range, recording, time_loop
 from ..engines.programs.program import Program
@@ -37,72 +33,62 @@ from .constrained import Held, accelerate, held_by, projected
 from .contact_steps import Touching, check_few, samples_unsolved, touching, unsolved
 from .control_laws import Control, check_control, step_kernel
 from .costs import Cost, check_cost, with_cost
-from .friction_steps import IMPLICIT, UNSOLVED, VIOLATION, Rubbing, rubbing
+from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_rubbing
+from .methods import EXPLICIT_METHODS
 from .rollout_result import PD, Rollout, with_pd
+from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
 from .solved_steps import solver
 from .springs import check_springs, has_springs
 from .system import State, System, held_torque
-from .traced_steps import EXPLICIT_METHODS, carried_by, step_specs
+from .traced_steps import carried_by, step_specs
 
 Array = NDArray[Any]
 
 
+@effects_in_scene("rollout")
 def rollout(
-    model: Model,
+    scene: Scene | Model,
     q0: ArrayLike,
     v0: ArrayLike,
     tau: ArrayLike | None = None,
     *,
     dt: float,
     steps: int | None = None,
-    method: str = "semi_implicit_euler",
+    method: str | None = "semi_implicit_euler",
     pd: PD | None = None,
-    record: int | str | None = None,
+    record: int | str | Sequence[int | str] | None = None,
     dtype: DTypeLike = np.float64,
     check: bool = True,
-    constraints: Any = None,
-    stabilization: float | None = None,
-    friction: Friction | bool | None = None,
-    friction_method: str = "implicit",
-    motor: Motor | None = None,
-    drive: str = "current",
     control: Control | None = None,
     states: Mapping[str, ArrayLike] | None = None,
-    contacts: Any = None,
-    limits: bool = False,
-    record_contacts: bool = False,
     cost: Cost | None = None,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
+    scene   Scene: the robot and what acts on it; a Model is a scene on which nothing else acts
     q0      (B, nq) or (nq,)  positions at the beginning [rad | m]
     v0      (B, nv) or (nv,)  velocities [rad/s | m/s]
     tau     (nv,), (T, nv) or (B, T, nv)  torques, held over each step [N m | N]; zero if left out
     dt      step [s]
     steps   T; needed if neither tau nor pd has an axis T
-    method  "semi_implicit_euler", "explicit_euler", "velocity_verlet" or "rk4", as in ``simulate``
+    method  "semi_implicit_euler", which takes every scene, "explicit_euler", "velocity_verlet" or "rk4", as in
+            ``simulate``; None for ``scene.method``
     pd      a control law, added to tau
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
-            left out, 1, or "last" with a cost
+            left out, 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
     check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
             stays
-    constraints    Constraints of this model, at most 36 equations, in float64; every start meets them
-    stabilization  T [s], at least 3 dt: errors of the constraints die away like exp(-t/T). If left out, each step ends
-                   with a projection: one Newton step of q, then v, as in ``simulate``
-    friction, friction_method  as in ``simulate``; with None none acts, and a warning says so where the URDF has some
-    motor, drive  as in ``simulate``: tau and pd give the torque that is wanted of the motors. Springs of series-elastic
-             joints act as there
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says
-    contacts, limits, record_contacts  as in ``simulate``, of at most 12 points; joint limits are ignored unless
-             limits=True. Coefficients are inputs: other friction or restitution compiles nothing. Beside dry joints or
-             constraints, of at most 36 impulses: three of a point, one of a joint
     cost     a Cost, summed over the steps in their program: ``run.cost`` (B,), beside the last state alone unless
              ``record`` says otherwise, which then records the sums so far too. Not with pd
 
+    A scene may have at most 36 equations of constraints, in float64; 12 points in contact, and beside dry joints or
+    constraints 36 impulses: three of a point, one of a joint. Coefficients of friction and contacts are inputs: others
+    compile nothing.
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
 
     Returns a Rollout, which unpacks as (q, v).
@@ -127,17 +113,17 @@ def rollout(
     >>> q.shape
     (100, 500, 2)
     """
-    check_model(model)
-    _choice("method", method, EXPLICIT_METHODS)
-    if friction is None and (model.damping.any() or model.friction.any()):
-        text = f'robot "{model.name}" has joint damping or friction, which rollout ignores unless friction=True'
-        warnings.warn(text, stacklevel=2)
+    scene = scene_of(scene)
+    model, found = scene.model, scene.rubs
+    method = check_method(scene, scene.method if method is None else method, EXPLICIT_METHODS)
+    warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    found = rubbing(model, friction, friction_method, method, float(dt), motor, drive)
+    check_rubbing(model, found, method, float(dt))
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
+    kept, record = _of_contacts(record)
     if cost is not None:
         if pd is not None:
             raise SimulationError("cost and pd are given, expected control in place of pd")
@@ -153,24 +139,21 @@ def rollout(
     T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
     inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
     inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
-    held = None
-    if constraints is not None or stabilization is not None:
+    if scene.constraints is not None:
         if number != np.float64:
             raise SimulationError(
                 f"dtype is {number}, expected float64 with constraints: rounding leaves 1e-7 of a dependent equation's "
                 "pivot, as 3e-4 rad from a branch point do of an independent one's"
             )
-        if constraints is not None and check_constraints(model, constraints).nc > recording.MOST_EQUATIONS:
+        if scene.constraints.nc > recording.MOST_EQUATIONS:
             most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
-            raise SimulationError(f"constraints have {constraints.nc} equations, {most}")
-        solved = contacts is not None or as_flag("limits", limits) or (found is not None and found.way == IMPLICIT)
-        known = [*EXPLICIT_METHODS]
-        held = held_by(model, constraints, stabilization, method, known, start[0], start[1], float(dt), solved)
+            raise SimulationError(f"constraints have {scene.constraints.nc} equations, {most}")
+    held = held_by(scene, start[0], start[1], float(dt))
     if found is not None:
         inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
     if held is not None:
         inputs |= {name: StepInput(x) for name, x in held.values.items()}
-    touch = touching(model, contacts, limits, record_contacts, method, start[0], found, held)
+    touch = touching(scene, kept, start[0], held)
     check_few(touch)
     extra: tuple[Argument, ...] = ()
     tables: tuple[Any, ...] = ()
@@ -198,7 +181,9 @@ def rollout(
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
     q, v, *after = [x[0] for x in records] if single else records
     touched = touch.record(q, after[0]) if touch is not None and touch.records else None
-    return Rollout(q, v, t, model, beside.shown(np.concatenate(after, axis=-1)) if after else {}, touched)
+    return Rollout(
+        q, v, t, model, beside.shown(np.concatenate(after, axis=-1)) if after else {}, touched, scene, method
+    )
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -285,7 +270,16 @@ def _step_input(name: str, x: Array, shape: tuple[int, int, int]) -> StepInput:
     return StepInput(np.ascontiguousarray(whole))
 
 
-def _every(record: int | str, steps: int) -> int:
+def _of_contacts(record: Any) -> tuple[bool, Any]:
+    """Whether "contacts" is among what is recorded, and the rest of the argument ``record``."""
+    asked = [*record] if isinstance(record, (tuple, list)) else [record]
+    rest = [x for x in asked if not (isinstance(x, str) and x == "contacts")]
+    if not asked or len(rest) > 1:
+        raise SimulationError(f'record is {record!r}, expected a number of steps or "last", "contacts", or both')
+    return len(rest) < len(asked), rest[0] if rest else None
+
+
+def _every(record: Any, steps: int) -> int:
     if isinstance(record, str) and record == "last":
         return max(1, steps)
     if isinstance(record, (int, np.integer)) and not isinstance(record, bool) and record >= 1:

@@ -28,7 +28,7 @@ from ..recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, R
 from ..recursions.friction import BRISTLES
 from ..recursions.impulse_step import impulse_step_spec
 from ..recursions.spec import Argument, Spec, shape_in, sizes_of
-from . import ledger
+from . import works
 from .constrained import Held, Rows, check_rank, motion_under
 from .contact_steps import RECORDED, WORST, Touching
 from .friction_steps import LUGRE, Rubbing, geared, law_of, rubbed_by, smooth_kernel
@@ -87,13 +87,13 @@ def solved_step(
     row = [now, select(more, now, worst), select(more, which, at), select(more, count, step), count + 1.0]
     row += [*parts["impulse"], *parts["stop"]] if own.name == RECORDED.name else []
     states = {own.name: np.array(row, after.dtype)}
-    if ledger.CONTACTS.name in given:
-        states[ledger.CONTACTS.name] = given[ledger.CONTACTS.name] + parts["energy"]
+    if works.CONTACTS.name in given:
+        states[works.CONTACTS.name] = given[works.CONTACTS.name] + parts["energy"]
     if law is not None and way is not None:
         if way == LUGRE:
             states[BRISTLES.name] = parts["bristles"]
         made = rubbed_by(way, dict(given), law, after, parts["bristles" if way == LUGRE else "friction"])
-        forces[ledger.FRICTION.name] = made if lost is None else made + lost
+        forces[works.FRICTION.name] = made if lost is None else made + lost
     return after, states, forces, parts
 
 
@@ -128,7 +128,7 @@ def traced(
     after, states, forces, parts = solved_step(solve, touch[0], way, given, tau, torques)
     if under is not None:
         force = np.array([x / given["dt"] for x in parts["reaction"]], object)
-        forces[ledger.CONSTRAINTS.name] = lambda way: force * under.rates(given["q"], way)
+        forces[works.CONSTRAINTS.name] = lambda way: force * under.rates(given["q"], way)
         residual, rank = parts["missed"]
         off = rank - under.rank
         under.wrong = under.wrong + exceeds(residual, CONTRADICTS) + exceeds(off * off, 0.5)
@@ -187,17 +187,17 @@ def solver(
 
         torques = {}
         if resist is not None:
-            torques[ledger.FRICTION.name] = resist(system.table, state.w)
+            torques[works.FRICTION.name] = resist(system.table, state.w)
         if pull is not None:
-            torques[ledger.SPRINGS.name] = pull(system.table, state.q, state.w)
+            torques[works.SPRINGS.name] = pull(system.table, state.q, state.w)
         if fext is not None and not general:
-            torques[ledger.EXTERNAL.name] = external(model, state.q, fext)
+            torques[works.EXTERNAL.name] = external(model, state.q, fext)
         given = {**fixed, **own, "q": state.q, "v": state.w, "dt": h}
         after, states, forces, parts = solved_step(answer, found.own, way, given, system.tau, torques)
         if held is not None:
             _judge(held, parts["missed"], system, state)
             force, J = parts["reaction"] / h, constraint_jacobian(model, held.constraints, np.array(state.q))
-            forces[ledger.CONSTRAINTS.name] = lambda way: force * (J @ way)
+            forces[works.CONSTRAINTS.name] = lambda way: force * (J @ way)
         return after, states, forces
 
     return solve

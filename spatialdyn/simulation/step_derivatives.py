@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuation.friction import Friction
 from ..bodies.kinds import LENGTHS, NV
 from ..bodies.table import independent
-from ..calls.arguments import as_array, batch_shape, broadcast, check_model, core_shape
+from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.dynamics import calls, checked_call
 from ..errors import SimulationError, SpatialDynError
 from ..model.model import Model
@@ -30,7 +30,9 @@ from ..recursions.spec import FEXT, TAU, Q, V
 from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from . import implicit_derivatives
 from .explicit import HALF_TURN
+from .friction_steps import LUGRE
 from .methods import integrators
+from .scene import Scene, scene_of
 from .springs import has_springs
 
 Array = NDArray[np.float64]
@@ -38,31 +40,28 @@ NO_LAW: tuple[Array | None, ...] = (None,) * 5
 
 
 def step_derivatives(
-    model: Model,
+    scene: Scene | Model,
     q: ArrayLike,
     v: ArrayLike,
     tau: ArrayLike,
     dt: ArrayLike,
     method: str = "semi_implicit_euler",
     fext: ArrayLike | None = None,
-    friction: Friction | bool | None = None,
 ) -> tuple[Array, Array]:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
     Source: see ``recursions.step_derivatives`` and ``simulation.implicit_derivatives``.
 
-    model   Model without springs
+    scene   Scene of constant forces and, in explicit methods, a Friction with ``smoothing``, whose smooth law acts, or
+            a Model; without springs. Others are refused: Coulomb's law has no derivative where a joint begins to stick
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
     dt      (...)              step [s]; negative goes back in time
     method  a name in ``integrators``, but "dop853" and "radau", whose steps adapt to a tolerance. The step is that of
             ``simulate`` from this state, without what a run before it may have left (compensated sums, chart centres)
-    fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m]; zero if left out
-    friction  False: none acts. With None none acts either, and a warning says so, once, where the URDF has some. A
-            Friction with ``smoothing``: its smooth law acts, as of ``rollout(friction_method="smooth")``, in explicit
-            methods. Others are refused: Coulomb's law has no derivative where a joint begins to stick. Motors,
-            constraints and contacts are no part of these steps either
+    fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m], beside those of the
+            scene; zero if left out
 
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
@@ -89,11 +88,13 @@ def step_derivatives(
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
     """
-    turns, law = _checked(model, friction)
+    scene, fext = _scene(scene, fext)
+    model = scene.model
+    turns, law = _checked(scene)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
         if law is not NO_LAW and method in integrators:
-            raise SimulationError(f"friction is given and method is {method!r}, expected one of {', '.join(STEPS)}")
+            raise SimulationError(f"friction acts and method is {method!r}, expected one of {', '.join(STEPS)}")
         return _implicit(model, q, v, tau, dt, method, fext)
     h = _steps(dt)[..., None]
     if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
@@ -106,14 +107,13 @@ def step_derivatives(
 
 
 def linearize(
-    model: Model,
+    scene: Scene | Model,
     q: ArrayLike,
     v: ArrayLike,
     tau: ArrayLike,
     dt: ArrayLike | None = None,
     method: str | None = None,
     fext: ArrayLike | None = None,
-    friction: Friction | bool | None = None,
 ) -> tuple[Array, Array]:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
@@ -129,36 +129,50 @@ def linearize(
     ([[0.0, 1.0], [-14.715, 0.0]], [[0.0], [3.0]])
     """
     if dt is not None and method is not None:
-        return step_derivatives(model, q, v, tau, dt, method, fext, friction)
+        return step_derivatives(scene, q, v, tau, dt, method, fext)
     if dt is not None or method is not None:
         given, lacking = ("dt", "method") if method is None else ("method", "dt")
         raise SpatialDynError(
             f"{given} is given and no {lacking}, expected both for a step or none for continuous time"
         )
-    _, law = _checked(model, friction)
+    scene, fext = _scene(scene, fext)
+    model = scene.model
+    _, law = _checked(scene)
     n = model.nv
     found = checked_call(MOTION, model, (q, v, tau, fext, *law), (), None)
     return found[..., : 2 * n], found[..., 2 * n :]
 
 
-def _checked(model: Model, friction: Any) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]:
+def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLike | None]:
+    """The scene, and its forces added to those of a call."""
+    scene = scene_of(given)
+    if scene.fext is not None:
+        fext = scene.fext if fext is None else as_array("fext", fext) + scene.fext
+    return scene, fext
+
+
+def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]:
     """The angular velocities of joints of several freedoms; coefficients of smooth friction, NO_LAW for none.
 
-    Raises for a model or friction without derivatives.
+    Raises for a model without derivatives, and for what acts and is no smooth force.
     """
-    fault, turns, rubs = _facts(check_model(model))
+    fault, turns, rubs = _facts(scene.model)
     if fault is not None:
         raise fault[0](fault[1])
-    if isinstance(friction, Friction) and friction.smoothing is not None:
-        given = friction.check(model)
-        return turns, (*given.law, given.smoothing)
-    if friction is not None and not (isinstance(friction, (bool, np.bool_)) and not friction):
+    rough = [x for x in scene.acts if x not in ("friction", "fext")]
+    friction = scene.friction
+    if isinstance(friction, Friction) and (friction.smoothing is None or scene.friction_method == LUGRE):
+        rough.append(f"{friction!r} by {scene.friction_method} steps")
+    if rough:
         raise SimulationError(
-            f"friction is {friction!r}, expected None, False or a Friction with smoothing: Coulomb's law has no "
-            "derivative where a joint begins to stick; a torque of your own has, by the chain rule with B"
+            f"{', '.join(rough)} acts in the scene, expected constant forces and a Friction with smoothing alone: "
+            "Coulomb's law has no derivative where a joint begins to stick; a torque of your own has, by the chain "
+            "rule with B"
         )
-    if rubs and friction is None:
-        _warn(model)
+    if isinstance(friction, Friction):
+        return turns, (*friction.law, friction.smoothing)
+    if rubs and scene.friction is None:
+        _warn(scene.model)
     return turns, NO_LAW
 
 

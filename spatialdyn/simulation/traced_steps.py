@@ -14,21 +14,16 @@ from ..recursions.aba import WORK, aba
 from ..recursions.configuration import integrate
 from ..recursions.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from . import explicit, ledger, solved_steps
+from . import explicit, solved_steps, works
 from .carried import Acting, carry, carry_solved
 from .constrained import Rows
 from .control_laws import inputs_of, law_on, moved_states, states_of
 from .friction_steps import COLUMNS, IMPLICIT, OWN, SMOOTH, smooth_torque, traced_step
+from .methods import EXPLICIT_METHODS
 from .rollout_result import with_pd
 from .springs import traced_springs
 from .system import OK, State, System, held_torque
 
-EXPLICIT_METHODS: dict[str, Callable[..., None]] = {
-    "explicit_euler": explicit.explicit_euler,
-    "semi_implicit_euler": explicit.semi_implicit_euler,
-    "velocity_verlet": explicit.velocity_verlet,
-    "rk4": explicit.rk4,
-}
 LAW = (
     Argument("kp", ("nv",), "N m/rad | N/m", "gains of position"),
     Argument("kd", ("nv",), "N m s/rad | N s/m", "gains of velocity"),
@@ -95,7 +90,7 @@ def step_specs(
     The states carried (of friction or contacts, of the control law, of work) come third, in inputs and among the Specs.
     """
     own = carried_by(way, control, work, touch)
-    moving = (*(() if control is None else moved_states(control)), *(x.name for x in work if x != ledger.PROJECTION))
+    moving = (*(() if control is None else moved_states(control)), *(x.name for x in work if x != works.PROJECTION))
 
     def after(rows: Any, inputs: dict[str, Any]) -> tuple[Any, ...]:
         q, v = inputs["q"].copy(), inputs["v"].copy()
@@ -105,18 +100,18 @@ def step_specs(
         under = Rows(rows, inputs) if held else None
 
         def free(system: System, q: Any, v: Any, a: Any) -> tuple[int, dict[str, Any]]:
-            powers = {ledger.TORQUE.name: system.tau * v}
+            powers = {works.TORQUE.name: system.tau * v}
             if way == SMOOTH:
                 friction = smooth_torque(rows, v, inputs)
-                powers[ledger.FRICTION.name] = friction * v
+                powers[works.FRICTION.name] = friction * v
                 system = system._replace(tau=system.tau + friction)
             pull = traced_springs(rows, q, v)
             if pull is not None:
-                powers[ledger.SPRINGS.name] = pull * v
+                powers[works.SPRINGS.name] = pull * v
                 system = system._replace(tau=system.tau + pull)
             (_accelerate if under is None else under.accelerate)(system, q, v, a)
-            if under is not None and ledger.CONSTRAINTS in work:
-                powers[ledger.CONSTRAINTS.name] = under.force * under.rates(q, v)
+            if under is not None and works.CONSTRAINTS in work:
+                powers[works.CONSTRAINTS.name] = under.force * under.rates(q, v)
             return OK, powers
 
         def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
@@ -126,10 +121,10 @@ def step_specs(
             """Project onto the constraints, if there are any, and count what that adds."""
             if under is None:
                 return
-            before = under.energy(q, v) if ledger.PROJECTION in work else None
+            before = under.energy(q, v) if works.PROJECTION in work else None
             under.project(q, v, not touch)
             if before is not None:
-                name = ledger.PROJECTION.name
+                name = works.PROJECTION.name
                 carried[name] = carried[name] + (under.energy(q, v) - before)
 
         law_now = None if control is None else law_on(control, rows, inputs)
@@ -139,9 +134,9 @@ def step_specs(
 
             def solve(tau: Any) -> Any:
                 pull = traced_springs(rows, inputs["q"], inputs["v"])
-                springs = {} if pull is None else {ledger.SPRINGS.name: pull}
+                springs = {} if pull is None else {works.SPRINGS.name: pull}
                 if touch:
-                    rubbed = {ledger.FRICTION.name: smooth_torque(rows, v, inputs)} if way == SMOOTH else {}
+                    rubbed = {works.FRICTION.name: smooth_torque(rows, v, inputs)} if way == SMOOTH else {}
                     solved_for = way if way in OWN else None
                     return solved_steps.traced(touch, rows, inputs, tau, solved_for, under, {**rubbed, **springs})
                 after, changed, forces = traced_step(str(way), rows, inputs, tau, under, pull)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from os import PathLike
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from ..calls.files import check_ending
 from ..errors import SpatialDynError
 from ..model.model import Model
 from .contact_record import ContactRecord
+
+if TYPE_CHECKING:
+    from .scene import Scene
 
 Array = NDArray[np.float64]
 ARRAY_FILES = (".npz",)
@@ -46,6 +49,7 @@ class Trajectory:
                  [rad | m], those of a control law, and work [J] if it was recorded
     contacts     ContactRecord of these times, None unless asked for
     spring_energy  (N,)    the part of energy that springs hold [J]; None without springs
+    scene        the Scene that was simulated; None after ``load`` without a model
     """
 
     t: Array
@@ -62,6 +66,7 @@ class Trajectory:
     states: Mapping[str, Array] = field(default_factory=dict)
     contacts: ContactRecord | None = None
     spring_energy: Array | None = None
+    scene: Scene | None = None
 
     @property
     def bristles(self) -> Array | None:

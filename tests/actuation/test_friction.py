@@ -99,12 +99,16 @@ def test_one_coefficient_is_enough(arm: sd.Model) -> None:
     """The others are 0; a robot of any size takes it, in every call with friction."""
     only = sd.Friction(viscous=5)
     np.testing.assert_allclose(sd.friction_torque(arm, [0.5, -2.0], only), [-2.5, 10.0])
-    run = sd.simulate(arm, [0.1, 0.2], [0.0, 0.0], 0.05, 1e-3, friction=only)
-    many = sd.rollout(arm, [0.1, 0.2], [0.0, 0.0], dt=1e-3, steps=50, friction=only)
+    run = sd.simulate(sd.Scene(arm, friction=only), [0.1, 0.2], [0.0, 0.0], 0.05, 1e-3)
+    many = sd.rollout(sd.Scene(arm, friction=only), [0.1, 0.2], [0.0, 0.0], dt=1e-3, steps=50)
     np.testing.assert_array_equal(run.q[1:], many.q)
     by_name = sd.Friction(viscous={"joint1": 5, "joint2": 5})
-    np.testing.assert_array_equal(sd.simulate(arm, [0.1, 0.2], [0.0, 0.0], 0.05, 1e-3, friction=by_name).q, run.q)
-    A, _ = sd.step_derivatives(arm, [0.1, 0.2], [0, 0], [0, 0], 1e-3, friction=sd.Friction(viscous=5, smoothing=0.1))
+    np.testing.assert_array_equal(
+        sd.simulate(sd.Scene(arm, friction=by_name), [0.1, 0.2], [0.0, 0.0], 0.05, 1e-3).q, run.q
+    )
+    A, _ = sd.step_derivatives(
+        sd.Scene(arm, friction=sd.Friction(viscous=5, smoothing=0.1)), [0.1, 0.2], [0, 0], [0, 0], 1e-3
+    )
     assert A.shape == (4, 4)
 
 

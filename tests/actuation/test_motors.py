@@ -139,7 +139,10 @@ def test_one_motor_is_that_of_every_joint(arm: sd.Model) -> None:
         sd.torque_limits(arm, [1.0, -2.0], sd.Motor(K, R, V)),
         sd.torque_limits(arm, [1.0, -2.0], sd.Motor([K, K], R, V)),
     )
-    run = [sd.simulate(arm, [0, 0], [0, 0], 0.02, 1e-3, torque=[1, 2], motor=sd.Motor(k, R, V)).q for k in (K, [K, K])]
+    run = [
+        sd.simulate(sd.Scene(arm, motor=sd.Motor(k, R, V)), [0, 0], [0, 0], 0.02, 1e-3, torque=[1, 2]).q
+        for k in (K, [K, K])
+    ]
     np.testing.assert_array_equal(*run)
 
 

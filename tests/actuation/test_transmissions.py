@@ -149,7 +149,7 @@ def test_programs_table_kernels_and_runs_have_it(wrists: tuple[sd.Model, sd.Mode
         close(table_call(name, geared, *values), truth, 1e-11)
     after = sd.rollout(geared, x["q"], x["v"], x["tau"][0], dt=1e-3, steps=1)
     rubbed = sd.rollout(
-        geared, x["q"], x["v"], x["tau"][0], dt=1e-3, steps=1, friction=sd.Friction(np.zeros(geared.nv), 0.0)
+        sd.Scene(geared, friction=sd.Friction(np.zeros(geared.nv), 0.0)), x["q"], x["v"], x["tau"][0], dt=1e-3, steps=1
     )
     close(rubbed.v, after.v, 1e-11)
 

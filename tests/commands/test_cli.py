@@ -573,8 +573,8 @@ def test_simulate_lets_friction_act_and_says_what_it_took(tmp_path: Path, capsys
     assert "by semi_implicit_euler" in out
     model, friction = sd.load_urdf("two_link"), sd.Friction([0.4, 0.4], [0.1, 0.1])
     wanted = sd.simulate(
-        model, [0.5, -0.3], [0.0, 0.0], 0.2, 0.002, "semi_implicit_euler", friction=friction, record="work"
-    )  # fmt: skip
+        sd.Scene(model, friction=friction), [0.5, -0.3], [0.0, 0.0], 0.2, 0.002, "semi_implicit_euler", record="work"
+    )
     kept = Trajectory.load(path)
     np.testing.assert_array_equal(kept.q, wanted.q)
     lost = sd.energy_ledger(wanted).work["friction"][-1].sum()
@@ -640,7 +640,7 @@ def test_simulate_stops_at_limits_with_friction_and_shows_their_work(
     kept = Trajectory.load(path)
     assert 0.99 < kept.q.max() < 1.001
     model = sd.load_urdf(limited, mimic=True)
-    wanted = sd.simulate(model, [0.25], [0.0], 1.0, 1e-3, friction=True, limits=True)
+    wanted = sd.simulate(sd.Scene(model, friction=True, limits=True), [0.25], [0.0], 1.0, 1e-3)
     np.testing.assert_array_equal(kept.q, wanted.q)
 
 
@@ -653,7 +653,7 @@ def test_constraints_of_a_file_act_beside_joints_that_mimic_others(
     options = ["--duration", "0.2", "--dt", "1e-3", "--constraints", str(loops), "--save", path]
     assert run(capsys, "simulate", limited, *options)[0] == 0
     kept, alone = Trajectory.load(path), sd.load_urdf(limited, mimic=True)
-    wanted = sd.simulate(alone, [kept.q[0, 0]], [0.0], 0.2, 1e-3, friction=False)
+    wanted = sd.simulate(sd.Scene(alone, friction=False), [kept.q[0, 0]], [0.0], 0.2, 1e-3)
     np.testing.assert_allclose(kept.q[:, 0], wanted.q[:, 0], atol=1e-9)
     np.testing.assert_allclose(kept.q[:, 1], 0.5 * kept.q[:, 0], atol=1e-11)
 
@@ -679,13 +679,13 @@ def test_simulate_holds_the_constraints_of_a_file(tmp_path: Path, capsys: pytest
         (["--friction", "coulomb"], "--friction has 'coulomb', expected NAME=NUMBER"),
         (["--friction", "dry=1"], "--friction has dry, expected some of coulomb, viscous"),
         (["--friction", "coulomb=-1"], 'friction of joint "joint1": coulomb is -1'),
-        (["--friction", "--method", "rk4"], 'friction_method is "implicit" and method "rk4"'),
+        (["--friction", "--method", "rk4"], 'method is "rk4" and friction acts'),
         (["--constraints", "nowhere.toml"], "--constraints is 'nowhere.toml', which cannot be read"),
         (["--stabilization", "0.1"], "stabilization is 0.1, expected None: no constraints are given"),
         (["--ledger", "x.png"], "--ledger was given, expected --friction, --limits or --constraints beside"),
         (
             ["--limits", "--method", "rk4"],
-            'limits are to act and method is "rk4", expected method="semi_implicit_euler"',
+            'method is "rk4" and limits act, expected one of semi_implicit_euler',
         ),
         (["--seed", "-1"], "--seed is -1, expected a whole number of 0 or more"),
         (["--seed", "1", "--q0", "1,2"], "--q0 and --seed were given, expected one of them"),

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from dense import Array
 from grounded import DT, RISING, G, box, jacobian, mass, off_the_law, quadruped, stance
 from trees import random_state, random_tree
@@ -107,7 +108,7 @@ def test_a_ball_that_is_thrown_rolls_from_sliding() -> None:
     q, v = np.array([0, 0, r, 0, 0, 0, 1.0]), np.array([1.0, 0, 0, 0, 0, 0])
     sliding = sd.contact_step(model, contacts, q, v, np.zeros(6), DT)
     np.testing.assert_allclose((sliding.v - v)[[0, 4]] / DT, [-0.3 * G, 0.3 * G / (0.4 * r)], rtol=1e-12)
-    run = sd.rollout(model, q, v, dt=0.1 * DT, steps=4000, contacts=contacts)
+    run = sd.rollout(sd.Scene(model, contacts=contacts), q, v, dt=0.1 * DT, steps=4000)
     R = sd.frame_placement(model, run.q[-1], "ball")[:3, :3]
     v, w = R @ run.v[-1, :3], R @ run.v[-1, 3:]
     np.testing.assert_allclose(v, [5 / 7, 0, 0], atol=1e-3)  # of first order in the step
@@ -343,9 +344,9 @@ def test_more_heights_than_a_program_holds_are_read_by_the_table_kernel() -> Non
     found, wanted = (sd.contact_step(model, x, q, v, tau, DT) for x in (over, on))
     np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e-9)
     q[0, 2] += 1e-3  # gaps are measured along the normal
-    kept: dict[str, Any] = dict(record_contacts=True)
+    kept: dict[str, Any] = dict(record="contacts")
     runs = [
-        sd.simulate(model, q[0], np.zeros(18), 5 * DT, DT, "semi_implicit_euler", contacts=c, **kept)
+        scenes.simulate(model, q[0], np.zeros(18), 5 * DT, DT, "semi_implicit_euler", contacts=c, **kept)
         for c in (over, on)
     ]
     np.testing.assert_allclose(runs[0].v, runs[1].v, rtol=0.0, atol=1e-9)
@@ -360,7 +361,7 @@ def test_a_joint_stops_at_its_limits() -> None:
         .add_body("rod", None, "revolute", (0, 1, 0), inertia=(1.0, (0, 0, -0.5), np.eye(3)), limits=(-0.5, 0.25))
         .build(gravity=(0, 0, 0))
     )
-    contacts = sd.Contacts(model, {}, limits=True)
+    contacts = sd.Contacts(model, {}).with_limits()
     assert contacts.stops == ("rod_joint",)
     for q, v, after in ((0.25, 1.0, 0.0), (0.2499, 1.0, 0.1), (-0.5, -1.0, 0.0), (0.0, 1.0, 1.0), (0.25, -1.0, -1.0)):
         assert sd.contact_step(model, contacts, [q], [v], [0.0], DT).v[0] == pytest.approx(after, abs=1e-12)
@@ -373,7 +374,7 @@ def test_the_ground_pushes_a_joint_off_its_limit(push: float) -> None:
     made = sd.ModelBuilder("arm")
     made.add_body("rod", None, "revolute", (0, -1, 0), inertia=(1.0, (0.5, 0, 0), np.eye(3) / 12), limits=(0.0, 1.0))
     model = made.add_body("tip", "rod", "fixed", placement=(1, 0, 0)).build()
-    contacts = sd.Contacts(model, {"tip": 0.0}, terrain=sd.Plane(height=5e-4), limits=True)
+    contacts = sd.Contacts(model, {"tip": 0.0}, terrain=sd.Plane(height=5e-4)).with_limits()
     step = sd.contact_step(model, contacts, [0.0], [0.0], [-push], DT)
     assert step.v[0] == pytest.approx(5e-4 / RISING, rel=1e-9)
     assert step.residual <= 1e-9
@@ -389,7 +390,7 @@ def test_a_joint_before_at_and_beyond_its_limit_carries_a_foot_by_the_law(q: flo
     made.add_body("thigh", "body", "revolute", (0, 1, 0), inertia=inertia, limits=limits)
     made.add_body("shank", "thigh", "revolute", (0, 1, 0), (0.7, 0, 0), inertia, limits=limits)
     model = made.add_body("foot", "shank", "fixed", placement=(0.5, 0, 0)).build()
-    contacts = sd.Contacts(model, {"foot": 0.0}, terrain=sd.Plane(height=1e-4), limits=True, sweeps=sweeps)
+    contacts = sd.Contacts(model, {"foot": 0.0}, terrain=sd.Plane(height=1e-4), sweeps=sweeps).with_limits()
     state = np.array([0.0, q, 0.5 * q])
     state[0] -= sd.contact_gaps(model, contacts, state)[0]
     step = sd.contact_step(model, contacts, state, np.zeros(3), [-80.0, -3.0, -5.0], DT)
@@ -425,7 +426,7 @@ def test_limits_and_feet_are_solved_together() -> None:
 @pytest.mark.slow(quick="test_heights_between_four_are_bilinear_in_every_engine")
 def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> None:
     model, feet = quadruped()
-    contacts = sd.Contacts(model, feet, friction=0.5, restitution=0.3, limits=True)
+    contacts = sd.Contacts(model, feet, friction=0.5, restitution=0.3).with_limits()
     q, v, tau = states(model, contacts, 12, 7)
     rest = (np.full((1, 1), DT), contacts.friction[None], contacts.restitution[None])
     spec = CONTACT_STEP
@@ -512,7 +513,8 @@ def test_every_part_of_the_contacts_is_in_the_key_of_its_program() -> None:
         {}, {"sweeps": 1}, {"friction": 0.1}, {"terrain": sd.Plane(height=1e-3)}, {"limits": True},
         {"terrain": sd.Plane((0.0, 0.1, 1.0))}, {"restitution": 1.0}, {"points": {**feet, "lf_foot": 0.022}},
     ):  # fmt: skip
-        contacts = sd.Contacts(model, **{"points": feet, **changes})
+        contacts = sd.Contacts(model, **{"points": feet, **{x: y for x, y in changes.items() if x != "limits"}})
+        contacts = contacts.with_limits() if "limits" in changes else contacts
         step = sd.contact_step(model, contacts, q[0], v[0], tau[0], DT)
         found.append(tuple(np.round(step.v, 12)))
         kernel = np.empty((1, *recording.shape_of(CONTACT_STEP.output, model.bodies, (contacts.table,))))
@@ -551,7 +553,6 @@ def test_a_program_does_not_move_the_bodies_on_which_points_are_given(monkeypatc
         ({"friction": {"rf_foot": 0.5}}, sd.ConstraintError, "friction has points rf_foot, expected those of points"),
         ({"terrain": 3}, sd.ConstraintError, "terrain is 3, expected a Plane or a Heightfield"),
         ({"sweeps": 0}, sd.ConstraintError, "sweeps is 0, expected a whole number of 1 to 100"),
-        ({"limits": 1}, sd.SpatialDynError, "limits is 1, expected True or False"),
     ],
 )
 def test_what_is_no_contact_is_refused_by_name(changes: dict[str, Any], error: Any, words: str) -> None:

@@ -66,7 +66,9 @@ def test_mobility_counts_what_is_free_what_is_independent_and_gruebler() -> None
 def test_a_contact_record_has_impulses_gaps_residuals_and_stops() -> None:
     model = mass()
     contacts = sd.Contacts(model, {"z": 0.0}, friction=0.3)
-    run = sd.rollout(model, np.zeros(3), [1.0, 0.0, 0.0], dt=DT, steps=3, contacts=contacts, record_contacts=True)
+    run = sd.rollout(
+        sd.Scene(model, contacts=contacts), np.zeros(3), [1.0, 0.0, 0.0], dt=DT, steps=3, record="contacts"
+    )
     made = run.contacts
     assert isinstance(made, sd.ContactRecord)
     assert {name: x.shape for name, x in made._asdict().items()} == {

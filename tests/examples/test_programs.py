@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import scenes
 from example_runs import compiled, robots, run
 
 import spatialdyn as sd
@@ -55,7 +56,7 @@ def test_mppi_reaches_and_has_the_same_bits_on_any_number_of_threads(free_thread
         "control": sd.Control(module.LAW, {"knots": knots, "share": module.SHARE, "gain": gain}),
         "cost": sd.Cost(module.COST, {"goal": module.GOAL, "row": model.nv}),
     }  # fmt: skip
-    whole = sd.rollout(model, module.START, np.zeros(7), **words)
+    whole = scenes.rollout(model, module.START, np.zeros(7), **words)
     q, v, total = module.START, np.zeros(7), 0.0
     for k in range(module.STEPS):
         tau = gain * (module.SHARE[k] @ knots - v)

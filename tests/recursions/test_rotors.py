@@ -259,7 +259,7 @@ def test_constrained_dynamics_and_friction_steps_use_the_rotors_mass_matrix() ->
     J = sd.constraint_jacobian(model, held, q)
     M, bias = plainly(model, "crba", x), plainly(model, "nonlinear_effects", x)
     close(M @ found.a, tau - bias + J.T @ found.force, 1e-12)
-    after = sd.rollout(model, q, v, tau, dt=1e-3, steps=1, friction=sd.Friction(0.0, np.zeros(model.nv)))
+    after = sd.rollout(sd.Scene(model, friction=sd.Friction(0.0, np.zeros(model.nv))), q, v, tau, dt=1e-3, steps=1)
     a = np.linalg.solve(M, tau - bias)
     close(after.v[0], v + 1e-3 * a, 1e-12)
 

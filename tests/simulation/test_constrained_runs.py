@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from dense import Array
 from slow import slow_but
 
@@ -37,7 +38,7 @@ def test_a_loop_stays_closed_by_projection(method: str) -> None:
     """Drift is of rounding: the step opens the loop by h², Newton's step leaves its square."""
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    run = sd.simulate(model, q, v, 0.5, 1e-3, method, constraints=held)
+    run = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.5, 1e-3, method)
     phi, Jv = left_open(model, held, run.q, run.v)
     assert phi <= (1e-14 if method == "rk4" else 1e-9)
     assert Jv <= 1e-13
@@ -48,8 +49,8 @@ def test_a_four_bar_moves_as_its_one_freedom() -> None:
     """θ̈ of the run's own (θ, θ̇), by differences; and the same motion in three times as many steps."""
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    coarse = sd.simulate(model, q, v, 0.6, 2e-3, constraints=held)
-    fine = sd.simulate(model, q, v, 0.6, 1e-3, constraints=held)
+    coarse = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.6, 2e-3)
+    fine = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.6, 1e-3)
     assert abs(coarse.q - fine.q[::2]).max() <= 1e-7
     assert abs(coarse.q - fine.q[::2]).max() >= 1e-12
     found = np.gradient(fine.v[:, 0], fine.t)[1:-1]
@@ -62,8 +63,10 @@ def test_a_rollout_is_so_many_constrained_simulations(method: str) -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held, tau = pin_of(model), np.random.default_rng(0).normal(size=(12, 3))
     for T in (None, 0.05):
-        found = sd.rollout(model, np.tile(q, (9, 1)), v, tau, dt=1e-3, method=method, constraints=held, stabilization=T)
-        wanted = sd.simulate(model, q, v, 0.012, 1e-3, method, tau, constraints=held, stabilization=T)
+        found = sd.rollout(
+            sd.Scene(model, constraints=held, stabilization=T), np.tile(q, (9, 1)), v, tau, dt=1e-3, method=method
+        )
+        wanted = sd.simulate(sd.Scene(model, constraints=held, stabilization=T), q, v, 0.012, 1e-3, method, tau)
         assert abs(found.q - wanted.q[1:]).max() <= 1e-13
         assert abs(found.v - wanted.v[1:]).max() <= 1e-12
 
@@ -72,12 +75,12 @@ def test_the_program_and_the_calls_take_the_same_steps(monkeypatch: pytest.Monke
     """A function of Python as torque runs by calls, a torque that is held in one program."""
     model, (q, v) = four_bar(), four_bar_state()
     held, tau = pin_of(model), np.array([0.1, 0.0, -0.1])
-    at_once = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, constraints=held)
+    at_once = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, torque=tau)
     assert program_steps._kernel.cache_info().currsize
-    by_calls = sd.simulate(model, q, v, 0.05, 1e-3, torque=lambda t, q, v: tau, constraints=held)
+    by_calls = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, torque=lambda t, q, v: tau)
     assert abs(at_once.q - by_calls.q).max() <= 1e-13
     pd = sd.PD(kp=[3.0, 0, 0], kd=[0.1, 0, 0], q_ref=[1.0, 0, 0])
-    run = sd.rollout(model, q, v, dt=1e-3, steps=2000, pd=pd, constraints=held)
+    run = sd.rollout(sd.Scene(model, constraints=held), q, v, dt=1e-3, steps=2000, pd=pd)
     assert abs(run.v[-1]).max() < abs(run.v).max()
     assert left_open(model, held, run.q, run.v)[0] <= 1e-9
 
@@ -86,11 +89,11 @@ def test_stabilization_is_a_time_in_which_errors_die() -> None:
     """φ and J v stay of the order of a step's error; after a start that is open by 1e-7, they die like exp(-t/T)."""
     model, (q, v) = four_bar(), four_bar_state()
     held, T = pin_of(model), 0.02
-    run = sd.simulate(model, q, v, 0.5, 1e-3, constraints=held, stabilization=T)
+    run = sd.simulate(sd.Scene(model, constraints=held, stabilization=T), q, v, 0.5, 1e-3)
     phi, _ = left_open(model, held, run.q, run.v)
     assert 1e-13 <= phi <= 1e-7
     off = q + np.array([3e-7, 0, 0])
-    run = sd.simulate(model, off, 0 * v, 0.2, 1e-3, constraints=held, stabilization=T)
+    run = sd.simulate(sd.Scene(model, constraints=held, stabilization=T), off, 0 * v, 0.2, 1e-3)
     errors = abs(sd.constraint_error(model, held, run.q)).max(axis=1)
     wanted = errors[0] * (1 + run.t / T) * np.exp(-run.t / T)  # φ̈ + 2 φ̇/T + φ/T² = 0 from rest
     assert abs(errors - wanted).max() <= 0.05 * errors[0]
@@ -113,7 +116,7 @@ def test_gains_of_ten_over_the_step_explode() -> None:
     assert (explodes[1:] > 50.0 * explodes[:-1]).all()
     assert errors(3 * dt).max() <= 1e-5
     with pytest.raises(sd.SimulationError, match=r"stabilization is 0\.0001 s, expected at least 3 dt = 0\.003 s"):
-        sd.simulate(model, q, v, 0.1, dt, constraints=held, stabilization=dt / 10)
+        sd.simulate(sd.Scene(model, constraints=held, stabilization=dt / 10), q, v, 0.1, dt)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +127,7 @@ def test_rattle_keeps_energy_within_bounds(h: float, steps: int, wanted: float) 
     """The error is of order h² and does not grow; loop and velocities are closed to rounding."""
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    run = sd.simulate(model, q, v, steps * h, h, "stormer_verlet", constraints=held)
+    run = sd.simulate(sd.Scene(model, constraints=held), q, v, steps * h, h, "stormer_verlet")
     assert abs(run.energy - run.energy[0]).max() == pytest.approx(wanted, rel=1e-3)
     phi, Jv = left_open(model, held, run.q, run.v)
     assert phi <= 1e-14
@@ -142,7 +145,7 @@ def bead() -> tuple[sd.Model, sd.Constraints, Array, float]:
 
 def test_a_pendulum_as_a_particle_swings_in_its_period() -> None:
     model, held, q, period = bead()
-    end = sd.simulate(model, q, np.zeros(2), period, period / 2000, constraints=held)
+    end = sd.simulate(sd.Scene(model, constraints=held), q, np.zeros(2), period, period / 2000)
     assert abs(end.q[-1] - q).max() <= 1e-12
     assert abs(end.v[-1]).max() <= 1e-10
 
@@ -152,7 +155,7 @@ def test_a_pendulum_drifts_least_where_errors_die_in_ten_steps(steps: float, wan
     """Largest |φ| of 20 periods in steps of a hundredth, by a time of so many steps; in 1e6 it is as without."""
     model, held, q, period = bead()
     dt = period / 100
-    run = sd.simulate(model, q, np.zeros(2), 20 * period, dt, constraints=held, stabilization=steps * dt)
+    run = sd.simulate(sd.Scene(model, constraints=held, stabilization=steps * dt), q, np.zeros(2), 20 * period, dt)
     assert abs(sd.constraint_error(model, held, run.q)).max() == pytest.approx(wanted, rel=3e-3)
 
 
@@ -164,19 +167,19 @@ def test_a_pendulums_energy_errs_by_6e_3_joule_in_both_symplectic_methods() -> N
         (100, "variational", 6.2e-3),
         (200, "variational", 1.56e-3),
     ):
-        run = sd.simulate(model, q, np.zeros(2), period, period / steps, method, constraints=held)
+        run = sd.simulate(sd.Scene(model, constraints=held), q, np.zeros(2), period, period / steps, method)
         assert np.ptp(run.energy) == pytest.approx(wanted, rel=5e-3)
 
 
 def test_rattle_is_of_order_two_and_reversible() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    exact = sd.simulate(model, q, v, 0.2, 5e-4, constraints=held).q[-1]
+    exact = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.2, 5e-4).q[-1]
     errors = []
     for h in (4e-3, 2e-3):
-        run = sd.simulate(model, q, v, 0.2, h, "stormer_verlet", constraints=held)
+        run = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.2, h, "stormer_verlet")
         errors.append(abs(run.q[-1] - exact).max())
-        back = sd.simulate(model, run.q[-1], -run.v[-1], 0.2, h, "stormer_verlet", constraints=held)
+        back = sd.simulate(sd.Scene(model, constraints=held), run.q[-1], -run.v[-1], 0.2, h, "stormer_verlet")
         assert abs(back.q[-1] - q).max() <= 1e-11
     assert 3.5 <= errors[0] / errors[1] <= 4.5
 
@@ -184,10 +187,10 @@ def test_rattle_is_of_order_two_and_reversible() -> None:
 def test_rattle_takes_torques() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    run = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", [0.5, 0, 0], constraints=held)
-    wanted = sd.simulate(model, q, v, 0.1, 1e-3, "rk4", [0.5, 0, 0], constraints=held)
+    run = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, 1e-3, "stormer_verlet", [0.5, 0, 0])
+    wanted = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, 1e-3, "rk4", [0.5, 0, 0])
     assert abs(run.q[-1] - wanted.q[-1]).max() <= 1e-5
-    damped = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", lambda t, q, v: -0.1 * v, constraints=held)
+    damped = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, 1e-3, "stormer_verlet", lambda t, q, v: -0.1 * v)
     assert damped.energy[-1] < damped.energy[0] - 1e-3
 
 
@@ -199,8 +202,8 @@ def test_external_forces_act_under_constraints(method: str) -> None:
     fext = np.zeros((model.njoints, 6))
     fext[3, 1] = 3.0  # at the pivot it has no moment
     fext[3, 5] = moment
-    run = sd.simulate(model, q, v, 0.05, 1e-3, method, fext=fext, constraints=held)
-    wanted = sd.simulate(model, q, v, 0.05, 1e-3, method, [0, 0, moment], constraints=held)
+    run = sd.simulate(sd.Scene(model, fext=fext, constraints=held), q, v, 0.05, 1e-3, method)
+    wanted = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, method, [0, 0, moment])
     assert abs(run.q - wanted.q).max() <= 1e-12
     assert abs(run.v - wanted.v).max() <= 1e-11
 
@@ -209,18 +212,18 @@ def test_the_variational_integrator_keeps_a_loop_closed_and_energy_bounded() -> 
     """|φ| of rounding; an error of order h², that does not grow; and the map back in time is its inverse."""
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    exact = sd.simulate(model, q, v, 0.2, 5e-4, constraints=held).q[-1]
+    exact = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.2, 5e-4).q[-1]
     errors = []
     for h in (4e-3, 2e-3):
-        run = sd.simulate(model, q, v, 0.2, h, "variational", constraints=held)
+        run = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.2, h, "variational")
         errors.append(abs(run.q[-1] - exact).max())
         phi, Jv = left_open(model, held, run.q, run.v)
         assert phi <= 1e-14
         assert Jv <= 1e-13
-        back = sd.simulate(model, run.q[-1], -run.v[-1], 0.2, h, "variational", constraints=held)
+        back = sd.simulate(sd.Scene(model, constraints=held), run.q[-1], -run.v[-1], 0.2, h, "variational")
         assert abs(back.q[-1] - q).max() <= 1e-12
     assert 3.5 <= errors[0] / errors[1] <= 4.5
-    long = sd.simulate(model, q, v, 6.0, 4e-3, "variational", constraints=held)
+    long = sd.simulate(sd.Scene(model, constraints=held), q, v, 6.0, 4e-3, "variational")
     off = abs(long.energy - long.energy[0])
     assert off.max() <= 1.01 * off[:500].max()
     assert off.max() <= 3e-3
@@ -238,8 +241,8 @@ def test_symplectic_methods_under_constraints_have_the_armatures_of_forward_dyna
     if method == "stormer_verlet":
         model, (q, v) = four_bar().with_(armature={"crank_joint": 0.01, "rocker_joint": 0.02}), four_bar_state()
         held = pin_of(model)
-    exact = sd.simulate(model, q, v, 0.1, 5e-4, constraints=held)
-    coarse, fine = (sd.simulate(model, q, v, 0.1, h, method, constraints=held) for h in (4e-3, 2e-3))
+    exact = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, 5e-4)
+    coarse, fine = (sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, h, method) for h in (4e-3, 2e-3))
     assert abs((4.0 * fine.q[-1] - coarse.q[-1]) / 3.0 - exact.q[-1]).max() <= 1e-8
 
 
@@ -251,8 +254,8 @@ def test_the_variational_integrator_takes_quaternions() -> None:
     held = sd.Constraints(model, [sd.PointConstraint("top", at_a=(0, 0, 0.3))])
     q = sd.project_configuration(model, held, sd.normalize(model, [0, 0, -0.3, 0.1, 0.2, 0, 0.97]))
     v = sd.project_velocity(model, held, q, [0, 0, 0, 0.5, -0.3, 3.0])
-    runs = [sd.simulate(model, q, v, 1.0, h, "variational", constraints=held) for h in (4e-3, 2e-3)]
-    exact = sd.simulate(model, q, v, 1.0, 1e-3, constraints=held)
+    runs = [sd.simulate(sd.Scene(model, constraints=held), q, v, 1.0, h, "variational") for h in (4e-3, 2e-3)]
+    exact = sd.simulate(sd.Scene(model, constraints=held), q, v, 1.0, 1e-3)
     errors = [abs(sd.difference(model, run.q[-1], exact.q[-1])).max() for run in runs]
     assert 3.5 <= errors[0] / errors[1] <= 4.5
     phi, Jv = left_open(model, held, runs[0].q, runs[0].v)
@@ -275,7 +278,7 @@ def test_what_rattle_cannot_do() -> None:
     def refused(model: sd.Model, items: Any, q: Any, v: Any, **options: Any) -> str:
         held = sd.Constraints(model, items)
         with pytest.raises(sd.SimulationError) as caught:
-            sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, **options)
+            scenes.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, **options)
         return str(caught.value)
 
     still = np.zeros(3)
@@ -317,7 +320,7 @@ def test_a_quadruped_holds_its_feet() -> None:
     )
     v = sd.project_velocity(model, feet, q, np.random.default_rng(0).normal(size=model.nv))
     pd = sd.PD(np.r_[np.zeros(6), 80.0 * np.ones(12)], np.r_[np.zeros(6), 2.0 * np.ones(12)], q)
-    run = sd.rollout(model, q, v, dt=2e-3, steps=200, pd=pd, constraints=feet)
+    run = sd.rollout(sd.Scene(model, constraints=feet), q, v, dt=2e-3, steps=200, pd=pd)
     for name, at, start in zip(held, places(run.q), places(q), strict=True):
         assert abs(at - start).max() <= 1e-8, name
     assert abs(run.v[-1]).max() <= 0.05 * abs(run.v[0]).max()
@@ -333,7 +336,7 @@ def test_chaplygins_sleigh() -> None:
     made.add_body("sleigh", None, "planar", (0, 0, 1), inertia=(m, (a, 0, 0), np.diag([0.1, 0.2, I])))
     model = made.build()
     blade = sd.Constraints(model, [sd.VelocityConstraint([0, 1, 0], name="blade")])
-    run = sd.simulate(model, [0, 0, 0], [u0, 0, w0], t, 1e-3, constraints=blade)
+    run = sd.simulate(sd.Scene(model, constraints=blade), [0, 0, 0], [u0, 0, w0], t, 1e-3)
     k = math.sqrt((I + m * a * a) / m)
     V = math.hypot(u0, k * w0)
     phase = a * V * t / k**2 + math.atanh(u0 / V)
@@ -350,7 +353,7 @@ def test_a_knife_edge_on_an_incline_does_not_slide_down() -> None:
     made.add_body("blade", None, "planar", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.diag([0.1, 0.2, 0.3])))
     model = made.build(gravity=(G * math.sin(beta), 0, -G * math.cos(beta)))
     edge = sd.Constraints(model, [sd.VelocityConstraint([0, 1, 0])])
-    run = sd.simulate(model, [0, 0, 0], [0, 0, w], t, 1e-3, constraints=edge)
+    run = sd.simulate(sd.Scene(model, constraints=edge), [0, 0, 0], [0, 0, w], t, 1e-3)
     c = G * math.sin(beta) / (2 * w * w)
     wanted = [c * math.sin(w * t) ** 2, c * (w * t - 0.5 * math.sin(2 * w * t)), w * t]
     assert wanted[1] == pytest.approx(1.1022661783, abs=1e-9)
@@ -377,7 +380,7 @@ def test_a_thin_disc_stands_upright_when_it_rolls_fast() -> None:
         v = np.array([0, 0, 0, 0, factor * critical, 0])
         J = sd.constraint_jacobian(model, held, q)
         v[:3] = np.linalg.solve(J[:, :3], -J[:, 3:] @ v[3:])
-        run = sd.simulate(model, q, v, 3.0, 1e-3, constraints=held)
+        run = sd.simulate(sd.Scene(model, constraints=held), q, v, 3.0, 1e-3)
         tilt = np.arcsin(sd.frame_placement(model, run.q, "disc")[:, 2, 1])
         leans.append(abs(tilt).max())
         assert abs(run.q[:, 2] - r * np.cos(tilt)).max() <= 1e-11  # it touches the ground
@@ -395,7 +398,7 @@ def test_a_wheel_held_upright_rolls_in_a_circle() -> None:
     model = made.build()
     held = sd.Constraints(model, [sd.RollingConstraint("wheel", (0, 1, 0), r)])
     v = np.array([r * spin, 0.0, turn, spin])
-    run = sd.simulate(model, np.zeros(4), v, 2 * math.pi / turn, 1e-3, constraints=held)
+    run = sd.simulate(sd.Scene(model, constraints=held), np.zeros(4), v, 2 * math.pi / turn, 1e-3)
     assert np.ptp(run.q[:, 1]) == pytest.approx(2 * r * spin / turn, rel=1e-4)
     assert run.q[-1, :2] == pytest.approx([0, 0], abs=1e-6)
     assert sd.constrained_dynamics(model, held, run.q[0], v, np.zeros(4)).rank == 2
@@ -409,7 +412,7 @@ def test_a_sphere_rolls_down_an_incline() -> None:
     model = made.build(gravity=(G * math.sin(beta), 0, -G * math.cos(beta)))
     held = sd.Constraints(model, [sd.RollingConstraint("ball", None, r)])
     q = sd.normalize(model, [0, 0, r, 0.1, 0.2, 0.3, 0.9])
-    run = sd.simulate(model, q, np.zeros(6), 1.0, 1e-3, constraints=held)
+    run = sd.simulate(sd.Scene(model, constraints=held), q, np.zeros(6), 1.0, 1e-3)
     assert run.q[-1, :3] == pytest.approx([0.5 * G * math.sin(beta) / 1.4, 0, r], abs=1e-7)
 
 
@@ -420,35 +423,35 @@ def test_starts_that_do_not_meet_the_constraints_are_refused() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
     with pytest.raises(sd.ConstraintError, match=r"^pin x is open by 0\.914.* mm, .* at the beginning; project_config"):
-        sd.simulate(model, q + 1e-3, v, 0.1, 1e-3, constraints=held)
+        sd.simulate(sd.Scene(model, constraints=held), q + 1e-3, v, 0.1, 1e-3)
     with pytest.raises(sd.ConstraintError, match=r"^v0 moves pin x at 0\.00914, expected 0; project_velocity gives"):
-        sd.simulate(model, q, v + 1e-2, 0.1, 1e-3, constraints=held)
+        sd.simulate(sd.Scene(model, constraints=held), q, v + 1e-2, 0.1, 1e-3)
     starts, speeds = np.tile(q, (5, 1)), np.tile(v, (5, 1))
     speeds[3] += 1e-2
     with pytest.raises(sd.ConstraintError, match=r"^v0 of sample 3 moves pin x"):
-        sd.rollout(model, starts, speeds, dt=1e-3, steps=3, constraints=held)
+        sd.rollout(sd.Scene(model, constraints=held), starts, speeds, dt=1e-3, steps=3)
     starts[2] += 1e-3
     with pytest.raises(sd.ConstraintError, match=r"^pin x is open by .* mm in sample 2"):
-        sd.rollout(model, starts, speeds, dt=1e-3, steps=3, constraints=held)
+        sd.rollout(sd.Scene(model, constraints=held), starts, speeds, dt=1e-3, steps=3)
 
 
 def test_what_runs_under_constraints_cannot_do() -> None:
     model, (q, v) = four_bar(), four_bar_state()
     held = pin_of(model)
-    with pytest.raises(sd.SimulationError, match="method is 'gauss4', expected one that takes constraints: explicit_"):
-        sd.simulate(model, q, v, 0.1, 1e-3, "gauss4", constraints=held)
+    with pytest.raises(sd.SimulationError, match='method is "gauss4" and constraints act, expected one of explicit_'):
+        sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, 1e-3, "gauss4")
     sliding, still = sd.Constraints(model, [sd.VelocityConstraint([1.0, 0, 0])]), np.zeros(3)
     with pytest.raises(sd.SimulationError, match=r"variational is given VelocityConstraint\(\), expected equations of"):
-        sd.simulate(model, q, still, 0.1, 1e-3, "variational", constraints=sliding)
+        sd.simulate(sd.Scene(model, constraints=sliding), q, still, 0.1, 1e-3, "variational")
     with pytest.raises(sd.SimulationError, match=r"stabilization is 0\.1, expected None: no constraints are given"):
-        sd.simulate(model, q, v, 0.1, 1e-3, stabilization=0.1)
+        sd.simulate(sd.Scene(model, stabilization=0.1), q, v, 0.1, 1e-3)
     with pytest.raises(sd.SimulationError, match="dtype is float32, expected float64 with constraints"):
-        sd.rollout(model, q, v, dt=1e-3, steps=1, dtype=np.float32, constraints=held)
+        sd.rollout(sd.Scene(model, constraints=held), q, v, dt=1e-3, steps=1, dtype=np.float32)
     with pytest.raises(sd.ModelError, match="constraints are of another model"):
-        sd.simulate(four_bar(0.3), q, v, 0.1, 1e-3, constraints=held)
+        sd.simulate(sd.Scene(four_bar(0.3), constraints=held), q, v, 0.1, 1e-3)
     many = sd.Constraints(model, [*held] * 13)
     with pytest.raises(sd.SimulationError, match="constraints have 39 equations, expected at most 36 in a rollout"):
-        sd.rollout(model, q, v, dt=1e-3, steps=1, constraints=many)
+        sd.rollout(sd.Scene(model, constraints=many), q, v, dt=1e-3, steps=1)
 
 
 @pytest.mark.slow(quick="test_what_runs_under_constraints_cannot_do")
@@ -458,8 +461,8 @@ def test_many_equations_run_by_the_table_kernel() -> None:
     held = pin_of(model)
     many = sd.Constraints(model, [*held] * 13)
     assert sd.constrained_dynamics(model, many, q, v, np.zeros(3)).rank == 2
-    run = sd.simulate(model, q, v, 0.01, 1e-3, constraints=many)
-    assert abs(run.q - sd.simulate(model, q, v, 0.01, 1e-3, constraints=held).q).max() <= 1e-12
+    run = sd.simulate(sd.Scene(model, constraints=many), q, v, 0.01, 1e-3)
+    assert abs(run.q - sd.simulate(sd.Scene(model, constraints=held), q, v, 0.01, 1e-3).q).max() <= 1e-12
 
 
 def test_smooth_friction_acts_under_constraints() -> None:
@@ -471,17 +474,17 @@ def test_smooth_friction_acts_under_constraints() -> None:
     def law(t: float, q: Array, v: Array) -> Array:
         return -(0.02 * np.tanh(v / 0.05) + np.array([0.01, 0.02, 0.0]) * v)
 
-    wanted = sd.simulate(model, q, v, 0.1, 1e-3, torque=law, constraints=held)
-    at_once = sd.simulate(model, q, v, 0.1, 1e-3, constraints=held, friction=rubbing, **how)
-    by_calls = sd.simulate(
+    wanted = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.1, 1e-3, torque=law)
+    at_once = scenes.simulate(model, q, v, 0.1, 1e-3, constraints=held, friction=rubbing, **how)
+    by_calls = scenes.simulate(
         model, q, v, 0.1, 1e-3, torque=lambda t, q, v: 0 * v, constraints=held, friction=rubbing, **how
     )
-    many = sd.rollout(
+    many = scenes.rollout(
         model, np.tile(q, (9, 1)), v, dt=1e-3, steps=100, method="rk4", constraints=held, friction=rubbing, **how
     )
     for found in (at_once.q, by_calls.q, np.vstack([q, many.q[4]])):
         assert abs(found - wanted.q).max() <= 1e-12
-    rattle = sd.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, friction=rubbing, **how)
+    rattle = scenes.simulate(model, q, v, 0.1, 1e-3, "stormer_verlet", constraints=held, friction=rubbing, **how)
     assert abs(rattle.q[-1] - wanted.q[-1]).max() <= 1e-5
     assert wanted.energy[-1] < wanted.energy[0] - 1e-3
 
@@ -496,7 +499,7 @@ def test_bristles_share_the_load_of_a_loop() -> None:
     """A four-bar that its joints hold: it comes to rest where σ z balances gravity in its one freedom."""
     model, (q, v) = four_bar(), four_bar_state()
     held, how = pin_of(model), {"method": "semi_implicit_euler", "friction_method": "lugre"}
-    run = sd.rollout(model, q, 0 * v, dt=1e-3, steps=3000, constraints=held, friction=bristly(2.0), **how)
+    run = scenes.rollout(model, q, 0 * v, dt=1e-3, steps=3000, constraints=held, friction=bristly(2.0), **how)
     end, z = run.q[-1], run.states["bristles"][-1]
     assert abs(run.v[-1]).max() <= 1e-8
     assert abs(end - q).max() <= 0.01
@@ -513,14 +516,17 @@ def test_bristles_under_constraints_are_the_same_on_lanes_in_a_program_and_by_ca
     model, (q, v) = four_bar(), four_bar_state()
     held, friction, tau = pin_of(model), bristly(0.05), np.array([0.1, 0.0, -0.1])
     how = {"constraints": held, "friction": friction, "friction_method": "lugre", "method": "semi_implicit_euler"}
-    at_once = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **how)
-    by_calls = sd.simulate(model, q, v, 0.05, 1e-3, torque=lambda t, q, v: tau, **how)
-    many = sd.rollout(model, np.tile(q, (9, 1)), v, tau, dt=1e-3, steps=50, **how)
+    at_once = scenes.simulate(model, q, v, 0.05, 1e-3, torque=tau, **how)
+    by_calls = scenes.simulate(model, q, v, 0.05, 1e-3, torque=lambda t, q, v: tau, **how)
+    many = scenes.rollout(model, np.tile(q, (9, 1)), v, tau, dt=1e-3, steps=50, **how)
     for found in (by_calls.q[1:], many.q[4]):
         assert abs(found - at_once.q[1:]).max() <= 1e-12
-    assert at_once.energy[-1] < sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, constraints=held).energy[-1] - 1e-3
-    unheld = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": sd.Constraints(model, [])}))
-    free = sd.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": None}))
+    assert (
+        at_once.energy[-1]
+        < sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, torque=tau).energy[-1] - 1e-3
+    )
+    unheld = scenes.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": sd.Constraints(model, [])}))
+    free = scenes.simulate(model, q, v, 0.05, 1e-3, torque=tau, **(how | {"constraints": None}))
     assert abs(unheld.q - free.q).max() <= 1e-12
 
 
@@ -531,10 +537,16 @@ def test_the_ledger_of_bristles_under_constraints_closes(torque: Any) -> None:
     held, errors = pin_of(model), []
     for h in (1e-3, 5e-4):
         run = sd.simulate(
-            model, q, v, 0.1, h, "semi_implicit_euler", torque, constraints=held, friction=bristly(0.05),
-            friction_method="lugre", record="work",
-        )  # fmt: skip
-        found = sd.energy_ledger(run, held)
+            sd.Scene(model, constraints=held, friction=bristly(0.05), friction_method="lugre"),
+            q,
+            v,
+            0.1,
+            h,
+            "semi_implicit_euler",
+            torque,
+            record="work",
+        )
+        found = sd.energy_ledger(run)
         assert found.work["friction"][-1].sum() < -1e-3
         assert abs(found.work["constraints"].sum(axis=1)).max() <= 0.02 * abs(found.change).max()
         errors.append(abs(found.error).max())
@@ -549,11 +561,11 @@ def test_a_branch_point_is_named_with_its_time() -> None:
     flat, rate = np.zeros(3), np.array([1.0, -1.0, 1.0])
     text = r"step from t = 0\S* s: the rank of pin is 2, at the beginning it was 1: a branch point"
     with pytest.raises(sd.SimulationError, match=text) as caught:
-        sd.simulate(model, flat, rate, 0.1, 1e-2, constraints=held)
+        sd.simulate(sd.Scene(model, constraints=held), flat, rate, 0.1, 1e-2)
     assert len(caught.value.trajectory.t) >= 1
     with pytest.raises(sd.SimulationError, match=r"sample 0, " + text):
-        sd.rollout(model, np.tile(flat, (3, 1)), rate, dt=1e-2, steps=5, constraints=held)
-    lost = sd.rollout(model, np.tile(flat, (3, 1)), rate, dt=1e-2, steps=5, constraints=held, check=False)
+        sd.rollout(sd.Scene(model, constraints=held), np.tile(flat, (3, 1)), rate, dt=1e-2, steps=5)
+    lost = sd.rollout(sd.Scene(model, constraints=held), np.tile(flat, (3, 1)), rate, dt=1e-2, steps=5, check=False)
     assert not np.isfinite(lost.v[:, -1]).any()
 
 
@@ -564,10 +576,10 @@ def test_contradictions_are_named_with_their_time() -> None:
     rod = sd.DistanceConstraint("rocker", None, 0.3, (0.4, 0, 0), end + np.array([0.3, 0, 0]), name="rod")
     held = sd.Constraints(model, [sd.VelocityConstraint([0, 0, 1.0]), rod])
     still = sd.project_velocity(model, held, q, v)
-    assert sd.simulate(model, q, still, 0.01, 1e-3, constraints=held).q.shape == (11, 3)
+    assert sd.simulate(sd.Scene(model, constraints=held), q, still, 0.01, 1e-3).q.shape == (11, 3)
     belt = sd.CouplerConstraint("rocker_joint", "crank_joint", 1.0, q[2] - q[0], name="belt")
     tied = sd.Constraints(model, [belt, rod, sd.VelocityConstraint([1.0, 0, 0], name="brake")])
     assert sd.constrained_dynamics(model, tied, q, [0, 1.0, 0], np.zeros(3)).rank == 2
-    pushed = constrained.held_by(model, tied, None, "rk4", METHODS, q, np.zeros(3), 1e-3)
+    pushed = constrained.held_by(sd.Scene(model, constraints=tied), q, np.zeros(3), 1e-3)
     assert pushed is not None
     assert pushed.rank.tolist() == [2]

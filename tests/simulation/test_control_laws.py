@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from slow import slow_but
 from trees import random_tree
 
@@ -73,7 +74,7 @@ def reaching(held: bool = False, **values: Any) -> sd.Control:
 
 def in_python(*arguments: Any, **options: Any) -> sd.Trajectory:
     """``simulate`` whose steps run in Python: a torque function of zeros makes them."""
-    return sd.simulate(*arguments, torque=lambda t, q, v: np.zeros(len(v)), **options)
+    return scenes.simulate(*arguments, torque=lambda t, q, v: np.zeros(len(v)), **options)
 
 
 def toil(bodies: Any, q: Any, v: Any, tau: Any, dt: Any, aim: Any, weight: Any, cost: Any) -> None:
@@ -113,7 +114,7 @@ def lag_closed(t: float) -> float:
     return math.exp(-0.5 * t) * (math.cos(w * t) - 0.5 / w * math.sin(w * t))
 
 
-@pytest.mark.parametrize("way", [sd.simulate, in_python])
+@pytest.mark.parametrize("way", [scenes.simulate, in_python])
 @pytest.mark.parametrize(("method", "order"), METHODS.items())
 def test_a_state_has_the_order_of_the_method(method: str, order: int, way: Callable[..., sd.Trajectory]) -> None:
     errors = []
@@ -165,7 +166,7 @@ def test_a_rollout_is_so_many_simulations(arm: sd.Model, method: str) -> None:
     q0, v0, past = rng.normal(size=(3, 3, 3))
     reach = rng.normal(size=(3, 12, 3))
     kept = dict(dt=2e-3, method=method)
-    found = sd.rollout(arm, q0, v0, control=reaching(reach=reach), states={"past": past}, **kept)
+    found = scenes.rollout(arm, q0, v0, control=reaching(reach=reach), states={"past": past}, **kept)
     for k in range(3):
         for way in (sd.simulate, in_python):
             run = way(
@@ -173,7 +174,7 @@ def test_a_rollout_is_so_many_simulations(arm: sd.Model, method: str) -> None:
             )
             for x, y in ((found.q, run.q), (found.v, run.v), (found.states["past"], run.states["past"])):
                 np.testing.assert_allclose(x[k], y[1:], rtol=0.0, atol=SAME * max(1.0, abs(y).max()))
-    low = sd.rollout(arm, q0, v0, control=reaching(reach=reach), states={"past": past}, dtype=np.float32, **kept)
+    low = scenes.rollout(arm, q0, v0, control=reaching(reach=reach), states={"past": past}, dtype=np.float32, **kept)
     np.testing.assert_allclose(low.states["past"], found.states["past"], atol=1e-4)
 
 
@@ -182,7 +183,7 @@ def test_a_law_acts_beside_friction(arm: sd.Model, way: str) -> None:
     friction = sd.Friction([0.5, 0.4, 0.3], [0.1] * 3, [0.7, 0.6, 0.5], 0.05, 1.0, 1e4, 30.0)
     args = (arm, [0.1, 0.2, 0.3], [0.5, 0.0, -0.5], 0.03, 1e-3, "semi_implicit_euler")
     kept = dict(friction=friction, friction_method=way, control=reaching())
-    found, python = sd.simulate(*args, **kept), in_python(*args, **kept)
+    found, python = scenes.simulate(*args, **kept), in_python(*args, **kept)
     for x, y in ((found.q, python.q), (found.states["past"], python.states["past"])):
         np.testing.assert_allclose(x, y, rtol=0.0, atol=SAME)
     past = np.cumsum(1e-3 * (np.array([0.4, -0.2, 0.3]) - found.q[:-1]), axis=0)  # explicit Euler, as q in this method
@@ -199,11 +200,11 @@ def test_a_law_acts_under_constraints() -> None:
     q = sd.close_loops(model, held, [0.3, 0.8])
     law = sd.Control(PID, {"reach": [0.5, 0.2], "gains": [30.0, 6.0, 20.0]})
     args, kept = (model, q, [0.0, 0.0], 0.05, 5e-3, "rk4"), dict(constraints=held, control=law)
-    found, python = sd.simulate(*args, **kept), in_python(*args, **kept)
+    found, python = scenes.simulate(*args, **kept), in_python(*args, **kept)
     np.testing.assert_allclose(found.q, python.q, rtol=0.0, atol=1e2 * SAME)
     np.testing.assert_allclose(found.states["past"], python.states["past"], rtol=0.0, atol=SAME)
     assert abs(sd.constraint_error(model, held, found.q)).max() < 1e-12
-    many = sd.rollout(model, q, [0.0, 0.0], dt=5e-3, steps=10, method="rk4", **kept)
+    many = scenes.rollout(model, q, [0.0, 0.0], dt=5e-3, steps=10, method="rk4", **kept)
     np.testing.assert_allclose(many.q, found.q[1:], rtol=0.0, atol=1e2 * SAME)
 
 
@@ -301,7 +302,7 @@ def test_an_observer_finds_the_torque_that_no_motor_gave(arm: sd.Model) -> None:
     kept = dict(control=sd.Control(spec), torque=tau)
     for f in (0.0, 3.0):
         fext[-1, 1] = f
-        run = sd.simulate(arm, q0, [0.0] * 3, 0.4, 5e-3, **kept, fext=fext)
+        run = scenes.simulate(arm, q0, [0.0] * 3, 0.4, 5e-3, **kept, fext=fext)
         p = np.einsum("nij,nj->ni", sd.crba(arm, run.q), run.v)
         found = 20.0 * (p - run.states["momentum"])
         push = sd.generalized_gravity(arm, run.q) - sd.static_torque(arm, run.q, fext)
@@ -310,14 +311,14 @@ def test_an_observer_finds_the_torque_that_no_motor_gave(arm: sd.Model) -> None:
             lag += (1.0 - np.exp(-20.0 * 5e-3)) * (0.5 * (push[k] + push[k + 1]) - lag)
         np.testing.assert_allclose(found[-1], lag, atol=2e-3)
         np.testing.assert_allclose(run.tau, np.broadcast_to(tau, run.tau.shape))
-    free = sd.simulate(arm, q0, [0.0] * 3, 0.4, 5e-3, **kept)  # by a program
+    free = scenes.simulate(arm, q0, [0.0] * 3, 0.4, 5e-3, **kept)  # by a program
     assert abs(np.einsum("nij,nj->ni", sd.crba(arm, free.q), free.v) - free.states["momentum"]).max() < 1e-6
 
 
 # --- starts and continuations ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("way", [sd.simulate, in_python])
+@pytest.mark.parametrize("way", [scenes.simulate, in_python])
 def test_a_run_goes_on_from_its_end_to_the_bit(arm: sd.Model, way: Callable[..., sd.Trajectory]) -> None:
     friction = sd.Friction([0.5, 0.4, 0.3], [0.1] * 3, [0.7, 0.6, 0.5], 0.05, 1.0, 1e4, 30.0)
     kept = dict(friction=friction, friction_method="lugre", control=reaching(), record="work")
@@ -337,18 +338,18 @@ def test_a_rollout_goes_on_from_states(arm: sd.Model) -> None:
     friction = sd.Friction([0.5] * 3, [0.1] * 3, bristle_stiffness=1e4, bristle_damping=30.0)
     kept = dict(dt=1e-3, friction=friction, friction_method="lugre", control=reaching())
     q0 = np.random.default_rng(1).normal(size=(9, 3))
-    whole = sd.rollout(arm, q0, np.zeros(3), steps=20, **kept)
-    first = sd.rollout(arm, q0, np.zeros(3), steps=12, **kept)
-    then = sd.rollout(arm, **first.end, steps=8, **kept)
+    whole = scenes.rollout(arm, q0, np.zeros(3), steps=20, **kept)
+    first = scenes.rollout(arm, q0, np.zeros(3), steps=12, **kept)
+    then = scenes.rollout(arm, **first.end, steps=8, **kept)
     np.testing.assert_array_equal(then.q, whole.q[:, 12:])
     np.testing.assert_array_equal(then.states["past"], whole.states["past"][:, 12:])
-    last = sd.rollout(arm, q0, np.zeros(3), steps=12, record="last", **kept)
-    one = sd.rollout(arm, q0[4], np.zeros(3), steps=12, **kept)
+    last = scenes.rollout(arm, q0, np.zeros(3), steps=12, record="last", **kept)
+    one = scenes.rollout(arm, q0[4], np.zeros(3), steps=12, **kept)
     for name, x in first.end["states"].items():
         np.testing.assert_array_equal(last.end["states"][name], x)
         np.testing.assert_array_equal(one.end["states"][name], x[4])
-    np.testing.assert_array_equal(sd.rollout(arm, **last.end, steps=8, **kept).q, then.q)
-    np.testing.assert_array_equal(sd.rollout(arm, **one.end, steps=8, **kept).q, then.q[4])
+    np.testing.assert_array_equal(scenes.rollout(arm, **last.end, steps=8, **kept).q, then.q)
+    np.testing.assert_array_equal(scenes.rollout(arm, **one.end, steps=8, **kept).q, then.q[4])
 
 
 def test_ctrl_c_keeps_the_states_of_the_last_step(arm: sd.Model) -> None:
@@ -361,7 +362,7 @@ def test_ctrl_c_keeps_the_states_of_the_last_step(arm: sd.Model) -> None:
 
     args, kept = ([0.1, 0.2, 0.3], [0.5, 0.0, -0.5]), dict(dt=0.01, control=reaching())
     with pytest.raises(sd.SimulationInterrupt) as caught:
-        sd.simulate(arm, *args, 1.0, torque=stopping, record=50, **kept)
+        scenes.simulate(arm, *args, 1.0, torque=stopping, record=50, **kept)
     run = caught.value.trajectory
     assert len(run) == 2
     whole = in_python(arm, *args, 0.1, **kept)
@@ -453,7 +454,7 @@ def test_what_is_no_law_is_refused(make: Callable[[], Any], message: str) -> Non
 )  # fmt: skip
 def test_what_a_run_cannot_take_is_named(arm: sd.Model, options: Any, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
-        sd.simulate(arm, [0.1, 0.2, 0.3], [0.0] * 3, 0.02, 0.01, **options)
+        scenes.simulate(arm, [0.1, 0.2, 0.3], [0.0] * 3, 0.02, 0.01, **options)
 
 
 def test_two_states_of_one_name_are_refused(arm: sd.Model) -> None:
@@ -465,9 +466,13 @@ def test_two_states_of_one_name_are_refused(arm: sd.Model) -> None:
     friction = sd.Friction([0.5] * 3, [0.1] * 3, bristle_stiffness=1e4, bristle_damping=30.0)
     with pytest.raises(sd.SimulationError, match="two states of the run are named bristles"):
         sd.rollout(
-            arm, [0.0] * 3, [0.0] * 3, dt=1e-3, steps=2, friction=friction, friction_method="lugre",
+            sd.Scene(arm, friction=friction, friction_method="lugre"),
+            [0.0] * 3,
+            [0.0] * 3,
+            dt=1e-3,
+            steps=2,
             control=sd.Control(spec),
-        )  # fmt: skip
+        )
     with pytest.raises(sd.SimulationError, match="control and pd are given"):
         sd.rollout(
             arm, [0.0] * 3, [0.0] * 3, dt=1e-3, steps=2, control=reaching(), pd=sd.PD([0.0] * 3, [0.0] * 3, [0.0] * 3)
@@ -513,8 +518,8 @@ def test_a_cost_is_its_sum_along_the_trajectory(arm: sd.Model, law: sd.Control |
     aim, weight = rng.normal(size=(B, T, 3)), 7.0
     cost = sd.Cost(TOIL, {"aim": aim, "weight": weight})
     given: dict[str, Any] = {"dt": dt, "control": law, "method": method}
-    run = sd.rollout(arm, *start, tau, cost=cost, **given)
-    whole = sd.rollout(arm, *start, tau, **given)
+    run = scenes.rollout(arm, *start, tau, cost=cost, **given)
+    whole = scenes.rollout(arm, *start, tau, **given)
     assert (run.q.shape, run.cost.shape) == ((B, 3), (B,))
     np.testing.assert_array_equal(run.q, whole.q[:, -1])
     q, v = (np.concatenate([x[:, None], y[:, :-1]], 1) for x, y in zip(start, whole, strict=True))
@@ -525,7 +530,7 @@ def test_a_cost_is_its_sum_along_the_trajectory(arm: sd.Model, law: sd.Control |
     each = dt * (weight * (q - aim) ** 2 + 0.1 * v**2 + 1e-3 * tau**2).sum(-1)
     np.testing.assert_allclose(run.cost, each.sum(1), rtol=SAME)
     if law is None:
-        sums = sd.rollout(arm, *start, tau, cost=cost, record=2, **given).cost
+        sums = scenes.rollout(arm, *start, tau, cost=cost, record=2, **given).cost
         np.testing.assert_allclose(sums, each.cumsum(1)[:, 1::2], rtol=SAME)
 
 
@@ -546,7 +551,7 @@ def test_what_is_no_cost_is_refused(arm: sd.Model) -> None:
         ({"cost": cost, "pd": hold}, "cost and pd are given, expected control in place of pd"),
     ):
         with pytest.raises(sd.SimulationError, match=words):
-            sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, **given)  # type: ignore[arg-type]
+            scenes.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=2, **given)  # type: ignore[arg-type]
     with pytest.raises(sd.SimulationError, match="the rollout has no cost"):
         _ = sd.rollout(arm, np.zeros(3), np.zeros(3), dt=0.01, steps=0).cost
     for name, recursion, error, words in (

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from dense import Array
 from slow import slow_but
 from trees import random_tree
@@ -64,7 +65,14 @@ ARM = sd.Friction([0.5, 0.4, 0.3], [0.1, 0.1, 0.1], [0.7, 0.6, 0.5], 0.05, 1.0, 
 def test_an_oscillator_stops_where_its_spring_no_longer_moves_it() -> None:
     """Each half period takes 2 F/k: .21, -.17, .13, -.09, .05, -.01, at t = 5π/10, and |k x| is then below F."""
     run = sd.simulate(
-        masses(), [0.21], [0.0], 2.0, 1e-4, STEPPED, torque=spring, friction=sd.Friction([2.0], [0.0]), record=1
+        sd.Scene(masses(), friction=sd.Friction([2.0], [0.0])),
+        [0.21],
+        [0.0],
+        2.0,
+        1e-4,
+        STEPPED,
+        torque=spring,
+        record=1,
     )
     x, v = run.q[:, 0], run.v[:, 0]
     turns = np.flatnonzero(v[1:-1] * v[2:] <= 0.0) + 1
@@ -83,7 +91,7 @@ def test_smooth_friction_creeps_where_a_dry_joint_rests() -> None:
     """An error of the textbook remedy: under τ below F the mass moves at ε atanh(τ/F), for ever."""
     smooth = sd.Friction([2.0], [0.0], smoothing=[1e-3])
     run = sd.simulate(
-        masses(), [0.21], [0.0], 2.0, 1e-4, STEPPED, torque=spring, friction=smooth, friction_method="smooth"
+        sd.Scene(masses(), friction=smooth, friction_method="smooth"), [0.21], [0.0], 2.0, 1e-4, STEPPED, torque=spring
     )
     assert run.v[-1, 0] == pytest.approx(1e-3 * math.atanh(-K * run.q[-1, 0] / 2.0), rel=1e-3)
     assert run.v[-1, 0] == pytest.approx(5e-4, rel=0.1)
@@ -93,8 +101,8 @@ def check_belt(dt: float, tolerance: float) -> None:
     fs, fc, speed, omega = 3.0, 2.0, 0.1, math.sqrt(K)
     friction = sd.Friction([fc], [0.0], [fs])
     run = sd.simulate(
-        masses(), [0.0], [0.0], 1.5, dt, STEPPED, torque=belt_spring(speed), friction=friction, record=1
-    )  # fmt: skip
+        sd.Scene(masses(), friction=friction), [0.0], [0.0], 1.5, dt, STEPPED, torque=belt_spring(speed), record=1
+    )
     sticks, x = run.v[:, 0] == 0.0, run.q[:, 0] + speed * run.t
     changes = np.flatnonzero(sticks[1:] != sticks[:-1])
     slip = 2.0 / omega * (math.pi - math.atan((fs - fc) * omega / (K * speed)))
@@ -122,12 +130,18 @@ def test_stick_and_slip_converge_with_the_step() -> None:
 def test_bristles_bend_under_a_slow_ramp_and_slide_at_coulombs_level() -> None:
     friction = sd.Friction([1.0], [2.0], [1.5], [1e-3], bristle_stiffness=1e5, bristle_damping=300.0)
     ramp = np.linspace(0.0, 1.2, 2000)[:, None]
-    run = sd.rollout(masses(), [0.0], [0.0], ramp, dt=1e-3, friction=friction, friction_method="lugre")
+    run = sd.rollout(sd.Scene(masses(), friction=friction, friction_method="lugre"), [0.0], [0.0], ramp, dt=1e-3)
     assert run.bristles is not None
     assert run.bristles.shape == (2000, 1)
     assert run.bristles[-1, 0] == pytest.approx(1.2 / 1e5, rel=3e-3)
     slide = sd.rollout(
-        masses(), [0.0], [0.0], [2.0], dt=1e-3, steps=10_000, record="last", friction=friction, friction_method="lugre"
+        sd.Scene(masses(), friction=friction, friction_method="lugre"),
+        [0.0],
+        [0.0],
+        [2.0],
+        dt=1e-3,
+        steps=10_000,
+        record="last",
     )
     assert slide.v[0] == pytest.approx((2.0 - 1.0) / 2.0, rel=1e-6)
     assert slide.bristles is not None
@@ -137,7 +151,7 @@ def test_bristles_bend_under_a_slow_ramp_and_slide_at_coulombs_level() -> None:
 def test_bristles_are_stable_where_an_explicit_step_explodes() -> None:
     """h² σ0 / m is 4e5; Euler's explicit step would grow by as much."""
     friction = sd.Friction([1.0], [0.0], bristle_stiffness=1e9, bristle_damping=300.0)
-    run = sd.rollout(masses(), [0.0], [1.0], dt=2e-2, steps=200, friction=friction, friction_method="lugre")
+    run = sd.rollout(sd.Scene(masses(), friction=friction, friction_method="lugre"), [0.0], [1.0], dt=2e-2, steps=200)
     assert (abs(run.v) <= 1.0).all()
     assert abs(run.v[-1, 0]) < 1e-6
 
@@ -154,7 +168,7 @@ def test_friction_never_adds_energy(way: str) -> None:
         rng.uniform(0.0, 1.0, 4), rng.uniform(0.0, 0.3, 4), bristle_stiffness=1e3, bristle_damping=0.0
     )
     v0 = rng.normal(size=(50, 4))
-    run = sd.rollout(model, np.zeros(4), v0, dt=2e-3, steps=1500, friction=friction, friction_method=way)
+    run = sd.rollout(sd.Scene(model, friction=friction, friction_method=way), np.zeros(4), v0, dt=2e-3, steps=1500)
     T = 0.5 * np.einsum("bti,ij,btj->bt", run.v, sd.crba(model, np.zeros(4)), run.v)
     stored = 0.0 if run.bristles is None else 0.5e3 * (run.bristles**2).sum(axis=2)
     total = T + stored
@@ -167,10 +181,10 @@ def test_a_held_arm_stays_to_the_bit_and_falls_when_it_is_let_go(arm: sd.Model) 
     q0 = np.array([0.3, -0.4, 0.5])
     g = abs(sd.generalized_gravity(arm, q0))
     tight, loose = (sd.Friction(x * g, np.zeros(3)) for x in (1.001, 0.5))
-    held = sd.simulate(arm, q0, np.zeros(3), 0.5, 1e-3, STEPPED, friction=tight)
+    held = sd.simulate(sd.Scene(arm, friction=tight), q0, np.zeros(3), 0.5, 1e-3, STEPPED)
     assert (held.q == q0).all()
     assert (held.v == 0.0).all()
-    assert abs(sd.simulate(arm, q0, np.zeros(3), 0.5, 1e-3, STEPPED, friction=loose).q[-1] - q0).max() > 0.1
+    assert abs(sd.simulate(sd.Scene(arm, friction=loose), q0, np.zeros(3), 0.5, 1e-3, STEPPED).q[-1] - q0).max() > 0.1
 
 
 # --- the same however it runs ---------------------------------------------------------------------------
@@ -188,13 +202,13 @@ def test_a_rollout_is_so_many_simulations(way: str, root: str) -> None:
     )
     q0, v0 = sd.random_configuration(model, rng, (3,)), 0.3 * rng.standard_normal((3, n))
     tau = rng.standard_normal((3, 12, n))
-    found = sd.rollout(model, q0, v0, tau, dt=2e-3, friction=friction, friction_method=way, check=False)
+    found = sd.rollout(sd.Scene(model, friction=friction, friction_method=way), q0, v0, tau, dt=2e-3, check=False)
     for k in range(3):
         args = (model, q0[k], v0[k], 12 * 2e-3, 2e-3, STEPPED)
-        held = sd.simulate(*args, torque=tau[k], friction=friction, friction_method=way)
+        held = scenes.simulate(*args, torque=tau[k], friction=friction, friction_method=way)
         rows = {round(2e-3 * step, 9): tau[k, step] for step in range(12)}
         asked = lambda t, q, v, rows=rows: rows.get(round(t, 9), np.zeros(n))  # noqa: E731
-        python = sd.simulate(*args, torque=asked, friction=friction, friction_method=way)
+        python = scenes.simulate(*args, torque=asked, friction=friction, friction_method=way)
         for run in (held, python):
             for x, y in ((found.q[k], run.q[1:]), (found.v[k], run.v[1:])):
                 assert abs(x - y).max() <= SAME * max(1.0, abs(y).max())
@@ -208,7 +222,7 @@ def test_smooth_friction_is_a_torque_of_every_method(arm: sd.Model, method: str)
         return sd.friction_torque(arm, v, ARM)
 
     wanted = sd.simulate(arm, q0, v0, 0.2, 2e-3, method, torque=resist)
-    found = sd.simulate(arm, q0, v0, 0.2, 2e-3, method, friction=ARM, friction_method="smooth")
+    found = sd.simulate(sd.Scene(arm, friction=ARM, friction_method="smooth"), q0, v0, 0.2, 2e-3, method)
     np.testing.assert_allclose(found.q, wanted.q, rtol=0.0, atol=1e-9)
     np.testing.assert_array_equal(found.tau, 0.0)  # the torque of the caller alone is recorded
 
@@ -216,11 +230,11 @@ def test_smooth_friction_is_a_torque_of_every_method(arm: sd.Model, method: str)
 def test_a_step_without_a_program_runs_all_the_same(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
     args = (arm, [0.3, 0.2, 0.1], [1.0, -1.0, 0.5], 0.05, 1e-3, STEPPED)
     for way in WAYS:
-        wanted = sd.simulate(*args, friction=ARM, friction_method=way)
+        wanted = scenes.simulate(*args, friction=ARM, friction_method=way)
         with monkeypatch.context() as patch:
             patch.setattr(program_steps, "MOST", 0)
             program_steps._kernel.cache_clear()
-            found = sd.simulate(*args, friction=ARM, friction_method=way)
+            found = scenes.simulate(*args, friction=ARM, friction_method=way)
         program_steps._kernel.cache_clear()
         np.testing.assert_allclose(found.q, wanted.q, rtol=0.0, atol=SAME)
         np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e2 * SAME)
@@ -232,12 +246,12 @@ def test_external_forces_act_beside_friction(arm: sd.Model, method: str) -> None
     """A force that cancels gravity on every body leaves the arm to its friction."""
     weightless, way = arm.with_(gravity=(0.0, 0.0, 0.0)), "implicit" if method == STEPPED else "smooth"
     args, kept = ([0.3, 0.2, 0.1], [1.0, -1.0, 0.5], 5e-3, 1e-3, method), dict(friction=ARM, friction_method=way)
-    wanted = sd.simulate(weightless, *args, **kept)
+    wanted = scenes.simulate(weightless, *args, **kept)
     fext = np.zeros((arm.njoints, 6))
-    found = sd.simulate(weightless, *args, **kept, fext=fext)
+    found = scenes.simulate(weightless, *args, **kept, fext=fext)
     np.testing.assert_allclose(found.q, wanted.q, rtol=0.0, atol=SAME)
     fext[-1, 3:] = 2.0
-    assert abs(sd.simulate(weightless, *args, **kept, fext=fext).v[-1] - wanted.v[-1]).max() > 1e-4
+    assert abs(scenes.simulate(weightless, *args, **kept, fext=fext).v[-1] - wanted.v[-1]).max() > 1e-4
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -245,9 +259,9 @@ def test_every_number_of_samples_gives_each_its_own_bits(arm: sd.Model, way: str
     rng = np.random.default_rng(3)
     q0, v0 = rng.normal(size=(9, 3)), rng.normal(size=(9, 3))
     kept = dict(dt=1e-3, steps=40, friction=ARM, friction_method=way)
-    many = sd.rollout(arm, q0, v0, **kept)
+    many = scenes.rollout(arm, q0, v0, **kept)
     for k in (0, 8):
-        one = sd.rollout(arm, q0[k], v0[k], **kept)
+        one = scenes.rollout(arm, q0[k], v0[k], **kept)
         np.testing.assert_array_equal(one.q, many.q[k])
         if way == "lugre":
             assert one.bristles is not None
@@ -260,10 +274,10 @@ def test_every_number_of_samples_gives_each_its_own_bits(arm: sd.Model, way: str
 def test_angles_beyond_the_short_sine_are_right_and_disturb_no_other(arm: sd.Model) -> None:
     q0, v0 = np.zeros((5, 3)), np.ones((5, 3))
     kept = dict(dt=1e-3, steps=8, friction=ARM)
-    wanted = sd.rollout(arm, q0, v0, **kept)
+    wanted = scenes.rollout(arm, q0, v0, **kept)
     far = q0.copy()
     far[2, 0] += 2.0 * np.pi * 2**20
-    found = sd.rollout(arm, far, v0, **kept)
+    found = scenes.rollout(arm, far, v0, **kept)
     np.testing.assert_array_equal(found.q[[0, 1, 3, 4]], wanted.q[[0, 1, 3, 4]])
     assert abs(found.v[2] - wanted.v[2]).max() <= 1e-6  # an angle of 7e6 has lost ten digits
 
@@ -271,11 +285,12 @@ def test_angles_beyond_the_short_sine_are_right_and_disturb_no_other(arm: sd.Mod
 def test_float32_follows_float64_and_sticks(arm: sd.Model) -> None:
     v0 = np.array([[1.0, 0.5, -0.5], [0.0, 0.0, 0.0]])
     kept = dict(dt=1e-3, steps=30, friction=ARM)
-    wanted, found = (sd.rollout(arm, np.zeros(3), v0, **kept, dtype=x) for x in (np.float64, np.float32))
+    wanted, found = (scenes.rollout(arm, np.zeros(3), v0, **kept, dtype=x) for x in (np.float64, np.float32))
     assert abs(found.v - wanted.v).max() <= 1e-4
     loaded = sd.Friction([100.0] * 3, [0.0] * 3)
     assert (
-        sd.rollout(arm, np.zeros(3), np.zeros(3), dt=1e-3, steps=9, friction=loaded, dtype=np.float32).v == 0.0
+        sd.rollout(sd.Scene(arm, friction=loaded), np.zeros(3), np.zeros(3), dt=1e-3, steps=9, dtype=np.float32).v
+        == 0.0
     ).all()
 
 
@@ -285,8 +300,10 @@ def test_coefficients_are_inputs_and_no_part_of_the_program(arm: sd.Model) -> No
     for scale in (1.0, 2.0):
         for stribeck in (None, 0.05):
             friction = sd.Friction([0.1 * scale] * 3, [0.1] * 3, [0.3 * scale] * 3, stribeck)
-            found = sd.rollout(arm, np.zeros(3), np.ones(3), dt=1e-3, steps=50, friction=friction)
-            fresh = sd.simulate(arm, np.zeros(3), np.ones(3), 0.05, 1e-3, STEPPED, torque=none, friction=friction)
+            found = sd.rollout(sd.Scene(arm, friction=friction), np.zeros(3), np.ones(3), dt=1e-3, steps=50)
+            fresh = sd.simulate(
+                sd.Scene(arm, friction=friction), np.zeros(3), np.ones(3), 0.05, 1e-3, STEPPED, torque=none
+            )
             np.testing.assert_allclose(found.q[-1], fresh.q[-1], rtol=0.0, atol=SAME)
             ends.append(found.q[-1, 0])
     assert len({round(x, 9) for x in ends}) == 4
@@ -317,22 +334,28 @@ def test_the_urdfs_friction_acts_where_it_is_asked_for() -> None:
         free = sd.simulate(model, q0, v0, 0.02, 1e-3, STEPPED)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        none = sd.simulate(model, q0, v0, 0.02, 1e-3, STEPPED, friction=False)
-        acts = sd.simulate(model, q0, v0, 0.02, 1e-3, STEPPED, friction=True)
-        given = sd.simulate(model, q0, v0, 0.02, 1e-3, STEPPED, friction=sd.Friction.of(model))
+        none = sd.simulate(sd.Scene(model, friction=False), q0, v0, 0.02, 1e-3, STEPPED)
+        acts = sd.simulate(sd.Scene(model, friction=True), q0, v0, 0.02, 1e-3, STEPPED)
+        given = sd.simulate(sd.Scene(model, friction=sd.Friction.of(model)), q0, v0, 0.02, 1e-3, STEPPED)
     np.testing.assert_array_equal(none.q, free.q)
     np.testing.assert_array_equal(acts.q, given.q)
     assert abs(acts.q[-1] - free.q[-1]).max() > 1e-6
-    many = sd.rollout(model, q0, v0, dt=1e-3, steps=20, friction=True)
+    many = sd.rollout(sd.Scene(model, friction=True), q0, v0, dt=1e-3, steps=20)
     np.testing.assert_allclose(many.q[-1], acts.q[-1], rtol=0.0, atol=SAME)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"method": "rk4"}, 'friction_method is "implicit" and method "rk4", expected method="semi_implicit_euler"'),
-        ({"method": "gauss4", "friction_method": "lugre"}, 'friction_method is "lugre" and method "gauss4"'),
-        ({"method": "variational", "friction_method": "smooth"}, 'method is "variational", expected one of explicit_euler'),
+        ({"method": "rk4"}, 'method is "rk4" and friction acts, expected one of semi_implicit_euler; impulses and'),
+        (
+            {"method": "gauss4", "friction_method": "lugre"},
+            'method is "gauss4" and friction acts, expected one of semi_implicit_euler',
+        ),
+        (
+            {"method": "variational", "friction_method": "smooth"},
+            'method is "variational" and friction acts, expected one of explicit_euler',
+        ),
         ({"friction_method": "tanh"}, "friction_method is 'tanh', expected one of implicit, lugre, smooth"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "smooth"}, "friction has no smoothing"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "lugre"}, "friction has no bristle_stiffness"),
@@ -346,10 +369,10 @@ def test_the_urdfs_friction_acts_where_it_is_asked_for() -> None:
 def test_what_cannot_be_is_refused_by_name(arm: sd.Model, changes: dict[str, Any], words: str) -> None:
     given: dict[str, Any] = {"dt": 1e-3, "method": STEPPED, "friction": ARM, **changes}
     with pytest.raises(sd.SimulationError, match=words):
-        sd.simulate(arm, np.zeros(3), np.zeros(3), 1.0, **given)
+        scenes.simulate(arm, np.zeros(3), np.zeros(3), 1.0, **given)
     if given["method"] in ("rk4", STEPPED):
         with pytest.raises(sd.SimulationError, match=words):
-            sd.rollout(arm, np.zeros(3), np.zeros(3), steps=2, **given)
+            scenes.rollout(arm, np.zeros(3), np.zeros(3), steps=2, **given)
 
 
 @compiled
@@ -362,20 +385,23 @@ def test_the_stability_limit_of_smooth_friction_is_the_one_named(method: str, fa
         kept = dict(friction=friction, friction_method="smooth")
         if stays:
             with pytest.raises(sd.SimulationError, match=f"expected at most {limit:.3g} s"):
-                sd.simulate(model, [0.0], [1e-5], 1.0, dt, method, **kept)
+                scenes.simulate(model, [0.0], [1e-5], 1.0, dt, method, **kept)
         else:
-            assert abs(sd.simulate(model, [0.0], [1e-5], 200 * dt, dt, method, **kept).v[-1, 0]) < 1e-8
+            assert abs(scenes.simulate(model, [0.0], [1e-5], 200 * dt, dt, method, **kept).v[-1, 0]) < 1e-8
 
 
 def test_a_step_that_is_not_solved_is_an_error_with_its_sample(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (rollouts, fixed_steps):
         monkeypatch.setattr(module, "UNSOLVED", -1.0)  # any step is then beyond it
     with pytest.raises(sd.SimulationError, match=r"friction of sample 0 violates Coulomb's law by \S+ rad/s or m/s"):
-        sd.rollout(arm, np.zeros((2, 3)), np.zeros((2, 3)), dt=1e-3, steps=3, friction=ARM)
+        sd.rollout(sd.Scene(arm, friction=ARM), np.zeros((2, 3)), np.zeros((2, 3)), dt=1e-3, steps=3)
     with pytest.raises(sd.SimulationError, match=r"friction violates Coulomb's law by .* up to t = \S+ s") as caught:
-        sd.simulate(arm, np.zeros(3), np.zeros(3), 1e-2, 1e-3, STEPPED, friction=ARM)
+        sd.simulate(sd.Scene(arm, friction=ARM), np.zeros(3), np.zeros(3), 1e-2, 1e-3, STEPPED)
     assert len(caught.value.trajectory)
-    assert sd.rollout(arm, np.zeros(3), np.zeros(3), dt=1e-3, steps=3, friction=ARM, check=False).q.shape == (3, 3)
+    assert sd.rollout(sd.Scene(arm, friction=ARM), np.zeros(3), np.zeros(3), dt=1e-3, steps=3, check=False).q.shape == (
+        3,
+        3,
+    )
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -384,19 +410,24 @@ def test_nan_and_overflow_reach_the_state_and_no_other_sample(arm: sd.Model, way
     """A joint of unknown torque does not stick."""
     given: dict[str, Any] = {"v0": np.full((4, 3), 0.1), "tau": np.zeros((4, 5, 3))}
     kept = dict(dt=1e-3, friction=ARM, friction_method=way, check=False)
-    clean = sd.rollout(arm, np.zeros(3), **given, **kept)
+    clean = scenes.rollout(arm, np.zeros(3), **given, **kept)
     for bad in (np.nan, 1e200):
         given[what][2] = bad
-        found = sd.rollout(arm, np.zeros(3), **given, **kept)
+        found = scenes.rollout(arm, np.zeros(3), **given, **kept)
         assert not np.isfinite(found.v[2, -1]).any()
         np.testing.assert_array_equal(found.v[[0, 1, 3]], clean.v[[0, 1, 3]])
     with pytest.raises(sd.SimulationError, match="state of sample 2 is not finite"):
-        sd.rollout(arm, np.zeros(3), **given, **{**kept, "check": True})
+        scenes.rollout(arm, np.zeros(3), **given, **{**kept, "check": True})
 
 
 def test_no_steps_leave_the_first_state_as_the_last(arm: sd.Model) -> None:
     last = sd.rollout(
-        arm, np.ones((2, 3)), np.ones(3), dt=1e-3, steps=0, record="last", friction=ARM, friction_method="lugre"
+        sd.Scene(arm, friction=ARM, friction_method="lugre"),
+        np.ones((2, 3)),
+        np.ones(3),
+        dt=1e-3,
+        steps=0,
+        record="last",
     )
     np.testing.assert_array_equal(last.q, 1.0)
     np.testing.assert_array_equal(last.bristles, np.zeros((2, 3)))
@@ -408,9 +439,9 @@ def test_a_robot_without_joints_has_no_friction(way: str) -> None:
     none = np.zeros(0)
     friction = sd.Friction(none, none, smoothing=none, bristle_stiffness=none)
     kept = dict(friction=friction, friction_method=way)
-    assert sd.simulate(model, none, none, 1e-2, 1e-3, STEPPED, **kept).q.shape == (11, 0)
-    assert sd.rollout(model, np.zeros((2, 0)), none, dt=1e-3, steps=3, **kept).q.shape == (2, 3, 0)
-    assert sd.rollout(model, np.zeros((0, 0)), none, dt=1e-3, steps=3, **kept).q.shape == (0, 3, 0)
+    assert scenes.simulate(model, none, none, 1e-2, 1e-3, STEPPED, **kept).q.shape == (11, 0)
+    assert scenes.rollout(model, np.zeros((2, 0)), none, dt=1e-3, steps=3, **kept).q.shape == (2, 3, 0)
+    assert scenes.rollout(model, np.zeros((0, 0)), none, dt=1e-3, steps=3, **kept).q.shape == (0, 3, 0)
 
 
 def test_ctrl_c_leaves_a_whole_state(arm: sd.Model) -> None:
@@ -420,7 +451,7 @@ def test_ctrl_c_leaves_a_whole_state(arm: sd.Model) -> None:
         return np.zeros(3)
 
     with pytest.raises(sd.SimulationInterrupt) as caught:
-        sd.simulate(arm, np.zeros(3), np.ones(3), 1.0, 1e-3, STEPPED, torque=stop, friction=ARM)
-    whole = sd.simulate(arm, np.zeros(3), np.ones(3), 5e-3, 1e-3, STEPPED, friction=ARM)
+        sd.simulate(sd.Scene(arm, friction=ARM), np.zeros(3), np.ones(3), 1.0, 1e-3, STEPPED, torque=stop)
+    whole = sd.simulate(sd.Scene(arm, friction=ARM), np.zeros(3), np.ones(3), 5e-3, 1e-3, STEPPED)
     kept = caught.value.trajectory
     np.testing.assert_allclose(kept.q[5], whole.q[5], rtol=0.0, atol=SAME)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from dense import Array
 from grounded import DT, G, hold, mass, quadruped, stance, trot
 
@@ -89,8 +90,8 @@ def test_a_mass_brakes_by_the_ground_and_by_its_joint() -> None:
     model = mass()
     contacts = sd.Contacts(model, {"z": 0.0}, friction=0.3)
     friction = sd.Friction(np.array([2.0, 0.0, 0.0]), 0.0)
-    kept: dict[str, Any] = dict(dt=DT, contacts=contacts, friction=friction, record_contacts=True)
-    run = sd.rollout(model, np.zeros(3), [1.0, 0.0, 0.0], steps=300, **kept)
+    kept: dict[str, Any] = dict(dt=DT, contacts=contacts, friction=friction, record="contacts")
+    run = scenes.rollout(model, np.zeros(3), [1.0, 0.0, 0.0], steps=300, **kept)
     moving = run.v[:, 0] > 0.01
     assert 150 < moving.sum() < 250
     np.testing.assert_allclose(np.diff(run.v[moving, 0]) / DT, -(0.3 * G + 2.0), rtol=1e-9)
@@ -111,7 +112,9 @@ def test_joints_that_rub_brake_as_in_mujoco() -> None:
     model = mass()
     contacts = sd.Contacts(model, {"z": 0.0}, friction=0.3)
     friction = sd.Friction(np.array([2.0, 0.0, 0.0]), 0.0)
-    run = sd.rollout(model, np.zeros(3), [1.0, 0.5, 0.0], dt=DT, steps=150, contacts=contacts, friction=friction)
+    run = sd.rollout(
+        sd.Scene(model, contacts=contacts, friction=friction), np.zeros(3), [1.0, 0.5, 0.0], dt=DT, steps=150
+    )
     for k in range(150):
         mujoco.mj_step(theirs, data)
         np.testing.assert_allclose(data.qvel[:2], run.v[k, :2], rtol=0.0, atol=0.02)
@@ -126,7 +129,7 @@ def test_a_loop_sticks_by_the_sum_of_its_joints(share: float, sticks: bool) -> N
     weight = abs(sd.generalized_gravity(model, q) @ along)
     level = np.array([3.0, 1.0, 2.0])
     friction = sd.Friction(level * share * weight / (level @ abs(along)), 0.0)
-    run = sd.rollout(model, q, np.zeros(3), dt=DT, steps=50, constraints=held, friction=friction)
+    run = sd.rollout(sd.Scene(model, constraints=held, friction=friction), q, np.zeros(3), dt=DT, steps=50)
     assert (run.v == 0.0).all() == sticks
     if sticks:
         assert abs(run.q - q).max() <= 1e-13
@@ -140,9 +143,9 @@ def test_a_loop_that_moves_feels_the_friction_of_each_joint() -> None:
     friction = sd.Friction(np.array([0.3, 0.2, 0.1]), np.array([0.05, 0.0, 0.02]))
     tau = sd.friction_torque(model, v, friction)
     wanted = sd.constrained_dynamics(model, held, q, v, tau).a
-    run = sd.rollout(model, q, v, dt=1e-6, steps=1, constraints=held, friction=friction)
+    run = sd.rollout(sd.Scene(model, constraints=held, friction=friction), q, v, dt=1e-6, steps=1)
     np.testing.assert_allclose((run.v[0] - v) / 1e-6, wanted, rtol=1e-4)
-    slow = sd.rollout(model, q, v, dt=1e-6, steps=1, constraints=held, friction=friction, stabilization=0.01)
+    slow = sd.rollout(sd.Scene(model, constraints=held, friction=friction, stabilization=0.01), q, v, dt=1e-6, steps=1)
     np.testing.assert_allclose((slow.v[0] - v) / 1e-6, wanted, rtol=1e-4)
 
 
@@ -150,10 +153,10 @@ def test_a_motor_without_losses_brakes_a_loop_as_damping_does() -> None:
     model, held, (q, v) = four_bar(), pin_of(four_bar()), four_bar_state()
     m = sd.Motor(torque_constant=[0.1] * 3, resistance=1.0, voltage=50.0, ratio=3.0)
     kept: dict[str, Any] = dict(dt=DT, steps=100, constraints=held)
-    found = sd.rollout(model, q, v, **kept, motor=m, drive="voltage")
-    wanted = sd.rollout(model, q, v, **kept, friction=sd.Friction(np.zeros(3), m.damping))
+    found = scenes.rollout(model, q, v, **kept, motor=m, drive="voltage")
+    wanted = scenes.rollout(model, q, v, **kept, friction=sd.Friction(np.zeros(3), m.damping))
     np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e-12)
-    assert abs(found.v[-1] - sd.rollout(model, q, v, **kept).v[-1]).max() > 0.1
+    assert abs(found.v[-1] - scenes.rollout(model, q, v, **kept).v[-1]).max() > 0.1
 
 
 def test_gears_hold_a_loop_under_its_weight_if_they_lose_enough() -> None:
@@ -166,7 +169,7 @@ def test_gears_hold_a_loop_under_its_weight_if_they_lose_enough() -> None:
     ends = []
     for efficiency in (0.5, 1.0):
         m = sd.Motor(torque_constant=[0.1] * 3, resistance=1.0, voltage=500.0, ratio=10.0, efficiency=efficiency)
-        ends.append(sd.rollout(model, q, np.zeros(3), lift, dt=DT, steps=40, constraints=held, motor=m).v[-1])
+        ends.append(sd.rollout(sd.Scene(model, constraints=held, motor=m), q, np.zeros(3), lift, dt=DT, steps=40).v[-1])
     assert ends[0][0] == 0.0
     assert abs(ends[0]).max() <= 1e-15  # joints without a load do not rub
     assert ends[1][0] > 1e-3
@@ -197,7 +200,7 @@ def test_ground_that_is_out_of_reach_changes_nothing(what: str) -> None:
     }[what]
     low = sd.Contacts(model, {"lower": 0.0}, terrain=sd.Plane(height=-9.0), sweeps=8)
     q, v, tau = 0.5 * np.ones(n), np.linspace(0.4, -0.4, n), np.linspace(0.5, 0.1, n)
-    near, free = (sd.rollout(model, q, v, tau, dt=DT, steps=300, contacts=x, **kept) for x in (low, None))
+    near, free = (scenes.rollout(model, q, v, tau, dt=DT, steps=300, contacts=x, **kept) for x in (low, None))
     np.testing.assert_allclose(near.v, free.v, rtol=0.0, atol=1e-8)
     assert ((near.v == 0.0) == (free.v == 0.0)).mean() > 0.99
     if what == "implicit":
@@ -212,14 +215,14 @@ def test_a_walker_sags_until_its_dry_joints_hold_it() -> None:
     """Weak springs of a control law let it sink; then friction takes the rest of the weight, and nothing creeps."""
     model, contacts, q0 = walker()
     kp, kd = np.r_[np.zeros(3), np.full(4, 25.0)], np.r_[np.zeros(3), np.full(4, 0.3)]
-    kept: dict[str, Any] = dict(dt=DT, steps=1500, pd=sd.PD(kp, kd, q0), contacts=contacts, record_contacts=True)
-    run = sd.rollout(model, q0, np.zeros(7), friction=legs(model, 2.0), **kept)
+    kept: dict[str, Any] = dict(dt=DT, steps=1500, pd=sd.PD(kp, kd, q0), contacts=contacts, record="contacts")
+    run = scenes.rollout(model, q0, np.zeros(7), friction=legs(model, 2.0), **kept)
     assert run.q[-1, 1] < q0[1] - 0.005
     assert (run.v[-500:, 3:] == 0.0).all()
     assert abs(run.q[-1] - run.q[-500]).max() <= 1e-7
     assert run.contacts.residual[-500:].max() <= 1e-5
     assert run.contacts.impulse[-1, :, 2].sum() / DT == pytest.approx(sd.total_mass(model) * G, rel=1e-4)
-    free = sd.rollout(model, q0, np.zeros(7), **kept)
+    free = scenes.rollout(model, q0, np.zeros(7), **kept)
     assert free.q[-1, 1] < run.q[-1, 1] - 0.01
 
 
@@ -229,7 +232,7 @@ def test_float32_stands_as_float64_does() -> None:
     model, contacts, q0 = walker()
     law = sd.PD(np.r_[np.zeros(3), np.full(4, 25.0)], np.r_[np.zeros(3), np.full(4, 0.3)], q0)
     kept: dict[str, Any] = dict(dt=DT, steps=600, pd=law, contacts=contacts, friction=legs(model, 2.0))
-    wanted, found = (sd.rollout(model, q0, np.zeros(7), **kept, dtype=x) for x in (np.float64, np.float32))
+    wanted, found = (scenes.rollout(model, q0, np.zeros(7), **kept, dtype=x) for x in (np.float64, np.float32))
     assert found.v.dtype == np.float32
     assert (found.v[-1, 3:] == 0.0).all()
     assert abs(found.q[-1] - wanted.q[-1]).max() <= 1e-5
@@ -280,12 +283,12 @@ def test_dry_joints_stop_at_their_limits_too() -> None:
     made.add_body("slide", None, "prismatic", (1, 0, 0), inertia=(1.0, (0, 0, 0), np.eye(3)), limits=(-1.0, 0.1))
     model = made.build()
     friction = sd.Friction([2.0], 0.0)
-    kept: dict[str, Any] = dict(dt=DT, steps=400, limits=True, friction=friction, record_contacts=True)
-    run = sd.rollout(model, [0.0], [0.0], [5.0], **kept)
+    kept: dict[str, Any] = dict(dt=DT, steps=400, limits=True, friction=friction, record="contacts")
+    run = scenes.rollout(model, [0.0], [0.0], [5.0], **kept)
     np.testing.assert_allclose(np.diff(run.v[:100, 0]) / DT, 3.0, rtol=1e-9)
     assert run.q[-1, 0] == pytest.approx(0.1, abs=1e-12)
     assert run.contacts.stop[-1, 0] / DT == pytest.approx(-3.0, rel=1e-9)
-    stays = sd.rollout(model, [0.0], [0.0], [1.9], **kept)
+    stays = scenes.rollout(model, [0.0], [0.0], [1.9], **kept)
     assert (stays.v == 0.0).all()
 
 
@@ -294,8 +297,8 @@ def test_friction_and_ground_take_energy_and_give_none() -> None:
     model, contacts, q0 = walker()
     high = q0 + 0.05 * np.eye(7)[1]
     given: dict[str, Any] = dict(contacts=contacts, friction=legs(model, 1.0), record=(1, "work"))
-    run = sd.simulate(model, high, np.zeros(7), 0.15, 5e-4, STEPPED, **given)
-    ledger = sd.energy_ledger(run, contacts=contacts)
+    run = scenes.simulate(model, high, np.zeros(7), 0.15, 5e-4, STEPPED, **given)
+    ledger = sd.energy_ledger(run)
     assert (np.diff(ledger.work["contacts"], axis=0) <= 1e-5).all()  # what a point rises by, out of the ground
     assert (np.diff(ledger.work["friction"].sum(axis=1)) <= 1e-6).all()
     assert ledger.work["contacts"][-1].sum() < -0.2
@@ -312,13 +315,13 @@ def test_a_quadruped_with_dry_joints_stands_and_trots() -> None:
     legs_only = np.r_[np.zeros(6), np.ones(12)]
     friction = sd.Friction(2.0 * legs_only, 0.05 * legs_only)
     law = hold(model, q0)._replace(kp=40.0 * legs_only, kd=0.5 * legs_only)
-    kept: dict[str, Any] = dict(dt=2e-3, contacts=contacts, friction=friction, record_contacts=True)
-    stood = sd.rollout(model, q0, np.zeros(18), steps=1000, pd=law, **kept)
+    kept: dict[str, Any] = dict(dt=2e-3, contacts=contacts, friction=friction, record="contacts")
+    stood = scenes.rollout(model, q0, np.zeros(18), steps=1000, pd=law, **kept)
     assert (stood.v[-500:, 6:] == 0.0).all()
     assert stood.contacts.residual[-500:].max() <= 1e-5
     assert stood.contacts.impulse[-1, :, 2].sum() / 2e-3 == pytest.approx(sd.total_mass(model) * G, rel=1e-4)
     walk = hold(model, q0)._replace(q_ref=trot(model, q0, 800, 2e-3))
-    run = sd.rollout(model, q0, np.zeros(18), pd=walk, **kept)
+    run = scenes.rollout(model, q0, np.zeros(18), pd=walk, **kept)
     assert np.percentile(run.contacts.residual, 95) <= 1e-3
     assert np.median(run.contacts.residual) <= 1e-6
     assert run.q[:, 2].min() > 0.3
@@ -337,16 +340,16 @@ def ground_of(model: sd.Model, q: Array, drop: float, friction: float = 0.4) -> 
 def test_a_four_bar_with_a_foot_keeps_its_loop_and_the_ground() -> None:
     model, held, q0 = footed()
     contacts = ground_of(model, q0, 0.05)
-    kept: dict[str, Any] = dict(constraints=held, contacts=contacts, record_contacts=True)
-    run = sd.rollout(model, q0, np.zeros(3), dt=DT, steps=600, **kept)
+    kept: dict[str, Any] = dict(constraints=held, contacts=contacts, record="contacts")
+    run = scenes.rollout(model, q0, np.zeros(3), dt=DT, steps=600, **kept)
     assert abs(sd.constraint_error(model, held, run.q)).max() <= 1e-9
     gap = run.contacts.gap[:, 0]
     assert gap.min() >= -5e-5
     assert run.contacts.residual.max() <= 1e-9
     assert abs(gap[-1]) <= 1e-5
     assert abs(run.v[-1]).max() <= 1e-6
-    falling = sd.rollout(model, q0, np.zeros(3), dt=DT, steps=90, **kept)
-    on = sd.rollout(model, **falling.end, dt=DT, steps=5, **kept)
+    falling = scenes.rollout(model, q0, np.zeros(3), dt=DT, steps=90, **kept)
+    on = scenes.rollout(model, **falling.end, dt=DT, steps=5, **kept)
     np.testing.assert_array_equal(on.v, run.v[90:95])
     along = sd.frame_jacobian(model, run.q[-1], "foot", "local_world_aligned")[:3]
     J = np.vstack([sd.constraint_jacobian(model, held, run.q[-1])[:2], along[:2]])
@@ -368,7 +371,7 @@ def test_steps_with_impulses_leave_no_velocity_of_the_constraints_behind() -> No
     """5e-6 m/s at 20 rad/s on dry joints, at first as after 3000 steps, of order dt³; 7e-4 if v met the old J alone."""
     model, held, q0 = footed()
     v0, kept = four_bar_state(rate=4.0)[1], dict(constraints=held, friction=sd.Friction(0.02 * np.ones(3), 0.0))
-    runs = [sd.rollout(model, q0, v0, dt=dt, steps=round(3.0 / dt), **kept) for dt in (2e-3, 1e-3)]
+    runs = [scenes.rollout(model, q0, v0, dt=dt, steps=round(3.0 / dt), **kept) for dt in (2e-3, 1e-3)]
     coarse, fine = (left_moving(held, x) for x in runs)
     assert abs(runs[1].v).max() > 15.0
     assert fine.max() <= 1e-5
@@ -382,15 +385,15 @@ def test_a_run_goes_on_from_the_step_of_an_impact() -> None:
     model, held, q0 = footed()
     contacts = ground_of(model, q0, 0.05)
     bouncing = sd.Contacts(model, {"foot": 0.01}, restitution=0.5, terrain=contacts.terrain)
-    kept: dict[str, Any] = dict(constraints=held, contacts=bouncing, record_contacts=True)
-    run = sd.rollout(model, q0, np.zeros(3), dt=DT, steps=400, **kept)
+    kept: dict[str, Any] = dict(constraints=held, contacts=bouncing, record="contacts")
+    run = scenes.rollout(model, q0, np.zeros(3), dt=DT, steps=400, **kept)
     assert left_moving(held, run).max() <= 5e-4
     hit = int(np.flatnonzero(run.contacts.impulse[:, 0, 1])[0])
     assert abs(run.v[hit] - run.v[hit - 1]).max() > 1.0
-    on = sd.rollout(model, run.q[hit], run.v[hit], dt=DT, steps=5, **kept)
+    on = scenes.rollout(model, run.q[hit], run.v[hit], dt=DT, steps=5, **kept)
     np.testing.assert_array_equal(on.v, run.v[hit + 1 : hit + 6])
     with pytest.raises(sd.ConstraintError, match=r"v0 of sample 0 moves pin y at -0\.0\d+, expected 0"):
-        sd.rollout(model, run.q[hit], run.v[hit] + [0.0, 0.0, 0.1], dt=DT, steps=5, **kept)
+        scenes.rollout(model, run.q[hit], run.v[hit] + [0.0, 0.0, 0.1], dt=DT, steps=5, **kept)
 
 
 @pytest.mark.slow(quick="test_a_step_meets_every_law_by_dense_matrices")
@@ -401,15 +404,15 @@ def test_programs_kernels_and_the_recursion_take_the_same_steps() -> None:
     contacts = ground_of(model, q0, 0.01)
     friction = sd.Friction(np.array([0.1, 0.05, 0.1]), 0.01)
     kept: dict[str, Any] = dict(constraints=held, contacts=contacts, friction=friction)
-    lanes = sd.rollout(model, np.tile(q0, (3, 1)), np.zeros(3), dt=DT, steps=120, **kept, record_contacts=True)
+    lanes = scenes.rollout(model, np.tile(q0, (3, 1)), np.zeros(3), dt=DT, steps=120, **kept, record="contacts")
     args = (model, q0, np.zeros(3), 120 * DT, DT, STEPPED)
     still = lambda t, q, v: np.zeros(3)  # noqa: E731
     for torque in (None, still):
-        one = sd.simulate(*args, torque=torque, **kept, record=(1, "work"), record_contacts=True)
+        one = scenes.simulate(*args, torque=torque, **kept, record=(1, "work", "contacts"))
         np.testing.assert_allclose(one.v[1:], lanes.v[1], rtol=0.0, atol=1e-9)
         assert one.contacts is not None
         np.testing.assert_allclose(one.contacts.impulse[1:], lanes.contacts.impulse[1], rtol=0.0, atol=1e-9)
-        ledger = sd.energy_ledger(one, constraints=held, contacts=contacts)
+        ledger = sd.energy_ledger(one)
         assert (np.diff(ledger.work["contacts"], axis=0) <= 1e-9).all()
         assert ledger.work["friction"][-1].sum() < 0.0
         assert abs(ledger.error).max() <= 0.05 * abs(ledger.change).max()
@@ -418,7 +421,7 @@ def test_programs_kernels_and_the_recursion_take_the_same_steps() -> None:
     given = {"q": q, "v": v, "tau": np.zeros(3), "dt": DT, "mu": contacts.friction, "restitution": np.zeros(1)}
     made = solved(model, {"friction", "constraints"}, table, given | coefficients(friction), held)
     np.testing.assert_allclose(made["v"], lanes.v[0, 100], rtol=0.0, atol=1e-11)
-    again = sd.simulate(**one.end, model=model, duration=0.01, dt=DT, method=STEPPED, **kept, record="work")
+    again = scenes.simulate(**one.end, model=model, duration=0.01, dt=DT, method=STEPPED, **kept, record="work")
     assert np.isfinite(again.v).all()
 
 
@@ -426,8 +429,8 @@ def test_stabilization_keeps_a_loop_with_a_foot_closed() -> None:
     model, held, q0 = footed()
     contacts = ground_of(model, q0, 0.02)
     run = sd.rollout(
-        model, q0, np.zeros(3), dt=DT, steps=400, constraints=held, contacts=contacts, stabilization=0.01
-    )  # fmt: skip
+        sd.Scene(model, constraints=held, contacts=contacts, stabilization=0.01), q0, np.zeros(3), dt=DT, steps=400
+    )
     assert abs(sd.constraint_error(model, held, run.q)).max() <= 1e-4
     assert sd.contact_gaps(model, contacts, run.q).min() >= -1e-4
 
@@ -439,7 +442,9 @@ def test_limits_stop_a_loop() -> None:
     made.add_body("rocker", None, "revolute", (0, 0, 1), (0.5, 0, 0), rod(0.4))
     model = made.build(gravity=(0, -G, 0))
     held, q0 = pin_of(model), four_bar_state()[0]
-    run = sd.rollout(model, q0, np.zeros(3), dt=DT, steps=400, constraints=held, limits=True, record_contacts=True)
+    run = sd.rollout(
+        sd.Scene(model, constraints=held, limits=True), q0, np.zeros(3), dt=DT, steps=400, record="contacts"
+    )
     assert run.q[:, 0].min() >= 0.8 - 1e-5
     assert run.q[-1, 0] == pytest.approx(0.8, abs=1e-5)
     assert abs(sd.constraint_error(model, held, run.q)).max() <= 1e-9
@@ -453,7 +458,7 @@ def test_a_loop_that_its_constraints_lock_stays() -> None:
     model, (q, _) = four_bar(), four_bar_state()
     tied = sd.Constraints(model, [*pin_of(model), sd.VelocityConstraint([1.0, 0, 0], name="brake")])
     friction = sd.Friction(0.1 * np.ones(3), 0.0)
-    run = sd.rollout(model, q, np.zeros(3), dt=DT, steps=3, constraints=tied, friction=friction)
+    run = sd.rollout(sd.Scene(model, constraints=tied, friction=friction), q, np.zeros(3), dt=DT, steps=3)
     assert abs(run.v).max() <= 1e-15
 
 
@@ -481,12 +486,12 @@ def test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_an
     """From rest the circles part as soon as the mass moves: another rank, in the step after it was pushed."""
     model, kept, v, tau = tied()
     q = np.zeros((3, 2))
-    assert not sd.rollout(model, q, 0.0 * v, dt=1e-3, steps=8, **kept).v.any()
+    assert not scenes.rollout(model, q, 0.0 * v, dt=1e-3, steps=8, **kept).v.any()
     with pytest.raises(sd.SimulationError, match="sample 1, " + PARTED):
-        sd.rollout(model, q, 0.0 * v, tau, dt=1e-3, **kept)
+        scenes.rollout(model, q, 0.0 * v, tau, dt=1e-3, **kept)
     for friction in (None, sd.Friction(np.array([0.0, 0.1]), 0.0)):
         with pytest.raises(sd.SimulationError, match="sample 1, " + WRONG):
-            sd.rollout(model, q, v, dt=1e-3, steps=8, friction=friction, **kept)
+            scenes.rollout(model, q, v, dt=1e-3, steps=8, friction=friction, **kept)
 
 
 @pytest.mark.slow(quick="test_contradictions_beside_contacts_and_limits_are_named_with_time_sample_and_constraint")
@@ -496,9 +501,9 @@ def test_a_simulation_names_contradictions_beside_contacts_with_their_time() -> 
     model, kept, v, tau = tied()
     kept["friction"], q = sd.Friction(np.array([0.0, 0.1]), 0.0), np.zeros(2)
     with pytest.raises(sd.SimulationError, match="^" + WRONG):
-        sd.simulate(model, q, v[1], 8e-3, 1e-3, STEPPED, **kept)
+        scenes.simulate(model, q, v[1], 8e-3, 1e-3, STEPPED, **kept)
     with pytest.raises(sd.SimulationError, match="^" + PARTED) as caught:
-        sd.simulate(model, q, 0.0 * v[1], 8e-3, 1e-3, STEPPED, torque=tau[1], **kept)
+        scenes.simulate(model, q, 0.0 * v[1], 8e-3, 1e-3, STEPPED, torque=tau[1], **kept)
     assert caught.value.trajectory.t[-1] == pytest.approx(0.006)
 
 
@@ -511,9 +516,9 @@ def test_a_branch_point_beside_dry_joints_is_named_with_its_time() -> None:
     flat, rate = np.zeros(3), np.array([1.0, -1.0, 1.0])
     text = r"step from t = 0\S* s: the rank of pin is 2, at the beginning it was 1: a branch point"
     with pytest.raises(sd.SimulationError, match=r"sample 0, " + text):
-        sd.rollout(model, np.tile(flat, (2, 1)), rate, dt=1e-2, steps=5, **kept)
+        scenes.rollout(model, np.tile(flat, (2, 1)), rate, dt=1e-2, steps=5, **kept)
     with pytest.raises(sd.SimulationError, match=text):
-        sd.simulate(model, flat, rate, 0.1, 1e-2, STEPPED, **kept)
+        scenes.simulate(model, flat, rate, 0.1, 1e-2, STEPPED, **kept)
 
 
 def test_springs_carry_a_leg_on_the_ground() -> None:
@@ -527,7 +532,9 @@ def test_springs_carry_a_leg_on_the_ground() -> None:
     locked = np.zeros(3)
     locked[rotor] = 50.0  # its own dry friction holds the rotor
     friction = sd.Friction(locked, 0.0)
-    run = sd.rollout(model, np.zeros(3), np.zeros(3), dt=5e-4, steps=4000, contacts=contacts, friction=friction)
+    run = sd.rollout(
+        sd.Scene(model, contacts=contacts, friction=friction), np.zeros(3), np.zeros(3), dt=5e-4, steps=4000
+    )
     pull = sd.spring_torque(model, run.q[-1])
     body = next(j.idx_v for j in model.joints[1:] if j.name == "body_joint")
     assert pull[body] == pytest.approx(3.0 * G, rel=1e-3)
@@ -548,9 +555,12 @@ def test_more_impulses_than_lanes_take_are_refused_by_rollout() -> None:
     words = "1 points and 37 joints that rub or stop have 40 impulses, expected at most 36 in a rollout"
     with pytest.raises(sd.ModelError, match=words):
         sd.rollout(
-            model, np.zeros(37), np.zeros(37), dt=DT, steps=1, contacts=contacts,
-            friction=sd.Friction(np.ones(37), 0.0),
-        )  # fmt: skip
+            sd.Scene(model, contacts=contacts, friction=sd.Friction(np.ones(37), 0.0)),
+            np.zeros(37),
+            np.zeros(37),
+            dt=DT,
+            steps=1,
+        )
 
 
 def test_nan_of_a_sample_is_not_taken_for_rest() -> None:
@@ -558,6 +568,6 @@ def test_nan_of_a_sample_is_not_taken_for_rest() -> None:
     tau = np.zeros((2, 2, 3))
     tau[1, 0, 1] = math.nan
     friction = sd.Friction(5.0 * np.ones(3), 0.0)
-    run = sd.rollout(model, q, np.zeros(3), tau, dt=DT, constraints=held, friction=friction, check=False)
+    run = sd.rollout(sd.Scene(model, constraints=held, friction=friction), q, np.zeros(3), tau, dt=DT, check=False)
     assert (run.v[0] == 0.0).all()
     assert not np.isfinite(run.v[1]).any()

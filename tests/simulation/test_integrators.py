@@ -372,7 +372,7 @@ def test_a_run_of_one_step_is_that_step(name: str) -> None:
     model, rng = ball_and_arm(), np.random.default_rng(0)
     q, v = sd.random_configuration(model, rng), rng.normal(size=model.nv)
     tau, fext = rng.normal(size=model.nv), rng.normal(size=(model.njoints, 6))
-    run = sd.simulate(model, q, v, 0.01, 0.01, name, torque=tau, fext=fext)
+    run = sd.simulate(sd.Scene(model, fext=fext), q, v, 0.01, 0.01, name, torque=tau)
     q1, v1 = sd.step(model, q, v, tau, 0.01, name, fext)
     np.testing.assert_allclose(run.q[-1], q1, rtol=0, atol=64 * EPS)
     np.testing.assert_allclose(run.v[-1], v1, rtol=0, atol=1e3 * EPS)

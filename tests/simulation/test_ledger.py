@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
@@ -29,12 +30,12 @@ def arm() -> sd.Model:
 
 
 def ledger(*arguments: Any, **options: Any) -> sd.EnergyLedger:
-    return sd.energy_ledger(sd.simulate(*arguments, record="work", **options))
+    return sd.energy_ledger(scenes.simulate(*arguments, record="work", **options))
 
 
 def in_python(*arguments: Any, torque: Any = (0.0, 0.0, 0.0), **options: Any) -> sd.Trajectory:
     """``simulate`` whose steps run in Python, by a torque function."""
-    return sd.simulate(*arguments, torque=lambda t, q, v: np.array(torque), **options)
+    return scenes.simulate(*arguments, torque=lambda t, q, v: np.array(torque), **options)
 
 
 # --- the order of the error -----------------------------------------------------------------------------
@@ -80,7 +81,7 @@ def test_impulses_do_exactly_half_the_sum_of_both_velocities(way: str) -> None:
     friction = sd.Friction(
         rng.uniform(0.0, 1.0, 4), rng.uniform(0.0, 0.3, 4), bristle_stiffness=1e3, bristle_damping=0.0
     )
-    for run in (sd.simulate, in_python):
+    for run in (scenes.simulate, in_python):
         made = run(
             model, np.zeros(4), rng.normal(size=4), 1.0, 0.02, STEPPED, torque=(0.5, 0.0, 0.0, -0.3), friction=friction,
             friction_method=way, record="work",
@@ -109,9 +110,15 @@ def test_friction_takes_energy_at_every_joint(arm: sd.Model, way: str, method: s
 def test_bristles_hold_what_they_give_back(arm: sd.Model) -> None:
     """W_friction + ½ σ0 z², what they dissipate, falls where b >= σ1 (F_s - F_c)/F_c."""
     run = sd.simulate(
-        arm, [-1.0, 0.5, 0.3], [0.0] * 3, 1.0, 1e-3, STEPPED, torque=[4.0, 1.0, 0.5], friction=RUBBED,
-        friction_method="lugre", record="work",
-    )  # fmt: skip
+        sd.Scene(arm, friction=RUBBED, friction_method="lugre"),
+        [-1.0, 0.5, 0.3],
+        [0.0] * 3,
+        1.0,
+        1e-3,
+        STEPPED,
+        torque=[4.0, 1.0, 0.5],
+        record="work",
+    )
     assert run.bristles is not None
     lost = run.states["work_friction"] + 0.5 * RUBBED.bristle_stiffness * run.bristles**2
     assert lost.max() <= 1e-4
@@ -122,14 +129,14 @@ def test_bristles_hold_what_they_give_back(arm: sd.Model) -> None:
 
 
 def bar(
-    dt: float, stabilization: float | None = None, run: Callable[..., sd.Trajectory] = sd.simulate
+    dt: float, stabilization: float | None = None, run: Callable[..., sd.Trajectory] = scenes.simulate
 ) -> sd.EnergyLedger:
     model = four_bar()
     held, (q, v) = pin_of(model), four_bar_state()
     made = run(
         model, q, v, 0.2, dt, constraints=held, stabilization=stabilization, torque=(0.1, 0.0, 0.0), record="work"
     )
-    return sd.energy_ledger(made, held)
+    return sd.energy_ledger(made)
 
 
 def test_ideal_constraints_do_no_work() -> None:
@@ -152,7 +159,7 @@ def test_the_work_of_a_projection_is_what_it_adds_to_the_energy() -> None:
     model = four_bar()
     held, (q, v) = pin_of(model), four_bar_state()
     args, kept = (model, q, v, 1e-2, 1e-2, STEPPED), dict(constraints=held, record="work")
-    for run in (sd.simulate, in_python):
+    for run in (scenes.simulate, in_python):
         free, projected = run(*args, **kept, stabilization=1e9), run(*args, **kept)
         added = projected.states["work_projection"][-1, 0]
         assert added == pytest.approx(projected.energy[-1] - free.energy[-1], abs=1e-12)
@@ -180,7 +187,7 @@ def test_a_loop_that_rubs_dry_keeps_the_same_ledger_in_programs_and_in_python() 
     held, (q, v) = pin_of(model), four_bar_state()
     dry = sd.Friction([0.3, 0.2, 0.1], [0.05, 0.03, 0.02])
     args, kept = (model, q, v, 0.02, 1e-3, STEPPED), dict(constraints=held, friction=dry, record="work")
-    wanted, found = (sd.energy_ledger(run(*args, **kept), held) for run in (sd.simulate, in_python))
+    wanted, found = (sd.energy_ledger(run(*args, **kept)) for run in (scenes.simulate, in_python))
     assert abs(wanted.work["constraints"]).max() > 1e-7
     for kind, x in wanted.work.items():
         np.testing.assert_allclose(found.work[kind], x, rtol=0.0, atol=1e-10)
@@ -194,7 +201,7 @@ def test_a_loop_that_rubs_dry_keeps_the_same_ledger_in_programs_and_in_python() 
 def test_steps_in_python_keep_the_same_ledger(arm: sd.Model, way: str) -> None:
     args = (arm, [-1.0, 0.5, 0.3], [1.0, 0.0, -1.0], 0.03, 1e-3, STEPPED)
     kept = dict(friction=RUBBED, friction_method=way, torque=(4.0, 1.0, 0.5), record="work")
-    wanted, found = (sd.energy_ledger(run(*args, **kept)) for run in (sd.simulate, in_python))
+    wanted, found = (sd.energy_ledger(run(*args, **kept)) for run in (scenes.simulate, in_python))
     for kind, x in wanted.work.items():
         np.testing.assert_allclose(found.work[kind], x, rtol=0.0, atol=1e3 * EPS)
 
@@ -221,7 +228,7 @@ def test_external_forces_have_their_work(arm: sd.Model, method: str, kept: Any) 
 
 def test_recording_work_changes_no_motion_and_goes_with_a_number(arm: sd.Model) -> None:
     args, kept = (arm, [0.4, 0.8, -0.5], [0.0] * 3, 0.1, 1e-2), dict(torque=[1.0, 0.5, 0.2])
-    plain, work = sd.simulate(*args, **kept), sd.simulate(*args, **kept, record=(2, "work"))
+    plain, work = scenes.simulate(*args, **kept), scenes.simulate(*args, **kept, record=(2, "work"))
     np.testing.assert_allclose(work.q, plain.q[::2], rtol=0.0, atol=1e2 * EPS)
     assert work.states["work_torque"].shape == (6, 3)
     assert plain.states == {}
@@ -240,6 +247,4 @@ def test_what_has_no_ledger_is_named(arm: sd.Model) -> None:
     with pytest.raises(sd.SpatialDynError, match="record is 'works', expected a number of steps, "):
         sd.simulate(*args, record="works")
     run = sd.simulate(*args, record="work")
-    with pytest.raises(sd.SimulationError, match="constraints have 3 equations, expected the 0 of the trajectory"):
-        sd.energy_ledger(run, pin_of(four_bar()))
     assert "work of torque 0 J" in repr(sd.energy_ledger(run))

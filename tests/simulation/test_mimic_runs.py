@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from numpy.typing import NDArray
 from slow import slow_but
 
@@ -71,7 +72,7 @@ def run(model: sd.Model, method: str | None = None, **more: Any) -> Any:
     q, v = (Q0, V0) if model is MODEL else whole(Q0, V0)
     if model is FREE:
         more["constraints"] = sd.Constraints(FREE, COUPLERS)
-    return sd.simulate(model, q, v, STEPS * DT, DT, method, **{"friction": False, **more})
+    return scenes.simulate(model, q, v, STEPS * DT, DT, method, **{"friction": False, **more})
 
 
 @pytest.mark.parametrize("method", slow_but(("semi_implicit_euler", "rk4"), (*EXPLICIT, "variational")))
@@ -87,7 +88,7 @@ def test_a_motion_is_that_of_the_tree_under_couplers(method: str) -> None:
 @pytest.mark.parametrize("method", slow_but(("rk4", "gauss4"), sd.integrators))
 def test_energy_is_kept_to_the_order_of_the_method(method: str) -> None:
     """Halving the step reduces the error of the energy by 2^order, down to rounding."""
-    coarse, fine = (sd.simulate(MODEL, Q0, V0, 0.2, dt, method, friction=False) for dt in (4e-3, 2e-3))
+    coarse, fine = (sd.simulate(sd.Scene(MODEL, friction=False), Q0, V0, 0.2, dt, method) for dt in (4e-3, 2e-3))
     errors = [abs(x.energy - x.energy[0]).max() for x in (coarse, fine)]
     order = sd.integrators[method].order if sd.integrators[method].family is not None else 0
     assert errors[1] <= max(0.8 * errors[0] / 2.0 ** (order - 1) if order else errors[0], 1e-9)
@@ -112,12 +113,14 @@ def test_external_forces_act_on_the_whole_tree() -> None:
 def test_a_rollout_is_many_simulations() -> None:
     rng = np.random.default_rng(1)
     q, v, tau = Q0 + 0.1 * rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), rng.normal(size=(5, 3)) * 0.1
-    many = sd.rollout(MODEL, q, v, tau[:, None], dt=DT, steps=STEPS, friction=False)
+    many = sd.rollout(sd.Scene(MODEL, friction=False), q, v, tau[:, None], dt=DT, steps=STEPS)
     for k in range(5):
-        one = sd.simulate(MODEL, q[k], v[k], STEPS * DT, DT, "semi_implicit_euler", torque=tau[k], friction=False)
+        one = sd.simulate(
+            sd.Scene(MODEL, friction=False), q[k], v[k], STEPS * DT, DT, "semi_implicit_euler", torque=tau[k]
+        )
         np.testing.assert_allclose(many.q[k], one.q[1:], rtol=1e-14 if numba_kernels.PLAIN else 0.0)
     hold = sd.PD(kp=np.full(3, 5.0), kd=np.full(3, 1.0), q_ref=Q0)
-    held = sd.rollout(MODEL, q, v, dt=DT, steps=20000, friction=False, pd=hold, record="last")
+    held = sd.rollout(sd.Scene(MODEL, friction=False), q, v, dt=DT, steps=20000, pd=hold, record="last")
     at_rest = np.linalg.solve(np.diag([5.0] * 3), -sd.generalized_gravity(MODEL, held.q)[..., None])[..., 0] + Q0
     np.testing.assert_allclose(held.q, at_rest, atol=1e-3)
 
@@ -130,10 +133,17 @@ def test_a_law_takes_the_models_own_coordinates_and_may_call_recursions() -> Non
         rnea(bodies, scratch, q, [0.0 * x for x in v], None, None, tau)
 
     law = Spec("weightless", weightless, work, (Q, V), TAU, "g(q).", "")
-    still = sd.simulate(MODEL, Q0, np.zeros(3), 0.2, DT, "rk4", control=sd.Control(law), friction=False)
+    still = sd.simulate(sd.Scene(MODEL, friction=False), Q0, np.zeros(3), 0.2, DT, "rk4", control=sd.Control(law))
     assert abs(still.q - Q0).max() < 1e-12
     asked = sd.simulate(
-        MODEL, Q0, np.zeros(3), 0.02, DT, "rk4", control=sd.Control(law), friction=False, torque=lambda t, q, v: 0.0 * v
+        sd.Scene(MODEL, friction=False),
+        Q0,
+        np.zeros(3),
+        0.02,
+        DT,
+        "rk4",
+        control=sd.Control(law),
+        torque=lambda t, q, v: 0.0 * v,
     )
     assert abs(asked.q - Q0).max() < 1e-12
 
@@ -142,7 +152,7 @@ def test_a_law_takes_the_models_own_coordinates_and_may_call_recursions() -> Non
 
     bad = Spec("walker", walker, None, (Q, V), TAU, "", "")
     with pytest.raises(sd.ModelError, match='spec "walker" walks the tree of a robot with mimic joints'):
-        sd.simulate(MODEL, Q0, V0, 0.02, DT, "rk4", control=sd.Control(bad), friction=False)
+        sd.simulate(sd.Scene(MODEL, friction=False), Q0, V0, 0.02, DT, "rk4", control=sd.Control(bad))
 
 
 def test_a_cost_sums_the_models_own_coordinates() -> None:
@@ -150,7 +160,7 @@ def test_a_cost_sums_the_models_own_coordinates() -> None:
         cost[0] = v[2] * v[2]
 
     spec = Spec("effort", effort, None, (Q, V, TAU), Argument("cost", (1,), "", "of a step"), "", "")
-    ran = sd.rollout(MODEL, Q0, V0, dt=DT, steps=STEPS, friction=False, cost=sd.Cost(spec), record=1)
+    ran = sd.rollout(sd.Scene(MODEL, friction=False), Q0, V0, dt=DT, steps=STEPS, cost=sd.Cost(spec), record=1)
     before = np.concatenate([V0[2:], ran.v[:-1, 2]])
     np.testing.assert_allclose(np.asarray(ran.cost).ravel()[-1], (before**2).sum(), rtol=1e-2)
 
@@ -158,7 +168,7 @@ def test_a_cost_sums_the_models_own_coordinates() -> None:
 @pytest.mark.parametrize("method", slow_but(("rk4", "semi_implicit_euler"), FIXED))
 def test_derivatives_of_a_step_are_those_of_differences(method: str) -> None:
     h, n = 1e-6, MODEL.nv
-    A, B = sd.step_derivatives(MODEL, Q0, V0, TAU0, 5e-3, method, friction=False)
+    A, B = sd.step_derivatives(sd.Scene(MODEL, friction=False), Q0, V0, TAU0, 5e-3, method)
     rates = np.zeros((2 * n, 3 * n))
     for k in range(3 * n):
         d = np.zeros(3 * n)
@@ -167,7 +177,13 @@ def test_derivatives_of_a_step_are_those_of_differences(method: str) -> None:
         for s in (1, -1):
             q = sd.integrate(MODEL, Q0, s * d[:n])
             ran = sd.simulate(
-                MODEL, q, V0 + s * d[n : 2 * n], 5e-3, 5e-3, method, torque=TAU0 + s * d[2 * n :], friction=False
+                sd.Scene(MODEL, friction=False),
+                q,
+                V0 + s * d[n : 2 * n],
+                5e-3,
+                5e-3,
+                method,
+                torque=TAU0 + s * d[2 * n :],
             )
             ends.append(np.concatenate([ran.q[-1], ran.v[-1]]))
         rates[:, k] = (ends[0] - ends[1]) / (2 * h)
@@ -175,27 +191,27 @@ def test_derivatives_of_a_step_are_those_of_differences(method: str) -> None:
 
 
 def test_linearize_is_the_limit_of_a_step_and_step_takes_it() -> None:
-    A, B = sd.linearize(MODEL, Q0, V0, TAU0, friction=False)
+    A, B = sd.linearize(sd.Scene(MODEL, friction=False), Q0, V0, TAU0)
     dt = 1e-7
-    by_state, by_tau = sd.step_derivatives(MODEL, Q0, V0, TAU0, dt, "explicit_euler", friction=False)
+    by_state, by_tau = sd.step_derivatives(sd.Scene(MODEL, friction=False), Q0, V0, TAU0, dt, "explicit_euler")
     np.testing.assert_allclose((by_state - np.eye(6)) / dt, A, atol=1e-6 * abs(A).max())
     np.testing.assert_allclose(by_tau / dt, B, rtol=1e-6, atol=1e-9)
     q, v = sd.step(MODEL, Q0, V0, TAU0, DT, "rk4")
-    one = sd.simulate(MODEL, Q0, V0, DT, DT, "rk4", torque=TAU0, friction=False)
+    one = sd.simulate(sd.Scene(MODEL, friction=False), Q0, V0, DT, DT, "rk4", torque=TAU0)
     np.testing.assert_allclose(q, one.q[-1], rtol=1e-13)
     np.testing.assert_allclose(v, one.v[-1], rtol=1e-12)
 
 
 def test_limits_stop_the_joint_that_leads() -> None:
     v0 = [0.5, 1.0, -8.0]
-    free = sd.simulate(MODEL, Q0, v0, 0.5, DT, friction=False)
-    ran = sd.simulate(MODEL, Q0, v0, 0.5, DT, limits=True, friction=False)
+    free = sd.simulate(sd.Scene(MODEL, friction=False), Q0, v0, 0.5, DT)
+    ran = sd.simulate(sd.Scene(MODEL, limits=True, friction=False), Q0, v0, 0.5, DT)
     at = MODEL.joint("grip").idx_q
     assert free.method == "rk4"
     assert ran.method == "semi_implicit_euler"
     assert free.q[:, at].min() < -0.5
     assert ran.q[:, at].min() > -0.401
-    asked = sd.simulate(MODEL, Q0, v0, 0.05, DT, limits=True, friction=False, torque=lambda t, q, v: 0.0 * v)
+    asked = sd.simulate(sd.Scene(MODEL, limits=True, friction=False), Q0, v0, 0.05, DT, torque=lambda t, q, v: 0.0 * v)
     np.testing.assert_allclose(asked.q, ran.q[:51], atol=1e-12)
 
 
@@ -267,5 +283,5 @@ def test_mujoco_joint_equalities_move_alike() -> None:
     data.qpos[:], data.qvel[:] = q[order], v[order]
     for _ in range(500):
         mujoco.mj_step(theirs, data)
-    ours = sd.simulate(MODEL, Q0, V0, 0.1, 2e-4, "rk4", friction=False)
+    ours = sd.simulate(sd.Scene(MODEL, friction=False), Q0, V0, 0.1, 2e-4, "rk4")
     assert abs(ours.q[-1, SAME] - data.qpos[:3]).max() < 1e-4

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from slow import slow_but
 
 import spatialdyn as sd
@@ -30,7 +31,7 @@ def motor(**changes: Any) -> sd.Motor:
 
 def step(model: sd.Model, force: float, v0: float = 0.0, h: float = 1e-4, **named: Any) -> float:
     """Mean force at the joint over one step, its weight counted."""
-    run = sd.rollout(model, [0.0], [v0], [force], dt=h, steps=1, **named)
+    run = scenes.rollout(model, [0.0], [v0], [force], dt=h, steps=1, **named)
     return float(MASS * (run.v[0, 0] - v0) / h + LOAD)
 
 
@@ -47,24 +48,24 @@ def test_a_gear_passes_its_part_of_a_load_that_it_lifts_and_more_of_one_that_it_
 def test_a_gear_holds_what_is_between_to_the_bit(lift: sd.Model) -> None:
     m = motor(efficiency=0.5)
     for force in (0.55 * LOAD, LOAD, 1.9 * LOAD):
-        run = sd.rollout(lift, [0.0], [0.0], [force], dt=1e-2, steps=50, motor=m)
+        run = sd.rollout(sd.Scene(lift, motor=m), [0.0], [0.0], [force], dt=1e-2, steps=50)
         assert (run.v == 0.0).all()
         assert (run.q == 0.0).all()
-    assert (sd.rollout(lift, [0.0], [0.0], [2.1 * LOAD], dt=1e-2, steps=2, motor=m).v > 0.0).all()
-    assert (sd.rollout(lift, [0.0], [0.0], [0.45 * LOAD], dt=1e-2, steps=2, motor=m).v < 0.0).all()
+    assert (sd.rollout(sd.Scene(lift, motor=m), [0.0], [0.0], [2.1 * LOAD], dt=1e-2, steps=2).v > 0.0).all()
+    assert (sd.rollout(sd.Scene(lift, motor=m), [0.0], [0.0], [0.45 * LOAD], dt=1e-2, steps=2).v < 0.0).all()
 
 
 def test_a_voltage_drives_a_load_to_the_speed_where_its_own_voltage_leaves_the_load(lift: sd.Model) -> None:
     """u - k_e n v drives the current of the load: η (push - b v) = load, at any step."""
     m = motor(efficiency=0.8)
     for h in (1e-3, 0.1):  # h b / mass is 1, then 100
-        run = sd.rollout(lift, [0.0], [0.0], [500.0], dt=h, steps=200, motor=m, drive="voltage")
+        run = sd.rollout(sd.Scene(lift, motor=m, drive="voltage"), [0.0], [0.0], [500.0], dt=h, steps=200)
         assert run.v[-1, 0] == pytest.approx((500.0 - LOAD / 0.8) / 2000.0, rel=1e-9)
 
 
 def test_without_losses_a_voltage_is_implicit_damping(lift: sd.Model) -> None:
     m, h, push = motor(), 1e-3, 300.0
-    run = sd.rollout(lift, [0.0], [0.0], [push], dt=h, steps=5, motor=m, drive="voltage")
+    run = sd.rollout(sd.Scene(lift, motor=m, drive="voltage"), [0.0], [0.0], [push], dt=h, steps=5)
     v = 0.0
     for k in range(5):
         v = (v + h * (push - LOAD) / MASS) / (1.0 + h * m.damping[0] / MASS)
@@ -91,7 +92,7 @@ def test_the_power_that_a_gear_loses_is_its_part_of_what_it_passes(lift: sd.Mode
     """At steady speed the joint gets η of the motor's power where it lifts; where it lowers, the motor gets η of it."""
     m = motor(efficiency=0.6)
     for force in (500.0, -500.0):
-        v = sd.rollout(lift, [0.0], [0.0], [force], dt=1e-2, steps=300, motor=m, drive="voltage").v[-1, 0]
+        v = sd.rollout(sd.Scene(lift, motor=m, drive="voltage"), [0.0], [0.0], [force], dt=1e-2, steps=300).v[-1, 0]
         of_motor, of_load = (force - 2000.0 * v) * v, LOAD * v
         assert (v > 0.0) == (force > 0.0)
         given, got = (of_motor, of_load) if v > 0.0 else (-of_load, -of_motor)
@@ -104,9 +105,9 @@ def test_simulate_and_a_torque_function_take_the_same_steps(drive: str) -> None:
     m = sd.Motor([0.03, 0.05], 0.6, 24.0, 30.0, current=20.0, efficiency=0.7)
     q0, v0, tau = np.array([0.4, -0.8]), np.array([1.0, -2.0]), np.array([3.0, -1.0])
     own: dict[str, Any] = {"motor": m, "drive": drive, "friction": sd.Friction([0.1, 0.1], 0.05)}
-    run = sd.simulate(model, q0, v0, 0.05, 1e-3, METHOD, tau, **own)
-    again = sd.simulate(model, q0, v0, 0.05, 1e-3, METHOD, lambda t, q, v: tau, **own)
-    many = sd.rollout(model, [q0, q0], v0, tau, dt=1e-3, steps=50, **own)
+    run = scenes.simulate(model, q0, v0, 0.05, 1e-3, METHOD, tau, **own)
+    again = scenes.simulate(model, q0, v0, 0.05, 1e-3, METHOD, lambda t, q, v: tau, **own)
+    many = scenes.rollout(model, [q0, q0], v0, tau, dt=1e-3, steps=50, **own)
     np.testing.assert_allclose(again.v, run.v, rtol=1e-11, atol=1e-12)
     np.testing.assert_allclose(many.v[1], run.v[1:], rtol=1e-11, atol=1e-12)
     np.testing.assert_array_equal(run.tau[1:], np.broadcast_to(tau, run.tau[1:].shape))
@@ -118,7 +119,7 @@ def test_the_ledger_counts_what_gears_and_windings_take(lift: sd.Model, user: bo
     m, force = motor(efficiency=0.7), np.array([100.0])
     torque: Any = (lambda t, q, v: force) if user else force
     own: dict[str, Any] = {"motor": m, "drive": "voltage", "record": "work"}
-    run = sd.simulate(lift, [0.0], [0.0], 0.5, 1e-3, METHOD, torque, **own)
+    run = scenes.simulate(lift, [0.0], [0.0], 0.5, 1e-3, METHOD, torque, **own)
     ledger = sd.energy_ledger(run)
     np.testing.assert_allclose(ledger.work["torque"][-1], force * (run.q[-1] - run.q[0]), rtol=0.01)
     assert ledger.work["friction"][-1, 0] < 0.0
@@ -131,22 +132,22 @@ def test_a_motor_on_a_rotor_drives_a_joint_through_its_spring() -> None:
     b = sd.ModelBuilder("sea").add_body("link", inertia=(1.0, (0, 0, 0), 0.2 * np.eye(3)), joint_name="joint")
     model = b.add_series_elastic("joint", 300.0, 2.0, 1e-4, 50.0).build()
     m = sd.Motor([0.0, 0.03], 0.6, 24.0, efficiency=0.8)
-    q, v = sd.rollout(model, [0.1, 0.0], [0.0, 0.0], [0.0, 0.2], dt=1e-4, steps=1, motor=m)
+    q, v = sd.rollout(sd.Scene(model, motor=m), [0.1, 0.0], [0.0, 0.0], [0.0, 0.2], dt=1e-4, steps=1)
     pull = sd.spring_torque(model, [0.1, 0.0], [0.0, 0.0])
     np.testing.assert_allclose(v[0], 1e-4 * (pull + np.array([0.0, 0.8 * 0.2])) / [0.2, 1e-4], rtol=1e-10)
     np.testing.assert_allclose(q[0], [0.1, 0.0] + 1e-4 * v[0], rtol=1e-12)
 
 
 def test_motors_are_refused_where_they_cannot_act(lift: sd.Model) -> None:
-    with pytest.raises(sd.SimulationError, match='method "rk4", expected "implicit" and "semi_implicit_euler"'):
-        sd.simulate(lift, [0.0], [0.0], 1.0, 0.1, "rk4", motor=motor())
+    with pytest.raises(sd.SimulationError, match='method is "rk4" and motor acts, expected one of semi_implicit_euler'):
+        sd.simulate(sd.Scene(lift, motor=motor()), [0.0], [0.0], 1.0, 0.1, "rk4")
     with pytest.raises(sd.SimulationError, match='friction_method is "lugre"'):
-        sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=motor(), friction_method="lugre")
+        sd.rollout(sd.Scene(lift, motor=motor(), friction_method="lugre"), [0.0], [0.0], dt=0.1, steps=1)
     with pytest.raises(sd.SimulationError, match="drive is 'torque', expected one of current, voltage"):
-        sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=motor(), drive="torque")
+        sd.rollout(sd.Scene(lift, motor=motor(), drive="torque"), [0.0], [0.0], dt=0.1, steps=1)
     with pytest.raises(sd.SimulationError, match='drive is "voltage" and no motor is given, expected motor='):
-        sd.simulate(lift, [0.0], [0.0], 1.0, 0.1, "semi_implicit_euler", drive="voltage")
+        sd.simulate(sd.Scene(lift, drive="voltage"), [0.0], [0.0], 1.0, 0.1, "semi_implicit_euler")
     with pytest.raises(sd.ModelError, match="motor is 3, expected a Motor"):
-        sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=3)  # type: ignore[arg-type]
+        sd.rollout(sd.Scene(lift, motor=3), [0.0], [0.0], dt=0.1, steps=1)  # type: ignore[arg-type]
     with pytest.raises(sd.ModelError, match="motor: efficiency is 2"):
-        sd.rollout(lift, [0.0], [0.0], dt=0.1, steps=1, motor=motor(efficiency=2.0))
+        sd.rollout(sd.Scene(lift, motor=motor(efficiency=2.0)), [0.0], [0.0], dt=0.1, steps=1)

@@ -11,6 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+import scenes
 from slow import slow_but
 from trees import random_tree
 
@@ -74,9 +75,9 @@ SMOOTH_FORCES = ("nothing", "torque", "no friction", "no limits", "smooth", "con
 @pytest.mark.parametrize("what", [*SMOOTH_FORCES, "friction", "limits", "contacts", "motor", "all", "lugre"])
 def test_the_default_method_takes_whatever_acts_and_is_named(arm: sd.Model, what: str) -> None:
     given = acting(arm)[what]
-    run = sd.simulate(arm, Q0, [0.3, 0.225], 0.02, 1e-3, **given)
+    run = scenes.simulate(arm, Q0, [0.3, 0.225], 0.02, 1e-3, **given)
     assert run.method == ("rk4" if what in SMOOTH_FORCES else "semi_implicit_euler")
-    named = sd.simulate(arm, Q0, [0.3, 0.225], 0.02, 1e-3, run.method, **given)
+    named = scenes.simulate(arm, Q0, [0.3, 0.225], 0.02, 1e-3, run.method, **given)
     np.testing.assert_array_equal(run.q, named.q)
 
 
@@ -86,12 +87,14 @@ def test_a_method_that_cannot_take_what_acts_is_refused_with_one_that_can(
     arm: sd.Model, what: str, method: str
 ) -> None:
     with pytest.raises(sd.SpatialDynError, match="semi_implicit_euler"):
-        sd.simulate(arm, Q0, V0, 0.02, 1e-3, method, **acting(arm)[what])
+        scenes.simulate(arm, Q0, V0, 0.02, 1e-3, method, **acting(arm)[what])
 
 
 def test_smooth_friction_names_the_methods_that_take_it(arm: sd.Model) -> None:
-    with pytest.raises(sd.SimulationError, match=r'"variational", expected one of explicit_euler, .*, gauss4'):
-        sd.simulate(arm, Q0, V0, 0.02, 1e-3, "variational", **acting(arm)["smooth"])
+    with pytest.raises(
+        sd.SimulationError, match=r'"variational" and friction acts, expected one of explicit_euler, .*, gauss4'
+    ):
+        scenes.simulate(arm, Q0, V0, 0.02, 1e-3, "variational", **acting(arm)["smooth"])
 
 
 # --- by hand --------------------------------------------------------------------------------------------
@@ -130,7 +133,7 @@ def test_external_forces_act(name: str) -> None:
     model = builder.build()
     fext = np.zeros((2, 6))
     fext[1, 0] = 4.0
-    run = sd.simulate(model, [0.0], [0.0], 1.0, 0.5, name, fext=fext)
+    run = sd.simulate(sd.Scene(model, fext=fext), [0.0], [0.0], 1.0, 0.5, name)
     np.testing.assert_allclose(run.q[-1], [1.0], atol=1e-9)
 
 
@@ -275,7 +278,7 @@ def test_npz_round_trip(arm: sd.Model, tmp_path: Path) -> None:
 )
 def test_bad_tolerances_and_progress_are_named(arm: sd.Model, name: str, value: Any) -> None:
     with pytest.raises(sd.SpatialDynError, match=f"{name} is {value!r}, expected"):
-        sd.simulate(arm, Q0, V0, 0.1, 0.01, "dop853", **{name: value})
+        scenes.simulate(arm, Q0, V0, 0.1, 0.01, "dop853", **{name: value})
 
 
 @pytest.mark.parametrize("what", ["text", "half a file", "an array"])
@@ -376,8 +379,8 @@ def test_what_makes_no_simulation_is_refused(arm: sd.Model) -> None:
     with pytest.raises(sd.NonFiniteError, match=r"v0 is \[nan, 0.0\]"):
         sd.simulate(arm, Q0, [math.nan, 0.0], 1.0, 0.1)
     with pytest.raises(sd.ShapeError, match=r"fext has shape \(6,\), expected \(3, 6\)"):
-        sd.simulate(arm, Q0, V0, 1.0, 0.1, fext=np.zeros(6))
-    with pytest.raises(sd.ModelError, match="model is a str"):
+        sd.simulate(sd.Scene(arm, fext=np.zeros(6)), Q0, V0, 1.0, 0.1)
+    with pytest.raises(sd.ModelError, match="scene is a str"):
         sd.simulate("panda", Q0, V0, 1.0, 0.1)  # type: ignore[arg-type]
     with pytest.raises(sd.InertiaError, match='joint "b_joint" has zero articulated inertia'):
         sd.simulate(sd.ModelBuilder().add_body("b").build(), [0.0], [0.0], 1.0, 0.1)
@@ -601,9 +604,9 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
     q0, v0 = sd.random_configuration(model, rng), 0.1 * rng.standard_normal(model.nv)
     torque = 0.1 * rng.standard_normal((101, model.nv))
     given: dict[str, Any] = {"method": method, "torque": torque, "record": record}
-    found = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
+    found = scenes.simulate(model, q0, v0, 0.1005, 1e-3, **given)
     monkeypatch.setattr(fixed_steps, "program", lambda *_: None)
-    wanted = sd.simulate(model, q0, v0, 0.1005, 1e-3, **given)
+    wanted = scenes.simulate(model, q0, v0, 0.1005, 1e-3, **given)
     for name in ("t", "tau"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
     for name in ("q", "v", "p", "energy"):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 from dense import Array
 from example_runs import robots
 from slow import slow_but
@@ -178,7 +179,7 @@ def test_a_quadrupeds_steps_have_the_derivatives_of_240_bits(method: str) -> Non
     pytest.importorskip("mpmath")
     model = quadruped()
     q, v, tau = state(model, 7)
-    A, B = sd.step_derivatives(model, q, v, tau, 0.01, method, friction=False)
+    A, B = sd.step_derivatives(sd.Scene(model, friction=False), q, v, tau, 0.01, method)
     columns = [4, 23, 50]
     truth = differences(model, q, v, tau, 0.01, method, columns)
     np.testing.assert_allclose(np.hstack([A, B])[:, columns], truth, rtol=0, atol=EXACT * abs(truth).max())
@@ -277,8 +278,8 @@ def test_symplectic_methods_have_symplectic_derivatives(method: str, name: str) 
 def test_a_quadrupeds_midpoint_rule_is_symplectic() -> None:
     model = quadruped()
     q, v, tau = state(model, 3)
-    A, _ = sd.step_derivatives(model, q, v, 0.0 * tau, 0.005, "implicit_midpoint", friction=False)
-    run = sd.simulate(model, q, v, 0.005, 0.005, "implicit_midpoint", friction=False)
+    A, _ = sd.step_derivatives(sd.Scene(model, friction=False), q, v, 0.0 * tau, 0.005, "implicit_midpoint")
+    run = sd.simulate(sd.Scene(model, friction=False), q, v, 0.005, 0.005, "implicit_midpoint")
     A = in_momenta(model, run.q[-1], run.v[-1]) @ A @ np.linalg.inv(in_momenta(model, q, v))
     before, after = omega(model, run.p[0]), omega(model, run.p[-1])
     assert abs(A.T @ after @ A - before).max() < ROUNDING * abs(before).max()
@@ -324,7 +325,8 @@ def test_external_forces_are_held_in_their_frames(method: str) -> None:
     h, e, d = 0.01, 1e-5, np.random.default_rng(2).normal(size=model.nv)
     A, _ = sd.step_derivatives(model, q, v, tau, h, method, fext=fext)
     one, two = (
-        sd.simulate(model, sd.integrate(model, q, x * d), v, h, h, method, torque=tau, fext=fext) for x in (e, -e)
+        sd.simulate(sd.Scene(model, fext=fext), sd.integrate(model, q, x * d), v, h, h, method, torque=tau)
+        for x in (e, -e)
     )
     moved = np.concatenate([sd.difference(model, two.q[-1], one.q[-1]), one.v[-1] - two.v[-1]]) / (2 * e)
     wanted = A[:, : model.nv] @ d
@@ -482,7 +484,7 @@ def test_what_cannot_be_is_named() -> None:
             sd.step_derivatives(model, q, v, tau, np.nan, method)
     with pytest.raises(sd.SpatialDynError, match="dt is given and no method, expected both"):
         sd.linearize(model, q, v, tau, 0.01)
-    with pytest.raises(sd.ModelError, match="model is a str, expected"):
+    with pytest.raises(sd.ModelError, match="scene is a str, expected"):
         sd.step_derivatives("two_link", q, v, tau, 0.01)
 
 
@@ -522,7 +524,7 @@ def test_springs_and_joints_without_inertia_are_named() -> None:
         sd.SimulationError,
         match="friction is True, expected None, False or a Friction with smoothing: Coulomb's law has no deriv",
     ):
-        sd.step_derivatives(builder.build(), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01, friction=True)
+        sd.step_derivatives(sd.Scene(builder.build(), friction=True), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01)
     elastic = sd.ModelBuilder("elastic")
     elastic.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name="a")
     elastic.add_series_elastic("a", 100.0, rotor=1e-4)
@@ -545,8 +547,8 @@ def test_friction_of_the_urdf_is_left_out_with_a_warning_unless_that_is_meant() 
         sd.step_derivatives(model, [0.1], [0.2], [0.0], 0.01)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        sd.step_derivatives(model, [0.1], [0.2], [0.0], 0.01, friction=False)
-        sd.linearize(model, [0.1], [0.2], [0.0], friction=False)
+        sd.step_derivatives(sd.Scene(model, friction=False), [0.1], [0.2], [0.0], 0.01)
+        sd.linearize(sd.Scene(model, friction=False), [0.1], [0.2], [0.0])
 
 
 @pytest.mark.parametrize("method", EXPLICIT)
@@ -557,9 +559,10 @@ def test_smooth_friction_acts_in_every_stage(method: str) -> None:
     model, h = sd.load_urdf("two_link"), 0.01
     q, v, tau = np.array([0.5, -0.3]), np.array([0.05, 0.4]), np.array([0.3, 0.2])
     friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
-    A, B = sd.step_derivatives(model, q, v, tau, h, method, friction=friction)
-    lanes = sd.step_derivatives(model, np.tile(q, (9, 1)), np.tile(v, (9, 1)), np.tile(tau, (9, 1)), h, method,
-                                friction=friction)  # fmt: skip
+    A, B = sd.step_derivatives(sd.Scene(model, friction=friction), q, v, tau, h, method)
+    lanes = sd.step_derivatives(
+        sd.Scene(model, friction=friction), np.tile(q, (9, 1)), np.tile(v, (9, 1)), np.tile(tau, (9, 1)), h, method
+    )
     for x, y in zip((A, B), lanes, strict=True):
         np.testing.assert_allclose(y, np.broadcast_to(x, y.shape), rtol=0, atol=EXACT)
     if "euler" in method:
@@ -567,13 +570,13 @@ def test_smooth_friction_acts_in_every_stage(method: str) -> None:
         slope = (
             np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction))
         ) / 2e-6
-        bare, wanted = sd.step_derivatives(model, q, v, tau + rub, h, method, friction=False)
+        bare, wanted = sd.step_derivatives(sd.Scene(model, friction=False), q, v, tau + rub, h, method)
         np.testing.assert_allclose(B, wanted, rtol=0, atol=EXACT)
         np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-9)
         return
     e, d = 1e-5, np.random.default_rng(2).normal(size=(3, 2))
     words = {"dt": h, "steps": 1, "method": method, "friction": friction, "friction_method": "smooth"}
-    one, two = (sd.rollout(model, q + s * d[0], v + s * d[1], tau + s * d[2], **words) for s in (e, -e))
+    one, two = (scenes.rollout(model, q + s * d[0], v + s * d[1], tau + s * d[2], **words) for s in (e, -e))
     moved = np.concatenate([one.q[-1] - two.q[-1], one.v[-1] - two.v[-1]]) / (2 * e)
     np.testing.assert_allclose(moved, A @ d[:2].ravel() + B @ d[2], rtol=0, atol=DIFFERENCE)
 
@@ -581,14 +584,14 @@ def test_smooth_friction_acts_in_every_stage(method: str) -> None:
 def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
     model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.05, 0.4])
     friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
-    A, B = sd.linearize(model, q, v, [0.3, 0.2], friction=friction)
+    A, B = sd.linearize(sd.Scene(model, friction=friction), q, v, [0.3, 0.2])
     rub, e = sd.friction_torque(model, v, friction), 1e-6
     slope = np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction)) / (2 * e)
-    bare, same = sd.linearize(model, q, v, np.add(rub, [0.3, 0.2]), friction=False)
+    bare, same = sd.linearize(sd.Scene(model, friction=False), q, v, np.add(rub, [0.3, 0.2]))
     np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-8)
     np.testing.assert_allclose(B, same, rtol=0, atol=EXACT)
-    with pytest.raises(sd.SimulationError, match="friction is given and method is 'gauss4', expected one of explicit_"):
-        sd.step_derivatives(model, q, v, [0.3, 0.2], 0.01, "gauss4", friction=friction)
+    with pytest.raises(sd.SimulationError, match="friction acts and method is 'gauss4', expected one of explicit_"):
+        sd.step_derivatives(sd.Scene(model, friction=friction), q, v, [0.3, 0.2], 0.01, "gauss4")
 
 
 @pytest.mark.slow(quick="test_what_cannot_be_is_named")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 
 import spatialdyn as sd
 
@@ -22,8 +23,8 @@ def run() -> sd.Trajectory:
     model = sd.load_urdf("two_link")
     touching = sd.Contacts(model, {"tip": 0.1}, terrain=sd.Plane(height=-3.0))
     method = "semi_implicit_euler"
-    given = {"contacts": touching, "record": "work", "record_contacts": True}
-    return sd.simulate(model, [0.5, -0.3], [1.0, 2.0], 0.05, 0.01, method, **given)  # type: ignore[arg-type]
+    given = {"contacts": touching, "record": ("work", "contacts")}
+    return scenes.simulate(model, [0.5, -0.3], [1.0, 2.0], 0.05, 0.01, method, **given)  # type: ignore[arg-type]
 
 
 def same(a: Any, b: Any) -> bool:

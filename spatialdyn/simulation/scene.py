@@ -1,0 +1,350 @@
+"""``Scene``: a robot and what acts on it, checked when it is made; simulations, steps and derivatives take it."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuation.friction import Friction, check_friction
+from ..actuation.motors import Motor, check_motor
+from ..calls.arguments import as_array, as_flag
+from ..constraints.contact_points import Contacts, check_contacts
+from ..constraints.dynamics import stabilization_time
+from ..constraints.kinds import CouplerConstraint
+from ..constraints.table import Constraints, check_constraints
+from ..errors import ModelError, NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..model.model import Model
+from . import constrained_variational, rattle, scene_toml
+from .friction_steps import CURRENT, IMPLICIT, SMOOTH, STEPPED, Rubbing, rubbing
+from .methods import EXPLICIT_METHODS, integrators
+from .springs import has_springs
+
+Array = NDArray[np.float64]
+P = ParamSpec("P")
+T = TypeVar("T")
+EFFECTS = ("constraints", "contacts", "friction", "limits", "motor", "fext")  # what acts; the others say how
+FIELDS = (
+    "model", "constraints", "stabilization", "contacts", "friction", "friction_method", "limits", "motor", "drive",
+    "fext",
+)  # fmt: skip
+
+SYMPLECTIC = (rattle.NAME, constrained_variational.NAME)  # those that take constraints
+DEFAULTS = {"stabilization": None, "friction_method": IMPLICIT, "limits": False, "drive": CURRENT, "fext": None}
+
+
+class Scene:
+    """A robot and what acts on it: immutable, hashed by content, all conflicts found when it is made.
+
+    model            Model
+    constraints      Constraints of this model: loops, held points, rolling
+    stabilization    T [s]: errors of the constraints die away like exp(-t/T). None: each step ends with a projection
+                     onto them, one Newton step of q, then v, the nearest in the metric of M. Beside implicit friction,
+                     contacts or limits v is not projected, which would move joints that stick
+    contacts         Contacts of this model: points that touch the ground, with Coulomb's exact cone
+    friction         friction and damping of the joints: True for that of the URDF, or a ``Friction``. None: none acts,
+                     and a run warns where the URDF has some; False: none acts
+    friction_method  "implicit": Coulomb's law and damping hold at the end of a step, at any dt; a joint that sticks has
+                     a velocity of 0 to the bit. "lugre": LuGre's bristles, a state of the run. "smooth": a torque
+                     -F(v) tanh(v/smoothing) - viscous v, by any method but variational; nothing sticks
+    limits           whether joints of one coordinate stop at their position limits
+    motor, drive     Motor through which the torques of a run act, beside implicit friction. "current": torque is
+                     n k_t i of the current wanted, within the motor's limits. "voltage": torque is n k_t u / R of a
+                     voltage u, at rest; in motion the motor's own takes some away
+    fext             (njoints, 6)  constant force on each joint's body, in the joint's frame [N | N m]
+
+    Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) act by themselves. A Model stands for the
+    scene of nothing else wherever a scene is taken.
+
+    methods          names of the methods that take it, of ``integrators``
+    method           the one that a run takes by itself: rk4, or semi_implicit_euler where impulses act
+
+    Raises  SimulationError for options that contradict each other, ModelError, ConstraintError and ShapeError for what
+            is of another robot or out of range
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> scene = sd.Scene(model, friction=sd.Friction(viscous=0.1), limits=True)
+    >>> scene.method, scene.with_(limits=False, friction=None) == sd.Scene(model)
+    ('semi_implicit_euler', True)
+    """
+
+    __slots__ = (*FIELDS, "_rubs")
+    model: Model
+    constraints: Constraints | None
+    stabilization: float | None
+    contacts: Contacts | None
+    friction: Friction | bool | None
+    friction_method: str
+    limits: bool
+    motor: Motor | None
+    drive: str
+    fext: Array | None
+    _rubs: Rubbing | None  # friction and motor as inputs of a step: no part of the content
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        constraints: Constraints | None = None,
+        stabilization: float | None = None,
+        contacts: Contacts | None = None,
+        friction: Friction | bool | None = None,
+        friction_method: str = IMPLICIT,
+        limits: bool = False,
+        motor: Motor | None = None,
+        drive: str = CURRENT,
+        fext: ArrayLike | None = None,
+    ) -> None:
+        """See the class."""
+        if not isinstance(model, Model):
+            raise ModelError(f"model is a {type(model).__name__}, expected a Model")
+        if constraints is not None:
+            check_constraints(model, constraints)
+        if stabilization is not None:
+            if constraints is None:
+                raise SimulationError(f"stabilization is {stabilization!r}, expected None: no constraints are given")
+            stabilization = stabilization_time(stabilization)
+        if contacts is not None:
+            check_contacts(model, contacts)
+        rubs = rubbing(model, friction, friction_method, motor, drive)
+        given: dict[str, Any] = {
+            "model": model, "constraints": constraints, "stabilization": stabilization, "contacts": contacts,
+            "friction": _friction(model, friction), "friction_method": friction_method,
+            "limits": as_flag("limits", limits), "motor": None if motor is None else check_motor(model, motor),
+            "drive": drive, "fext": None if fext is None else _forces(model, fext),
+        }  # fmt: skip
+        if has_springs(model) and model.mimic_matrix is not None:
+            raise ModelError(f'model "{model.name}" has springs and mimic joints, expected one of them (mimic=False)')
+        for name, value in {**given, "_rubs": rubs}.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, model: Model) -> Scene:
+        """The scene of all that the robot's file declares: damping, friction, position limits, mimic joints.
+
+        Mimic joints that the model does not move with their leaders (``mimic=False``) become ``CouplerConstraint``.
+
+        >>> import spatialdyn as sd
+        >>> builder = sd.ModelBuilder("arm").add_body("rod", None, "revolute", (0, 0, 1), damping=0.1)
+        >>> sd.Scene.of(builder.build()).friction
+        <Friction of each freedom: coulomb [0.], viscous [0.1], static [0.]>
+        """
+        model = scene_of(model).model
+        rubs = bool(model.damping.any() or model.friction.any())
+        stops = bool(np.isfinite(model.lower).any() or np.isfinite(model.upper).any())
+        couplers = couplers_of(model)
+        return cls(
+            model, friction=True if rubs else None, limits=stops,
+            constraints=Constraints(model, couplers) if couplers else None,
+        )  # fmt: skip
+
+    @classmethod
+    def from_toml(cls, model: Model, text: str) -> Scene:
+        """The scene of a TOML text, such as a file beside the URDF: the constructor's options by name.
+
+        ``friction`` is true, false or a table of ``Friction``'s coefficients; ``[motor]`` has those of ``Motor``,
+        ``[contacts]`` points, friction, restitution, sweeps and ``[contacts.terrain]`` with kind "plane" or
+        "heightfield"; ``[[constraint]]`` entries are those of ``Constraints.of_toml``.
+
+        Raises  SimulationError for what is no such text, naming the key; SpatialDynError before Python 3.11, which
+                reads no TOML; otherwise as the class
+
+        >>> import spatialdyn as sd
+        >>> model = sd.load_urdf("two_link")
+        >>> scene = sd.Scene.from_toml(model, 'limits = true\\n[contacts]\\npoints = {tip = 0.02}')
+        >>> scene.acts, sd.Scene.from_toml(model, scene.to_toml()) == scene
+        (('contacts', 'limits'), True)
+        """
+        return cls(scene_of(model).model, **scene_toml.read(model, text))
+
+    def to_toml(self) -> str:
+        """The scene, without its model, as a TOML text, which ``from_toml`` reads to the same bits."""
+        return scene_toml.write(self._given(), DEFAULTS)
+
+    def with_(self, **changes: Any) -> Scene:
+        """This scene with other options, by the names of the constructor; None or False takes an effect away.
+
+        Options that say how an effect acts go with it. Raises SimulationError for an unknown name.
+        """
+        unknown = [name for name in changes if name not in FIELDS]
+        if unknown:
+            raise SimulationError(f"a scene has no {unknown[0]}, expected some of {', '.join(FIELDS)}")
+        given = {**self._given(), **changes}
+        if given["constraints"] is None and "stabilization" not in changes:
+            given["stabilization"] = None
+        if given["motor"] is None and "drive" not in changes:
+            given["drive"] = CURRENT
+        if given["motor"] is None and given["friction"] is None and "friction_method" not in changes:
+            given["friction_method"] = IMPLICIT
+        return Scene(given.pop("model"), **given)
+
+    @property
+    def acts(self) -> tuple[str, ...]:
+        """Names of what acts: of ``EFFECTS``, and "springs"."""
+        found = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
+        return (*found, "springs") if has_springs(self.model) else tuple(found)
+
+    @property
+    def rubs(self) -> Rubbing | None:
+        """Friction and motors as inputs of a step; None if none acts."""
+        return self._rubs
+
+    @property
+    def touching(self) -> Contacts:
+        """The contacts, perhaps of no points, and joint limits if they act."""
+        given = Contacts(self.model, {}) if self.contacts is None else self.contacts
+        return given.with_limits() if self.limits else given
+
+    @property
+    def solves(self) -> bool:
+        """Whether a step finds velocities and impulses together: contacts, limits, dry friction, motors."""
+        dry = self._rubs is not None and self._rubs.way != SMOOTH
+        return dry or self.contacts is not None or self.limits
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods that take the scene."""
+        if self.solves:
+            return (STEPPED,)
+        springs, smooth = has_springs(self.model), self._rubs is not None
+        if self.constraints is not None:
+            known = () if springs else SYMPLECTIC[:1] if smooth else SYMPLECTIC
+            return (*EXPLICIT_METHODS, *(x for x in known if not self.unfit(x)))
+        return tuple(name for name in integrators if name != "variational" or not (springs or smooth))
+
+    def unfit(self, method: str) -> str:
+        """What a symplectic method cannot do under the constraints, "" if it can."""
+        if self.constraints is None or method not in SYMPLECTIC:
+            return ""
+        return rattle.unfit(self.model, self.constraints, self.stabilization, method)
+
+    @property
+    def method(self) -> str:
+        """The method that a run takes if none is given."""
+        return STEPPED if self.solves else "rk4"
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"a Scene is immutable, {name} cannot be set; with_({name}=...) makes another")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a Scene is immutable, {name} cannot be deleted")
+
+    def _given(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in FIELDS}
+
+    def _content(self) -> tuple[Any, ...]:
+        forces = None if self.fext is None else (self.fext + 0.0).tobytes()
+        return tuple(forces if name == "fext" else getattr(self, name) for name in FIELDS)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, Scene) and self._content() == other._content())
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __reduce__(self) -> tuple[Callable[..., Scene], tuple[Any, ...]]:
+        return _made, (self._given(),)
+
+    def __repr__(self) -> str:
+        return f"<Scene of {self.model.name}: {', '.join(self.acts) or 'nothing acts'}>"
+
+
+def _made(given: Mapping[str, Any]) -> Scene:
+    options = dict(given)
+    return Scene(options.pop("model"), **options)
+
+
+def scene_of(given: Any) -> Scene:
+    """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
+    if isinstance(given, Scene):
+        return given
+    if not isinstance(given, Model):
+        raise ModelError(f"scene is a {type(given).__name__}, expected a Scene or a Model")
+    return Scene(given)
+
+
+def couplers_of(model: Model) -> list[CouplerConstraint]:
+    """The mimic joints of the robot's file, of a model that does not move them with their leaders."""
+    if model.mimic_matrix is not None:
+        return []
+    follow = [(x.name, x.mimic) for x in model.robot.joints if x.mimic is not None and x.kind != "fixed"]
+    return [CouplerConstraint(name, m.leader, m.multiplier, m.offset) for name, m in follow if m is not None]
+
+
+def _friction(model: Model, friction: Any) -> Friction | bool | None:
+    """The friction as it is kept: for True that of the URDF."""
+    if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
+        return None if friction is None else False
+    return check_friction(model, friction)
+
+
+def _forces(model: Model, fext: ArrayLike) -> Array:
+    """A read-only copy of constant forces. Raises ShapeError, NonFiniteError."""
+    x = as_array("fext", fext)
+    if x.shape != (model.njoints, 6):
+        what = "; forces that vary with steps or samples are an argument of the run" if x.ndim > 2 else ""
+        raise ShapeError(f"fext has shape {x.shape}, expected {(model.njoints, 6)}{what}")
+    if not np.isfinite(x).all():
+        raise NonFiniteError(f"fext is {x.tolist()}, expected finite numbers")
+    kept = np.array(x, order="C")
+    kept.flags.writeable = False
+    return kept
+
+
+# --- arguments of a run ----------------------------------------------------------------------------------
+
+
+def effects_in_scene(call: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """A decorator: an effect given as an argument of the call is an error that shows the line to write."""
+
+    def wrap(function: Callable[P, T]) -> Callable[P, T]:
+        known = function.__code__.co_varnames[: function.__code__.co_argcount + function.__code__.co_kwonlyargcount]
+
+        @functools.wraps(function)
+        def named(*args: P.args, **kwargs: P.kwargs) -> T:
+            moved = [name for name in kwargs if name not in known and name in (*FIELDS[1:], "record_contacts")]
+            if moved:
+                raise SimulationError(_moved(call, moved))
+            return function(*args, **kwargs)
+
+        return named
+
+    return wrap
+
+
+def _moved(call: str, names: list[str]) -> str:
+    """That effects belong to the scene, and the line to write."""
+    if names == ["record_contacts"]:
+        return f'record_contacts is given, expected sd.{call}(..., record="contacts")'
+    options = ", ".join(f"{name}={name}" for name in names if name != "record_contacts")
+    more = ', record="contacts"' if "record_contacts" in names else ""
+    acts = "is an option" if len(names) == 1 else "are options"
+    return f"{', '.join(names)} {acts} of the scene, expected sd.{call}(sd.Scene(model, {options}), ...{more})"
+
+
+def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
+    """The method of a run, of those that a call knows. Raises SpatialDynError, SimulationError with those that can."""
+    if not isinstance(method, str) or method not in known:
+        raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
+    fit = scene.methods
+    if method not in fit:
+        if not scene.solves and (reason := scene.unfit(method)):
+            raise SimulationError(reason)
+        acts, why = list(scene.acts), "; impulses and velocities are found together" if scene.solves else ""
+        plural = len(acts) > 1 or acts[0].endswith("s")
+        listed = f"{', '.join(acts)} act{'' if plural else 's'}"
+        raise SimulationError(f'method is "{method}" and {listed}, expected one of {", ".join(fit)}{why}')
+    return method
+
+
+def warn_of_friction(scene: Scene, call: str) -> None:
+    """Warn of joint damping and friction of the file that do not act, as nothing was asked."""
+    model = scene.model
+    if scene.friction is None and (model.damping.any() or model.friction.any()):
+        text = f'robot "{model.name}" has joint damping or friction, which {call} ignores unless friction=True'
+        warnings.warn(f"{text}: sd.Scene(model, friction=True), or False", stacklevel=4)
