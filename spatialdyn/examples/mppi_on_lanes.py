@@ -61,8 +61,8 @@ def better(model: sd.Model, plan: Any, q: Any, v: Any, rng: np.random.Generator)
     noise = NOISE * np.concatenate([half, -half])  # motions and their mirror images: drawing takes time
     gain = GAIN / np.diagonal(sd.minverse(model, q))
     law = sd.Control(LAW, {"knots": (plan + noise)[:, None], "share": SHARE, "gain": gain})
-    how: Any = {"cost": sd.Cost(COST, {"goal": GOAL, "row": model.nv}), "dtype": np.float32, "friction": False}
-    found = sd.rollout(model, q, v, dt=DT, steps=STEPS, control=law, check=False, **how).cost
+    how: Any = {"cost": sd.Cost(COST, {"goal": GOAL, "row": model.nv}), "dtype": np.float32}
+    found = sd.rollout(sd.Scene(model, friction=False), q, v, dt=DT, steps=STEPS, control=law, check=False, **how).cost
     cost = np.nan_to_num(found, nan=np.inf) - np.nanmin(found)
     plan = plan + np.average(noise, 0, np.exp(-cost / (0.1 * np.median(cost))))
     return plan, gain * (plan[0] - v)

@@ -44,14 +44,8 @@ def main(save: str | None = None, quick: bool = False) -> dict[str, np.ndarray]:
         contacts = sd.Contacts(model, dict.fromkeys(FEET, 0.016), friction=mu)
         q0 = q_ref[0].copy()
         q0[2] -= sd.contact_gaps(model, contacts, q0).min()
-        run = sd.rollout(
-            sd.Scene(model, contacts=contacts),
-            q0,
-            np.zeros(model.nv),
-            dt=DT,
-            pd=sd.PD(kp, kd, q_ref),
-            record="contacts",
-        )
+        scene, law = sd.Scene(model, contacts=contacts), sd.PD(kp, kd, q_ref)
+        run = sd.rollout(scene, q0, np.zeros(model.nv), dt=DT, pd=law, record="contacts")
         assert run.contacts is not None
         runs.append(run)
         records.append(run.contacts)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction, check_friction
 from ..actuation.motors import Motor, check_motor
-from ..calls.arguments import as_array, as_flag
+from ..calls.arguments import as_array, as_flag, check_model
 from ..constraints.contact_points import Contacts, check_contacts
 from ..constraints.dynamics import stabilization_time
 from ..constraints.kinds import CouplerConstraint
@@ -101,8 +101,7 @@ class Scene:
         fext: ArrayLike | None = None,
     ) -> None:
         """See the class."""
-        if not isinstance(model, Model):
-            raise ModelError(f"model is a {type(model).__name__}, expected a Model")
+        check_model(model)
         if constraints is not None:
             check_constraints(model, constraints)
         if stabilization is not None:
@@ -263,9 +262,7 @@ def scene_of(given: Any) -> Scene:
     """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
     if isinstance(given, Scene):
         return given
-    if not isinstance(given, Model):
-        raise ModelError(f"scene is a {type(given).__name__}, expected a Scene or a Model")
-    return Scene(given)
+    return Scene(check_model(given))
 
 
 def couplers_of(model: Model) -> list[CouplerConstraint]:

@@ -738,13 +738,11 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
         {"q0": (), "v0": (), "duration": (*NUMBERS, "nought"), "dt": NUMBERS, "method": ("none",), "rtol": NUMBERS,
          "atol": NUMBERS, "record": ("none", *COUNTS, "huge"), "fext": ("none",)},
     ),
-    "simulate with friction": (
-        sd.simulate, {"q0": REST, "v0": REST, "duration": 1.0, "dt": 0.1, "method": "semi_implicit_euler"},
-        {"friction": ("none", "true", "numpy true"), "friction_method": ()},
-    ),
-    "rollout with friction": (
-        sd.rollout, {"q0": REST, "v0": REST, "dt": 0.1, "steps": 2},
-        {"friction": ("none", "true", "numpy true"), "friction_method": ()},
+    "scene": (
+        sd.Scene, {},
+        {"constraints": ("none",), "stabilization": ("none",), "contacts": ("none",),
+         "friction": ("none", "true", "numpy true"), "friction_method": (), "limits": ("true", "numpy true"),
+         "motor": ("none",), "drive": (), "fext": ("none",)},
     ),
     "friction_torque": (
         sd.friction_torque, {"v": REST, "friction": True},
@@ -765,7 +763,7 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
     "rollout": (
         sd.rollout, {"q0": REST, "v0": REST, "dt": 0.1, "steps": 2},
         {"q0": (), "v0": (), "tau": ("none",), "dt": (*NUMBERS, "array"), "steps": ("array", *NUMBERS, "nought"),
-         "method": (), "pd": ("none",), "record": ("none", *COUNTS, "huge"), "cost": ("none",), "dtype": (),
+         "method": ("none",), "pd": ("none",), "record": ("none", *COUNTS, "huge"), "cost": ("none",), "dtype": (),
          "check": ("true", "numpy true")},
     ),
     "constrained_dynamics": (

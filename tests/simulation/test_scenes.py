@@ -125,7 +125,7 @@ def test_parts_of_another_robot_are_refused() -> None:
     for name, x in (("constraints", LOOP), ("contacts", TIP)):
         with pytest.raises(sd.ModelError, match=f"{name} are of the model"):
             sd.Scene(other, **{name: x})
-    with pytest.raises(sd.ModelError, match="model is a str, expected a Model"):
+    with pytest.raises(sd.ModelError, match="model is a str, expected a spatialdyn Model"):
         sd.Scene("two_link")  # type: ignore[arg-type]
     with pytest.raises(sd.ModelError, match="scene is a str, expected a Scene or a Model"):
         sd.simulate("two_link", [0.0], [0.0], 1.0, 0.1)  # type: ignore[arg-type]
