@@ -116,6 +116,8 @@ def rollout(
     scene = scene_of(scene)
     model, found = scene.model, scene.rubs
     method = check_method(scene, scene.method if method is None else method, EXPLICIT_METHODS)
+    if scene.fext is not None:
+        raise SimulationError("fext acts in the scene, expected None in a rollout; simulate takes it")
     warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):

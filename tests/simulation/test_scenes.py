@@ -127,7 +127,7 @@ def test_parts_of_another_robot_are_refused() -> None:
             sd.Scene(other, **{name: x})
     with pytest.raises(sd.ModelError, match="model is a str, expected a spatialdyn Model"):
         sd.Scene("two_link")  # type: ignore[arg-type]
-    with pytest.raises(sd.ModelError, match="scene is a str, expected a Scene or a Model"):
+    with pytest.raises(sd.ModelError, match="model is a str, expected a spatialdyn Model"):
         sd.simulate("two_link", [0.0], [0.0], 1.0, 0.1)  # type: ignore[arg-type]
 
 
