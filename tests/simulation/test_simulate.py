@@ -380,7 +380,7 @@ def test_what_makes_no_simulation_is_refused(arm: sd.Model) -> None:
         sd.simulate(arm, Q0, [math.nan, 0.0], 1.0, 0.1)
     with pytest.raises(sd.ShapeError, match=r"fext has shape \(6,\), expected \(3, 6\)"):
         sd.simulate(sd.Scene(arm, fext=np.zeros(6)), Q0, V0, 1.0, 0.1)
-    with pytest.raises(sd.ModelError, match="scene is a str"):
+    with pytest.raises(sd.ModelError, match="model is a str"):
         sd.simulate("panda", Q0, V0, 1.0, 0.1)  # type: ignore[arg-type]
     with pytest.raises(sd.InertiaError, match='joint "b_joint" has zero articulated inertia'):
         sd.simulate(sd.ModelBuilder().add_body("b").build(), [0.0], [0.0], 1.0, 0.1)

@@ -484,7 +484,7 @@ def test_what_cannot_be_is_named() -> None:
             sd.step_derivatives(model, q, v, tau, np.nan, method)
     with pytest.raises(sd.SpatialDynError, match="dt is given and no method, expected both"):
         sd.linearize(model, q, v, tau, 0.01)
-    with pytest.raises(sd.ModelError, match="scene is a str, expected"):
+    with pytest.raises(sd.ModelError, match="model is a str, expected"):
         sd.step_derivatives("two_link", q, v, tau, 0.01)
 
 
