@@ -26,7 +26,7 @@ from spatialdyn.examples.ilqr import backward, forward, ilqr
 from spatialdyn.examples.optimal_control import cost_of, reach
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.step_derivatives import STEPS
-from spatialdyn.simulation.traced_steps import step_specs
+from spatialdyn.simulation.steps import step_specs
 
 KNOTS, DT = 100, 0.01
 METHODS = ("semi_implicit_euler", "explicit_euler", "velocity_verlet", "rk4")
@@ -80,7 +80,7 @@ def truth(model: sd.Model, method: str, q: Array, v: Array, tau: Array) -> None:
     """AssertionError unless three columns of a knot are differences of the same step in 240 bits."""
     A, B = sd.step_derivatives(sd.Scene(model, friction=False), q, v, tau, DT, method)
     arithmetic, n = sd.exact(model, sd.aba)._arithmetic, model.nv
-    steps = [Exact(model, spec, arithmetic, {}, 240) for spec in step_specs(method, False, True)]
+    steps = [Exact(model, spec, arithmetic, {}, 240) for spec in step_specs(method)]
     small = arithmetic.context.mpf(10) ** -30
     given = [np.array([arithmetic.context.mpf(float(x)) for x in y], object) for y in (q, v, tau)]
     for k in (1, n + 2, 2 * n + 3):

@@ -21,7 +21,7 @@ from .calls import dynamics as _dynamics
 from .calls import progress as _progress  # noqa: F401 - engines report long work to it
 from .calls.dynamics import set_num_threads as set_num_threads
 from .calls.dynamics import total_mass as total_mass
-from .calls.states import random_configuration, step, wrench_at
+from .calls.states import random_configuration, wrench_at
 from .engines.compiled.numba_kernels import kernels
 from .errors import (
     ConfigurationError,
@@ -99,14 +99,16 @@ if TYPE_CHECKING:
     from .pictures.comparison_plots import plot
     from .pictures.scene import view
     from .simulation.contact_record import ContactRecord
-    from .simulation.control_laws import Control
-    from .simulation.costs import Cost
+    from .simulation.effects.control import Control
+    from .simulation.effects.cost import Cost
+    from .simulation.effects.pd import PD
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
-    from .simulation.rollout_result import PD, Rollout
+    from .simulation.rollout_result import Rollout
     from .simulation.rollouts import rollout
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.scene import Scene
+    from .simulation.single_step import step
     from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
     from .urdf.transmissions import read_transmissions
@@ -162,11 +164,11 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
-    "simulation.contact_record": "ContactRecord", "simulation.control_laws": "Control",
-    "simulation.costs": "Cost",
+    "simulation.contact_record": "ContactRecord", "simulation.effects.control": "Control",
+    "simulation.effects.cost": "Cost", "simulation.effects.pd": "PD",
     "simulation.ledger": "EnergyLedger energy_ledger",
-    "simulation.methods": "integrators", "simulation.rollout_result": "PD Rollout", "simulation.rollouts": "rollout",
-    "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
+    "simulation.methods": "integrators", "simulation.rollout_result": "Rollout", "simulation.rollouts": "rollout",
+    "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene", "simulation.single_step": "step",
     "simulation.step_derivatives": "linearize step_derivatives", "simulation.trajectory": "Trajectory",
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip

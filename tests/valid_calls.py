@@ -312,7 +312,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "specialize": lambda: {"model": model(), "calls": sd.crba},
     "spring_energy": lambda: {"model": elastic(), "q": np.zeros(elastic().nq)},
     "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
-    "step": lambda: _state(tau=tau(), dt=0.01),
+    "step": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
     "step_derivatives": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
     "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
     "to_drake": lambda: _state(joints=["joint1", "joint2"]),

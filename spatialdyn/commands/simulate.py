@@ -24,11 +24,10 @@ from ..pictures.markup import PAGE_FILES
 from ..pictures.scene import view
 from ..pictures.stage import viser_module
 from ..simulation import Trajectory, integrators, simulate
-from ..simulation.carried_runs import ADAPTIVE
+from ..simulation.effects.friction import STEPPED, WAYS
 from ..simulation.energy import scale_of
-from ..simulation.friction_steps import STEPPED, WAYS
 from ..simulation.ledger import EnergyLedger, energy_ledger
-from ..simulation.methods import EXPLICIT_METHODS
+from ..simulation.methods import EXPLICIT_METHODS, SCIPY_METHODS
 from ..simulation.scene import Scene, couplers_of
 from ..simulation.trajectory import ARRAY_FILES
 from .printing import shown
@@ -100,7 +99,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise SpatialDynError(
             "--ledger was given, expected --friction, --limits or --constraints beside it: no other work is done"
         )
-    works = works and arguments.method in (None, *EXPLICIT_METHODS, *ADAPTIVE)
+    works = works and arguments.method in (None, *EXPLICIT_METHODS, *SCIPY_METHODS)
     q0 = _start(model, constraints, arguments)
     v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None

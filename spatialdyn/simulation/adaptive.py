@@ -19,7 +19,7 @@ from ..bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
-from ..errors import NonFiniteError, SimulationError, SpatialDynError, pip_install
+from ..errors import ConstraintError, NonFiniteError, SimulationError, SpatialDynError, pip_install
 from ..recursions.configuration import twist
 from .recorder import Recorder
 from .system import joint_table
@@ -29,11 +29,13 @@ Array = NDArray[np.float64]
 
 
 def run_adaptive(
-    recorder: Recorder, q: Array, v: Array, torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None], tolerances: tuple[float, float],
-    acts: Callable[[int, Array, Array, Array, Array], tuple[Array, Array]],
+    recorder: Recorder, q: Array, v: Array, torque: Torque, report: Callable[[int, int], None],
+    tolerances: tuple[float, float],
+    acts: Callable[[int, float, Array, Array, Array, Array], tuple[Array, Array]], jumps: bool = False,
 ) -> None:  # fmt: skip
-    """Integrate and record; ``acts`` adds to the torque what else acts, and gives the rates of the states carried.
+    """Integrate and record; ``acts`` gives the acceleration, and the rates of the states carried.
+
+    jumps  whether other inputs than held torques jump between steps
 
     Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
     try:
@@ -50,16 +52,17 @@ def run_adaptive(
         def at(t: float, y: Array) -> Array:
             try:
                 q, v = calls["normalize"](model, y[:nq]), y[nq:own].copy()
-                tau, rates = acts(step, q, v, y[own:], torque.at(step, t, q, v))
-                a = calls["aba"](model, q, v, tau, fext)
+                a, rates = acts(step, t, q, v, y[own:], torque.at(step, t, q, v))
             except NonFiniteError as error:
                 raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
+            except ConstraintError as error:
+                raise SimulationError(f"at t = {t:.9g} s: {error}") from error
             rate(getattr(table, numba_kernels.TABLE), q, v, dq)
             return np.concatenate([dq, a, rates])
 
         return at
 
-    ends = range(1, steps.total + 1) if len(torque.held) > 1 else [steps.total] * (steps.total > 0)
+    ends = range(1, steps.total + 1) if len(torque.held) > 1 or jumps else [steps.total] * (steps.total > 0)
     first = 0
     for end in ends:
         run = solver(slope(first), steps.time(first), y, steps.time(end), rtol=tolerances[0], atol=tolerances[1])

@@ -25,7 +25,7 @@ from ..algebra.scalars import EPS
 from ..calls.dynamics import calls
 from ..constraints.dynamics import constraint_jacobian
 from ..model.model import Model
-from .constrained import Held, closed, momentum_along
+from .effects.constraints import Constrained, closed, momentum_along
 from .symplectic import SETTLED, SWEEPS, relative
 from .system import STALLED, State, System, set_status
 
@@ -34,7 +34,7 @@ NAME = "variational"
 ROUNDING = 4.0 * EPS  # of an iterate
 
 
-def held_variational(held: Held, model: Model) -> Callable[..., None]:
+def constrained_variational(held: Constrained, model: Model) -> Callable[..., None]:
     """The step, which advances (q, p). It raises ConstraintError."""
     n, constraints = model.nv, held.constraints
     impulse, xi = np.zeros(constraints.nc), np.zeros(n)  # Λ and ξ of the last step, from which the next starts

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +16,20 @@ from numpy.typing import NDArray
 from ..engines.compiled import numba_kernels
 from ..errors import ConstraintError, SimulationError
 from ..model.model import Model
-from ..recursions.spec import Argument
-from . import constrained_variational, explicit, rattle
-from .carried_runs import carrying
+from ..recursions.spec import FEXT
+from . import explicit
 from .compiled_loop import compile_loop, drive
-from .constrained import Held, accelerate, projected
-from .contact_steps import Touching, unsolved
-from .control_laws import Control
 from .energy import FAST
-from .friction_steps import OWN, SMOOTH, UNSOLVED, VIOLATION, Rubbing, rubbing_kernels, smooth_kernel
-from .methods import Method
-from .mimic_kernels import mimic_kernels
+from .kernel_steps import KernelSteps
+from .methods import EXPLICIT, Method
+from .plan import Plan
 from .program_steps import program, slice_of
 from .recorder import Recorder
-from .springs import sprung
 from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, joint_table, units, user_torque
-from .torques import Torque
-from .traced_steps import carried_by
-from .works import work_states
+from .torques import Torque, with_force
 
 Array = NDArray[np.float64]
-HELD_SYMPLECTIC = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.held_variational}
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
 PLAIN_STEPS = (
     16  # in plain Python, beyond a program's range: a motion that diverges ends there, and compiles no kernels
@@ -45,69 +37,21 @@ PLAIN_STEPS = (
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
 
-class Effects(NamedTuple):
-    """What acts in a run beside torques: constraints, friction, a control law; and whether work is recorded.
-
-    pushed   whether external forces act
-    springs  whether springs between rotors and joints do
-    """
-
-    held: Held | None = None
-    found: Rubbing | None = None
-    control: Control | None = None
-    works: bool = False
-    pushed: bool = False
-    springs: bool = False
-    touch: Touching | None = None
-
-    @property
-    def work(self) -> tuple[Argument, ...]:
-        """The states of the work that is recorded."""
-        held = self.held
-        if not self.works:
-            return ()
-        projects = held is not None and held.rate is None
-        touches = self.touch is not None and self.touch.touches
-        return work_states(self.found is not None, self.pushed, held is not None, projects, self.springs, touches)
-
-    @property
-    def static(self) -> tuple[Any, ...]:
-        """Static tables that give sizes of states."""
-        return (
-            *(() if self.held is None else (self.held.constraints.table,)),
-            *(() if self.touch is None else self.touch.tables),
-            *(() if self.control is None else self.control.static),
-        )
-
-    @property
-    def carried(self) -> tuple[Argument, ...]:
-        """The states that the run carries."""
-        spec = None if self.control is None else self.control.spec
-        touch = () if self.touch is None else self.touch.arguments
-        return carried_by(None if self.found is None else self.found.way, spec, self.work, touch)
-
-
-FREE = Effects()
-
-
 def run_fixed(
-    recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, fext: Array | None,
-    report: Callable[[int, int], None], acting: Effects,
+    plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque,
+    report: Callable[[int, int], None], sample: int = 0,
 ) -> None:  # fmt: skip
-    """All steps of a method with a fixed step, in slices of about SLICE seconds."""
+    """All steps of one sample by a method with a fixed step, in slices of about SLICE seconds."""
     model, method, steps, own = recorder.model, recorder.method, recorder.steps, recorder.own
-    held, found, control, work, touch = acting.held, acting.found, acting.control, acting.work, acting.touch
-    family = method.family
+    family, advance = method.family, method.advance
     assert family is not None
-    assert method.advance is not None
-    advance = method.advance
-    if held is not None:
-        symplectic = HELD_SYMPLECTIC.get(method.name)
-        advance = projected(method.advance, held, model) if symplectic is None else symplectic(held, model)
+    assert advance is not None
     (q, v, p), n, rows = start, model.nv, len(model.bodies)
-    status = np.zeros(3)
-    forces = np.zeros((0, 6)) if fext is None else fext
-    table, mimics = joint_table(model), model.mimic_matrix is not None
+    status, pushed = np.zeros(3), FEXT.name in plan.values
+    forces = plan.given(sample, 0)[FEXT.name].copy() if pushed else np.zeros((0, 6))
+    varies = pushed and (plan.force is not None or plan.values[FEXT.name].shape[1] > 1)
+    simple = plan.bare and not varies and model.mimic_matrix is None  # a loop may be compiled as it is
+    table = joint_table(model)
     data = (
         getattr(table, numba_kernels.TABLE),
         torque.held,
@@ -119,30 +63,23 @@ def run_fixed(
     )
     scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
     state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
-    asks, springs = held_torque if torque.user is None else user_torque, acting.springs
+    asks = held_torque if torque.user is None else user_torque
+    if plan.force is not None and family is EXPLICIT:  # others evaluate forces before they ask for torques
+        asks = with_force(asks, plan.force)
     bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
 
     @functools.cache
     def kernels() -> tuple[Any, Callable[..., None]]:
         """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
-        if held is not None and not recorder.moves_p:
-            own_kernels: Any = explicit.kernels_of(accelerate(held, model, fext))
-        elif mimics:
-            own_kernels = mimic_kernels(model, family, fext)
-        else:
-            own_kernels = family.kernels(fext is not None)
-        solved = touch is not None or (found is not None and found.way in OWN)
-        if control is not None or work or solved:
-            return carrying(recorder, own_kernels, found, held, control, work, fext, springs, touch)
-        own_kernels = sprung(own_kernels) if springs else own_kernels
-        if found is not None and found.way == SMOOTH:
-            own_kernels = rubbing_kernels(own_kernels, smooth_kernel(found))
-        return own_kernels, advance
+        if simple:
+            return family.kernels(pushed), advance
+        made = KernelSteps(plan, recorder, forces, sample)
+        return made.kernels, made.step
 
     def system() -> System:
         return bare._replace(kernels=kernels()[0])
 
-    at_once = program(recorder, method, torque, fext, state, held, found, control, work, touch)
+    at_once = program(plan, recorder, torque, state, sample)
     if at_once is None:
         family.start(system(), state)
     now = (*state, recorder.at, own)
@@ -168,11 +105,11 @@ def run_fixed(
     def run(first: int, count: int, h: float, plain: bool) -> None:
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
         if plain:
-            made = bare._replace(kernels=explicit.plain_kernels(fext is not None), table=model.bodies)
+            made = bare._replace(kernels=explicit.plain_kernels(pushed), table=model.bodies)
             with np.errstate(all="ignore"):
                 drive(marking_plain, observing, made, state, *times)
-        elif torque.compiled and acting._replace(pushed=False) == FREE and not mimics:
-            compile_loop(method, fext is not None, torque.user)(*data, *state, *times)
+        elif torque.compiled and simple:
+            compile_loop(method, pushed, torque.user)(*data, *state, *times)
         else:
             try:
                 with np.errstate(all="ignore"):
@@ -184,8 +121,8 @@ def run_fixed(
 
     try:
         count, odd = 1 if at_once is None else STEPS, 0
-        simple = acting._replace(pushed=False) == FREE and family.kernels is explicit.kernels and not mimics
-        plain = PLAIN_STEPS if at_once is not None and simple else 0  # a number, so that no bits depend on a clock
+        explicitly = simple and family.kernels is explicit.kernels
+        plain = PLAIN_STEPS if at_once is not None and explicitly else 0  # a number, so that no bits depend on a clock
         while (first := int(recorder.at[0])) < steps.total:
             began = time.perf_counter()
             h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
@@ -200,12 +137,8 @@ def run_fixed(
                 run(first, count, h, plain > 0)
                 plain -= min(count, plain)
             mark()
-            if touch is None and found is not None and found.own is VIOLATION and own[0] > UNSOLVED:
-                raise SimulationError(
-                    f"friction violates Coulomb's law by {own[0]:.2g} rad/s or m/s at some time up to "
-                    f"t = {steps.time(int(recorder.at[0])):.9g} s, expected at most {UNSOLVED:g} of a solved step"
-                )
-            if touch is not None and (reason := unsolved(touch, own, steps.dt)):
+            after = dict(zip((x.name for x in plan.states), (own[at] for at in recorder.states.slices), strict=True))
+            if reason := plan.failure(after, steps.dt, steps.time(int(recorder.at[0]))):
                 raise SimulationError(reason)
             report(int(recorder.at[0]), steps.total)
             spent = max(time.perf_counter() - began, 1e-6)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..model.model import Model
+from .effects.work import BY_FREEDOM, KINDS
 from .trajectory import Trajectory
-from .works import BY_FREEDOM, KINDS
 
 Array = NDArray[np.float64]
 

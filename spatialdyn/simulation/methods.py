@@ -109,6 +109,7 @@ _ALL = (
 )  # fmt: skip
 
 
+SCIPY_METHODS = tuple(x.name for x in _ALL if x.family is None)
 EXPLICIT_METHODS = {x.name: x.advance for x in _ALL if x.family is EXPLICIT and x.advance is not None}
 
 

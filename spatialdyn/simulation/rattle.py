@@ -22,7 +22,7 @@ from ..constraints.dynamics import constraint_jacobian
 from ..constraints.kinds import RollingConstraint, VelocityConstraint
 from ..constraints.table import Constraints
 from ..model.model import Model
-from .constrained import Held, closed, momentum_along
+from .effects.constraints import Constrained, closed, momentum_along
 from .symplectic import SETTLED, SWEEPS, joint_rates
 from .system import STALLED, State, System, set_status
 
@@ -49,7 +49,7 @@ def unfit(model: Model, constraints: Constraints, stabilization: float | None, m
     return ""
 
 
-def rattle(held: Held, model: Model) -> Callable[..., None]:
+def rattle(held: Constrained, model: Model) -> Callable[..., None]:
     """The step, which advances z = (q, p) in row 0 of ``state.work``. It raises ConstraintError."""
     n, constraints = model.nv, held.constraints
     force = np.zeros(constraints.nc)  # λ of the last step, from which the next starts

@@ -17,12 +17,12 @@ from ..calls.specialized import Specialized
 from ..engines.programs import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model
-from .carried import Carried
-from .contact_steps import Touching
-from .control_laws import Control, law_torques
+from .effects.contacts import Contact
+from .effects.control import Control, law_torques
+from .effects.springs import has_springs
 from .methods import Method
 from .scene import Scene
-from .springs import has_springs
+from .states import RunStates
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -69,13 +69,13 @@ class Recorder:
     at     (2,)  steps done, samples written
     t      times of all samples, those to come included [s]
     rows   arrays of q, of v or p, and of tau
-    touch  the contacts of the run, None for none
-    carried, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
+    contact  the contacts of the run, None for none
+    states, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
     """
 
     def __init__(
-        self, scene: Scene, method: Method, steps: Steps, every: int, carried: Carried, touch: Touching | None = None
+        self, scene: Scene, method: Method, steps: Steps, every: int, states: RunStates, contact: Contact | None = None
     ) -> None:
         self.scene, self.method, self.steps, self.every = scene, method, steps, every
         self.model = model = scene.model
@@ -86,8 +86,8 @@ class Recorder:
         self.t: Array = np.asarray(kept * steps.dt, np.float64)
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
-        self.carried, self.touch = carried, touch
-        self.own = np.concatenate([np.empty(0), *(x[0] for x in carried.starts)])
+        self.states, self.contact = states, contact
+        self.own = np.concatenate([np.empty(0), *(x[0] for x in states.starts)])
         self.own_rows = np.empty((len(kept), len(self.own)))
         self.at = np.zeros(2, np.int64)
         self.split = (np.empty(0), np.empty(0))
@@ -120,13 +120,14 @@ class Recorder:
         t = np.array(self.t[:n])
         p = w if self.moves_p else p
         self.split = T, V
-        states = self.carried.shown(self.own_rows[:n].copy())
+        states = self.states.shown(self.own_rows[:n].copy())
         if control is not None and n:
             tau += law_torques(control, model, q, v, tau, states, self.kept[:n], self.steps.dt, self.steps.total)
         words = (self.method.name, self.steps.dt, model.name, interrupted, model)
-        touched = None
-        if self.touch is not None and self.touch.records:
-            touched = self.touch.record(q, self.own_rows[:n, : self.touch.width])  # theirs come first
+        touched, contact = None, self.contact
+        if contact is not None and contact.records:
+            at = dict(zip((x.name for x in self.states.arguments), self.states.slices, strict=True))
+            touched = contact.record(q, self.own_rows[:n, at[contact.own.name]])
         held = spring_energy(model, q) if has_springs(model) else None
         energy = T + V if held is None else T + V + held
         return Trajectory(t, q, v, p, tau, energy, *words, states, touched, held, self.scene)

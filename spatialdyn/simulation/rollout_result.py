@@ -1,15 +1,13 @@
-"""What ``rollout`` takes and gives: a control law of the joints, and the states of many motions."""
+"""What ``rollout`` gives: the states of many motions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..bodies.kinds import R1
 from ..errors import SimulationError
 from ..model.model import Model
 from .contact_record import ContactRecord
@@ -18,23 +16,6 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 Array = NDArray[Any]
-
-
-class PD(NamedTuple):
-    """A joint-space control law: tau = kp (q_ref - q) + kd (v_ref - v) + the argument tau of ``rollout``.
-
-    kp, kd  (nv,), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m]
-    q_ref   (nq,), (T, nq) or (B, T, nq)  reference positions [rad | m]
-    v_ref   (nv,), (T, nv) or (B, T, nv)  reference velocities [rad/s | m/s]; zero if left out
-
-    It is evaluated at the beginning of a step and held over it, as by a digital controller. For joints whose position
-    is not one number (quaternion, planar, (cos, sin)) q_ref - q is undefined: their kp must be 0.
-    """
-
-    kp: ArrayLike
-    kd: ArrayLike
-    q_ref: ArrayLike
-    v_ref: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,15 +107,3 @@ class Rollout:
         from ..pictures.notebook import rollout_html
 
         return rollout_html(self)
-
-
-def with_pd(rows: Any, q: Any, v: Any, given: Mapping[str, Any], tau: Any) -> Any:
-    """tau and the torques (nv,) of the law at a state, of recorded numbers or floats, on rows of the table of bodies.
-
-    given  kp, kd, q_ref and v_ref by name
-    """
-    error = np.zeros(len(v), q.dtype)
-    for i, row in enumerate(rows[1:]):
-        if row.kind in R1:
-            error[i] = given["q_ref"][row.q_index] - q[row.q_index]
-    return tau + given["kp"] * error + given["kd"] * (given["v_ref"] - v)

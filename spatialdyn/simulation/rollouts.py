@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -21,28 +21,33 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs import float32_range, recording, time_loop
 from ..engines.programs.program import Program
 from ..engines.programs.time_loop import StepInput
-from ..engines.programs.tracer import table
-from ..errors import ConstraintError, ModelError, ShapeError, SimulationError
+from ..errors import ConstraintError, NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..model.robot_checks import masked
-from ..recursions.friction import BRISTLES
-from ..recursions.spec import Argument, Spec
+from ..recursions.spec import Spec
 from . import explicit
-from .carried import carried
-from .constrained import Held, accelerate, held_by, projected
-from .contact_steps import Touching, check_few, samples_unsolved, touching, unsolved
-from .control_laws import Control, check_control, step_kernel
-from .costs import Cost, check_cost, with_cost
-from .friction_steps import UNSOLVED, VIOLATION, Rubbing, check_rubbing
-from .methods import EXPLICIT_METHODS
-from .rollout_result import PD, Rollout, with_pd
+from .adaptive import run_adaptive
+from .arithmetic import Computed
+from .effects import of_run
+from .effects.control import Control, Feedback, check_control, check_law, step_kernel
+from .effects.cost import Cost, check_cost, with_cost
+from .effects.friction import check_stable
+from .effects.pd import PD, JointPD, gains_of
+from .effects.springs import check_springs
+from .fixed_steps import run_fixed
+from .kernel_steps import rates_of
+from .methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
+from .plan import Plan, forces_of
+from .recorder import Recorder, Steps
+from .rollout_result import Rollout
 from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
-from .solved_steps import solver
-from .springs import check_springs, has_springs
+from .states import RunStates, run_states
+from .steps import advance, step_specs
 from .system import State, System, held_torque
-from .traced_steps import carried_by, step_specs
+from .torques import Torque
 
 Array = NDArray[Any]
+TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
 
 
 @effects_in_scene("rollout")
@@ -62,6 +67,7 @@ def rollout(
     control: Control | None = None,
     states: Mapping[str, ArrayLike] | None = None,
     cost: Cost | None = None,
+    fext: ArrayLike | None = None,
 ) -> Rollout:
     """Simulate a batch of states over many steps, all of it in compiled code.
 
@@ -71,8 +77,8 @@ def rollout(
     tau     (nv,), (T, nv) or (B, T, nv)  torques, held over each step [N m | N]; zero if left out
     dt      step [s]
     steps   T; needed if neither tau nor pd has an axis T
-    method  "semi_implicit_euler", which takes every scene, "explicit_euler", "velocity_verlet" or "rk4", as in
-            ``simulate``; None for ``scene.method``
+    method  "semi_implicit_euler", which takes every scene, or another of ``scene.methods``, as in ``simulate``; None
+            for ``scene.method``. Those that solve equations or adapt their steps take one sample after another
     pd      a control law, added to tau
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
             left out, 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
@@ -85,10 +91,12 @@ def rollout(
              left out start as their Spec says
     cost     a Cost, summed over the steps in their program: ``run.cost`` (B,), beside the last state alone unless
              ``record`` says otherwise, which then records the sums so far too. Not with pd
+    fext     (T, njoints, 6) or (B, T or 1, njoints, 6)  external forces that vary, held over each step, beside those of
+             the scene; each joint's body in the joint's frame [N | N m]
 
-    A scene may have at most 36 equations of constraints, in float64; 12 points in contact, and beside dry joints or
-    constraints 36 impulses: three of a point, one of a joint. Coefficients of friction and contacts are inputs: others
-    compile nothing.
+    Samples run side by side on SIMD lanes, but for scenes of more than 36 equations of constraints, 12 points in
+    contact, or beside dry joints or constraints 36 impulses (three of a point, one of a joint): those take one sample
+    after another. Constraints need float64. Coefficients of friction and contacts are inputs: others compile nothing.
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
 
     Returns a Rollout, which unpacks as (q, v).
@@ -100,8 +108,7 @@ def rollout(
             a law or cost that cannot be recorded
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ModelError for springs, constraints or points in contact with mimic joints, a kp of a joint whose position is
-            not one number, and more than 12 points in contact
+        ModelError for a kp of a joint whose position is not one number
         ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
             constraints where they contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
@@ -114,15 +121,13 @@ def rollout(
     (100, 500, 2)
     """
     scene = scene_of(scene)
-    model, found = scene.model, scene.rubs
-    method = check_method(scene, scene.method if method is None else method, EXPLICIT_METHODS)
-    if scene.fext is not None:
-        raise SimulationError("fext acts in the scene, expected None in a rollout; simulate takes it")
+    model = scene.model
+    method = check_method(scene, scene.method if method is None else method, integrators)
     warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    check_rubbing(model, found, method, float(dt))
+    check_stable(model, scene.effects, method, float(dt))
     if check_control(control) is not None and pd is not None:
         raise SimulationError("control and pd are given, expected one of them")
     kept, record = _of_contacts(record)
@@ -130,43 +135,19 @@ def rollout(
         if pd is not None:
             raise SimulationError("cost and pd are given, expected control in place of pd")
         control, record = with_cost(control, check_cost(cost)), "last" if record is None else record
-    forcing = {} if tau is None else {"tau": (as_array("tau", tau), model.nv)}
-    if pd is not None:
-        forcing |= _law(model, pd)
-    start, axes = _states(model, q0, v0), {name: x.shape[:-1] for name, (x, _) in forcing.items()}
+    check_law(control, method)
+    start, (B, T), (tau_rows, fext_rows, pd_rows) = _inputs(model, q0, v0, (tau, fext, pd), control, steps)
+    single = _is_single(q0, v0, tau, fext, pd, control)
+    _check_lanes(scene, number)
+    fixed = 0.0 if method in SCIPY_METHODS else float(dt)
+    effects = of_run(scene, start[0], start[1], fixed, kept, forces_of(scene, fext_rows))
+    if pd_rows is not None:
+        effects = (*effects, JointPD(pd_rows))
     if control is not None:
-        axes |= control.axes(model)
-    several = {name: lead[:1] for name, lead in axes.items() if len(lead) == 2}
-    (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
-    T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
-    inputs = {name: _step_input(name, x, (B, T, columns)) for name, (x, columns) in forcing.items()}
-    inputs = {"dt": StepInput(np.full((1, 1, 1), dt)), **inputs}
-    if scene.constraints is not None:
-        if number != np.float64:
-            raise SimulationError(
-                f"dtype is {number}, expected float64 with constraints: rounding leaves 1e-7 of a dependent equation's "
-                "pivot, as 3e-4 rad from a branch point do of an independent one's"
-            )
-        if scene.constraints.nc > recording.MOST_EQUATIONS:
-            most = f"expected at most {recording.MOST_EQUATIONS} in a rollout; simulate takes more"
-            raise SimulationError(f"constraints have {scene.constraints.nc} equations, {most}")
-    held = held_by(scene, start[0], start[1], float(dt))
-    if found is not None:
-        inputs |= {name: StepInput(x[None, None]) for name, x in zip(found.inputs, found.values, strict=True)}
-    if held is not None:
-        inputs |= {name: StepInput(x) for name, x in held.values.items()}
-    touch = touching(scene, kept, start[0], held)
-    check_few(touch)
-    extra: tuple[Argument, ...] = ()
-    tables: tuple[Any, ...] = ()
-    if touch is not None:
-        extra, tables = touch.arguments, touch.tables
-        inputs |= {x.name: StepInput(y[None, None]) for x, y in zip(touch.inputs, touch.values, strict=True)}
-    if control is not None:
-        inputs |= {name: StepInput(x) for name, x in control.rows(model, B, T).items()}
-    own = carried_by(found.way if found else None, None if control is None else control.spec, (), extra)
-    beside = carried(model, own, (*tables, *(() if control is None else control.static)), states, B)
-    now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *beside.starts)]
+        effects = (*effects, Feedback.of(control, model, B, T))
+    plan = Plan(scene, method, effects)
+    carried = run_states(model, plan.states, plan.tables, states, B)
+    now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *carried.starts)]
     every = _every(1 if record is None else record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
@@ -175,17 +156,18 @@ def rollout(
         check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
-        _run(model, method, now, inputs, records, T, every, check, float(dt), held, found, control, touch, cost)
-    single = np.ndim(q0) == 1 and np.ndim(v0) == 1 and not several
-    single = single and all(len(x) == 1 for x in beside.starts)
+        run = _Run(plan, carried, float(dt), T, every, check, cost)
+        (_on_lanes if run.fits_lanes else _one_by_one)(run, now, tau_rows, records)
+    single = single and all(len(x) == 1 for x in carried.starts)
     if isinstance(record, str):
         records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
     q, v, *after = [x[0] for x in records] if single else records
-    touched = touch.record(q, after[0]) if touch is not None and touch.records else None
-    return Rollout(
-        q, v, t, model, beside.shown(np.concatenate(after, axis=-1)) if after else {}, touched, scene, method
-    )
+    contact, touched = plan.contact, None
+    if contact is not None and contact.records:
+        touched = contact.record(q, after[[x.name for x in plan.states].index(contact.own.name)])
+    shown = carried.shown(np.concatenate(after, axis=-1)) if after else {}
+    return Rollout(q, v, t, model, shown, touched, scene, method)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -221,24 +203,49 @@ def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
     return found
 
 
-def _law(model: Model, pd: PD) -> dict[str, tuple[Array, int]]:
-    if not isinstance(pd, PD):
-        raise SimulationError(f"pd is a {type(pd).__name__}, expected a PD(kp, kd, q_ref)")
-    kp = as_array("pd.kp", pd.kp)
-    if kp.shape[-1:] == (model.nv,):
-        for joint in model.joints[1:]:
-            if joint.nq != joint.nv and kp[..., joint.idx_v : joint.idx_v + joint.nv].any():
-                what = f'joint "{joint.name}" ({joint.kind})'
-                raise ModelError(f"pd.kp is not 0 for {what}, expected 0: its position is not one number")
-            if joint.nq == joint.nv > 1 and kp[..., joint.idx_v : joint.idx_v + joint.nv].any():
-                raise ModelError(f'pd.kp is not 0 for joint "{joint.name}" ({joint.kind}), expected 0: it is planar')
-    v_ref = np.zeros(model.nv) if pd.v_ref is None else as_array("pd.v_ref", pd.v_ref)
-    return {
-        "kp": (kp, model.nv),
-        "kd": (as_array("pd.kd", pd.kd), model.nv),
-        "q_ref": (as_array("pd.q_ref", pd.q_ref), model.nq),
-        "v_ref": (v_ref, model.nv),
-    }
+def _inputs(
+    model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any, Any], control: Control | None, steps: int | None
+) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None, dict[str, Array] | None]]:
+    """States at the beginning, samples and steps, and rows of tau, fext and the gains of pd. Raises ShapeError."""
+    tau, fext, pd = given
+    arrays: dict[str, tuple[Array, tuple[int, ...]]] = (
+        {} if tau is None else {"tau": (as_array("tau", tau), (model.nv,))}
+    )
+    if fext is not None:
+        x = as_array("fext", fext)
+        if x.shape == (model.njoints, 6):
+            raise SimulationError("fext is constant, an option of the scene, expected sd.Scene(model, fext=fext)")
+        if not np.isfinite(x).all():
+            raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
+        arrays["fext"] = x, (model.njoints, 6)
+    if pd is not None:
+        arrays |= {name: (x, (columns,)) for name, (x, columns) in gains_of(model, pd).items()}
+    start = _states(model, q0, v0)
+    axes = {name: x.shape[: max(0, x.ndim - len(core))] for name, (x, core) in arrays.items()}
+    if control is not None:
+        axes |= control.axes(model)
+    several = {name: lead[:1] for name, lead in axes.items() if len(lead) == 2}
+    (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
+    T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
+    rows = {name: _step_rows(name, x, core, B, T) for name, (x, core) in arrays.items()}
+    found, forces = rows.pop("tau", None), rows.pop("fext", None)
+    forces = None if forces is None else forces.reshape((*forces.shape[:2], model.njoints, 6))
+    return start, (B, T), (found, forces, rows or None)
+
+
+def _is_single(q0: Any, v0: Any, tau: Any, fext: Any, pd: PD | None, control: Control | None) -> bool:
+    """Whether no argument has an axis of samples."""
+    parts = [(q0, 1), (v0, 1), (tau, 2), (fext, 3), *((x, 2) for x in pd or ())]
+    return not (control is not None and control.batched) and all(x is None or np.ndim(x) <= most for x, most in parts)
+
+
+def _check_lanes(scene: Scene, number: np.dtype[Any]) -> None:
+    """Raise SimulationError for float32 with constraints."""
+    if scene.constraints is not None and number != np.float64:
+        raise SimulationError(
+            f"dtype is {number}, expected float64 with constraints: rounding leaves 1e-7 of a dependent equation's "
+            "pivot, as 3e-4 rad from a branch point do of an independent one's"
+        )
 
 
 def _steps(steps: int | None, found: dict[str, int]) -> int:
@@ -258,18 +265,15 @@ def _steps(steps: int | None, found: dict[str, int]) -> int:
     return numbers[0] if numbers else 1
 
 
-def _step_input(name: str, x: Array, shape: tuple[int, int, int]) -> StepInput:
-    """An input as (samples or 1, steps or 1, columns)."""
-    whole = x.reshape((1,) * (3 - x.ndim) + x.shape) if x.ndim <= 3 else x
-    if (
-        whole.ndim != 3
-        or any(a not in (1, b) for a, b in zip(whole.shape[:2], shape[:2], strict=True))
-        or (whole.shape[2] != shape[2])
-    ):
-        B, T, columns = shape
-        wanted = f"({columns},), ({T}, {columns}) or ({B}, {T}, {columns})"
+def _step_rows(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> Array:
+    """An input as (samples or 1, steps or 1, columns). Raises ShapeError."""
+    lead = x.shape[: max(0, x.ndim - len(core))]
+    fits = len(lead) <= 2 and x.shape[len(lead) :] == core
+    whole = (1,) * (2 - len(lead)) + lead
+    if not fits or any(a not in (1, b) for a, b in zip(whole, (B, T), strict=True)):
+        wanted = f"{core}, {(T, *core)} or {(B, T, *core)}" if len(core) == 1 else f"{(T, *core)} or {(B, T, *core)}"
         raise ShapeError(f"{name} has shape {x.shape}, expected {wanted}")
-    return StepInput(np.ascontiguousarray(whole))
+    return np.ascontiguousarray(x.reshape((*whole, math.prod(core))))
 
 
 def _of_contacts(record: Any) -> tuple[bool, Any]:
@@ -292,21 +296,36 @@ def _every(record: Any, steps: int) -> int:
 # --- the run ----------------------------------------------------------------------------------------------
 
 
+class _Run(NamedTuple):
+    """A rollout: its plan, the states that it carries, its steps and how often they are recorded."""
+
+    plan: Plan
+    carried: RunStates
+    dt: float
+    steps: int
+    every: int
+    check: bool
+    cost: Cost | None
+
+    @property
+    def fits_lanes(self) -> bool:
+        """Whether the step may be a program."""
+        contact, constraints = self.plan.contact, self.plan.scene.constraints
+        few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
+        return self.plan.method in EXPLICIT_METHODS and few and not (contact is not None and contact.is_long)
+
+    def specs(self, forced: bool) -> tuple[Spec, ...]:
+        """Of a step."""
+        return step_specs(self.plan.method, self.plan.structure, (), forced)
+
+    def failure(self, rows: list[Array], k: int) -> str:
+        """What is wrong with the steps of a sample up to its record k, by its rows of records."""
+        states = {x.name: y[k].astype(float) for x, y in zip(self.plan.states, rows, strict=True)}
+        return self.plan.failure(states, self.dt, (k + 1) * self.every * self.dt)
+
+
 @lru_cache(maxsize=32)
-def _program(
-    model: Model,
-    method: str,
-    law: bool,
-    forced: bool,
-    held: tuple[Argument, ...],
-    way: str | None,
-    coefficients: tuple[str, ...],
-    control: Spec | None,
-    held_law: bool,
-    touch: tuple[Argument, ...],
-    static: tuple[Any, ...],
-) -> Program:
-    specs = step_specs(method, law, forced, held, way, coefficients, control, held_law, (), touch)
+def _program(model: Model, specs: tuple[Spec, ...], static: tuple[Any, ...]) -> Program:
     return recording.record(specs, model.bodies, static).program
 
 
@@ -320,89 +339,51 @@ def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
     )
 
 
-def _run(
-    model: Model,
-    method: str,
-    states: list[Array],
-    inputs: dict[str, StepInput],
-    records: list[Array],
-    steps: int,
-    every: int,
-    check: bool,
-    dt: float,
-    held: Held | None = None,
-    found: Rubbing | None = None,
-    control: Control | None = None,
-    touch: Touching | None = None,
-    cost: Cost | None = None,
-) -> None:
-    static: tuple[Any, ...]
-    last, static = (held.inputs, (held.constraints.table,)) if held is not None else ((), ())
-    kind = (method, "kp" in inputs, "tau" in inputs, last, *((found.way, found.inputs) if found else (None, ())))
-    kind += (None, False) if control is None else (control.spec, control.held)
-    extra: tuple[Argument, ...] = ()
-    if touch is not None:
-        extra, static = touch.arguments, static + touch.tables
-    static += () if control is None else control.static
-    specs, given = step_specs(*kind, (), extra), list(inputs.values())
-    kind += (extra,)
-    again = np.arange(len(states[0]))
-    dtype = records[0].dtype
+def _on_lanes(run: _Run, states: list[Array], tau: Array | None, records: list[Array]) -> None:
+    """All samples side by side, by a program."""
+    plan = run.plan
+    specs, given = run.specs(tau is not None), {"dt": np.full((1, 1, 1), run.dt)}
+    given |= ({} if tau is None else {"tau": tau}) | plan.values
+    again, dtype = np.arange(len(states[0])), records[0].dtype
     if (
         not numba_kernels.PLAIN
-        and recording.fits(specs, model.bodies, static=static)
-        and _holds(model, states[0][0], dtype)
+        and recording.fits(specs, plan.model.bodies, static=plan.tables)
+        and _holds(plan.model, states[0][0], dtype)
     ):
-        kernel = step_kernel(specs, model, static, dtype, by_content=control is not None)
+        kernel = step_kernel(specs, plan.model, plan.tables, dtype, by_content=plan.feedback is not None)
         if kernel is not None:
             with np.errstate(over="ignore"):
                 start = [x.astype(dtype, copy=False) for x in states]
-                forcing = [StepInput(x.rows.astype(dtype, copy=False)) for x in given]
-            again = time_loop.run(kernel, start, forcing, records, steps, every)
+                forcing = [StepInput(x.astype(dtype, copy=False)) for x in given.values()]
+            again = time_loop.run(kernel, start, forcing, records, run.steps, run.every)
     if len(again):
-        _again(model, kind, static, held, states, inputs, records, again, steps, every, check, dt, touch, found, cost)
-    if check and touch is not None and records[2].shape[1]:
-        lost = samples_unsolved(touch, records[2][:, -1])
-        if len(lost):
-            reason = unsolved(touch, records[2][lost[0], -1], dt)
-            raise SimulationError(f"sample {lost[0]}: {reason} ({len(lost)} samples in all); check=False lets it")
-    if check and touch is None and found is not None and found.own is VIOLATION and records[2].shape[1]:
-        beyond = records[2][:, :, 0] > UNSOLVED
-        if beyond.any():
-            samples = np.flatnonzero(beyond.any(axis=1))
-            k = int(np.argmax(beyond[samples[0]]))
-            raise SimulationError(
-                f"friction of sample {samples[0]} violates Coulomb's law by {records[2][samples[0], k, 0]:.2g} rad/s "
-                f"or m/s up to t = {(k + 1) * every * dt:.9g} s ({len(samples)} samples in all), expected at most "
-                f"{UNSOLVED:g} of a solved step; check=False lets it"
-            )
+        _again(run, specs, states, given, records, again)
+    if run.check and len(plan.states) and records[0].shape[1]:
+        _check_solved(run, records)
+
+
+def _check_solved(run: _Run, records: list[Array]) -> None:
+    """Raise SimulationError for samples whose friction or contacts are not solved."""
+    last = records[0].shape[1] - 1
+    bad = [b for b in range(len(records[0])) if run.failure([x[b] for x in records[2:]], last)]
+    if bad:
+        rows = [x[bad[0]] for x in records[2:]]
+        reason = next(found for k in range(last + 1) if (found := run.failure(rows, k)))
+        raise SimulationError(f"sample {bad[0]}: {reason} ({len(bad)} samples in all); check=False lets it")
 
 
 def _again(
-    model: Model,
-    kind: tuple[Any, ...],
-    static: tuple[Any, ...],
-    held: Held | None,
-    states: list[Array],
-    inputs: dict[str, StepInput],
-    records: list[Array],
+    run: _Run, specs: tuple[Spec, ...], states: list[Array], inputs: Mapping[str, Array], records: list[Array],
     again: Array,
-    steps: int,
-    every: int,
-    check: bool,
-    dt: float,
-    touch: Touching | None = None,
-    found: Rubbing | None = None,
-    cost: Cost | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Run some samples through all steps by the program in NumPy. The sum of a cost is the last of the states."""
     # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
-    program = _program(model, *kind, static)
+    program, dt = _program(run.plan.model, specs, run.plan.tables), run.dt
     lost, reason = np.full(len(again), -1), ""
     of_cost = np.zeros(len(again), np.bool_)  # whether the cost alone is not finite
     now = [x[again] for x in states]
-    rows = [np.broadcast_to(x.rows, (len(states[0]), *x.rows.shape[1:])) for x in inputs.values()]
-    for k in range(steps):
+    rows = [np.broadcast_to(x, (len(states[0]), *x.shape[1:])) for x in inputs.values()]
+    for k in range(run.steps):
         columns = [x for s in now for x in s.T]
         for x in rows:
             columns += list(x[again, min(k, x.shape[1] - 1)].T)
@@ -413,27 +394,26 @@ def _again(
         now = [np.stack(results[a:b], 1) for a, b in pairwise(ends)]
         finite = np.logical_and.accumulate([np.isfinite(s).all(1) for s in now])
         just = np.flatnonzero((lost < 0) & ~finite[-1])
-        of_cost[just] = cost is not None and finite[-2, just]
-        if held is not None and check and len(just) and not reason:
-            at = again[just[0]]
-            acting = {name: x[at, min(k, x.shape[1] - 1)] for name, x in zip(inputs, rows, strict=True)}
-            now_at = [x[just[0]] for x in before]
-            reason = _reason(model, kind[0], held, now_at, acting, int(at), touch, found)
+        of_cost[just] = run.cost is not None and finite[-2, just]
+        if run.plan.constrained is not None and run.check and len(just) and not reason:
+            at, tau = again[just[0]], inputs.get("tau")
+            torque = None if tau is None else tau[min(at, len(tau) - 1), min(k, tau.shape[1] - 1)]
+            reason = _reason(run, [x[just[0]] for x in before], torque, int(at), k)
         lost[just] = k
-        if (k + 1) % every == 0:
+        if (k + 1) % run.every == 0:
             for r, x in zip(records, now, strict=True):
                 with np.errstate(over="ignore"):
-                    r[again, (k + 1) // every - 1] = x
-    if check and (lost >= 0).any():
+                    r[again, (k + 1) // run.every - 1] = x
+    if run.check and (lost >= 0).any():
         first = int(np.flatnonzero(lost >= 0)[0])
         if reason:
             earliest = int(np.flatnonzero(lost == lost[lost >= 0].min())[0])
             when = f"sample {int(again[earliest])}, step from t = {lost[earliest] * dt:.9g} s"
             raise SimulationError(f"{when}: {reason}")
-        if cost is not None and of_cost[first]:
+        if run.cost is not None and of_cost[first]:
             raise SimulationError(
                 f"cost of sample {int(again[first])} is not finite in the step from t = {lost[first] * dt:.9g} s "
-                f'({int((lost >= 0).sum())} samples in all), expected finite numbers of spec "{cost.spec.name}"'
+                f'({int((lost >= 0).sum())} samples in all), expected finite numbers of spec "{run.cost.spec.name}"'
             )
         raise SimulationError(
             f"state of sample {int(again[first])} is not finite after t = {(lost[first] + 1) * dt:.9g} s "
@@ -441,27 +421,60 @@ def _again(
         )
 
 
-def _reason(
-    model: Model, method: str, held: Held, state: list[Array], forcing: dict[str, Array], sample: int,
-    touch: Touching | None = None, found: Rubbing | None = None,
-) -> str:  # fmt: skip
+def _reason(run: _Run, state: list[Array], tau: Array | None, sample: int, step: int) -> str:
     """What is wrong with a step under constraints, "" if its state is merely not finite: the step is taken by calls."""
-    (q, v), n = (x.copy() for x in state[:2]), model.nv
-    tau = forcing.get("tau", np.zeros(n)).copy()
-    if "kp" in forcing:
-        tau = with_pd(table(model.bodies), q, v, forcing, tau)
-    own = held._replace(rank=held.rank[sample : sample + 1] if len(held.rank) > 1 else held.rank)
-    kernels = explicit.kernels_of(accelerate(own, model))
-    rows, h = getattr(model, numba_kernels.TABLE), float(forcing["dt"][0])
-    system = System(kernels, held_torque, None, rows, None, None, None, None, tau, np.zeros(3))
+    plan, (q, v), n = run.plan, (x.copy() for x in state[:2]), run.plan.model.nv
+    at = Computed(plan.model, {**plan.given(sample, step), "dt": run.dt}, once=True)
+    torque = np.zeros(n) if tau is None else tau.copy()
+    for effect in plan.effects:
+        torque = effect.held_torque(at, q, v, torque)
+    rows = getattr(plan.model, numba_kernels.TABLE)
+    system = System(explicit.kernels_of(None), held_torque, None, rows, None, None, None, None, torque, np.zeros(3))
+    at.begin(system, 0.0)
+    names, shapes = [x.name for x in plan.states], run.carried.shapes
+    own = {name: x.reshape(shape) for name, x, shape in zip(names, state[2:], shapes, strict=True)}
     space = State(q, v, v, q.copy(), None, np.zeros((10, n)))
     try:
         with np.errstate(all="ignore"):
-            if touch is None:
-                projected(EXPLICIT_METHODS[method], own, model)(system, 0.0, h, space)
-            else:
-                before = dict(zip([touch.own.name, BRISTLES.name], state[2:], strict=False))
-                solver(touch, None, found, own, has_springs(model), once=True)(system, 0.0, h, space, before)
+            advance(plan.effects, (), at, EXPLICIT_METHODS[plan.method], system, 0.0, run.dt, space, own)
     except ConstraintError as error:
         return str(error)
     return ""
+
+
+def _one_by_one(run: _Run, states: list[Array], tau: Array | None, records: list[Array]) -> None:
+    """One sample after another, as ``simulate`` takes one."""
+    plan, method = run.plan, integrators[run.plan.method]
+    n, steps = plan.model.nv, Steps(run.dt, run.steps, 0.0)
+    for b in range(len(states[0])):
+        q, v, *own = (x[b].astype(float) for x in states)
+        carried = RunStates(run.carried.arguments, run.carried.shapes, tuple(x[None] for x in own))
+        recorder = Recorder(plan.scene, method, steps, run.every, carried, plan.contact)
+        held = np.zeros((1, n)) if tau is None else np.ascontiguousarray(tau[min(b, len(tau) - 1)], float)
+        torque = Torque(held, None, not numba_kernels.PLAIN)
+        p = calls["momentum"](plan.model, q, v)
+        recorder.put(q, p if recorder.moves_p else v, held[0])
+        lost = ""
+        try:
+            if method.family is None:
+                jumps = any(x.shape[1] > 1 for x in plan.values.values())
+                acts = rates_of(plan, recorder, b)
+                run_adaptive(recorder, q, v, torque, lambda *_: None, TOLERANCES, acts, jumps)
+            else:
+                run_fixed(plan, recorder, (q, v, p), torque, lambda *_: None, b)
+        except SimulationError as error:
+            lost = str(error)
+        if lost and run.check:
+            raise SimulationError(f"sample {b}: {lost}")
+        done, whole = int(recorder.at[1]), records[0].shape[1]
+        for made, rows in zip(records, _recorded(recorder), strict=True):
+            made[b, : done - 1] = rows[1 : whole + 1]
+            made[b, done - 1 :] = np.nan
+
+
+def _recorded(recorder: Recorder) -> list[Array]:
+    """Rows of q, v and each state, written so far."""
+    n, model = int(recorder.at[1]), recorder.model
+    q, w, _ = (rows[:n] for rows in recorder.rows)
+    v = np.asarray(calls["velocity_from_momentum"](model, q, w)) if recorder.moves_p else w
+    return [q, v, *(recorder.own_rows[:n, at] for at in recorder.states.slices)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ParamSpec
+from typing import Any, NamedTuple, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,20 +26,19 @@ from ..errors import (
 )
 from ..model.model import Model
 from .adaptive import run_adaptive
-from .carried import carried
-from .carried_runs import beside as rates_beside
-from .carried_runs import check_carrying
-from .constrained import held_by
-from .contact_steps import touching
-from .control_laws import Control, check_control
+from .effects import of_run
+from .effects.control import Control, Feedback, check_control, check_law
+from .effects.friction import check_stable
+from .effects.springs import check_springs
 from .energy import exploded, scale_of
-from .fixed_steps import Effects, run_fixed
-from .friction_steps import check_rubbing, smooth_kernel
+from .fixed_steps import run_fixed
+from .kernel_steps import rates_of
 from .methods import Method, integrators
+from .plan import Plan, forces_of
 from .recorder import Recorder, Steps
 from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
-from .springs import check_springs, has_springs
-from .torques import torque_of
+from .states import run_states
+from .torques import Torque, torque_of
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -63,6 +62,7 @@ def simulate(
     atol: float = 1e-12,
     control: Control | None = None,
     states: Mapping[str, ArrayLike] | None = None,
+    fext: ArrayLike | Callable[[float, Array, Array], ArrayLike] | None = None,
 ) -> Trajectory:
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
@@ -90,6 +90,9 @@ def simulate(
     control   a ``Control``: a law whose torque is added to ``torque``, with states of its own
     states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
               work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
+    fext      external forces that vary, beside those of the scene: (steps, njoints, 6), each held over its step, or a
+              function ``f(t, q, v) -> (njoints, 6)``, called where the method needs forces; each joint's body in the
+              joint's frame [N | N m]
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
@@ -98,18 +101,20 @@ def simulate(
     that spins at ω gains speed by some ω² dt / 2 of itself a second, so a ball that rolls on contacts needs a small dt.
     Explicit methods refuse a dt at which springs, or smooth friction, would grow. ``tau`` leaves springs out, and of
     motors is what was wanted.
-    Explicit methods step a robot by one program if torque is no function, the scene has no fext and the robot is short
+    A law's states that have rates move, in methods in momenta, half a step before and half a step after the motion,
+    which has order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the trapezoidal
+    rule. Explicit methods step a robot by one program if neither torque nor fext is a function and the robot is short
     enough (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per scene
     and method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else
-    runs in the table kernel, or, with impulses, constraints, control or work, in Python. The choice, and so every bit
-    of the result, does not depend on the number of steps.
+    runs in the table kernel, or, with effects, in Python. The choice, and so every bit of the result, does not depend
+    on the number of steps, nor, but for SciPy's methods, on that of samples in a ``rollout``.
 
     Returns Trajectory.
     Raises  ShapeError; SpatialDynError for an invalid dt, duration or method, and for an effect given as an argument;
             SimulationError for a method that cannot take the scene, with those that can; and,
             with the recorded part as ``trajectory``, for a torque that is not finite, an implicit step
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
-            nor fext acts, its energy rises by a hundred times what gravity, the torques and the initial motion account
+            nor forces act, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
             ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
             names, where they contradict each other or their rank changes; SimulationError for a start in the ground or
@@ -127,22 +132,18 @@ def simulate(
     True
     """
     scene = scene_of(scene)
-    model, forces = scene.model, scene.fext
-    chosen = _method(scene, method)
+    model, chosen = scene.model, _method(scene, method)
     q, v = _vector("q0", q0, (model.nq,)), _vector("v0", v0, (model.nv,))
     warn_of_friction(scene, "simulate")
-    check_rubbing(model, scene.rubs, chosen.name, as_number(dt))
-    every, works, kept = _wanted(record)
-    check_carrying(check_control(control), works, chosen.name)
+    wanted = _Wanted.of(record)
+    check_law(check_control(control), chosen.name)
     p = calls["momentum"](model, q, v)
     if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
         calls["velocity_from_momentum"](model, q, p)
     else:
         calls["aba"](model, q, v, np.zeros(model.nv))
-    held = held_by(scene, q, v, as_number(dt))
-    touch = touching(scene, kept, q, held)
-    acting = Effects(held, scene.rubs, control, works, forces is not None, touch=touch)
-    return _run(scene, q, v, p, chosen, duration, dt, torque, every, progress, rtol, atol, acting, states)
+    run = _Run(scene, (q, v, p), chosen, wanted, progress, (rtol, atol), control, states)
+    return _run(run, duration, dt, torque, fext)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -193,10 +194,8 @@ def hamilton_simulation(
     q, momenta = _vector("q0", q0, (model.nq,)), _vector("p", p, (model.nv,))
     warn_of_friction(scene, "hamilton_simulation")
     v = calls["velocity_from_momentum"](model, q, momenta)
-    if scene.acts not in ((), ("fext",), ("springs",), ("fext", "springs")):
-        return simulate(scene, q, v, duration, dt, method, torque, record, progress, rtol, atol)
-    acting = Effects(pushed=scene.fext is not None)
-    return _run(scene, q, v, momenta, chosen, duration, dt, torque, record, progress, rtol, atol, acting)
+    run = _Run(scene, (q, v, momenta), chosen, _Wanted.of(record), progress, (rtol, atol), None, None)
+    return _run(run, duration, dt, torque, None)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -217,14 +216,45 @@ def _vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     return np.array(x, order="C")
 
 
-def _wanted(record: Any) -> tuple[int | None, bool, bool]:
-    """The argument ``record`` as its number of steps, and whether work and contacts are recorded."""
-    asked = [*record] if isinstance(record, (tuple, list)) else [record]
-    words = [x for x in asked if isinstance(x, str)]
-    numbers = [x for x in asked if not isinstance(x, str)]
-    if not asked or len(numbers) > 1 or not {*words} <= {*RECORDED}:
-        raise SpatialDynError(f"record is {record!r}, expected a number of steps, {' or '.join(RECORDED)}, or several")
-    return (numbers[0] if numbers else None), "work" in words, "contacts" in words
+class _Wanted(NamedTuple):
+    """What is recorded: every so many steps, work, contacts."""
+
+    every: int | None
+    work: bool
+    contacts: bool
+
+    @classmethod
+    def of(cls, record: Any) -> _Wanted:
+        """Of the argument ``record``. Raises SpatialDynError."""
+        asked = [*record] if isinstance(record, (tuple, list)) else [record]
+        words = [x for x in asked if isinstance(x, str)]
+        numbers = [x for x in asked if not isinstance(x, str)]
+        if not asked or len(numbers) > 1 or not {*words} <= {*RECORDED}:
+            known = " or ".join(RECORDED)
+            raise SpatialDynError(f"record is {record!r}, expected a number of steps, {known}, or several")
+        return cls(numbers[0] if numbers else None, "work" in words, "contacts" in words)
+
+
+def _varying(scene: Scene, fext: Any, total: int) -> tuple[Array | None, Any]:
+    """Rows (1, steps or 1, 6 njoints) of the forces of a run, None for none; and a function of (t, q, v) that gives
+    them, or None.
+    """
+    model = scene.model
+    if callable(fext):
+        if scene.fext is None:
+            return np.zeros((1, 1, 6 * model.njoints)), fext
+        base = scene.fext
+        return np.zeros((1, 1, 6 * model.njoints)), lambda t, q, v: base + as_array("fext", fext(t, q, v))
+    if fext is None:
+        return forces_of(scene, None), None
+    x = as_array("fext", fext)
+    if x.shape == (model.njoints, 6):
+        raise SimulationError("fext is constant, an option of the scene, expected sd.Scene(model, fext=fext)")
+    if x.shape != (total, model.njoints, 6):
+        raise ShapeError(f"fext has shape {x.shape}, expected {(total, model.njoints, 6)}, a row per step")
+    if not np.isfinite(x).all():
+        raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
+    return forces_of(scene, x), None
 
 
 def _every(record: int | None, total: int) -> int:
@@ -238,51 +268,73 @@ def _every(record: int | None, total: int) -> int:
 # --- the run ---------------------------------------------------------------------------------------------
 
 
-def _run(
-    scene: Scene, q: Array, v: Array, p: Array, method: Method, duration: float, dt: float, torque: Any,
-    record: int | None, progress: Progress, rtol: float, atol: float, acting: Effects, states: Any = None,
-) -> Trajectory:  # fmt: skip
-    model, fext = scene.model, scene.fext
-    steps = Steps.of(duration, dt)
-    for name, x in (("rtol", rtol), ("atol", atol)):
+class _Run(NamedTuple):
+    """A run but for its time and its inputs of time; start is (q, v, p)."""
+
+    scene: Scene
+    start: tuple[Array, Array, Array]
+    method: Method
+    wanted: _Wanted
+    progress: Progress
+    tolerances: tuple[float, float]
+    control: Control | None
+    states: Any
+
+
+def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Trajectory:
+    scene, method, (q, v, p) = run.scene, run.method, run.start
+    model, steps = scene.model, Steps.of(duration, dt)
+    for name, x in zip(("rtol", "atol"), run.tolerances, strict=True):
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
-    check_progress(progress)
+    check_progress(run.progress)
+    check_stable(model, scene.effects, method.name, steps.dt)
     check_springs(model, method.name, q, steps.dt)
-    acting = acting._replace(springs=has_springs(model))
-    beside = carried(model, acting.carried, acting.static, states)
-    recorder = Recorder(scene, method, steps, _every(record, steps.total), beside, acting.touch)
+    forces, force = _varying(scene, fext, steps.total)
+    fixed = 0.0 if method.family is None else steps.dt
+    effects = of_run(scene, q, v, fixed, run.wanted.contacts, forces)
+    if run.control is not None:
+        effects = (*effects, Feedback.of(run.control, model, 1, steps.total))
+    plan = Plan(scene, method.name, effects, run.wanted.work, force)
+    carried = run_states(model, plan.states, plan.tables, run.states)
+    recorder = Recorder(scene, method, steps, _every(run.wanted.every, steps.total), carried, plan.contact)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         asked = torque_of(torque, model.nv, steps)
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
-        with reporting(progress, "simulate") as report:
+        with reporting(run.progress, "simulate") as report:
             if method.family is None:
-                resist = None if acting.found is None else smooth_kernel(acting.found)
-                acts = rates_beside(recorder, acting.control, acting.work, resist, fext)
-                run_adaptive(recorder, q, v, asked, fext, report, (rtol, atol), acts)
+                jumps = any(x.shape[1] > 1 for x in plan.values.values())
+                run_adaptive(recorder, q, v, asked, report, run.tolerances, rates_of(plan, recorder), jumps)
             else:
-                run_fixed(recorder, (q, v, p), asked, fext, report, acting)
+                run_fixed(plan, recorder, (q, v, p), asked, report)
     except KeyboardInterrupt as interrupt:
-        trajectory = recorder.trajectory(acting.control, interrupted=True)
+        trajectory = recorder.trajectory(run.control, interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
         stopped.trajectory = trajectory
         raise stopped from interrupt
     except SimulationError as error:
-        error.trajectory = recorder.trajectory(acting.control)
+        error.trajectory = recorder.trajectory(run.control)
         raise
-    trajectory = recorder.trajectory(acting.control)
-    if asked.user is None and fext is None and acting.control is None and not acting.springs:  # their work is unknown
-        T, V = recorder.split
-        at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
-        if at is not None:
-            risen, t = trajectory.energy[at] - trajectory.energy[0], trajectory.t[at]
-            finer = f"dt, to {steps.dt / 4:g} s say instead of {steps.dt:g}"
-            cure = "rtol and atol" if method.family is None else finer
-            diverged = SimulationError(
-                f"{method.name} diverged at t = {t:.9g} s: the energy has risen by {risen:.3g} J, where gravity and "
-                f"the motion at the beginning account for {scale_of(T, V)[at]:.3g} J; reduce {cure}"
-            )
-            diverged.trajectory = trajectory
-            raise diverged
+    trajectory = recorder.trajectory(run.control)
+    driven = asked.user is not None or forces is not None or run.control is not None
+    if not driven and "springs" not in scene.acts:  # else the work of what drives it is unknown
+        _judge(trajectory, recorder, asked)
     return trajectory
+
+
+def _judge(trajectory: Trajectory, recorder: Recorder, asked: Torque) -> None:
+    """Raise SimulationError for a motion whose energy rises beyond what its torques and gravity account for."""
+    T, V = recorder.split
+    at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
+    if at is None:
+        return
+    method, dt = recorder.method, recorder.steps.dt
+    risen, t = trajectory.energy[at] - trajectory.energy[0], trajectory.t[at]
+    cure = "rtol and atol" if method.family is None else f"dt, to {dt / 4:g} s say instead of {dt:g}"
+    diverged = SimulationError(
+        f"{method.name} diverged at t = {t:.9g} s: the energy has risen by {risen:.3g} J, where gravity and "
+        f"the motion at the beginning account for {scale_of(T, V)[at]:.3g} J; reduce {cure}"
+    )
+    diverged.trajectory = trajectory
+    raise diverged

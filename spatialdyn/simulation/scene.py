@@ -20,9 +20,12 @@ from ..constraints.table import Constraints, check_constraints
 from ..errors import ModelError, NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
 from . import constrained_variational, rattle, scene_toml
-from .friction_steps import CURRENT, IMPLICIT, SMOOTH, STEPPED, Rubbing, rubbing
-from .methods import EXPLICIT_METHODS, integrators
-from .springs import has_springs
+from .effects import of_scene
+from .effects.effect import Effect
+from .effects.friction import IMPLICIT, STEPPED
+from .effects.motor import CURRENT
+from .effects.springs import has_springs
+from .methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")
@@ -73,7 +76,7 @@ class Scene:
     ('semi_implicit_euler', True)
     """
 
-    __slots__ = (*FIELDS, "_rubs")
+    __slots__ = (*FIELDS, "effects")
     model: Model
     constraints: Constraints | None
     stabilization: float | None
@@ -84,7 +87,7 @@ class Scene:
     motor: Motor | None
     drive: str
     fext: Array | None
-    _rubs: Rubbing | None  # friction and motor as inputs of a step: no part of the content
+    effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content
 
     def __init__(
         self,
@@ -110,7 +113,7 @@ class Scene:
             stabilization = stabilization_time(stabilization)
         if contacts is not None:
             check_contacts(model, contacts)
-        rubs = rubbing(model, friction, friction_method, motor, drive)
+        effects = of_scene(model, friction, friction_method, motor, drive)
         given: dict[str, Any] = {
             "model": model, "constraints": constraints, "stabilization": stabilization, "contacts": contacts,
             "friction": _friction(model, friction), "friction_method": friction_method,
@@ -119,7 +122,7 @@ class Scene:
         }  # fmt: skip
         if has_springs(model) and model.mimic_matrix is not None:
             raise ModelError(f'model "{model.name}" has springs and mimic joints, expected one of them (mimic=False)')
-        for name, value in {**given, "_rubs": rubs}.items():
+        for name, value in {**given, "effects": effects}.items():
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -189,11 +192,6 @@ class Scene:
         return (*found, "springs") if has_springs(self.model) else tuple(found)
 
     @property
-    def rubs(self) -> Rubbing | None:
-        """Friction and motors as inputs of a step; None if none acts."""
-        return self._rubs
-
-    @property
     def touching(self) -> Contacts:
         """The contacts, perhaps of no points, and joint limits if they act."""
         given = Contacts(self.model, {}) if self.contacts is None else self.contacts
@@ -202,19 +200,17 @@ class Scene:
     @property
     def solves(self) -> bool:
         """Whether a step finds velocities and impulses together: contacts, limits, dry friction, motors."""
-        dry = self._rubs is not None and self._rubs.way != SMOOTH
-        return dry or self.contacts is not None or self.limits
+        return self.contacts is not None or self.limits or any(x.solves for x in self.effects)
 
     @property
     def methods(self) -> tuple[str, ...]:
         """Names of the methods that take the scene."""
         if self.solves:
             return (STEPPED,)
-        springs, smooth = has_springs(self.model), self._rubs is not None
-        if self.constraints is not None:
-            known = () if springs else SYMPLECTIC[:1] if smooth else SYMPLECTIC
-            return (*EXPLICIT_METHODS, *(x for x in known if not self.unfit(x)))
-        return tuple(name for name in integrators if name != "variational" or not (springs or smooth))
+        if self.constraints is None:
+            return tuple(integrators)
+        adaptive = () if self.stabilization is None else SCIPY_METHODS  # which end no step with a projection
+        return (*EXPLICIT_METHODS, *(x for x in SYMPLECTIC if not self.unfit(x)), *adaptive)
 
     def unfit(self, method: str) -> str:
         """What a symplectic method cannot do under the constraints, "" if it can."""
@@ -248,6 +244,11 @@ class Scene:
 
     def __reduce__(self) -> tuple[Callable[..., Scene], tuple[Any, ...]]:
         return _made, (self._given(),)
+
+    def __str__(self) -> str:
+        from .scene_text import described
+
+        return described(self, DEFAULTS)
 
     def __repr__(self) -> str:
         return f"<Scene of {self.model.name}: {', '.join(self.acts) or 'nothing acts'}>"

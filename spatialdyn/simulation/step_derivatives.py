@@ -29,11 +29,11 @@ from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
 from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from . import implicit_derivatives
+from .effects.friction import LUGRE
+from .effects.springs import has_springs
 from .explicit import HALF_TURN
-from .friction_steps import LUGRE
 from .methods import integrators
 from .scene import Scene, scene_of
-from .springs import has_springs
 
 Array = NDArray[np.float64]
 NO_LAW: tuple[Array | None, ...] = (None,) * 5

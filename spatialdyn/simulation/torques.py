@@ -102,3 +102,23 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
     except ValueError:
         return count == 3
     return True
+
+
+def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array], Any]) -> Callable[..., None]:
+    """``asks`` that also writes external forces to the System, of a function of (t, q, v)."""
+
+    def ask(system: Any, t: float, q: Any, v: Any) -> None:
+        asks(system, t, q, v)
+        system.fext[:] = forces_at(force, t, q, v, system.fext.shape)
+
+    return ask
+
+
+def forces_at(force: Callable[[float, Array, Array], Any], t: float, q: Any, v: Any, shape: tuple[int, ...]) -> Array:
+    """External forces of a function at a time. Raises SimulationError, ShapeError with the time."""
+    found = as_array("fext", force(t, np.array(q), np.array(v)))
+    if found.shape != shape:
+        raise ShapeError(f"fext has shape {found.shape} at t = {t:.9g} s, expected {shape}")
+    if not np.isfinite(found).all():
+        raise SimulationError(f"fext is {found.tolist()} at t = {t:.9g} s, expected finite numbers")
+    return found

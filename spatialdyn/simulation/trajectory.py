@@ -28,6 +28,7 @@ AXES = (1, 2, 2, 2, 2, 1)  # of each
 WORDS = {"method": str, "dt": float, "robot": str, "interrupted": bool}
 STATE, CONTACT = "state ", "contact "  # before the names of states in a file, and of what was recorded of contacts
 SPRINGS = "spring_energy"
+SCENE = "scene"  # its TOML text and the key of its model, as bytes
 
 
 @dataclass(frozen=True, eq=False, repr=False)

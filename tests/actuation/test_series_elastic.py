@@ -10,7 +10,7 @@ import pytest
 from slow import slow_but
 
 import spatialdyn as sd
-from spatialdyn.simulation.springs import traced_springs
+from spatialdyn.simulation.effects.springs import has_springs
 
 K, D, J, N = 300.0, 0.5, 1e-4, 50.0
 INERTIA = 0.2  # of the arm about its joint
@@ -93,13 +93,9 @@ def test_the_largest_stable_step_is_that_of_the_common_frequency() -> None:
             call(model, [0.1, 0.0], [0.0, 0.0], dt=1.001 * limit, **rest)
     with pytest.raises(sd.SimulationError, match="where explicit_euler is stable with the spring"):
         sd.simulate(model, [0.1, 0.0], [0.0, 0.0], 1.0, 1e-3, "explicit_euler")
-    with pytest.raises(
-        sd.SimulationError, match='method is "variational" and springs act, expected one of explicit_euler'
-    ):
-        sd.simulate(model, [0.1, 0.0], [0.0, 0.0], 1.0, 0.1, "variational")
 
 
-@pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "semi_implicit_euler"])
+@pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "semi_implicit_euler", "stormer_verlet"])
 def test_the_limit_is_where_steps_begin_to_grow(method: str) -> None:
     model = arm(0.3)
     with pytest.raises(sd.SimulationError, match="expected at most") as error:
@@ -107,6 +103,21 @@ def test_the_limit_is_where_steps_begin_to_grow(method: str) -> None:
     limit = float(str(error.value).split("at most ")[1].split(" ")[0])
     last = sd.rollout(model, [0.1, 0.0], [0.0, 0.0], dt=0.98 * limit, steps=2000, method=method).q
     assert abs(last[:, 0]).max() < 0.5
+
+
+def test_springs_act_in_discrete_mechanics() -> None:
+    """Kicks at both ends of a step: Störmer's limit, order 2, no drift of the energy."""
+    model, start = arm(), ([0.01, 0.0], [0.0, 0.0])  # the rotor turns by less than 120° in a step
+    limit = 2.0 / frequency()
+    with pytest.raises(sd.SimulationError, match=f"at most {limit:.3g} s, where variational is stable with the spring"):
+        sd.simulate(model, *start, 1.0, 1.001 * limit, "variational")
+    assert abs(sd.simulate(model, *start, 500 * limit, 0.98 * limit, "variational").q[:, 0]).max() < 0.1
+    wanted = sd.simulate(model, *start, 0.5, 1e-4, "rk4").q[-1]
+    off = [abs(sd.simulate(model, *start, 0.5, dt, "variational").q[-1] - wanted).max() for dt in (2e-3, 1e-3)]
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
+    run = sd.simulate(model, *start, 20.0, 0.1 * limit, "variational")
+    early, late = np.split(abs(run.energy - run.energy[0])[1:-1], [len(run.t) // 2])[::1]
+    assert late.max() <= 1.1 * early.max()
 
 
 def test_programs_kernels_and_friction_take_the_same_steps() -> None:
@@ -153,7 +164,8 @@ def test_models_keep_their_springs() -> None:
 
 
 def test_an_unset_spring_costs_nothing() -> None:
-    assert traced_springs(list(sd.load_urdf("two_link").bodies), None, None) is None
+    assert not has_springs(sd.load_urdf("two_link"))
+    assert sd.Scene(sd.load_urdf("two_link")).effects == ()
 
 
 @pytest.mark.parametrize("user", [False, True])

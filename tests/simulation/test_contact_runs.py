@@ -15,8 +15,10 @@ from slow import slow_but
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
-from spatialdyn.simulation import contact_steps, program_steps
-from spatialdyn.simulation.traced_steps import step_specs
+from spatialdyn.simulation import program_steps
+from spatialdyn.simulation.effects import contacts as contact_effect
+from spatialdyn.simulation.effects.pd import JointPD
+from spatialdyn.simulation.steps import step_specs
 
 EPS = float(np.finfo(float).eps)
 SAME = 1e4 * EPS  # some hundred steps of rounding in another order, scaled
@@ -273,15 +275,15 @@ def test_every_number_of_samples_gives_each_its_own_bits(robot: Any) -> None:
 @pytest.mark.slow(quick="simulation/test_rollouts.py::test_a_rollout_is_so_many_simulations")
 def test_records_come_every_k_th_step_and_last(robot: Any) -> None:
     model, contacts, q0 = robot
-    kept: dict[str, Any] = dict(dt=DT, steps=12, contacts=contacts, record="contacts")
-    whole = scenes.rollout(model, q0, np.zeros((2, 18)), **kept)
-    some = scenes.rollout(model, q0, np.zeros((2, 18)), record=4, **kept)
-    last = scenes.rollout(model, q0, np.zeros((2, 18)), record="last", **kept)
+    kept: dict[str, Any] = dict(dt=DT, steps=12, contacts=contacts)
+    whole = scenes.rollout(model, q0, np.zeros((2, 18)), record="contacts", **kept)
+    some = scenes.rollout(model, q0, np.zeros((2, 18)), record=(4, "contacts"), **kept)
+    last = scenes.rollout(model, q0, np.zeros((2, 18)), record=("last", "contacts"), **kept)
     for x, y, z in zip(whole.contacts, some.contacts, last.contacts, strict=True):
         np.testing.assert_array_equal(y, x[:, 3::4])
         np.testing.assert_array_equal(z, x[:, -1])
     assert sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, steps=3).contacts is None
-    none = scenes.rollout(model, q0, np.zeros(18), **{**kept, "steps": 0}, record="last")
+    none = scenes.rollout(model, q0, np.zeros(18), **{**kept, "steps": 0}, record=("last", "contacts"))
     assert (none.contacts.impulse == 0.0).all()
     thin = sd.simulate(
         sd.Scene(model, contacts=contacts), q0, np.zeros(18), 10 * DT, DT, STEPPED, record=(4, "contacts")
@@ -443,7 +445,7 @@ COUNTS = {(STEPPED, False): (87, 56, 2), (STEPPED, True): (93, 68, 2), ("rk4", F
 @pytest.mark.parametrize(("method", "law"), COUNTS)
 def test_contacts_that_are_not_asked_for_cost_no_operation(method: str, law: bool) -> None:
     """The counts of ``test_friction_steps``: those of before there was any."""
-    specs = step_specs(method, law, True)
+    specs = step_specs(method, (JointPD({}),) if law else ())
     counts = recording.record(specs, sd.load_urdf("three_link").bodies).program.operations
     assert tuple(counts[x] for x in ("mul", "add", "div")) <= COUNTS[method, law]
     assert counts["select"] == 0
@@ -517,13 +519,20 @@ def test_more_than_twelve_points_run_but_not_on_lanes() -> None:
     assert run.contacts.impulse[-1, :, 2].sum() / DT == pytest.approx(3.0 * G, rel=1e-2)
 
 
-def test_more_heights_than_lanes_take_are_refused_by_rollout(robot: Any) -> None:
+@compiled
+def test_more_heights_than_lanes_take_run_one_by_one(robot: Any) -> None:
     model, contacts, q0 = robot
     ground = sd.Heightfield(np.zeros((64, 64)), 0.1, (-3.2, -3.2))
     wide = sd.Contacts(model, dict.fromkeys(contacts.names, 0.02), terrain=ground)
     q0 = q0 + np.eye(19)[2]  # above it
-    with pytest.raises(sd.ModelError, match="terrain has 4096 heights, expected at most 2048 in a rollout"):
-        sd.rollout(sd.Scene(model, contacts=wide), q0, np.zeros(18), dt=DT, steps=2)
+    scene, starts = sd.Scene(model, contacts=wide), np.tile(np.zeros(18), (2, 1))
+    starts[1, 2] = -0.5
+    runs = sd.rollout(scene, q0, starts, dt=DT, steps=2, record="contacts")
+    alone = sd.simulate(scene, q0, starts[1], 2 * DT, DT, record="contacts")
+    np.testing.assert_array_equal(runs.q[1], alone.q[1:])
+    assert runs.contacts is not None
+    assert alone.contacts is not None
+    np.testing.assert_array_equal(runs.contacts.gap[1], alone.contacts.gap[1:])
 
 
 def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -531,7 +540,7 @@ def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monke
     rough = sd.Contacts(model, {"trunk": 0.0, **dict.fromkeys(contacts.names, 0.02)}, sweeps=1)  # the first is solved
     v0 = np.zeros((2, 18))
     v0[:, 2], v0[:, 3] = -0.5, [0.5, 1.0]
-    monkeypatch.setattr(contact_steps, "UNSOLVED", 1e-12)
+    monkeypatch.setattr(contact_effect, "UNSOLVED", 1e-12)
     kept: dict[str, Any] = dict(dt=DT, steps=30, contacts=rough)
     words = r'point "\w+_foot" misses its law by \S+ m/s in the step from t = \S+ s, expected at most 1e-12'
     with pytest.raises(sd.SimulationError, match=rf"sample 0: {words}.* \(2 samples in all\); check=False lets it"):

@@ -441,7 +441,6 @@ def test_what_is_no_law_is_refused(make: Callable[[], Any], message: str) -> Non
     ("options", "error", "message"),
     [
         (dict(control=PID), sd.SimulationError, "control is .*, expected a Control or None"),
-        (dict(control=reaching(), method="gauss4"), sd.SimulationError, 'control is given with method="gauss4", expec'),
         (dict(control=reaching(True), method="dop853"), sd.SimulationError, '"pid" is held over a step, expected a f'),
         (dict(control=sd.Control(COUNTED), method="radau"), sd.SimulationError, "has states that change at the end"),
         (dict(control=reaching(reach=[0.0, 1.0])), sd.ShapeError, r'reach of spec "pid" has shape \(2,\), expected'),

@@ -17,9 +17,11 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
-from spatialdyn.simulation import fixed_steps, program_steps, rollouts
-from spatialdyn.simulation.friction_steps import WAYS
-from spatialdyn.simulation.traced_steps import step_specs
+from spatialdyn.simulation import program_steps
+from spatialdyn.simulation.effects import friction as friction_effect
+from spatialdyn.simulation.effects.friction import WAYS
+from spatialdyn.simulation.effects.pd import JointPD
+from spatialdyn.simulation.steps import step_specs
 
 EPS = float(np.finfo(float).eps)
 SAME = 1e3 * EPS  # a few dozen steps of rounding in another order, scaled
@@ -319,7 +321,7 @@ COUNTS = {  # mul, add, div of a step without friction, as before there was any
 
 @pytest.mark.parametrize(("method", "law"), COUNTS)
 def test_friction_that_is_not_asked_for_costs_no_operation(arm: sd.Model, method: str, law: bool) -> None:
-    counts = recording.record(step_specs(method, law, True), arm.bodies).program.operations
+    counts = recording.record(step_specs(method, (JointPD({}),) if law else ()), arm.bodies).program.operations
     assert tuple(counts[x] for x in ("mul", "add", "div")) <= COUNTS[method, law]
     assert counts["exp"] == counts["select"] == 0
 
@@ -351,10 +353,6 @@ def test_the_urdfs_friction_acts_where_it_is_asked_for() -> None:
         (
             {"method": "gauss4", "friction_method": "lugre"},
             'method is "gauss4" and friction acts, expected one of semi_implicit_euler',
-        ),
-        (
-            {"method": "variational", "friction_method": "smooth"},
-            'method is "variational" and friction acts, expected one of explicit_euler',
         ),
         ({"friction_method": "tanh"}, "friction_method is 'tanh', expected one of implicit, lugre, smooth"),
         ({"friction": sd.Friction([1.0] * 3, 0.0), "friction_method": "smooth"}, "friction has no smoothing"),
@@ -391,9 +389,8 @@ def test_the_stability_limit_of_smooth_friction_is_the_one_named(method: str, fa
 
 
 def test_a_step_that_is_not_solved_is_an_error_with_its_sample(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (rollouts, fixed_steps):
-        monkeypatch.setattr(module, "UNSOLVED", -1.0)  # any step is then beyond it
-    with pytest.raises(sd.SimulationError, match=r"friction of sample 0 violates Coulomb's law by \S+ rad/s or m/s"):
+    monkeypatch.setattr(friction_effect, "UNSOLVED", -1.0)  # any step is then beyond it
+    with pytest.raises(sd.SimulationError, match=r"sample 0: friction violates Coulomb's law by \S+ rad/s or m/s"):
         sd.rollout(sd.Scene(arm, friction=ARM), np.zeros((2, 3)), np.zeros((2, 3)), dt=1e-3, steps=3)
     with pytest.raises(sd.SimulationError, match=r"friction violates Coulomb's law by .* up to t = \S+ s") as caught:
         sd.simulate(sd.Scene(arm, friction=ARM), np.zeros(3), np.zeros(3), 1e-2, 1e-3, STEPPED)

@@ -240,8 +240,6 @@ def test_what_has_no_ledger_is_named(arm: sd.Model) -> None:
         sd.energy_ledger(sd.simulate(*args))
     with pytest.raises(sd.SimulationError, match="trajectory is a dict"):
         sd.energy_ledger({})  # type: ignore[arg-type]
-    with pytest.raises(sd.SimulationError, match='record="work" is given with method="gauss4", expected a method'):
-        sd.simulate(*args, method="gauss4", record="work")
     with pytest.raises(sd.SpatialDynError, match="expected a number of steps, "):
         sd.simulate(*args, record=(1, 2, "work"))
     with pytest.raises(sd.SpatialDynError, match="record is 'works', expected a number of steps, "):

@@ -196,7 +196,7 @@ def test_a_state_that_blows_up_is_named_or_nan(arm: sd.Model) -> None:
     [
         ({"dt": 0.0}, sd.SimulationError, "dt is 0.0"),
         ({"dt": float("nan")}, sd.SimulationError, "dt is nan"),
-        ({"method": "gauss4"}, sd.SpatialDynError, "method is 'gauss4', expected one of explicit_euler"),
+        ({"method": "gauss5"}, sd.SpatialDynError, "method is 'gauss5', expected one of explicit_euler"),
         ({"dtype": np.int32}, sd.SimulationError, "dtype is 'int32'"),
         ({"steps": None}, sd.SimulationError, "steps is None"),
         ({"steps": -1}, sd.SimulationError, "steps is -1"),

@@ -76,15 +76,14 @@ def test_with_takes_an_effect_away_and_brings_it_back(options: dict[str, Any]) -
 
 def test_a_scene_says_what_acts_and_which_methods_take_it() -> None:
     everything = tuple(sd.integrators)
-    no_variational = tuple(x for x in everything if x != "variational")
     stepped, explicit = ("semi_implicit_euler",), everything[:4]
     wanted: list[tuple[dict[str, Any], tuple[str, ...], tuple[str, ...]]] = [
         ({}, (), everything), ({"fext": PUSH}, ("fext",), everything), ({"friction": False}, (), everything),
         ({"friction": DRY}, ("friction",), stepped), ({"motor": MOTOR}, ("motor",), stepped),
-        ({"friction": DRY, "friction_method": "smooth"}, ("friction",), no_variational),
+        ({"friction": DRY, "friction_method": "smooth"}, ("friction",), everything),
         ({"limits": True}, ("limits",), stepped), ({"contacts": TIP}, ("contacts",), stepped),
         ({"constraints": LOOP}, ("constraints",), (*explicit, "stormer_verlet", "variational")),
-        ({"constraints": LOOP, "stabilization": 0.1}, ("constraints",), explicit),
+        ({"constraints": LOOP, "stabilization": 0.1}, ("constraints",), (*explicit, "dop853", "radau")),
         ({"constraints": LOOP, "limits": True, "fext": PUSH}, ("constraints", "limits", "fext"), stepped),
     ]  # fmt: skip
     for options, acts, methods in wanted:
@@ -131,7 +130,7 @@ def test_parts_of_another_robot_are_refused() -> None:
         sd.simulate("two_link", [0.0], [0.0], 1.0, 0.1)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", [x for x in FIELDS if x not in ("model",)])
+@pytest.mark.parametrize("name", [x for x in FIELDS if x not in ("model", "fext")])
 def test_an_effect_as_an_argument_shows_the_line_to_write(name: str) -> None:
     value = {"friction": True, "limits": True}.get(name)
     for call in (sd.simulate, sd.rollout):
@@ -140,6 +139,16 @@ def test_an_effect_as_an_argument_shows_the_line_to_write(name: str) -> None:
             call(ARM, [0.0, 0.0], [0.0, 0.0], dt=0.1, **{name: value})  # type: ignore[operator]
     with pytest.raises(sd.SimulationError, match=r'expected sd.rollout.*record="contacts"'):
         sd.rollout(ARM, [0.0, 0.0], [0.0, 0.0], dt=0.1, record_contacts=True)  # type: ignore[call-arg]
+
+
+def test_constant_forces_are_of_the_scene_and_others_of_the_run() -> None:
+    model, still = sd.load_urdf("two_link"), np.zeros(2)
+    push = np.ones((model.njoints, 6))
+    words = r"fext is constant, an option of the scene, expected sd.Scene\(model, fext=fext\)"
+    with pytest.raises(sd.SimulationError, match=words):
+        sd.simulate(model, still, still, 1.0, 0.1, fext=push)
+    with pytest.raises(sd.SimulationError, match=words):
+        sd.rollout(model, still, still, dt=0.1, steps=2, fext=push)
 
 
 def test_the_scene_of_a_file_has_all_that_it_declares() -> None:

@@ -90,11 +90,14 @@ def test_a_method_that_cannot_take_what_acts_is_refused_with_one_that_can(
         scenes.simulate(arm, Q0, V0, 0.02, 1e-3, method, **acting(arm)[what])
 
 
-def test_smooth_friction_names_the_methods_that_take_it(arm: sd.Model) -> None:
-    with pytest.raises(
-        sd.SimulationError, match=r'"variational" and friction acts, expected one of explicit_euler, .*, gauss4'
-    ):
-        scenes.simulate(arm, Q0, V0, 0.02, 1e-3, "variational", **acting(arm)["smooth"])
+def test_the_variational_method_takes_smooth_friction_to_its_order(arm: sd.Model) -> None:
+    given = acting(arm)["smooth"]
+    wanted = scenes.simulate(arm, Q0, V0, 0.2, 1e-3, "gauss6", **given).q[-1]
+    off = [
+        abs(scenes.simulate(arm, Q0, V0, 0.2, dt, "variational", **given).q[-1] - wanted).max() for dt in (4e-3, 2e-3)
+    ]
+    assert off[0] < 1e-4
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
 
 
 # --- by hand --------------------------------------------------------------------------------------------
@@ -618,10 +621,10 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
 def test_which_way_depends_on_the_robot_and_the_method_alone(arm: sd.Model) -> None:
     rk4, euler = integrators["rk4"], integrators["semi_implicit_euler"]
     long = sd.load_urdf("talos_full_v2", root="floating")
-    assert program_steps._kernel(arm, rk4) is not None
-    assert program_steps._kernel(arm, rk4) is program_steps._kernel(arm, rk4)
+    assert program_steps._kernel(arm, rk4, (), (), ()) is not None
+    assert program_steps._kernel(arm, rk4, (), (), ()) is program_steps._kernel(arm, rk4, (), (), ())
     assert rk4.evaluations * long.nv > program_steps.MOST >= euler.evaluations * long.nv
-    assert program_steps._kernel(long, rk4) is None
+    assert program_steps._kernel(long, rk4, (), (), ()) is None
 
 
 @COMPILED

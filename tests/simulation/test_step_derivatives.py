@@ -25,7 +25,7 @@ from spatialdyn.engines.programs import recording
 from spatialdyn.recursions.step_derivatives import MOTION, STEPS
 from spatialdyn.simulation import implicit_derivatives
 from spatialdyn.simulation.step_derivatives import NO_LAW
-from spatialdyn.simulation.traced_steps import step_specs
+from spatialdyn.simulation.steps import step_specs
 
 EXPLICIT = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
 IMPLICIT = ("symplectic_euler", "stormer_verlet", "implicit_midpoint", "gauss4", "gauss6", "variational")
@@ -133,7 +133,7 @@ def motion(m: Any) -> Motion:
 def differences(model: Any, q: Array, v: Array, tau: Array, h: float, method: str, columns: Any) -> Array:
     """Columns of (A, B): central differences over 2e-30 of the step itself in 240 bits."""
     after_q, after_v = (Exact(model, s, sd.exact(model, sd.aba, BITS)._arithmetic, {}, BITS)
-                        for s in step_specs(method, False, True))  # fmt: skip
+                        for s in step_specs(method))  # fmt: skip
     integrate, difference = sd.exact(model, sd.integrate, BITS), sd.exact(model, sd.difference, BITS)
     context, n, found = after_q.context, model.nv, []
     given = [np.array([context.mpf(float(x)) for x in y], object) for y in (q, v, tau)]
@@ -522,7 +522,7 @@ def test_springs_and_joints_without_inertia_are_named() -> None:
         builder.add_body(name, axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name=name)
     with pytest.raises(
         sd.SimulationError,
-        match="friction is True, expected None, False or a Friction with smoothing: Coulomb's law has no deriv",
+        match="by implicit steps acts in the scene, expected constant forces and a Friction with smoothing alone: Coul",
     ):
         sd.step_derivatives(sd.Scene(builder.build(), friction=True), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01)
     elastic = sd.ModelBuilder("elastic")

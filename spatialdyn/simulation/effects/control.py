@@ -12,26 +12,30 @@ import hashlib
 import math
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.static_table import StaticTable
-from ..calls.arguments import as_array, as_flag, check_model, core_shape
-from ..engines.compiled.numba_kernels import variant
-from ..engines.programs import batch_kernels, recording, structure
-from ..engines.programs.mimic_rows import MimicRows
-from ..engines.programs.recording import Recording
-from ..engines.programs.tracer import evaluate
-from ..errors import ModelError, ShapeError, SimulationError, SpatialDynError
-from ..model.model import Model
-from ..recursions.friction import DT
-from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
+from ...bodies.static_table import StaticTable
+from ...calls.arguments import as_array, as_flag, check_model, core_shape
+from ...engines.compiled.numba_kernels import variant
+from ...engines.programs import batch_kernels, recording, structure
+from ...engines.programs.mimic_rows import MimicRows
+from ...engines.programs.recording import Recording
+from ...engines.programs.tracer import evaluate, table
+from ...errors import ModelError, ShapeError, SimulationError, SpatialDynError
+from ...model.model import Model
+from ...recursions.friction import DT
+from ...recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
+from ..arithmetic import Arithmetic
+from ..methods import EXPLICIT_METHODS, SCIPY_METHODS
+from .effect import Effect
 
 Array = NDArray[Any]
+Law = Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]
 RATE, AFTER = "_rate", "_after"  # endings of a state's part
 OWN_INPUT = "control."  # before the names of a law's inputs among those of a step
 OF_STEP = (Q.name, V.name, TAU.name, DT.name)  # inputs that the step gives
@@ -89,6 +93,12 @@ class Control:
         return {name: lead for name, lead in found.items() if lead}
 
     @property
+    def batched(self) -> bool:
+        """Whether a value has an axis of samples."""
+        inputs = {x.name: x for x in self.spec.present}
+        return any(x.ndim - len(inputs[name].shape) > 1 for name, x in self.values.items())
+
+    @property
     def _given(self) -> list[str]:
         """The names of the values, in the order of the Spec."""
         return [x.name for x in self.spec.present if x.name in self.values]
@@ -120,12 +130,98 @@ def check_control(control: Any) -> Control | None:
     return control
 
 
+def check_law(control: Control | None, method: str) -> None:
+    """Raise SimulationError where SciPy's methods cannot take a control law."""
+    if control is None or method not in SCIPY_METHODS:
+        return
+    ends = len(control.spec.states) - len(moved_states(control.spec))
+    if control.held or ends:
+        which = "is held over a step" if control.held else "has states that change at the end of a step"
+        raise SimulationError(
+            f'control "{control.spec.name}" {which}, expected a fixed step for it: {", ".join(EXPLICIT_METHODS)}'
+        )
+
+
 def shown(given: Any) -> str:
     """What stands in place of a Control or a Cost: of a Spec, which is long, its name."""
     return f'the Spec "{given.name}"' if isinstance(given, Spec) else repr(given)
 
 
 # --- a law in a step ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback(Effect):
+    """A control law of a run.
+
+    spec    of the law
+    held    whether its torque is that of the beginning of a step
+    static  values of its static inputs
+    rows    (samples or 1, steps or 1, columns) of the others
+    """
+
+    spec: Spec
+    held: bool
+    static: tuple[Any, ...] = ()
+    rows: Mapping[str, Array] = field(default_factory=dict)
+    name = "control"
+
+    @classmethod
+    def of(cls, control: Control, model: Model, samples: int, steps: int) -> Feedback:
+        """The law of a run of so many samples and steps. Raises ShapeError."""
+        return cls(control.spec, control.held, control.static, control.rows(model, samples, steps))
+
+    def structure(self) -> Feedback:
+        """See ``Effect``."""
+        return Feedback(self.spec, self.held)
+
+    @property
+    def form(self) -> Any:
+        """See ``Effect``."""
+        return self.spec, self.held
+
+    @property
+    def inputs(self) -> Any:
+        """See ``Effect``."""
+        return inputs_of(self.spec)
+
+    @property
+    def states(self) -> Any:
+        """See ``Effect``."""
+        return states_of(self.spec)
+
+    @property
+    def tables(self) -> tuple[Any, ...]:
+        """See ``Effect``."""
+        return self.static
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """See ``Effect``."""
+        return dict(self.rows)
+
+    @property
+    def integrated(self) -> tuple[str, ...]:
+        """Names of the states that have rates."""
+        return moved_states(self.spec)
+
+    def law(self, at: Arithmetic) -> Law:
+        """``(q, v, tau, states) -> tau, made``: the torque, and rates or ends of its states."""
+        spec = self.spec
+        if at.recorded:
+            return law_on(spec, at.rows, at.given)
+        tables = {OWN_INPUT + x.name: _static_rows(at.given[OWN_INPUT + x.name]) for x in spec.present if x.static}
+        recorded = law_on(spec, at.rows, {**at.given, **tables})
+
+        def law(q: Any, v: Any, tau: Any, states: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+            wanted, made = recorded(q, v, tau, states)
+            return np.asarray(wanted, float), {name: np.asarray(x, float) for name, x in made.items()}
+
+        return law
+
+
+def _static_rows(value: Any) -> Any:
+    return table(value.rows) if hasattr(value, "rows") else value
 
 
 def _of_step(x: Argument) -> Argument:
@@ -150,9 +246,7 @@ def inputs_of(spec: Spec) -> tuple[Argument, ...]:
     return tuple(_of_step(x) for x in sorted(found, key=lambda x: x.static))
 
 
-def law_on(
-    spec: Spec, rows: Sequence[Any], inputs: Mapping[str, Any]
-) -> Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]:
+def law_on(spec: Spec, rows: Sequence[Any], inputs: Mapping[str, Any]) -> Law:
     """``(q, v, tau, states) -> tau, rates or ends of states`` on a table of Rows; ``inputs`` are those of a step."""
     parts = spec.parts or (spec.output,)
 

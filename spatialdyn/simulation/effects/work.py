@@ -1,8 +1,8 @@
-"""The states of work that a run carries, one of each kind of what acts; ``ledger`` adds them up."""
+"""Work: the states of it that a run carries, one of each kind of what acts; ``ledger`` adds them up."""
 
 from __future__ import annotations
 
-from ..recursions.spec import Argument
+from ...recursions.spec import Argument
 
 TORQUE = Argument("work_torque", ("nv",), "J", "of the torques of motors, those of a control law among them", start=0.0)
 FRICTION = Argument("work_friction", ("nv",), "J", "of friction and damping", start=0.0)
@@ -16,16 +16,3 @@ KINDS = {
     CONSTRAINTS.name: "constraints", PROJECTION.name: "projection", CONTACTS.name: "contacts",
 }  # fmt: skip
 BY_FREEDOM = ("torque", "friction", "external", "springs")
-
-
-def work_states(
-    rubs: bool, pushed: bool, constrained: bool, projects: bool, springs: bool = False, touches: bool = False
-) -> tuple[Argument, ...]:
-    """The works of a run: of torques, and of friction, external forces, springs, constraints, projections, contacts if
-    there are any.
-    """
-    acts = (
-        (TORQUE, True), (FRICTION, rubs), (EXTERNAL, pushed), (SPRINGS, springs), (CONSTRAINTS, constrained),
-        (PROJECTION, projects), (CONTACTS, touches),
-    )  # fmt: skip
-    return tuple(x for x, there in acts if there)

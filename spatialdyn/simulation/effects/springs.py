@@ -1,24 +1,25 @@
-"""Springs of series-elastic joints in simulations: their torques, and the largest step at which a method is stable."""
+"""Springs of series-elastic joints: their torques, and the largest step at which a method is stable."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calls.dynamics import calls
-from ..engines.compiled import numba_kernels
-from ..errors import ModelError, SimulationError
-from ..model.model import Model
-from ..recursions.springs import SPRING_TORQUE, add_springs
-from .system import System
+from ...calls.dynamics import calls
+from ...errors import SimulationError
+from ...model.model import Model
+from ...recursions.springs import SPRING_TORQUE
+from ..arithmetic import Arithmetic
+from . import work
+from .effect import Effect
 
 Array = NDArray[np.float64]
 GROWS = 1e-6  # above 1, of the largest factor of a step: free motions have double factors of 1, known to √eps
 HALVINGS = 40  # of an interval of steps
-UNFIT = ("variational",)  # methods whose torques depend on no position
 
 
 def has_springs(model: Model) -> bool:
@@ -26,51 +27,17 @@ def has_springs(model: Model) -> bool:
     return bool(model.bodies["spring"].any())
 
 
-# --- a step, traced -------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Springs(Effect):
+    """The springs of the model."""
 
+    name = "springs"
+    work = work.SPRINGS
 
-def traced_springs(rows: Any, q: Any, v: Any) -> Any:
-    """The torques of the springs, as recorded numbers; None without any."""
-    if not any(row.spring for row in rows):
-        return None
-    made = np.zeros(len(v), object)
-    add_springs(rows, q, v, made)
-    return made
-
-
-# --- a step by kernels ----------------------------------------------------------------------------------
-
-
-def spring_kernel() -> Callable[..., Array]:
-    """``(table, q, v) -> torques of the springs``."""
-    kernel = numba_kernels.sample_kernel(numba_kernels.variant(SPRING_TORQUE, frozenset({"v"})))
-
-    def pull(table: Any, q: Array, v: Array) -> Array:
-        made = np.empty(len(v))
-        kernel(table, np.ascontiguousarray(q), np.ascontiguousarray(v), made)
+    def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
+        """See ``Effect``."""
+        (made,) = at.evaluate(SPRING_TORQUE, q=q, v=v).values()
         return made
-
-    return pull
-
-
-def sprung(kernels: Any) -> Any:
-    """The kernels of a family whose acceleration, or ṗ, has the torques of the springs in it."""
-    pull = spring_kernel()
-    if hasattr(kernels, "accelerate"):
-
-        def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
-            tau = system.tau + pull(system.table, q, v)
-            code: int = kernels.accelerate(system._replace(tau=tau, kernels=kernels), q, v, a)
-            return code
-
-        return kernels._replace(accelerate=accelerate)
-
-    def field(system: System, q: Any, p: Any, rates: Any) -> int:
-        code: int = kernels.field(system._replace(kernels=kernels), q, p, rates)
-        rates[1] += pull(system.table, q, rates[0])
-        return code
-
-    return kernels._replace(field=field)
 
 
 # --- stability ------------------------------------------------------------------------------------------
@@ -83,10 +50,6 @@ def check_springs(model: Model, method: str, q: Array, dt: float) -> None:
     """
     if not has_springs(model):
         return
-    if model.mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has springs and mimic joints, expected one of them (mimic=False)')
-    if method in UNFIT:
-        raise SimulationError(f'method is "{method}", expected another with springs, such as gauss4')
     if method not in STEPS or largest_factor(model, method, q, dt) <= 1.0 + GROWS:
         return
     low, high = 0.0, dt
@@ -155,9 +118,20 @@ def _rk4(A: Array, h: float) -> Array:
     return made
 
 
+def _kicked(A: Array, h: float) -> Array:
+    """Half a kick at both ends of a step, at the mean velocity: Störmer's method, and discrete mechanics."""
+    n = len(A) // 2
+    K, D, one, none = A[n:, :n], A[n:, n:], np.eye(n), np.zeros((n, n))
+    half = np.linalg.solve(one - 0.5 * h * D, np.hstack([0.5 * h * K, one]))
+    ahead = np.hstack([one, none]) + h * half
+    return np.vstack([ahead, half + 0.5 * h * (K @ ahead + D @ half)])
+
+
 STEPS: dict[str, Callable[[Array, float], Array]] = {
     "explicit_euler": _euler,
     "semi_implicit_euler": _semi_implicit,
     "velocity_verlet": _verlet,
     "rk4": _rk4,
+    "stormer_verlet": _kicked,
+    "variational": _kicked,
 }

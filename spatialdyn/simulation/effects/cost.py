@@ -10,10 +10,10 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from ..errors import SimulationError
-from ..recursions.friction import DT
-from ..recursions.spec import TAU, Argument, Q, Spec, V
-from .control_laws import AFTER, OF_STEP, OWN_INPUT, Control, check_recordable, evaluated, law_on, shown, with_values
+from ...errors import SimulationError
+from ...recursions.friction import DT
+from ...recursions.spec import TAU, Argument, Q, Spec, V
+from .control import AFTER, OF_STEP, OWN_INPUT, Control, check_recordable, evaluated, law_on, shown, with_values
 
 COST = "cost"
 OWN = "cost."  # before the names of a cost's inputs among those of the law that it becomes part of

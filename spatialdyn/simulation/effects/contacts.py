@@ -1,0 +1,281 @@
+"""What acts by impulses: contacts and joint limits, with dry joints and constraints beside them.
+
+v⁺ and all impulses are found together, so the step is that of ``semi_implicit_euler``. Contacts and limits alone are a
+``contact_step``; with friction that is solved for, or under constraints, they are an ``impulse_step``. A run carries
+the largest residual so far, with its point and step, and on request the impulses of the last step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algebra.scalars import select
+from ...bodies.static_table import StaticTable
+from ...calls.dynamics import calls
+from ...calls.failures import joint_of_velocity
+from ...constraints.contact_dynamics import contact_gaps
+from ...constraints.contact_points import Contacts
+from ...constraints.dynamics import constrained_motion
+from ...engines.programs.recording import MOST_TABLE
+from ...errors import ConstraintError, SimulationError
+from ...model.model import Model
+from ...recursions.contact import CONTACT_STEP, CONTACT_STEP_OVER
+from ...recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
+from ...recursions.friction import BRISTLES
+from ...recursions.impulse_step import impulse_step_spec
+from ...recursions.spec import FEXT, Argument, Spec
+from ..arithmetic import Arithmetic
+from ..contact_record import ContactRecord
+from . import work
+from .constraints import Constrained
+from .effect import Effect, Forces, find
+from .external import external_torque
+from .friction import IMPLICIT, LUGRE, JointFriction, bent, dry, law_of, named
+from .motor import geared
+
+Array = NDArray[Any]
+MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robot, and its program is long
+MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: a sweep's tableaus cost rows cubed
+START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond a limit
+UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
+UNSOLVED_DRY = 1e-1  # the same beside dry joints: the worst of a trot's steps may be left at 1e-2 and more
+WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
+
+SOLVED = Argument(
+    "contact_residual", (WORST,), "", "residual now, largest so far, its point, its step, step", start=0.0
+)
+RECORDED = Argument("contact_record", (f"{WORST}+np+np+np+nl",), "", "the same, and impulses", start=0.0)
+CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree, whose velocities are h³ off
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(Effect):
+    """Points on the ground, and limits of joints.
+
+    contacts  Contacts, perhaps of joint limits alone, or of nothing beside constraints
+    records   whether impulses are recorded
+    table     of the contacts and of freedoms that rub dry
+    way       of friction that is solved for together with them, None for none
+    held      whether constraints are
+    """
+
+    contacts: Contacts
+    records: bool
+    table: StaticTable
+    way: str | None = None
+    held: bool = False
+    name = "contacts"
+
+    @property
+    def form(self) -> Any:
+        """See ``Effect``."""
+        return self.way, self.held
+
+    @property
+    def own(self) -> Argument:
+        """The state that they carry."""
+        return RECORDED if self.records else SOLVED
+
+    @property
+    def states(self) -> Any:
+        """See ``Effect``."""
+        return (self.own,)
+
+    @property
+    def work(self) -> Any:
+        """See ``Effect``."""
+        return work.CONTACTS if self.table.sizes["np"] + self.table.sizes["nl"] else None
+
+    @property
+    def tables(self) -> tuple[StaticTable, ...]:
+        """Of contacts, and of heights if there are some."""
+        return (self.table, *self.contacts.tables[1:])
+
+    @property
+    def inputs(self) -> Any:
+        """See ``Effect``."""
+        return (*(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.tables)], *self._coefficients)
+
+    @property
+    def _coefficients(self) -> tuple[Argument, ...]:
+        return (MU, RESTITUTION) if len(self.contacts) else ()
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """See ``Effect``."""
+        rows = self.contacts.friction, self.contacts.restitution
+        return {x.name: y[None, None] for x, y in zip(self._coefficients, rows, strict=False)}
+
+    @property
+    def is_long(self) -> bool:
+        """Whether programs of its steps are too long: those that hold rows in turn, and those of many points."""
+        points, rows = len(self.contacts), len(self.table.rows) - 1
+        heights = sum(len(x.rows) - 1 for x in self.tables[1:])
+        several = (self.way is not None or self.held) and rows + 2 * points > MOST_ROWS
+        return several or points > MOST_POINTS or heights > MOST_TABLE
+
+    @property
+    def solves(self) -> bool:
+        """See ``Effect``."""
+        return True
+
+    def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
+        """See ``Effect``."""
+        given, v, push = at.given, at.given["v"], tau
+        constrained = find(acting, Constrained)
+        lost, law = None, None
+        if self.way is not None:
+            push, law = geared(given, v, tau, law_of(given))
+            lost = push - tau if push is not tau else None
+        pushed = given.get(FEXT.name) is not None
+        general = self.way is not None or constrained is not None
+        forces: Forces = {}
+        for effect in acting:
+            made = effect.torque(at, given["q"], v)
+            if made is not None and effect.work is not None:
+                push, forces[effect.work.name] = push + made, made
+        if pushed and not general:
+            made = external_torque(at, given["q"])
+            push, forces[work.EXTERNAL.name] = push + made, made
+        known = {"tau": push, **({} if law is None else named(law))}
+        if not len(self.contacts):
+            empty = np.zeros(0, object if at.recorded else float)
+            known |= {MU.name: empty, RESTITUTION.name: empty}
+        spec = self._spec(constrained, general and pushed)
+        parts = at.evaluate(spec, **known)
+        after, states = parts["v"], {self.own.name: self._noted(parts, given[self.own.name])}
+        if work.CONTACTS.name in given:
+            states[work.CONTACTS.name] = given[work.CONTACTS.name] + parts["energy"]
+        if law is not None and self.way == LUGRE:
+            states[BRISTLES.name] = parts["bristles"]
+            rubbed = bent(given, law, after, parts["bristles"])
+        elif law is not None:
+            rubbed = parts["friction"] - law[1] * after
+        if law is not None:
+            forces[work.FRICTION.name] = rubbed if lost is None else rubbed + lost
+        if constrained is not None:
+            self._judge(at, constrained, parts["missed"], tau)
+            force = np.array([x / given["dt"] for x in parts["reaction"]], after.dtype)
+            forces[work.CONSTRAINTS.name] = lambda way: force * constrained.rates(at, given["q"], way)
+        return after, states, forces
+
+    def _spec(self, constrained: Constrained | None, pushed: bool) -> Spec:
+        """Of the step."""
+        over = len(self.tables) > 1
+        if self.way is None and constrained is None:
+            return CONTACT_STEP_OVER if over else CONTACT_STEP
+        has = {"heights": over, "friction": self.way is not None, "bristles": self.way == LUGRE, "fext": pushed}
+        if constrained is not None:
+            has |= {"constraints": True, "rate": not constrained.projects}
+        return impulse_step_spec(frozenset(name for name, there in has.items() if there))
+
+    def _noted(self, parts: dict[str, Any], before: Any) -> Any:
+        """The state of its own after a step: its largest residual, that of all steps, and impulses."""
+        residual = parts["residual"]
+        now, which = (residual[0], 0.0) if len(residual) else (0.0, 0.0)
+        for k, x in enumerate(residual[1:], 1):
+            more = x - now
+            now, which = select(more, x, now), select(more, float(k), which)
+        _, worst, at, step, count = before[:WORST]
+        more = now - worst
+        row = [now, select(more, now, worst), select(more, which, at), select(more, count, step), count + 1.0]
+        row += [*parts["impulse"], *parts["stop"]] if self.records else []
+        return np.array(row, parts["v"].dtype)
+
+    def _judge(self, at: Any, constrained: Constrained, missed: Any, tau: Any) -> None:
+        """Equations that contradict others, or whose rank changes: noted in recorded numbers, else ConstraintError."""
+        residual, rank = missed
+        if at.recorded:
+            constrained.judge(at, residual, rank, CONTRADICTS)
+            return
+        if residual > CONTRADICTS:
+            given, held = at.given, constrained.constraints
+            time = None if constrained.rate is None else 1.0 / constrained.rate
+            q, v, torque = (np.array(x, float) for x in (given["q"], given["v"], tau))
+            constrained_motion(
+                held.model, held, q, v, torque, time, fext=given.get(FEXT.name)
+            )  # raises, with their names
+            raise ConstraintError(
+                f"equations of {', '.join(x.label for x in held)} contradict each other by {residual:.2g} of the "
+                "motion, expected fewer constraints, or a state that meets them"
+            )
+        if np.isfinite(rank):
+            constrained.check_rank(int(rank), at.given["rank"])
+
+    def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
+        """See ``Effect``."""
+        own = states[self.own.name]
+        worst, which, step = own[1], int(own[2]), int(own[3])
+        least = UNSOLVED_DRY if self.way == IMPLICIT else UNSOLVED
+        if not worst > least:
+            return ""
+        return (
+            f"{self.label(which)} misses its law by {worst:.2g} m/s in the step from t = {step * dt:.9g} s, "
+            f"expected at most {least:g} of a solved step; more sweeps may help"
+        )
+
+    def label(self, k: int) -> str:
+        """What messages call a point or joint, in the order of residuals."""
+        known = self.contacts.labels
+        if k < len(known):
+            return known[k]
+        return f'friction of joint "{joint_of_velocity(self.contacts.model, self.table.rows[1 + k]["row"] - 1).name}"'
+
+    def record(self, q: Array, own: Array) -> ContactRecord:
+        """What was recorded: positions (..., nq), and the state of its own (..., width)."""
+        contacts, model = self.contacts, self.contacts.model
+        k, limits, lead = len(contacts), self.table.sizes["nl"], own.shape[:-1]
+        stop = np.zeros((*lead, model.nv), own.dtype)
+        stop[..., self.table.rows["row"][1 + k : 1 + k + limits] - 1] = own[..., WORST + 3 * k :]
+        impulse = own[..., WORST : WORST + 3 * k].reshape((*lead, k, 3))
+        known = np.isfinite(q).all(axis=-1, keepdims=True)
+        gap = np.where(known, contact_gaps(model, contacts, np.where(known, q, calls["neutral"](model))), np.nan)
+        return ContactRecord(impulse.copy(), gap.astype(own.dtype), abs(own[..., 0]), stop)
+
+
+def contact_of(
+    scene: Any, acting: tuple[Effect, ...], records: bool, q: Array | None, constrained: Constrained | None
+) -> Contact | None:
+    """What acts by impulses in a run of a scene from positions (..., nq), which are not checked if None; None for none.
+
+    acting   the effects of the scene
+    records  whether impulses are recorded
+
+    Raises  SimulationError for a start in the ground or beyond a limit, with its depth
+    """
+    contacts, stops, rubs = scene.contacts, scene.limits, find(acting, JointFriction)
+    if contacts is None and not stops and records:
+        raise SimulationError('record has "contacts", expected contacts or limits=True in the scene')
+    solved = rubs.way if rubs is not None and rubs.way in (IMPLICIT, LUGRE) else None
+    if contacts is None and not stops and (constrained is None or solved != IMPLICIT):
+        return None
+    given = scene.touching
+    if q is not None:
+        _check_start(scene.model, given, q)
+    table = given.with_dry(dry(acting, scene.model.nv))
+    made = Contact(given, records, table, solved, constrained is not None)
+    return made if len(table.rows) > 1 or constrained is not None else None
+
+
+def _check_start(model: Model, contacts: Contacts, q: Array) -> None:
+    """Raise SimulationError if a point starts in the ground, or a joint beyond its limits."""
+    rows = contacts.table.rows[1 + len(contacts) :]
+    x = q[..., rows["q_index"]]
+    beyond = np.maximum(rows["lower"] - x, x - rows["upper"])
+    depth = np.concatenate([-contact_gaps(model, contacts, q), beyond], axis=-1)
+    bad = np.argwhere(depth > START)
+    if len(bad):
+        index, k = tuple(int(i) for i in bad[0, :-1]), int(bad[0, -1])
+        where = "" if not index else f" in sample {index[0]}"
+        size = depth[(*index, k)]
+        if k < len(contacts):
+            raise SimulationError(
+                f'point "{contacts.names[k]}" starts {1e3 * size:.3g} mm in the ground{where}, expected at most '
+                f"{1e3 * START:g} mm; contact_gaps says how far to lift the robot"
+            )
+        name = contacts.stops[k - len(contacts)]
+        raise SimulationError(f'joint "{name}" starts {size:.3g} rad or m beyond its limits{where}, expected within')

@@ -1,0 +1,278 @@
+"""Friction of the joints: three kinds, each an effect.
+
+DryFriction     v⁺ and the friction torques are found together (``recursions.friction``): a joint that sticks has v⁺ = 0
+LuGreFriction   bristles deflect between the surfaces, a state of their own, z
+SmoothFriction  a torque -F(v) tanh(v/ε) - b v in the equation of motion, by any method
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...actuation.friction import Friction, check_friction
+from ...actuation.motors import Motor, check_motor
+from ...algebra.scalars import select
+from ...calls.dynamics import calls
+from ...calls.failures import joint_of_velocity
+from ...errors import SimulationError
+from ...model.model import Model
+from ...recursions.friction import (
+    BRISTLE_STEP,
+    BRISTLES,
+    DAMPING,
+    FRICTION_STEP,
+    FRICTION_TORQUE,
+    LAW,
+    SMOOTHING,
+    STIFFNESS,
+)
+from ...recursions.spec import Argument
+from ..arithmetic import Arithmetic
+from . import work
+from .constraints import Constrained
+from .effect import Effect, Forces, find
+from .motor import CURRENT, DRIVES, Drive, Law, geared
+
+Array = NDArray[Any]
+IMPLICIT, LUGRE, SMOOTH = WAYS = ("implicit", "lugre", "smooth")
+STEPPED = "semi_implicit_euler"  # the method of "implicit" and "lugre", and of all that acts by impulses
+# largest h λ at which v⁺ of v̇ = -λ v stays bounded
+STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
+UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
+
+VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far", start=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFriction(Effect):
+    """Friction and damping of the joints."""
+
+    friction: Friction
+    name = "friction"
+    way = ""
+    inputs: ClassVar[tuple[Argument, ...]] = LAW
+    work = work.FRICTION
+
+    @property
+    def coefficients(self) -> tuple[Array, ...]:
+        """Beside the law that all kinds have."""
+        return ()
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """See ``Effect``."""
+        rows = (*self.friction.law, *self.coefficients)
+        return {x.name: y[None, None] for x, y in zip(self.inputs, rows, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothFriction(JointFriction):
+    """A smooth torque against the motion."""
+
+    way = SMOOTH
+    inputs: ClassVar[tuple[Argument, ...]] = (*LAW, SMOOTHING)
+
+    @property
+    def coefficients(self) -> tuple[Array, ...]:
+        """The smoothing."""
+        return (_needed(self.friction.smoothing, "smoothing", SMOOTH),)
+
+    def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
+        """See ``Effect``."""
+        (made,) = at.evaluate(FRICTION_TORQUE, v=v).values()
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class DryFriction(JointFriction):
+    """Coulomb's law and damping at the end of a step.
+
+    beside  whether contacts or constraints are solved for too: then they have the residual
+    """
+
+    beside: bool = False
+    way = IMPLICIT
+
+    @property
+    def states(self) -> Any:
+        """See ``Effect``."""
+        return () if self.beside else (VIOLATION,)
+
+    def beside_others(self) -> DryFriction:
+        """See ``Effect``."""
+        return DryFriction(self.friction, True)
+
+    @property
+    def solves(self) -> bool:
+        """See ``Effect``."""
+        return True
+
+    def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
+        """See ``Effect``."""
+        given, v = at.given, at.given["v"]
+        push, law = geared(given, v, tau, law_of(given))
+        lost = push - tau if push is not tau else 0.0
+        push, forces = _with_torques(at, acting, push)
+        (made,) = at.evaluate(FRICTION_STEP, tau=push, **named(law)).values()
+        after, beyond, dry = made
+        largest = given[VIOLATION.name][0]
+        for x in beyond:
+            largest = select(x - largest, x, largest)
+        forces[work.FRICTION.name] = dry - law[1] * after + lost
+        return after, {VIOLATION.name: np.array([largest], after.dtype)}, forces
+
+    def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
+        """See ``Effect``."""
+        if self.beside or not states[VIOLATION.name][0] > UNSOLVED:
+            return ""
+        return (
+            f"friction violates Coulomb's law by {states[VIOLATION.name][0]:.2g} rad/s or m/s at some time up to "
+            f"t = {t:.9g} s, expected at most {UNSOLVED:g} of a solved step"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LuGreFriction(JointFriction):
+    """Bristles, whose deflection is a state."""
+
+    way = LUGRE
+    inputs: ClassVar[tuple[Argument, ...]] = (*LAW, STIFFNESS, DAMPING)
+    states = (BRISTLES,)
+
+    @property
+    def coefficients(self) -> tuple[Array, ...]:
+        """Stiffness and damping of the bristles."""
+        given = self.friction
+        return (
+            _needed(given.bristle_stiffness, "bristle_stiffness", LUGRE),
+            _needed(given.bristle_damping, "bristle_damping", LUGRE),
+        )
+
+    @property
+    def solves(self) -> bool:
+        """See ``Effect``."""
+        return True
+
+    def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
+        """See ``Effect``."""
+        push, forces = _with_torques(at, acting, tau)
+        held = find(acting, Constrained)
+        if held is None:
+            (made,) = at.evaluate(BRISTLE_STEP, tau=push).values()
+            after, bristles = made
+        else:
+            after, bristles, force = held.after_bristles(at, push)
+            forces[work.CONSTRAINTS.name] = lambda way: force * held.rates(at, at.given["q"], way)
+        forces[work.FRICTION.name] = bent(at.given, law_of(at.given), after, bristles)
+        return after, {BRISTLES.name: bristles}, forces
+
+
+KINDS: dict[str, type[JointFriction]] = {IMPLICIT: DryFriction, LUGRE: LuGreFriction, SMOOTH: SmoothFriction}
+
+
+def _with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple[Any, Forces]:
+    """tau with the torques of effects at the beginning of a step, and those by their states of work."""
+    forces: Forces = {}
+    for effect in acting:
+        made = effect.torque(at, at.given["q"], at.given["v"])
+        if made is not None and effect.work is not None:
+            push, forces[effect.work.name] = push + made, made
+    return push, forces
+
+
+def law_of(given: Mapping[str, Any]) -> Law:
+    """The coefficients that all kinds have."""
+    return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
+
+
+def named(law: Law) -> dict[str, Any]:
+    """A law as inputs by name."""
+    return dict(zip((x.name for x in LAW), law, strict=True))
+
+
+def bent(given: Mapping[str, Any], law: Law, after: Any, bristles: Any) -> Any:
+    """The torques of bristles and damping in a step, of bristles after it."""
+    z, each = given[BRISTLES.name], 1.0 / given["dt"]
+    moved = np.array([each * x for x in bristles - z], bristles.dtype)
+    return -(given["stiffness"] * bristles + given["damping"] * moved) - law[1] * after
+
+
+# --- friction of a scene --------------------------------------------------------------------------------
+
+
+def friction_effects(
+    model: Model, friction: Friction | bool | None, way: str, motor: Motor | None = None, drive: str = CURRENT
+) -> tuple[Effect, ...]:
+    """The friction and the motor of a scene.
+
+    Raises  SimulationError for an unknown way or drive, options that contradict each other, and a coefficient that the
+            way needs; ModelError naming the joint, ShapeError.
+    """
+    if not isinstance(way, str) or way not in WAYS:
+        raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
+    if not isinstance(drive, str) or drive not in DRIVES:
+        raise SimulationError(f"drive is {drive!r}, expected one of {', '.join(DRIVES)}")
+    if motor is None and drive != CURRENT:
+        raise SimulationError(f'drive is "{drive}" and no motor is given, expected motor=Motor(...) with it')
+    if motor is None and friction is None and way != IMPLICIT:
+        raise SimulationError(
+            f'friction_method is "{way}" and no friction is given, expected friction=Friction(...), or True for that '
+            "of the URDF"
+        )
+    if motor is not None:
+        if way != IMPLICIT:
+            raise SimulationError(
+                f'motor is given and friction_method is "{way}", expected "{IMPLICIT}": gears rub, and motors brake, '
+                "within its step"
+            )
+        if friction is None or friction is False:
+            friction = Friction(np.zeros(model.nv), 0.0)
+    if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
+        return ()
+    made = KINDS[way](check_friction(model, friction))
+    made.coefficients  # raises SimulationError for one that is missing
+    return (made,) if motor is None else (made, Drive(check_motor(model, motor), drive))
+
+
+def dry(acting: tuple[Effect, ...], nv: int) -> NDArray[np.bool_]:
+    """The freedoms (nv,) that friction which is solved for, or gears, may hold."""
+    found, motor = find(acting, DryFriction), find(acting, Drive)
+    if found is None:
+        return np.zeros(nv, np.bool_)
+    coulomb, _, static, _ = found.friction.law
+    sticks: NDArray[np.bool_] = (coulomb > 0.0) | (static > 0.0)
+    return sticks if motor is None else sticks | motor.rubs
+
+
+def _needed(value: Array | None, name: str, way: str) -> Array:
+    if value is None:
+        raise SimulationError(
+            f'friction has no {name}, expected some for friction_method="{way}": sd.Friction.of(model, {name}=...)'
+        )
+    return value
+
+
+def check_stable(model: Model, effects: tuple[Effect, ...], method: str, dt: float) -> None:
+    """Refuse a step at which smooth friction grows near v = 0, where v̇ = -M⁻¹ K v, in the neutral configuration.
+
+    Raises SimulationError with the largest step that is stable.
+    """
+    found = find(effects, SmoothFriction)
+    if found is None or method not in STABLE or not model.nv:
+        return
+    _, viscous, static, _ = found.friction.law
+    slope = static / found.coefficients[0] + viscous
+    root = np.sqrt(slope)
+    rates, modes = np.linalg.eigh(root[:, None] * calls["minverse"](model, calls["neutral"](model)) * root)
+    k = int(np.argmax(abs(modes[:, -1])))
+    if dt * rates[-1] > STABLE[method]:
+        raise SimulationError(
+            f"dt is {dt:g} s, expected at most {STABLE[method] / rates[-1]:.3g} s, where {method} is stable with the "
+            f'smooth friction of joint "{joint_of_velocity(model, k).name}", {slope[k]:.3g} N m s/rad at rest; a '
+            'larger smoothing allows more, and friction_method="implicit" any'
+        )

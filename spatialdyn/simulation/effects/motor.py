@@ -1,0 +1,61 @@
+"""Motors: torques of a run act through gears and brakes, within the motors' limits.
+
+What gears lose is dry friction in proportion to the load, what a motor's own voltage takes is viscous
+(``recursions.motors.driven``): both are part of the step that finds the friction of the joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...actuation.motors import Motor
+from ...recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
+from .effect import Effect
+
+Array = NDArray[Any]
+Law = tuple[Any, Any, Any, Any]  # coulomb, viscous, static, stribeck
+CURRENT, VOLTAGE = DRIVES = ("current", "voltage")  # what a motor is given
+
+
+@dataclass(frozen=True, eq=False)
+class Drive(Effect):
+    """A motor beside friction that is solved for: torques go through it."""
+
+    motor: Motor
+    given: str
+    name = "motor"
+
+    @property
+    def inputs(self) -> Any:
+        """See ``Effect``."""
+        return (SUPPLY if self.given == VOLTAGE else STALL, EMF, MOST, EFFICIENCY, LIMIT)
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """See ``Effect``."""
+        stall, emf, most, efficiency, limit = self.motor.lines
+        return {x.name: y[None, None] for x, y in zip(self.inputs, (stall, emf, most, efficiency, limit), strict=True)}
+
+    @property
+    def rubs(self) -> NDArray[np.bool_]:
+        """The freedoms (nv,) whose gears may hold them."""
+        lossy: NDArray[np.bool_] = self.motor.lines[3] < 1.0
+        return lossy
+
+
+def geared(given: Mapping[str, Any], v: Any, tau: Any, law: Law) -> tuple[Any, Law]:
+    """Torques and friction of a step with the motor of ``given``, if any, its gears and brakes counted as friction."""
+    if EMF.name not in given:
+        return tau, law
+    coulomb, viscous, static, stribeck = law
+    voltage = SUPPLY.name in given
+    first = SUPPLY if voltage else STALL
+    lines = [given[x.name] for x in (first, EMF, MOST, EFFICIENCY, LIMIT)]
+    found = np.array([driven(voltage, i, v, tau, *lines) for i in range(len(v))], np.asarray(tau).dtype)
+    push, slope, level = found.reshape((-1, 3)).T
+    return push, (coulomb + level, viscous + slope, static + level, stribeck)

@@ -1,0 +1,234 @@
+"""Steps that run in Python, by kernels: those with effects that no program takes, and of methods that solve equations.
+
+Explicit methods take ``steps.advance``. Methods in momenta evaluate torques where they evaluate forces; states of a
+control law move in half a step before and half a step after theirs (Strang), each by the midpoint rule, so that both
+together have order 2; work is summed by the method's own stages, or by the trapezoidal rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.dynamics import calls
+from ..engines.compiled import numba_kernels
+from ..recursions.friction import DT
+from ..recursions.spec import FEXT
+from . import constrained_variational, explicit, rattle
+from .arithmetic import Computed
+from .effects import work
+from .effects.effect import Effect
+from .effects.external import external_torque
+from .methods import DISCRETE, EXPLICIT, Family
+from .mimic_kernels import mimic_kernels
+from .plan import Plan
+from .recorder import Recorder
+from .steps import advance
+from .symplectic import GAUSS2, GAUSS4, GAUSS6
+from .system import OK, State, System, joint_table
+from .torques import forces_at
+
+Array = NDArray[np.float64]
+Step = Callable[[System, float, float, State], None]
+UNDER = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.constrained_variational}
+WEIGHTS = {"implicit_midpoint": GAUSS2.b, "gauss4": GAUSS4.b, "gauss6": GAUSS6.b}  # of stages, the last torques asked
+
+
+class KernelSteps:
+    """The kernels and the step of a run of one sample.
+
+    forces  (njoints, 6) external forces, written before each step; (0, 6) without any
+    """
+
+    def __init__(self, plan: Plan, recorder: Recorder, forces: Array, sample: int) -> None:
+        self.plan, self.recorder, self.forces, self.sample = plan, recorder, forces, sample
+        model, family = plan.model, recorder.method.family
+        assert family is not None
+        self.family: Family = family
+        self.at = Computed(model, {})
+        self.held = [x for x in plan.effects if type(x).held_torque is not Effect.held_torque]
+        self.names = [x.name for x in recorder.states.arguments]
+        loaded = forces if len(forces) else None
+        if family is EXPLICIT and plan.constrained is not None:
+            self.kernels: Any = explicit.kernels_of(None)
+        elif model.mimic_matrix is not None:
+            self.kernels = mimic_kernels(model, family, loaded)
+        else:
+            self.kernels = family.kernels(len(forces) > 0)
+        if family is EXPLICIT:
+            self.step: Step = self._explicit
+            return
+        self._advance = recorder.method.advance
+        if plan.constrained is not None:
+            self._advance = UNDER[recorder.method.name](plan.constrained.of_sample(sample), model)
+        self.step = self._in_momenta
+        if family is not DISCRETE:
+            self.kernels = self.kernels._replace(field=self._field(self.kernels.field))
+
+    def _begin(self, system: System, t: float, h: float) -> dict[str, Any]:
+        """The states carried at the beginning of a step, by name; what is given in it is set."""
+        given = self.plan.given(self.sample, int(self.recorder.at[0]))
+        if len(self.forces):
+            if self.plan.force is None:
+                self.forces[:] = given[FEXT.name]
+            given[FEXT.name] = self.forces  # of a function: in methods in momenta 0, as it acts by its torque
+        self.at.begin(system, t)
+        self.at.given.update(given, **{DT.name: h})
+        views = self.recorder.states.views(self.recorder.own)
+        return dict(zip(self.names, [x.copy() for x in views], strict=True))
+
+    def _hold(self, system: System, q: Any, v: Any) -> None:
+        """Add the torques that are held over the step."""
+        for effect in self.held:
+            system.tau[:] = effect.held_torque(self.at, q, v, system.tau)
+
+    def _put(self, after: Any) -> None:
+        for name, x in zip(self.names, self.recorder.states.views(self.recorder.own), strict=True):
+            x[...] = after[name]
+
+    def _explicit(self, system: System, t: float, h: float, state: State) -> None:
+        own, plan = self._begin(system, t, h), self.plan
+        self._hold(system, state.q, state.w)
+        method: Any = self.recorder.method.advance
+        self._put(advance(plan.effects, plan.work, self.at, method, system, t, h, state, own))
+
+    # --- methods in momenta -----------------------------------------------------------------------------
+
+    def _torques(self, q: Any, v: Any) -> list[tuple[str, Any]]:
+        """The torques of effects at a state, by names of states of work."""
+        made = ((x.work, x.torque(self.at, q, v)) for x in self.plan.effects)
+        return [(x.name, torque) for x, torque in made if torque is not None and x is not None]
+
+    def _field(self, field: Callable[..., int]) -> Callable[..., int]:
+        """v and ṗ with the torques of effects in it."""
+        if all(type(x).torque is Effect.torque for x in self.plan.effects):
+            return field
+        kernels = self.kernels
+
+        def with_torques(system: System, q: Any, p: Any, rates: Any) -> int:
+            code = field(system._replace(kernels=kernels), q, p, rates)
+            for _, torque in reversed(self._torques(q, rates[0])):
+                rates[1] += torque
+            return code
+
+        return with_torques
+
+    def _in_momenta(self, system: System, t: float, h: float, state: State) -> None:
+        plan, at, feedback, works = self.plan, self.at, self.plan.feedback, self.plan.work
+        observed = feedback is not None or bool(works) or bool(self.held)
+        own = self._begin(system, t, h)
+        if observed:
+            self.family.observe(system, t, state)
+            self._hold(system, state.q, state.v)
+        base, ask, discrete = system.tau.copy(), system.torque, self.family is DISCRETE
+        law = None if feedback is None else feedback.law(at)
+        held, now, after = None, dict(own), dict(own)
+        stages: list[dict[str, Any]] = []
+
+        def given(system: System, when: float, q: Any, v: Any) -> Array:
+            """The torque of the arguments."""
+            system.tau[:] = base
+            ask(system, when, q, v)
+            tau: Array = system.tau.copy()
+            return tau
+
+        def asked(system: System, when: float, q: Any, v: Any) -> None:
+            tau = given(system, when, q, v)
+            if law is not None:
+                tau = tau + (held if held is not None else law(q, v, tau, now)[0])
+            if plan.force is not None:
+                at.given[FEXT.name] = forces_at(plan.force, when, q, v, self.forces.shape)
+            if works:
+                stages.append(self._powers(q, v, tau))
+            system.tau[:] = tau
+            if plan.force is not None:
+                system.tau[:] += external_torque(at, q)
+            if discrete:
+                for _, torque in self._torques(q, v):
+                    system.tau[:] += torque
+
+        def power(when: float) -> dict[str, Any]:
+            asked(system, when, state.q.copy(), state.v.copy())
+            return stages.pop()
+
+        if law is not None and feedback is not None:
+            tau = given(system, t, state.q, state.v)
+            wanted, made = law(state.q.copy(), state.v.copy(), tau, own)
+            held = wanted if feedback.held else None
+            after |= {name: x.reshape(own[name].shape) for name, x in made.items() if name not in feedback.integrated}
+            now = self._after_half(law, h, state, tau, now)
+        first = power(t) if works else {}
+        self._advance(system._replace(torque=asked), t, h, state)  # type: ignore[misc]
+        if not observed or system.status[0] != OK:
+            return
+        self.family.observe(system, t + h, state)
+        if works:
+            ends = [first, power(t + h)]
+            weights = WEIGHTS.get(plan.method, (0.5, 0.5))
+            used = ends if plan.method not in WEIGHTS else stages[-len(weights) :]
+            for x in works:
+                after[x.name] = own[x.name] + h * sum(c * y[x.name] for c, y in zip(weights, used, strict=True))
+        if law is not None and feedback is not None:
+            now = self._after_half(law, h, state, given(system, t + h, state.q, state.v), now)
+            after |= {name: now[name] for name in feedback.integrated}
+        self._put(after)
+
+    def _after_half(self, law: Any, h: float, state: State, tau: Array, own: dict[str, Any]) -> dict[str, Any]:
+        """The states of a law after half a step of theirs alone, by the midpoint rule."""
+        assert self.plan.feedback is not None
+        q, v, moved = state.q.copy(), state.v.copy(), self.plan.feedback.integrated
+
+        def after(part: float, slope: dict[str, Any]) -> dict[str, Any]:
+            return {**own, **{x: own[x] + part * slope[x].reshape(own[x].shape) for x in moved}}
+
+        return after(0.5 * h, law(q, v, tau, after(0.25 * h, law(q, v, tau, own)[1]))[1])
+
+    def _powers(self, q: Any, v: Any, tau: Any) -> dict[str, Any]:
+        """Powers by names of states of work."""
+        found = {work.TORQUE.name: tau * v, **{name: x * v for name, x in self._torques(q, v)}}
+        if work.EXTERNAL in self.plan.work:
+            found[work.EXTERNAL.name] = external_torque(self.at, q) * v
+        return found
+
+
+def rates_of(
+    plan: Plan, recorder: Recorder, sample: int = 0
+) -> Callable[[int, float, Array, Array, Array, Array], tuple[Array, Array]]:
+    """``(step, t, q, v, states, tau) -> a, rates of the states``, flat, for SciPy's methods. It may raise."""
+    model, constrained = plan.model, plan.constrained
+    at, names, works = Computed(model, {}), [x.name for x in recorder.states.arguments], plan.work
+    feedback, table = plan.feedback, joint_table(model)
+    system = System(None, None, None, getattr(table, numba_kernels.TABLE), *(None,) * 5, np.zeros(3))
+
+    def rates(step: int, t: float, q: Array, v: Array, x: Array, tau: Array) -> tuple[Array, Array]:
+        assert len(table.bodies)  # kept as long as kernels read its memory
+        at.begin(system, t)
+        at.given.update(plan.given(sample, step), **{DT.name: recorder.steps.dt})
+        if plan.force is not None:
+            at.given[FEXT.name] = forces_at(plan.force, t, q, v, (model.njoints, 6))
+        found: dict[str, Any] = {}
+        if feedback is not None:
+            states = dict(zip(names, recorder.states.views(x), strict=True))
+            wanted, found = feedback.law(at)(q, v, tau, states)
+            tau = tau + wanted
+        found[work.TORQUE.name] = tau * v
+        if work.EXTERNAL in works:
+            found[work.EXTERNAL.name] = external_torque(at, q) * v
+        for effect in plan.effects:
+            made = effect.torque(at, q, v)
+            if made is not None and effect.work is not None:
+                found[effect.work.name] = made * v
+                tau = tau + made
+        if constrained is None:
+            a = calls["aba"](model, q, v, tau, at.given.get(FEXT.name))
+        else:
+            a = np.empty(model.nv)
+            force = constrained.accelerate(at, q, v, tau, a)
+            if work.CONSTRAINTS in works:
+                found[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
+        return a, np.concatenate([np.empty(0), *(found[name].ravel() for name in names)])
+
+    return rates

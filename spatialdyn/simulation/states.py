@@ -1,0 +1,98 @@
+"""States that a run carries beside q and v: bristles of friction, a control law's own states, the work of each kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.arguments import as_array, core_shape
+from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..model.model import Model
+from ..recursions.spec import Argument
+from .effects.control import OWN_INPUT
+
+Array = NDArray[Any]
+HIDDEN = ("violation", "contact_residual", "contact_record")  # states that a caller does not see
+
+
+@dataclass(frozen=True)
+class RunStates:
+    """The states of a run.
+
+    arguments  of each, as a step names them, in the order in which they lie side by side
+    shapes     of each
+    starts     (samples or 1, entries) of each, flat
+    """
+
+    arguments: tuple[Argument, ...] = ()
+    shapes: tuple[tuple[int, ...], ...] = ()
+    starts: tuple[Array, ...] = field(default=(), repr=False)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the states, as a caller knows them."""
+        return [x.name.removeprefix(OWN_INPUT) for x in self.arguments]
+
+    @property
+    def slices(self) -> list[slice]:
+        """Where each is in their row."""
+        ends = np.cumsum([0, *(math.prod(x) for x in self.shapes)]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def size(self) -> int:
+        """Entries of all of them."""
+        return sum(math.prod(x) for x in self.shapes)
+
+    def views(self, row: Array) -> list[Array]:
+        """The states (..., *shape) in rows (..., size)."""
+        return [row[..., at].reshape(row.shape[:-1] + x) for at, x in zip(self.slices, self.shapes, strict=True)]
+
+    def shown(self, row: Array) -> dict[str, Array]:
+        """The states in rows (..., size) by name, but for those that are a run's own affair."""
+        return {name: x for name, x in zip(self.names, self.views(row), strict=True) if name not in HIDDEN}
+
+
+def run_states(
+    model: Model, arguments: Sequence[Argument], static: Sequence[Any], given: Any, samples: int | None = None
+) -> RunStates:
+    """The states of a run, from the starts that are given, {name: array} or None, or from those of the arguments.
+
+    samples  of a rollout, whose starts may have an axis of them
+
+    Raises  SimulationError for two states of one name, and for a start of a state that there is none; ShapeError,
+            NonFiniteError naming a start.
+    """
+    names = [x.name.removeprefix(OWN_INPUT) for x in arguments]
+    if len(set(names)) < len(names):
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        raise SimulationError(f"two states of the run are named {twice}, expected different names")
+    if given is not None and not isinstance(given, Mapping):
+        raise SimulationError(f"states are {given!r}, expected a dict of arrays by name")
+    known = [name for name in names if name not in HIDDEN]
+    for name in given or {}:
+        if name not in known:
+            listed = f"some of {', '.join(known)}" if known else "none: this run has no states beside q and v"
+            raise SimulationError(f"states have {name}, expected {listed}")
+    shapes = tuple(core_shape(model, x, static) for x in arguments)
+    starts = []
+    for name, x, shape in zip(names, arguments, shapes, strict=True):
+        value = (given or {}).get(name)
+        if value is None:
+            starts.append(np.full((1, math.prod(shape)), x.start, np.float64))
+            continue
+        start = as_array(f"state {name}", value)
+        single = start.shape == shape
+        if not (single or (samples is not None and start.shape == (samples, *shape))):
+            wanted = f"{shape}" if samples is None else f"{shape} or {(samples, *shape)}"
+            raise ShapeError(f"state {name} has shape {start.shape}, expected {wanted}")
+        if not np.isfinite(start).all():
+            raise NonFiniteError(f"state {name} is {start.tolist()}, expected finite numbers")
+        starts.append(start.reshape((1 if single else start.shape[0], -1)).copy())
+    return RunStates(tuple(arguments), shapes, tuple(starts))

@@ -1,0 +1,294 @@
+"""A step of a run with all that acts in it: one source for recorded numbers and for floats.
+
+A state with a rate goes through the methods of ``explicit`` beside v: they move w = (v, states) by its derivative, so
+it has the order of the method. Others change at the end of a step. Where an effect finds the velocities after a step
+(contacts, dry friction), the step is that of ``semi_implicit_euler`` with those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..calls.dynamics import calls
+from ..engines.programs.tracer import scratch
+from ..recursions import SPECS
+from ..recursions.aba import WORK, aba
+from ..recursions.configuration import integrate
+from ..recursions.friction import DT
+from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
+from . import explicit
+from .arithmetic import Arithmetic, Recorded
+from .effects import work
+from .effects.constraints import Constrained
+from .effects.contacts import Contact
+from .effects.control import Feedback
+from .effects.effect import Effect, find
+from .effects.external import external_torque
+from .methods import EXPLICIT_METHODS
+from .system import OK, State, System, held_torque
+
+Power = Mapping[str, Any]
+Works = tuple[Argument, ...]
+
+
+def advance(
+    acting: tuple[Effect, ...], works: Works, at: Any, method: Callable[..., None], system: System, t: Any, h: Any,
+    state: State, own: Power,
+) -> Power:  # fmt: skip
+    """A step of a method of ``explicit``: moves q and w of the state; returns the states carried after it, by name.
+
+    works  the states of work that are recorded
+    own    the states carried at the beginning, by name
+    """
+    feedback, constrained = find(acting, Feedback), find(acting, Constrained)
+    free = partial(free_of, acting, works, at, system.kernels)
+    law = None if feedback is None else feedback.law(at)
+    moving = (*(() if feedback is None else feedback.integrated), *(x.name for x in works if x != work.PROJECTION))
+    whole = Acting(free, law, feedback is not None and feedback.held, moving)
+    solver = next((x for x in reversed(acting) if x.solves), None)
+    after: Power = own
+    if solver is not None:
+        system.torque(system, t, state.q, state.w)
+        at.given.update(own, q=state.q.copy(), v=state.w.copy(), dt=h)
+
+        def solve(tau: Any) -> Any:
+            ahead, changed, forces = solver.solve(at, acting, tau)
+            if work.EXTERNAL in works and work.EXTERNAL.name not in forces:
+                forces[work.EXTERNAL.name] = external_torque(at, at.given["q"])
+            return ahead, changed, forces
+
+        state.w[:], after = carry_solved(solve, h, state.q, state.w, system.tau.copy(), own, whole)
+        explicit.move(system, t, times(h, state.w), state)
+    elif own or law is not None:
+        after = carry(method, system, t, h, state, own, whole)
+    else:
+        method(system._replace(kernels=system.kernels._replace(accelerate=lambda *x: free(*x)[0])), t, h, state)
+    if constrained is not None and (at.recorded or _sound(system, state)):
+        before = energy_of(at, state) if work.PROJECTION in works else None
+        constrained.project(at, state.q, state.w, find(acting, Contact) is None)
+        if before is not None:
+            name = work.PROJECTION.name
+            after = {**after, name: after[name] + (energy_of(at, state) - before)}
+    return after
+
+
+def free_of(
+    acting: tuple[Effect, ...], works: Works, at: Any, kernels: Any, system: System, q: Any, v: Any, a: Any
+) -> tuple[int, Power]:
+    """Writes the acceleration of all but the control law; returns a status, and powers by name of states of work."""
+    tau = system.tau
+    powers = {work.TORQUE.name: tau * v}
+    if work.EXTERNAL in works:
+        powers[work.EXTERNAL.name] = external_torque(at, q) * v
+    constrained = None
+    for effect in acting:
+        made = effect.torque(at, q, v)
+        if made is not None and effect.work is not None:
+            powers[effect.work.name] = made * v
+            tau = tau + made
+        if isinstance(effect, Constrained):
+            constrained = effect
+    if constrained is None:
+        return kernels.accelerate(system._replace(tau=tau, kernels=kernels), q, v, a), powers
+    force = constrained.accelerate(at, q, v, tau, a)
+    if work.CONSTRAINTS in works:
+        powers[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
+    return OK, powers
+
+
+def _sound(system: System, state: State) -> bool:
+    return bool(system.status[0] == OK and np.isfinite(state.q).all() and np.isfinite(state.w).all())
+
+
+def energy_of(at: Arithmetic, state: State) -> Any:
+    """T + V [J], but for a constant."""
+    if not at.recorded:
+        q, v, model = np.array(state.q), np.array(state.w), at.model  # type: ignore[attr-defined]
+        return float(calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q))
+    (T,) = at.evaluate(SPECS["kinetic_energy"], q=state.q, v=state.w).values()
+    (U,) = at.evaluate(SPECS["potential_energy"], q=state.q).values()
+    return T + U
+
+
+# --- states that are carried ----------------------------------------------------------------------------
+
+
+class Acting(NamedTuple):
+    """What acts in a step that carries states.
+
+    free        ``(system, q, v, a) -> status, powers``: writes the acceleration of all but the law; powers by name of
+                states of work
+    law         ``(q, v, tau, states) -> tau, made``: the control law, made are the rates or ends of its states; or None
+    held        whether the law's torque is that of the beginning of the step
+    integrated  names of the states that have rates
+    """
+
+    free: Callable[[System, Any, Any, Any], tuple[int, Power]]
+    law: Callable[[Any, Any, Any, Power], tuple[Any, Power]] | None
+    held: bool
+    integrated: tuple[str, ...]
+
+
+def carry(
+    advance: Callable[..., None], system: System, t: Any, h: Any, state: State, own: Power, acting: Acting
+) -> dict[str, Any]:
+    """A step of a method of ``explicit``: moves q and w of the state, and returns the states after it, by name.
+
+    own  the states at the beginning, by name
+    """
+    n, kernels, torque = len(state.w), system.kernels, system.torque
+    ends, at = {}, {}
+    begun = None
+    if acting.law is not None:
+        torque(system, t, state.q, state.w)
+        begun, made = acting.law(state.q, state.w, system.tau, own)
+        ends = {name: x for name, x in made.items() if name not in acting.integrated}
+    size = n
+    for name in acting.integrated:
+        at[name] = slice(size, size + own[name].size)
+        size = at[name].stop
+    w = np.concatenate([state.w, *(own[name].ravel() for name in acting.integrated)])
+
+    def states(w: Any) -> dict[str, Any]:
+        return {**own, **{name: w[part].reshape(own[name].shape) for name, part in at.items()}}
+
+    def accelerate(system: System, q: Any, w: Any, a: Any) -> int:
+        v, tau = w[:n], system.tau
+        rates: Power = {}
+        if acting.law is not None:
+            wanted, rates = acting.law(q, v, tau, states(w))
+            tau = tau + (begun if acting.held else wanted)
+        code, powers = acting.free(system._replace(tau=tau, kernels=kernels), q, v, a[:n])
+        for name, part in at.items():
+            a[part] = powers[name] if name in powers else rates[name]
+        return code
+
+    def moved(table: Any, q: Any, u: Any, out: Any) -> int:
+        code: int = kernels.integrate(table, q, u[:n], out)
+        return code
+
+    def turning(table: Any, u: Any, w: Any, out: Any) -> int:
+        code: int = kernels.displacement_rate(table, u[:n], w[:n], out[:n])
+        return code
+
+    def drive(system: System, t: float, q: Any, w: Any) -> None:
+        torque(system, t, q, w[:n])
+
+    wide = kernels._replace(accelerate=accelerate, integrate=moved, displacement_rate=turning)
+    both = State(state.q, w, w, state.stage, None, np.zeros((10, size), w.dtype))
+    advance(system._replace(kernels=wide, torque=drive), t, h, both)
+    state.w[:] = w[:n]
+    return {**states(w), **{name: x.reshape(own[name].shape) for name, x in ends.items()}}
+
+
+def times(h: Any, x: Any) -> Any:
+    """h x of an array: a recorded number times an array is none."""
+    return np.array([h * y for y in x.flat], x.dtype).reshape(x.shape)
+
+
+def carry_solved(
+    solve: Callable[[Any], tuple[Any, dict[str, Any], Any]], h: Any, q: Any, v: Any, tau: Any, own: Power,
+    acting: Acting,
+) -> tuple[Any, dict[str, Any]]:  # fmt: skip
+    """A step whose velocities are solved for with friction: v⁺, and the states after it, by name.
+
+    solve  ``tau -> v⁺, friction's own states, forces`` that do work, by the names of their states of work: torques, or
+           functions of the way h (v + v⁺)/2 that return the work
+
+    A law acts by its torque at the beginning. An impulse h f that changes v to v⁺ does the work h f (v + v⁺)/2, which
+    is exact for a constant mass matrix.
+    """
+    made: Power = {}
+    if acting.law is not None:
+        wanted, made = acting.law(q, v, tau, own)
+        tau = tau + wanted
+    after, solved, forces = solve(tau)
+    found = {**own, **solved}
+    for name, x in made.items():
+        x = x.reshape(own[name].shape)
+        found[name] = own[name] + times(h, x) if name in acting.integrated else x
+    way = times(0.5 * h, v + after)
+    for name, force in {work.TORQUE.name: tau, **forces}.items():
+        if name in own:
+            found[name] = own[name] + (force(way) if callable(force) else force * way)
+    return after, found
+
+
+# --- recorded -------------------------------------------------------------------------------------------
+
+
+class _Kernels(NamedTuple):
+    """The functions that the methods call: the recursions themselves, on rows of a table."""
+
+    accelerate: Callable[..., int]
+    integrate: Callable[..., int]
+    displacement_rate: Callable[..., int]
+
+
+def _accelerate(system: System, q: Any, v: Any, a: Any) -> int:
+    n = len(a)
+    aba(system.table, scratch(WORK, n + 1), q, v, system.tau, system.fext, a, np.zeros(n, object))
+    return OK
+
+
+def _integrate(rows: Any, q: Any, v: Any, out: Any) -> int:
+    integrate(rows, q, v, out)
+    return OK
+
+
+def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
+    explicit.rate_of_displacement(rows, u, v, out)
+    return OK
+
+
+@lru_cache(maxsize=256)  # laws come and go
+def step_specs(
+    method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True
+) -> tuple[Spec, ...]:
+    """Specs of the positions, the velocities and the states carried after a step, by states, dt, tau and the effects.
+
+    forced  whether there is a torque tau
+
+    The states carried come third, in inputs and among the Specs.
+    """
+    own = (*(x for effect in acting for x in effect.states), *works)
+
+    def after(rows: Any, inputs: dict[str, Any]) -> tuple[Any, ...]:
+        at = Recorded(rows, dict(inputs))
+        q, v = inputs["q"].copy(), inputs["v"].copy()
+        tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
+        for effect in acting:
+            tau = effect.held_torque(at, q, v, tau)
+        kernels = _Kernels(_accelerate, _integrate, _displacement_rate)
+        system = System(kernels, held_torque, None, rows, None, inputs.get(FEXT.name), None, None, tau, None)
+        state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
+        carried: Power = {x.name: inputs[x.name] for x in own}
+        carried = advance(acting, works, at, EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, carried)
+        return state.q, state.w, *(carried[x.name] for x in own)
+
+    beside = (x for effect in acting for x in effect.inputs)
+    given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)
+    given = tuple(replace(x, optional=False) for x in given)
+    names = [x.name for x in given]
+
+    def state_after(k: int) -> Callable[..., None]:
+        def recursion(rows: Any, *arrays: Any) -> None:
+            arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False)))[k]
+
+        return recursion
+
+    feedback = find(acting, Feedback)
+    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
+    return tuple(
+        Spec(
+            f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
+            "A step of a rollout.", "see explicit", regroup=feedback is None or feedback.spec.regroup,
+            composed=True,
+        )
+        for k, x in enumerate((Q, V, *own))
+    )  # fmt: skip
