@@ -5,8 +5,8 @@
 
 Each robot of ``tests/combinations.py``, each effect and each pair of effects, by each method, by ``simulate`` and
 explicit ones by ``rollout`` of two samples. The versions run in processes of their own. A combination that ran before
-has to run and to have the same bits; those that were refused are counted. Without --compiled Numba is off: steps are those of the
-recursions in Python, and programs run in NumPy, the same operations in the same order.
+has to run and to have the same bits; those that were refused are counted. Without --compiled Numba is off: steps are
+those of the recursions in Python, and programs run in NumPy, the same operations in the same order.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,6 @@ from ..simulation import Trajectory, integrators, simulate
 from ..simulation.effects.friction import STEPPED, WAYS
 from ..simulation.energy import scale_of
 from ..simulation.ledger import EnergyLedger, energy_ledger
-from ..simulation.methods import EXPLICIT_METHODS, SCIPY_METHODS
 from ..simulation.scene import Scene, couplers_of
 from ..simulation.trajectory import ARRAY_FILES
 from .printing import shown
@@ -55,12 +55,14 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--record", type=int, metavar="K", help="record every K-th step (default: 10 000 samples at most)"
     )
     parser.add_argument(
+        "--scene", metavar="FILE",
+        help="what acts on the robot: a TOML file, see sd.Scene.from_toml; the options below are added to it",
+    )  # fmt: skip
+    parser.add_argument(
         "--friction", nargs="?", const="", metavar="NAME=X,...",
         help="joint friction and damping of the URDF act, but for these coefficients of sd.Friction",
     )  # fmt: skip
-    parser.add_argument(
-        "--friction-method", choices=WAYS, default=WAYS[0], help=f"how friction acts (default: {WAYS[0]})"
-    )
+    parser.add_argument("--friction-method", choices=WAYS, help=f"how friction acts (default: {WAYS[0]})")
     parser.add_argument("--limits", action="store_true", help="joints stop at their position limits")
     parser.add_argument(
         "--constraints", metavar="FILE",
@@ -90,31 +92,26 @@ def _run(arguments: argparse.Namespace) -> int:
     page = _check_save(arguments.save)
     if page or arguments.view:
         viser_module()  # raises before the simulation where it is missing
+    text = None if arguments.scene is None else _text("--scene", arguments.scene)
+    coupled = arguments.constraints is not None or (text is not None and "[[constraint]]" in text)
     with shown("reading", "robots", arguments.quiet):
-        model = load(arguments, mimic=arguments.constraints is None)
+        model = load(arguments, mimic=not coupled)
         compile_calls(model, ("kinetic_energy", "potential_energy"))  # else Ctrl-C has to wait for them
-    friction, constraints = _friction(model, arguments), _constraints(model, arguments.constraints)
-    works = friction is not None or constraints is not None or arguments.limits
+    scene = _scene(model, text, arguments)
+    works = any(name != "springs" for name in scene.acts)
     if arguments.ledger and not works:
         raise SpatialDynError(
-            "--ledger was given, expected --friction, --limits or --constraints beside it: no other work is done"
+            "--ledger was given, expected --scene, --friction, --limits or --constraints beside it: no other work is "
+            "done"
         )
-    works = works and arguments.method in (None, *EXPLICIT_METHODS, *SCIPY_METHODS)
-    q0 = _start(model, constraints, arguments)
+    q0 = _start(model, scene.constraints, arguments)
     v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None
     with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
         warnings.simplefilter("always")
         try:
             run = simulate(
-                Scene(
-                    model,
-                    friction=friction,
-                    friction_method=arguments.friction_method,
-                    constraints=constraints,
-                    stabilization=arguments.stabilization,
-                    limits=arguments.limits,
-                ),
+                scene,
                 q0,
                 np.zeros(model.nv) if v0 is None else v0,
                 arguments.duration,
@@ -126,15 +123,15 @@ def _run(arguments: argparse.Namespace) -> int:
         except SimulationInterrupt as interrupt:
             run, stopped = interrupt.trajectory, interrupt
     ledger = energy_ledger(run) if works else None
-    for line in _report(model, run, ledger, arguments.limits):
+    for line in _report(model, run, ledger, scene.limits):
         print(line)
     for warning in caught:
         print(f"note    {str(warning.message).replace('friction=True', '--friction')}")
     if arguments.save:
         if page:
             with notes():
-                scene = view(run)
-            scene.save(arguments.save)
+                drawn = view(run)
+            drawn.save(arguments.save)
         else:
             _write("--save", arguments.save, run.save)
         print(f"saved   {arguments.save}")
@@ -149,8 +146,8 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"written {arguments.report}")
     if arguments.view and stopped is None:
         with notes():
-            scene = view(run)
-        keep_open(scene)
+            drawn = view(run)
+        keep_open(drawn)
     if stopped is not None:
         raise stopped  # ``main`` reports it in one line
     return 0
@@ -183,6 +180,15 @@ def _start(model: Model, constraints: Constraints | None, arguments: argparse.Na
     return q0 if constraints is None else close_loops(model, constraints, q0)
 
 
+def _scene(model: Model, text: str | None, arguments: argparse.Namespace) -> Scene:
+    """The scene of the file and the options. Raises SpatialDynError."""
+    scene = Scene(model) if text is None else Scene.from_toml(model, text)
+    changes: dict[str, Any] = {"friction": _friction(model, arguments), "friction_method": arguments.friction_method}
+    changes |= {"constraints": _constraints(model, arguments.constraints), "stabilization": arguments.stabilization}
+    changes |= {"limits": arguments.limits or None}
+    return scene.with_(**{name: x for name, x in changes.items() if x is not None})
+
+
 def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
     """The friction of the options, None for none. Raises SpatialDynError."""
     if arguments.friction is None:
@@ -201,14 +207,19 @@ def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
     return Friction.of(model, **changes)
 
 
+def _text(option: str, path: str) -> str:
+    """The text of a file. Raises SpatialDynError."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpatialDynError(f"{option} is {path!r}, which cannot be read: {error}") from None
+
+
 def _constraints(model: Model, path: str | None) -> Constraints | None:
     """The constraints of a TOML file, None for none. Raises SpatialDynError."""
     if path is None:
         return None
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"--constraints is {path!r}, which cannot be read: {error}") from None
+    text = _text("--constraints", path)
     found = Constraints.of_toml(model, text)
     couplers = couplers_of(model)
     return Constraints(model, [*found, *couplers]) if couplers else found

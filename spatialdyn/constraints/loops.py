@@ -119,6 +119,8 @@ def close_loops(
     here = np.array(as_array("q", q))
     if here.shape != (model.nq,):
         raise ShapeError(f"q has shape {here.shape}, expected ({model.nq},)")
+    if not np.isfinite(here).all():
+        raise NonFiniteError(f"q is {here.tolist()}, expected finite numbers")
     moving = _moving(model, free)
     phi, damping = constraint_error(model, constraints, here), 1e-3
     for _ in range(TRIALS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +13,11 @@ from .effects import of_structure
 from .states import HIDDEN
 from .steps import step_specs
 
-if TYPE_CHECKING:
-    from .scene import Scene
-
 STEP = "semi_implicit_euler"  # the method whose operations are counted: it takes every scene
 
 
 @lru_cache(maxsize=64)
-def operations(scene: Scene) -> int | None:
+def operations(scene: Any) -> int | None:
     """Operations of a recorded step of semi_implicit_euler; None for a robot too long for a program."""
     acting = of_structure(scene)
     specs, tables = step_specs(STEP, acting), tuple(x for effect in acting for x in effect.tables)
@@ -30,7 +27,7 @@ def operations(scene: Scene) -> int | None:
     return int(sum(counts.values()))
 
 
-def described(scene: Scene, defaults: Mapping[str, Any]) -> str:
+def described(scene: Any, defaults: Mapping[str, Any]) -> str:
     """The text; defaults of the options that are not None where nothing acts."""
     whole, model = operations(scene), scene.model
     rows = [("step of semi_implicit_euler", "-" if whole is None else f"{whole} operations", "")]
@@ -52,7 +49,7 @@ def described(scene: Scene, defaults: Mapping[str, Any]) -> str:
     )
 
 
-def _options(scene: Scene, name: str) -> str:
+def _options(scene: Any, name: str) -> str:
     """How an effect acts."""
     if name == "constraints" and scene.constraints is not None:
         way = "projection" if scene.stabilization is None else f"stabilization {scene.stabilization:g} s"
@@ -62,7 +59,7 @@ def _options(scene: Scene, name: str) -> str:
         count = len(scene.contacts)
         return f"{count} point{'s' * (count != 1)} on a {type(scene.contacts.terrain).__name__}"
     if name == "friction":
-        return scene.friction_method
+        return str(scene.friction_method)
     if name == "limits":
         count = int((np.isfinite(scene.model.lower) | np.isfinite(scene.model.upper)).sum())
         return f"of {count} coordinate{'s' * (count != 1)}"

@@ -105,7 +105,7 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
 
 
 def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array], Any]) -> Callable[..., None]:
-    """``asks`` that also writes external forces to the System, of a function of (t, q, v)."""
+    """A torque of a System beside which external forces are written to it, of a function of (t, q, v)."""
 
     def ask(system: Any, t: float, q: Any, v: Any) -> None:
         asks(system, t, q, v)

@@ -13,8 +13,9 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.arguments import check_model
 from ..calls.files import check_ending
-from ..errors import SpatialDynError
+from ..errors import ModelError, SpatialDynError
 from ..model.model import Model
 from .contact_record import ContactRecord
 
@@ -28,7 +29,7 @@ AXES = (1, 2, 2, 2, 2, 1)  # of each
 WORDS = {"method": str, "dt": float, "robot": str, "interrupted": bool}
 STATE, CONTACT = "state ", "contact "  # before the names of states in a file, and of what was recorded of contacts
 SPRINGS = "spring_energy"
-SCENE = "scene"  # its TOML text and the key of its model, as bytes
+SCENE = "scene"  # the key of its model and its TOML text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +46,7 @@ class Trajectory:
     method, dt   name of the method, its step [s]
     robot        name of the model
     interrupted  whether Ctrl-C ended the simulation
-    model        the Model; None after ``load``, as a file holds numbers only
+    model        the Model; None after ``load`` without one
     states       {name: (N, ...)}  states that the run carried beside q and v: "bristles" (N, nv) of LuGre friction
                  [rad | m], those of a control law, and work [J] if it was recorded
     contacts     ContactRecord of these times, None unless asked for
@@ -93,7 +94,9 @@ class Trajectory:
         )
 
     def save(self, path: str | PathLike[str] | IO[bytes]) -> None:
-        """Write everything but the model to a file in NumPy's npz format, which ``Trajectory.load`` reads.
+        """Write everything but the robot to a file in NumPy's npz format, which ``Trajectory.load`` reads.
+
+        The scene is written as its TOML text, with a digest of its robot.
 
         path  a name that ends in .npz, or a file open for writing bytes
 
@@ -106,6 +109,8 @@ class Trajectory:
             parts |= {CONTACT + part: x for part, x in self.contacts._asdict().items()}
         if self.spring_energy is not None:
             parts[SPRINGS] = self.spring_energy
+        if self.scene is not None:
+            parts[SCENE] = np.array([self.scene.model.key, self.scene.to_toml()])
         try:
             with nullcontext(path) if hasattr(path, "write") else open(path, "wb") as file:
                 np.savez_compressed(file, allow_pickle=False, **parts)
@@ -113,12 +118,17 @@ class Trajectory:
             raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> Trajectory:
+    def load(cls, path: str | PathLike[str], model: Model | None = None) -> Trajectory:
         """The Trajectory in a file written by ``save``.
 
-        Raises SpatialDynError if the file cannot be read, is damaged or holds something else.
+        model  the robot, as a file holds none: with it the trajectory has its ``model`` and ``scene``
+
+        Raises SpatialDynError if the file cannot be read, is damaged or holds something else; ModelError for a model
+        that is not that of the run.
         """
         name = _file_name(path)
+        if model is not None:
+            check_model(model)
         try:
             parts = _read(name)
             values: list[Any] = [*(parts.pop(x) for x in ARRAYS), *(parts.pop(x).item() for x in WORDS)]
@@ -128,11 +138,19 @@ class Trajectory:
             touched = {x.removeprefix(CONTACT): parts.pop(x) for x in [*parts] if x.startswith(CONTACT)}
             contacts = ContactRecord(**touched) if touched else None
             made = replace(made, states=states, contacts=contacts, spring_energy=springs)
+            key, text = _scene_of(parts.pop(SCENE, None))
             _check_parts(made, parts)
         except Exception as error:  # of damaged bytes zipfile, zlib and NumPy raise much that they do not document
             why = f"it has no part {error}" if isinstance(error, KeyError) else error or type(error).__name__
             raise SpatialDynError(f"{path!r} holds no trajectory: {why}") from error
-        return made
+        if model is None:
+            return made
+        if key is None or key != model.key:
+            what = f'a run of robot "{made.robot}"' if key is not None else "no scene"
+            raise ModelError(f'{path!r} holds {what}, expected one of this model "{model.name}" with its numbers')
+        from .scene import Scene
+
+        return replace(made, model=model, scene=Scene.from_toml(model, text))
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame: time as index, columns q0 ..., v0 ..., p0 ..., tau0 ..., energy, NAME0 ... of states."""
@@ -196,6 +214,15 @@ def _read(path: str | PathLike[str]) -> dict[str, Array]:
     with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
         found = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
     return {name: np.lib.format.read_array(data, allow_pickle=False) for name, data in found.items()}
+
+
+def _scene_of(part: Array | None) -> tuple[str | None, str]:
+    """The key of the model of a run and the text of its scene; None without one."""
+    if part is None:
+        return None, ""
+    if part.dtype.kind != "U" or part.shape != (2,):
+        raise ValueError(f"scene is {part.dtype} of shape {part.shape}, expected two texts")
+    return str(part[0]), str(part[1])
 
 
 def _check_parts(run: Trajectory, unknown: Mapping[str, Array]) -> None:

@@ -673,16 +673,34 @@ def test_simulate_holds_the_constraints_of_a_file(tmp_path: Path, capsys: pytest
     assert "projection" not in out
 
 
+def test_simulate_takes_a_scene_of_a_file_beside_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, kept = tmp_path / "scene.toml", str(tmp_path / "run.npz")
+    path.write_text(
+        '[friction]\nviscous = 0.2\n[contacts]\npoints = {tip = 0.05}\nterrain = {kind = "plane", height = -2.5}'
+    )
+    options = ["--scene", str(path), "--limits", "--duration", "0.5", "--dt", "1e-3", "--q0", "1.2,0.3", "--save", kept]
+    status, out, err = run(capsys, "simulate", "two_link", *options)
+    assert (status, err) == (0, "")
+    assert "work    friction -" in out
+    model = sd.load_urdf("two_link", mimic=True)
+    ground = sd.Contacts(model, {"tip": 0.05}, terrain=sd.Plane(height=-2.5))
+    scene = sd.Scene(model, friction=sd.Friction(viscous=0.2), contacts=ground, limits=True)
+    assert Trajectory.load(kept, model).scene == scene
+    wanted = sd.simulate(scene, [1.2, 0.3], [0.0, 0.0], 0.5, 1e-3)
+    np.testing.assert_array_equal(Trajectory.load(kept).q, wanted.q)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--scene", "nowhere.toml"], "--scene is 'nowhere.toml', which cannot be read"),
         (["--friction", "coulomb"], "--friction has 'coulomb', expected NAME=NUMBER"),
         (["--friction", "dry=1"], "--friction has dry, expected some of coulomb, viscous"),
         (["--friction", "coulomb=-1"], 'friction of joint "joint1": coulomb is -1'),
         (["--friction", "--method", "rk4"], 'method is "rk4" and friction acts'),
         (["--constraints", "nowhere.toml"], "--constraints is 'nowhere.toml', which cannot be read"),
         (["--stabilization", "0.1"], "stabilization is 0.1, expected None: no constraints are given"),
-        (["--ledger", "x.png"], "--ledger was given, expected --friction, --limits or --constraints beside"),
+        (["--ledger", "x.png"], "--ledger was given, expected --scene, --friction, --limits or --constraints"),
         (
             ["--limits", "--method", "rk4"],
             'method is "rk4" and limits act, expected one of semi_implicit_euler',

@@ -192,6 +192,8 @@ def test_a_loop_that_cannot_close_is_named() -> None:
         sd.close_loops(closed, pin_of(closed), q, tolerance=0)
     with pytest.raises(sd.ShapeError, match=r"q has shape \(1, 3\), expected \(3,\)"):
         sd.close_loops(closed, pin_of(closed), q[None])
+    with pytest.raises(sd.NonFiniteError, match=r"q is \[0.0, nan, 0.0\], expected finite numbers"):
+        sd.close_loops(closed, pin_of(closed), [0.0, np.nan, 0.0])
 
 
 def test_a_weld_half_a_turn_off_is_not_closed() -> None:

@@ -225,3 +225,19 @@ def test_a_wrong_text_is_refused_by_its_key(text: str, words: str) -> None:
         sd.Scene.from_toml(ARM, text)
     with pytest.raises(sd.SimulationError, match="TOML is a int, expected its text"):
         sd.Scene.from_toml(ARM, 3)  # type: ignore[arg-type]
+
+
+def test_a_printed_scene_says_what_acts_what_it_costs_and_what_takes_it() -> None:
+    lines = str(sd.Scene(ARM, friction=DRY, limits=True, fext=PUSH)).splitlines()
+    assert lines[0] == "Scene of two_link: friction, limits, fext"
+    whole = int(lines[1].split()[-2])
+    assert whole > 300
+    without = int(str(sd.Scene(ARM, friction=DRY, fext=PUSH)).splitlines()[1].split()[-2])
+    assert f"  limits {whole - without:+d}".split() == lines[3].split()[:2]
+    assert lines[-3].split() == ["states", "q", "(2),", "v", "(2)"]
+    assert lines[-2].split() == ["methods", "semi_implicit_euler"]
+    bare = str(sd.Scene(ARM)).splitlines()
+    assert bare[0] == "Scene of two_link: nothing acts"
+    assert bare[-1].split() == ["by", "default", "rk4"]
+    bent = sd.Friction(0.1, bristle_stiffness=100.0, bristle_damping=1.0)
+    assert "v (2), bristles" in str(sd.Scene(ARM, friction=bent, friction_method="lugre"))

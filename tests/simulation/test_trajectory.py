@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scenes
+from combinations import options, robot, start
 
 import spatialdyn as sd
 
@@ -134,3 +136,21 @@ def test_a_number_is_no_file(run: sd.Trajectory) -> None:
     finally:
         os.close(reading)
         os.close(writing)
+
+
+@pytest.mark.parametrize("effect", ["couplers", "contacts", "lugre", "current", "fext", "limits"])
+def test_a_file_has_the_scene_of_the_run(tmp_path: Path, effect: str) -> None:
+    model = robot("arm")
+    scene = sd.Scene(model, **{"friction": False, **options(model, effect)})
+    run = sd.simulate(scene, *start(model), 5e-3, 1e-3)
+    run.save(tmp_path / "run.npz")
+    read = sd.Trajectory.load(tmp_path / "run.npz", robot("arm"))
+    assert read.scene == scene
+    again = sd.simulate(read.scene, *start(model), 5e-3, 1e-3)
+    np.testing.assert_array_equal(again.q, read.q)
+    assert sd.Trajectory.load(tmp_path / "run.npz").scene is None
+    with pytest.raises(sd.ModelError, match='holds a run of robot "arm", expected one of this model "arm" with its nu'):
+        sd.Trajectory.load(tmp_path / "run.npz", model.with_(gravity=(0, 0, 0)))
+    replace(run, scene=None).save(tmp_path / "bare.npz")
+    with pytest.raises(sd.ModelError, match="holds no scene"):
+        sd.Trajectory.load(tmp_path / "bare.npz", model)
