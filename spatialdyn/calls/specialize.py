@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike
 from ..errors import SpatialDynError
 from ..model.model import Frame, Model
 from .promise import Promise
-from .specialize_request import Names, read_request
+from .specialize_request import Names, check_derivative, read_request
 from .specialized import Specialized, check_program, of_request
 
 
@@ -72,8 +72,11 @@ def specialize(
 ) -> Specialized | Promise:
     """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
 
-    model     Model
-    calls     a public call such as ``sd.rnea``, or several, whose common subexpressions are computed once
+    model     Model; for ``sd.step`` also a Scene
+    calls     a public call such as ``sd.rnea``, or several, whose common subexpressions are computed once. Or
+              ``sd.step``, or ``functools.partial(sd.step, method="rk4")``: all that acts in the scene becomes a part of
+              the program, its coefficients constants; inputs are q, v, states, dt and tau, and results end in "_after".
+              With dtype, fixed and derivative alone
     dtype     float64, or float32: of inputs and results; see ``Specialized`` for its range
     fixed     constant inputs of the calls, folded into the program: name -> a number, an array of the input's shape, or
               {joint name: its value}; in the last case the input keeps the other joints' entries, in their order.
@@ -118,6 +121,16 @@ def specialize(
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
     constants = {} if fixed is None else fixed
+    if (reader := getattr(calls.func if isinstance(calls, partial) else calls, "request", None)) is not None:
+        rest = {"inputs": inputs or None, "outputs": outputs, "frame": frame, "constraints": constraints}
+        named = [name for name, x in {**rest, "tolerance": tolerance}.items() if x is not None]
+        if named:
+            raise SpatialDynError(f"{named[0]} is given, expected none with a step")
+        stepped = of_request(
+            reader(model, calls, dtype, constants, check_derivative(derivative, dtype)), specialize,
+            (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical, constraints, derivative),
+        )  # fmt: skip
+        return stepped if derivative is None else check_program(stepped, f"derivative={derivative!r}")
     given = (inputs, outputs, frame, reference, classical, constraints)
     request = read_request(model, calls, dtype, constants, *given, derivative=derivative)
     if tolerance is not None:

@@ -146,19 +146,16 @@ def read_request(
 ) -> SpecializeRequest:
     """The request of ``specialize``'s arguments, or of ``bounded``'s. Raises as they do."""
     check_model(model)
-    if derivative is not None and not (isinstance(derivative, str) and derivative in ("jvp", "vjp")):
-        raise SpatialDynError(f'derivative is {derivative!r}, expected "jvp", "vjp" or None')
-    if derivative is not None and _dtype(dtype) != np.float64:
-        raise SpatialDynError("dtype is float32, expected float64 with a derivative: a tangent may be beyond its range")
+    check_derivative(derivative, dtype)
     specs = specs_of(calls)
     optional, names, chosen = _inputs(model, inputs, specs)
-    constants = _fixed(model, fixed, specs)
+    constants = constants_of(model, fixed, [x for spec in specs for x in spec.present if not x.static])
     present = optional | {name for name in constants if constants[name].any()}
     specs = tuple(numba_kernels.variant(spec, frozenset(present & {x.name for x in spec.present})) for spec in specs)
     given = {x.name: x for spec in specs for x in spec.present}
     static = [x.name for x in given.values() if x.static]
     values = static_of(model, static, frame, reference, classical, constraints)
-    if constraints is not None and _dtype(dtype) != np.float64:
+    if constraints is not None and dtype_of(dtype) != np.float64:
         raise SpatialDynError(
             "dtype is float32, expected float64 with constraints: rounding leaves 1e-7 of a dependent equation's "
             "pivot, as 3e-4 rad from a branch point do of an independent one's"
@@ -167,7 +164,7 @@ def read_request(
         model=model,
         specs=specs,
         several=bounds or derivative is not None or not callable(calls),
-        dtype=_dtype(dtype),
+        dtype=dtype_of(dtype),
         arguments=tuple(x for x in given.values() if not x.static),
         static=values,
         constants={name: x for name, x in constants.items() if name in given},
@@ -176,11 +173,23 @@ def read_request(
         output_places=_output_places(model, outputs, specs, tuple(values.values())),
         bounds=bounds,
         derivative=derivative or "",
-        exact_inputs=as_flag("exact_inputs", exact_inputs) and _dtype(dtype) == np.float32,
+        exact_inputs=as_flag("exact_inputs", exact_inputs) and dtype_of(dtype) == np.float32,
     )
 
 
-def _dtype(dtype: DTypeLike) -> np.dtype:
+def check_derivative(derivative: Any, dtype: DTypeLike) -> str | None:
+    """The argument ``derivative``. Raises SpatialDynError."""
+    if derivative is None:
+        return None
+    if not isinstance(derivative, str) or derivative not in ("jvp", "vjp"):
+        raise SpatialDynError(f'derivative is {derivative!r}, expected "jvp", "vjp" or None')
+    if dtype_of(dtype) != np.float64:
+        raise SpatialDynError("dtype is float32, expected float64 with a derivative: a tangent may be beyond its range")
+    return derivative
+
+
+def dtype_of(dtype: DTypeLike) -> np.dtype:
+    """float64 or float32. Raises SpatialDynError for another."""
     found = None
     if dtype is None or isinstance(dtype, (str, type, np.dtype)):  # np.dtype takes any object with a dtype
         with suppress(TypeError, ValueError, SyntaxError):
@@ -254,9 +263,12 @@ def _payload(model: Model, where: str) -> Parameter:
     return Parameter("payload", tips[0].row, parameters.place(np.eye(4)))
 
 
-def _fixed(model: Model, fixed: Mapping[str, Any], specs: tuple[Spec, ...]) -> dict[str, NDArray[np.float64]]:
-    """Flat constants of each fixed input, NaN where the entry stays an input."""
-    known = {x.name: x for spec in specs for x in spec.present if not x.static}
+def constants_of(model: Model, fixed: Any, arguments: Sequence[Argument]) -> dict[str, NDArray[np.float64]]:
+    """Flat constants of each fixed input of these, NaN where the entry stays an input.
+
+    Raises SpatialDynError, ModelError, ShapeError, ConfigurationError, as ``specialize``.
+    """
+    known = {x.name: x for x in arguments}
     if not isinstance(fixed, Mapping):
         raise SpatialDynError(f"fixed is a {type(fixed).__name__}, expected a mapping of names to values")
     found = {}

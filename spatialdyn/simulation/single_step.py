@@ -17,6 +17,7 @@ from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
 from .rollouts import rollout
 from .scene import Scene
+from .scene_program import step_request
 
 Array = NDArray[Any]
 
@@ -101,6 +102,9 @@ def step(
     if not run.states:
         return after
     return (*after, {name: x.reshape(batch + x.shape[1:]) for name, x in run.states.items()})
+
+
+setattr(step, "request", step_request)  # noqa: B010  of ``specialize``, whose room is below
 
 
 def _rows(x: Array, batch: tuple[int, ...], count: int) -> Array:
