@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import check_model
 from ..calls.dynamics import checked_call
-from ..errors import ModelError
 from ..model.model import Model
 from ..recursions.springs import SPRING_ENERGY, SPRING_TORQUE
 
@@ -32,7 +31,6 @@ def spring_torque(model: Model, q: ArrayLike, v: ArrayLike | None = None, out: A
     Returns tau (..., nv): torques to add to those of the motors [N m | N]; 0 of a model without springs.
     Raises
         ShapeError for shapes that do not match, or an out that overlaps an input
-        ModelError for mimic joints
         NaN in a sample gives NaN in what depends on it, in no other sample.
 
     >>> import spatialdyn as sd
@@ -41,7 +39,7 @@ def spring_torque(model: Model, q: ArrayLike, v: ArrayLike | None = None, out: A
     >>> sd.spring_torque(model, [0.1, 50 * 0.13])
     array([ 3.  , -0.06])
     """
-    _refuse_mimics(model)
+    check_model(model)
     made: Array = checked_call(SPRING_TORQUE, model, (q, v), (), out)
     return made
 
@@ -56,10 +54,5 @@ def spring_energy(model: Model, q: ArrayLike, out: Any = None) -> Any:
     Returns V (...) [J].
     Raises  as ``spring_torque``.
     """
-    _refuse_mimics(model)
+    check_model(model)
     return checked_call(SPRING_ENERGY, model, (q,), (), out)
-
-
-def _refuse_mimics(model: Model) -> None:
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for springs')

@@ -90,7 +90,8 @@ class Computed:
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """See ``Arithmetic``."""
         known = {**self.given, **more}
-        if self.once or (self.model.mimic_matrix is not None and spec.work is not None):
+        walks = spec.work is not None or not spec.composed  # the tree: kernels have rows of independent joints alone
+        if self.once or (self.model.mimic_matrix is not None and walks):
             plain = {name: x.rows if isinstance(x, StaticTable) else x for name, x in known.items()}
             with np.errstate(all="ignore"):
                 made = _evaluated(spec, self.rows, plain)

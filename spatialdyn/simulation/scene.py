@@ -17,14 +17,13 @@ from ..constraints.contact_points import Contacts, check_contacts
 from ..constraints.dynamics import stabilization_time
 from ..constraints.kinds import CouplerConstraint
 from ..constraints.table import Constraints, check_constraints
-from ..errors import ModelError, NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
 from . import constrained_variational, rattle, scene_toml
 from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
 from .effects.motor import CURRENT
-from .effects.springs import has_springs
 from .methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
 
 Array = NDArray[np.float64]
@@ -120,8 +119,6 @@ class Scene:
             "limits": as_flag("limits", limits), "motor": None if motor is None else check_motor(model, motor),
             "drive": drive, "fext": None if fext is None else _forces(model, fext),
         }  # fmt: skip
-        if has_springs(model) and model.mimic_matrix is not None:
-            raise ModelError(f'model "{model.name}" has springs and mimic joints, expected one of them (mimic=False)')
         for name, value in {**given, "effects": effects}.items():
             object.__setattr__(self, name, value)
 
@@ -189,7 +186,7 @@ class Scene:
     def acts(self) -> tuple[str, ...]:
         """Names of what acts: of ``EFFECTS``, and "springs"."""
         found = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
-        return (*found, "springs") if has_springs(self.model) else tuple(found)
+        return (*found, *(x.name for x in self.effects if x.name == "springs"))
 
     @property
     def touching(self) -> Contacts:

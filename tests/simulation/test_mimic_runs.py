@@ -24,8 +24,8 @@ EXPLICIT = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
 FIXED = [name for name, x in sd.integrators.items() if x.family is not None]
 
 
-def gripper(mimic: bool = True) -> sd.Model:
-    """An arm with two fingers, one a slider, that follow a third by other ratios."""
+def gripper(mimic: bool = True, springs: bool = False) -> sd.Model:
+    """An arm with two fingers, one a slider, that follow a third by other ratios; a spring drives that one."""
     builder = sd.ModelBuilder("gripper").add_body("arm", axis=(0, 1, 0), inertia=BODY, joint_name="lift", damping=0.1)
     builder.add_body("wrist", "arm", axis=(1, 0, 0), inertia=BODY, joint_name="turn", placement=_at(0.0, 0.0, -0.4))
     first = {"damping": 0.05, "friction": 0.02, "limits": (-0.4, 0.4)}
@@ -46,6 +46,8 @@ def gripper(mimic: bool = True) -> sd.Model:
     )
     slide = {"leader": "grip", "multiplier": 0.2}
     builder.add_body("jaw", "index", "prismatic", axis=(1, 0, 0), inertia=FINGER, joint_name="jaw", mimic=slide)
+    if springs:
+        builder.add_series_elastic("grip", 3.0, 0.01, 2e-5, 20.0)
     return builder.build(mimic=mimic)
 
 
@@ -108,6 +110,34 @@ def test_external_forces_act_on_the_whole_tree() -> None:
     ours, theirs = run(MODEL, "rk4", fext=push), run(FREE, "rk4", fext=push)
     assert abs(ours.q[-1, SAME] - theirs.q[-1, OWN]).max() < COUPLED
     assert abs(ours.q[-1] - run(MODEL, "rk4").q[-1]).max() > 1e-4
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "variational"])
+def test_springs_drive_joints_that_lead_others(method: str) -> None:
+    """As on the free tree under couplers; their torques and energy are its."""
+    ours, theirs = gripper(True, True), gripper(False, True)
+    couplers, rotor = sd.Constraints(theirs, COUPLERS), "grip_rotor"
+
+    def placed(model: sd.Model, x: Array, of_grip: float, tree: sd.Model) -> Array:
+        made = np.zeros(model.nv)
+        for joint in tree.joints[1:]:
+            if tree is FREE or joint.mimic is None:
+                made[model.joint(joint.name).idx_v] = x[joint.idx_v]
+        made[model.joint(rotor).idx_v] = of_grip
+        return made
+
+    q, v = placed(ours, Q0, 20.0 * Q0[2] + 0.5, MODEL), placed(ours, V0, 20.0 * V0[2], MODEL)
+    whole_q, whole_v = whole(Q0, V0)
+    whole_q, whole_v = placed(theirs, whole_q, 20.0 * Q0[2] + 0.5, FREE), placed(theirs, whole_v, 20.0 * V0[2], FREE)
+    assert sd.spring_energy(ours, q) == pytest.approx(sd.spring_energy(theirs, whole_q), rel=1e-12)
+    mine = sd.simulate(sd.Scene(ours, friction=False), q, v, 0.03, 5e-4, method)
+    other = sd.simulate(sd.Scene(theirs, friction=False, constraints=couplers), whole_q, whole_v, 0.03, 5e-4, method)
+    names = ("lift", "turn", "grip", rotor)
+    places = [[model.joint(name).idx_v for name in names] for model in (ours, theirs)]
+    assert abs(mine.q[:, places[0]] - other.q[:, places[1]]).max() < 100 * COUPLED * abs(other.q).max()
+    np.testing.assert_allclose(mine.energy - mine.energy[0], other.energy - other.energy[0], atol=1e-7)
+    many = sd.rollout(sd.Scene(ours, friction=False), q, v, dt=5e-4, steps=60, method=method)
+    np.testing.assert_allclose(many.q, mine.q[1:], rtol=1e-12)
 
 
 def test_a_rollout_is_many_simulations() -> None:

@@ -65,19 +65,23 @@ def check_springs(model: Model, method: str, q: Array, dt: float) -> None:
     )
 
 
+def _pull(model: Model, i: int) -> Array:
+    """(nv,) by which the stretch θ/n - q of the spring of row i grows with each velocity."""
+    b, pull = model.bodies[i], np.zeros(len(model.bodies) - 1)
+    pull[i - 1], pull[b["spring"] - 1] = b["gear"], -1.0
+    return pull if model.mimic_matrix is None else pull @ model.mimic_matrix
+
+
 def _frequency(model: Model, M: Array, i: int) -> float:
     """k (1/I + 1/n²J) of the spring of row i, I and J the entries on the diagonal of M."""
-    b = model.bodies[i]
-    return float(b["stiffness"] * (1.0 / M[b["spring"] - 1, b["spring"] - 1] + b["gear"] ** 2 / M[i - 1, i - 1]))
+    return float(model.bodies[i]["stiffness"] * (_pull(model, i) ** 2 / np.diagonal(M)).sum())
 
 
 def largest_factor(model: Model, method: str, q: Array, h: float) -> float:
     """The largest magnitude by which a step h multiplies a motion of v̇ = -M⁻¹ (K x + D v), M that at q."""
     n, K, D = model.nv, np.zeros((model.nv, model.nv)), np.zeros((model.nv, model.nv))
     for i in np.flatnonzero(model.bodies["spring"]):
-        b = model.bodies[i]
-        pull = np.zeros(n)
-        pull[i - 1], pull[b["spring"] - 1] = b["gear"], -1.0
+        b, pull = model.bodies[i], _pull(model, int(i))
         K += b["stiffness"] * np.outer(pull, pull)
         D += b["spring_damping"] * np.outer(pull, pull)
     Minv = np.asarray(calls["minverse"](model, q))
