@@ -38,7 +38,7 @@ from .plan import Plan, forces_of
 from .recorder import Recorder, Steps
 from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
 from .states import run_states
-from .torques import Torque, torque_of
+from .torques import Torque, check_force, torque_of
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -241,6 +241,7 @@ def _varying(scene: Scene, fext: Any, total: int) -> tuple[Array | None, Any]:
     """
     model = scene.model
     if callable(fext):
+        check_force(fext)
         if scene.fext is None:
             return np.zeros((1, 1, 6 * model.njoints)), fext
         base = scene.fext

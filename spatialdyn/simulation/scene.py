@@ -260,7 +260,12 @@ def scene_of(given: Any) -> Scene:
     """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
     if isinstance(given, Scene):
         return given
-    return Scene(check_model(given))
+    return _bare(check_model(given))
+
+
+@functools.lru_cache(maxsize=64)
+def _bare(model: Model) -> Scene:
+    return Scene(model)
 
 
 def couplers_of(model: Model) -> list[CouplerConstraint]:

@@ -75,7 +75,9 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
 
 def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, Array, Array], None]:
     """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` as the latter; f gets copies of q and v, which it may keep."""
-    writes = _takes(function, 4) and not _takes(function, 3)
+    writes = not _takes(function, 3)
+    if isinstance(function, type) or (writes and not _takes(function, 4)):
+        raise SimulationError(f"torque is {function!r}, expected a function f(t, q, v) -> tau or f(t, q, v, tau)")
 
     def ask(t: float, q: Array, v: Array, tau: Array) -> None:
         if writes:
@@ -102,6 +104,12 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
     except ValueError:
         return count == 3
     return True
+
+
+def check_force(force: Callable[..., Any]) -> None:
+    """Raise SimulationError for a function of external forces that takes no (t, q, v)."""
+    if isinstance(force, type) or not _takes(force, 3):
+        raise SimulationError(f"fext is {force!r}, expected a function f(t, q, v) -> (njoints, 6)")
 
 
 def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array], Any]) -> Callable[..., None]:

@@ -79,7 +79,8 @@ def check(name: str, chosen: list[tuple[str, ...]], path: Path) -> None:
     for k, effects in enumerate(chosen):
         try:
             model, given = case(name, effects)
-        except sd.ModelError as error:
+            scenes.split(model, given)
+        except (sd.ModelError, sd.SimulationError) as error:
             wrong += [] if any(re.search(x, str(error)) for x in REASONS) else [(effects, str(error))]
             continue
         for method in methods(k):
