@@ -25,14 +25,12 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
-from .adaptive import run_adaptive
+from .driver import run_sample
 from .effects import of_run
 from .effects.control import Control, Feedback, check_control, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
 from .energy import exploded, scale_of
-from .fixed_steps import run_fixed
-from .kernel_steps import rates_of
 from .methods import Method, integrators
 from .plan import Plan, forces_of
 from .recorder import Recorder, Steps
@@ -304,11 +302,7 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         asked = torque_of(torque, model.nv, steps)
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with reporting(run.progress, "simulate") as report:
-            if method.family is None:
-                jumps = any(x.shape[1] > 1 for x in plan.values.values())
-                run_adaptive(recorder, q, v, asked, report, run.tolerances, rates_of(plan, recorder), jumps)
-            else:
-                run_fixed(plan, recorder, (q, v, p), asked, report)
+            run_sample(plan, recorder, (q, v, p), asked, report, tolerances=run.tolerances)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(run.control, interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
