@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
-from .adaptive import run_adaptive
 from .fixed_steps import FixedSteps
 from .kernel_steps import rates_of
 from .methods import integrators
@@ -36,6 +35,8 @@ def run_sample(
 ) -> None:  # fmt: skip
     """Run one sample from (q, v, p) and record it. Raises SimulationError, KeyboardInterrupt with what is recorded."""
     if recorder.method.family is None:
+        from .adaptive import run_adaptive
+
         jumps = any(x.shape[1] > 1 for x in plan.values.values())
         rates = rates_of(plan, recorder, sample)
         run_adaptive(recorder, start[0], start[1], torque, report, tolerances, rates, jumps)
@@ -87,7 +88,7 @@ def _alone(
     plan: Plan, carried: RunStates, state: list[Array], held: Array, records: list[Array],
     steps: tuple[float, int, int], sample: int,
 ) -> str:  # fmt: skip
-    """Run a sample as ``simulate`` does and write its records; NaN from where it fails. Returns why, "" if it does not."""
+    """Run a sample as ``simulate`` does and write its records, NaN from where it fails; returns why, "" otherwise."""
     (dt, total, every), (q, v, *own), lost = steps, state, ""
     if not all(np.isfinite(x).all() for x in state):
         for made in records:

@@ -135,11 +135,12 @@ def simulate(
     warn_of_friction(scene, "simulate")
     wanted = _Wanted.of(record)
     check_law(check_control(control), chosen.name)
-    p = calls["momentum"](model, q, v)
-    if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
-        calls["velocity_from_momentum"](model, q, p)
-    else:
-        calls["aba"](model, q, v, np.zeros(model.nv))
+    p = v
+    if chosen.family is not None and chosen.family.moves == "p":
+        p = calls["momentum"](model, q, v)
+        calls["velocity_from_momentum"](model, q, p)  # raises InertiaError at a singular M
+    elif model.nq != model.nv:
+        calls["potential_energy"](model, q)  # raises ConfigurationError naming the joint
     run = _Run(scene, (q, v, p), chosen, wanted, progress, (rtol, atol), control, states)
     return _run(run, duration, dt, torque, fext)
 
@@ -309,6 +310,8 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         stopped.trajectory = trajectory
         raise stopped from interrupt
     except SimulationError as error:
+        if recorder.at[0] == 0 and not recorder.moves_p:
+            calls["aba"](model, q, v, np.zeros(model.nv))  # raises InertiaError naming the joint
         error.trajectory = recorder.trajectory(run.control)
         raise
     trajectory = recorder.trajectory(run.control)
