@@ -4,18 +4,24 @@ With M = LᵀD L as sparse as the tree, Y = J L⁻¹ takes one sweep towards the
 inertia that the constraints feel is G = Y D⁻¹ Yᵀ (Delassus' matrix). The pivot of a row in G is what is left of it once
 the rows before are taken out. It is compared with the trace of G over the constraint's own equations, which no choice
 of axes or units changes: one equation of a planar loop may be nothing but rounding.
+
+Where a row may depend on others, and a pivot is not clear of 0, rows are to be chosen first (``independent_rows``), and
+given: the residual is then at least UNSURE. In a motion they are chosen at the beginning of a step and kept through its stages, which
+leave the constraints by the error of the step, so that no pivot is rounding there.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..algebra.euclidean import Mat3, Vec
 from ..algebra.records import table_dtype
-from ..algebra.scalars import EPS, inline, sqrt
+from ..algebra.scalars import EPS, exceeds, inline, sqrt
 from ..algebra.spatial import Force, Inertia, Pose
 from ..bodies.constraint_table import TERM
 from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_error, write_jacobian
 from .crba import crba
-from .dense import factor_dropping, quotient, solve_backward, solve_forward
+from .dense import choose_rows, factor_chosen, factor_dropping, quotient, solve_backward, solve_forward
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -32,6 +38,10 @@ WORK = table_dtype(
     o=Vec,
 )
 DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
+CLEAR = 1e-4  # relative pivot above which a row in its given order is far from those before it
+TINY = 1e-7  # relative pivot below which a row may depend on others but for what a pivot that is not clear adds to it
+UNSURE = 2.0  # added to a residual, itself at most 1, where a row may depend on others and a pivot is not clear
+RISEN = 1e-6  # relative pivot of a row left out that is no error of a step: 1e-3 rad from a branch point
 
 
 @inline
@@ -44,6 +54,7 @@ def constrained_motion(
     fext: Matrix,
     constraints: Record,
     rate: Vector,
+    chosen: Vector,
     a: Vector,
     force: Vector,
     residual: Vector,
@@ -61,7 +72,7 @@ def constrained_motion(
 
     residual (1)  of the rows that dropped out, relative: 0 if they agree with the others
     rank (1)      how many rows are independent
-    L, Y, G, gamma, error, size and kept are scratch; fext and rate may be None
+    L, Y, G, gamma, error, size and kept are scratch; fext, rate and chosen, of ``independent_rows``, may be None
     """
     n = len(bodies) - 1
     crba(bodies, work, q, L)
@@ -75,7 +86,7 @@ def constrained_motion(
     for i in range(n):
         pivots[i] = L[i, i]
         a[i] = tau[i] - a[i]
-    respond(bodies, constraints, L, Y, G, gamma, size, kept, a, force, residual, rank)
+    respond(bodies, constraints, chosen, L, Y, G, gamma, size, kept, a, force, residual, rank)
 
 
 @inline
@@ -99,6 +110,7 @@ def constraint_response(
     q: Config,
     rhs: Vector,
     constraints: Record,
+    chosen: Vector,
     change: Vector,
     force: Vector,
     residual: Vector,
@@ -113,7 +125,7 @@ def constraint_response(
 ) -> None:
     """The least change x of velocities (nv), in kinetic energy, with J x = rhs (nc), and its impulse: M x = Jᵀ force.
 
-    residual (1) and rank (1) as of ``constrained_motion``; L, Y, G, gamma, size and kept are scratch.
+    chosen, residual (1) and rank (1) as of ``constrained_motion``; L, Y, G, gamma, size and kept are scratch.
     """
     crba(bodies, work, q, L)
     factor_tree(bodies, L)
@@ -124,7 +136,33 @@ def constraint_response(
         change[i] = 0.0
     for k in range(len(gamma)):
         gamma[k] = -rhs[k]
-    respond(bodies, constraints, L, Y, G, gamma, size, kept, change, force, residual, rank)
+    respond(bodies, constraints, chosen, L, Y, G, gamma, size, kept, change, force, residual, rank)
+
+
+@inline
+def independent_rows(
+    bodies: Bodies, work: Work, q: Config, constraints: Record, known: Number, chosen: Vector, rank: Vector,
+    pivots: Vector, L: Matrix, Y: Matrix, G: Matrix, size: Vector, column: Vector, best: Vector,
+) -> None:  # fmt: skip
+    """Equations to keep, chosen (nc) of 1 and 0, by elimination with the largest pivot; rank (1), how many.
+
+    With a known rank at most so many are kept, and the rank is larger where one that is left out is above RISEN. L, Y,
+    G, size, column and best are scratch.
+    """
+    n, m = len(bodies) - 1, len(chosen)
+    crba(bodies, work, q, L)
+    factor_tree(bodies, L)
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, Y)
+    for i in range(n):
+        pivots[i] = L[i, i]
+    felt(bodies, L, Y, G)
+    for k in range(m):
+        size[k] = G[k, k]
+    share(constraints, size)
+    most = float(m) if known is None else known
+    count, spare = choose_rows(G, size, DEPENDENT * (n + m) * EPS, most, chosen, column, best)
+    rank[0] = count if known is None else count + exceeds(spare, RISEN)
 
 
 @inline
@@ -161,6 +199,7 @@ def felt(bodies: Bodies, L: Matrix, Y: Matrix, G: Matrix) -> None:
 def respond(
     bodies: Bodies,
     constraints: Record,
+    chosen: Vector,
     L: Matrix,
     Y: Matrix,
     G: Matrix,
@@ -175,18 +214,32 @@ def respond(
     """Solve M x = r + Jᵀ λ, J x + γ = 0 for x, in place of r, and λ = force.
 
     For a dropped row, what the solution leaves of J x + γ is measured in the norm of G, as are the accelerations
-    x₀ = M⁻¹ r and M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units.
+    x₀ = M⁻¹ r and M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units. To it UNSURE is
+    added where rows should be chosen.
 
-    L   of M, as of ``factor_tree``
-    Y   J, written: J L⁻¹
-    G, size, kept are scratch; gamma is written
+    chosen  (nc) 1 for the rows that are kept, 0 for those that are dropped; None: all but those of pivots near 0
+    L       of M, as of ``factor_tree``
+    Y       J, written: J L⁻¹
+    G, size, kept are scratch; gamma is written: what is left of dropped rows
     """
     n, m = len(bodies) - 1, len(gamma)
     felt(bodies, L, Y, G)
     for k in range(m):
         size[k] = G[k, k]
     share(constraints, size)
-    factor_dropping(G, size, DEPENDENT * (n + m) * EPS, kept)
+    unsure = 0.0
+    if chosen is None:
+        factor_dropping(G, size, DEPENDENT * (n + m) * EPS, kept)
+        small, tiny = 0.0, 0.0
+        for k in range(m):
+            inverse = G[k, k] * size[k]
+            small = small + kept[k] * exceeds(inverse, 1.0 / CLEAR)
+            tiny = tiny + (1.0 - kept[k]) + kept[k] * exceeds(inverse, 1.0 / TINY)
+        unsure = exceeds(small * tiny, 0.0)
+    else:
+        for k in range(m):
+            kept[k] = chosen[k]
+        factor_chosen(G, kept)
 
     # G λ = -γ - Y D⁻¹ L⁻ᵀ r
     solve_inward(bodies, L, x)
@@ -200,24 +253,32 @@ def respond(
         for i in range(n):
             y = y - Y[k, i] * x[i]
         gamma[k] = y
-    solve_forward(G, gamma)
-    lost = 0.0
+        force[k] = y
+    solve_forward(G, force)
     count = 0.0
     for k in range(m):
-        square = gamma[k] * gamma[k]
-        energy = energy + square * G[k, k]
-        lost = lost + (1.0 - kept[k]) * quotient(square, size[k])
+        energy = energy + force[k] * force[k] * G[k, k]
         count = count + kept[k]
-    residual[0] = sqrt(quotient(lost, lost + energy))
+    if chosen is None:
+        for k in range(m):
+            gamma[k] = force[k]
+    solve_backward(G, force, force)
     rank[0] = count
-    solve_backward(G, gamma, force)
 
     # x = L⁻¹ D⁻¹ (L⁻ᵀ r + Yᵀ λ)
     for i in range(n):
         s = 0.0
         for k in range(m):
             s = s + Y[k, i] * force[k]
-        x[i] = x[i] + s * (1.0 / L[i, i])
+        s = s * (1.0 / L[i, i])
+        if chosen is not None:
+            for k in range(m):
+                gamma[k] = gamma[k] - Y[k, i] * s
+        x[i] = x[i] + s
+    lost = 0.0
+    for k in range(m):
+        lost = lost + (1.0 - kept[k]) * quotient(gamma[k] * gamma[k], size[k])
+    residual[0] = sqrt(quotient(lost, lost + energy)) + UNSURE * unsure
     solve_outward(bodies, L, x)
 
 
@@ -241,21 +302,30 @@ RANK = Argument("rank", (), "1", "how many equations are independent")
 CHANGE = Argument("change", ("nv",), "rad/s | m/s", "change of the joint velocities")
 RHS = Argument("rhs", ("nc",), "m/s | rad/s", "wanted change of J v")
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization", optional=True)
+CHOSEN = Argument("chosen", ("nc",), "1", "1 for equations to keep, of independent_rows", optional=True)
+KNOWN = Argument("rank", (), "1", "how many equations are independent, if it is known", optional=True)
 _SOURCE = "after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree."
 _DENSE = (("nv", "nv"), ("nc", "nv"), ("nc", "nc"))
 MOTION = Spec(
-    "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE),
+    "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
     Argument("result", ("nv+nc+2",), "", "a, force, residual, rank"),
     "Forward dynamics under constraints: a, their forces, residual and rank.", _SOURCE,
     pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",), ("nc",)),
     parts=(A, FORCE, RESIDUAL, RANK),
 )  # fmt: skip
 RESPONSE = Spec(
-    "constraint_response", constraint_response, WORK, (Q, RHS, CONSTRAINTS_ARGUMENT),
+    "constraint_response", constraint_response, WORK, (Q, RHS, CONSTRAINTS_ARGUMENT, CHOSEN),
     Argument("result", ("nv+nc+2",), "", "change, impulse, residual, rank"),
     "The least change of velocities that changes J v by rhs, its impulses, residual and rank.", _SOURCE,
     pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",)),
     parts=(CHANGE, IMPULSE, RESIDUAL, RANK),
+)  # fmt: skip
+ROWS = Spec(
+    "independent_rows", independent_rows, WORK, (Q, CONSTRAINTS_ARGUMENT, KNOWN),
+    Argument("result", ("nc+1",), "", "chosen, rank"),
+    "Equations to keep, by elimination with the largest pivot, and how many are independent.", _SOURCE,
+    pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",)),
+    parts=(replace(CHOSEN, optional=False), RANK),
 )  # fmt: skip
 DELASSUS = Spec(
     "delassus", delassus, WORK, (Q, CONSTRAINTS_ARGUMENT),

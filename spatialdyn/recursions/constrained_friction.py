@@ -7,7 +7,7 @@ function of its own deflection, linear in v⁺, so the step is ``constrained_mot
 from __future__ import annotations
 
 from ..algebra.scalars import inline
-from .constrained import FORCE, RANK, RATE, RESIDUAL, WORK, respond, stabilize
+from .constrained import CHOSEN, FORCE, RANK, RATE, RESIDUAL, WORK, respond, stabilize
 from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_jacobian
 from .crba import crba
 from .friction import BRISTLES, DAMPING, DT, LAW, STIFFNESS, add_bristles
@@ -21,7 +21,7 @@ from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 def held_bristle_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number, coulomb: Vector,
     viscous: Vector, static: Vector, stribeck: Vector, stiffness: Vector, damping: Vector, constraints: Record,
-    rate: Number, ahead: Vector, bristles: Vector, force: Vector, residual: Vector, rank: Vector, pivots: Vector,
+    rate: Number, chosen: Vector, ahead: Vector, bristles: Vector, force: Vector, residual: Vector, rank: Vector, pivots: Vector,
     L: Matrix, Y: Matrix, G: Matrix, gamma: Vector, error: Vector, size: Vector, kept: Vector,
 ) -> None:  # fmt: skip
     """Velocities ahead (nv) and bristles (nv) after a step, λ = force (nc), residual (1) and rank (1).
@@ -40,7 +40,7 @@ def held_bristle_step(
         stabilize(bodies, work, q, v, constraints, rate, Y, gamma, error)
     for i in range(n):
         pivots[i] = L[i, i]
-    respond(bodies, constraints, L, Y, G, gamma, size, kept, ahead, force, residual, rank)
+    respond(bodies, constraints, chosen, L, Y, G, gamma, size, kept, ahead, force, residual, rank)
     for i in range(n):
         ahead[i] = v[i] + dt * ahead[i]
         bristles[i] = (z[i] + dt * ahead[i]) * bristles[i]
@@ -49,7 +49,7 @@ def held_bristle_step(
 _DENSE = (("nv", "nv"), ("nc", "nv"), ("nc", "nc"))
 HELD_BRISTLES = Spec(
     "held_bristle_step", held_bristle_step, WORK,
-    (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, *LAW, STIFFNESS, DAMPING, CONSTRAINTS_ARGUMENT, RATE),
+    (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, *LAW, STIFFNESS, DAMPING, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
     Argument("result", ("nv+nv+nc+2",), "", "velocities and bristles after a step, force, residual, rank"),
     "A step of the velocities under LuGre friction and constraints.", "see ``recursions.friction``",
     pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",), ("nc",)),

@@ -52,6 +52,8 @@ def advance(
     whole = Acting(free, law, feedback is not None and feedback.held, moving)
     solver = next((x for x in reversed(acting) if x.solves), None)
     after: Power = own
+    if constrained is not None:
+        constrained.begin(at, state.q)
     if solver is not None:
         system.torque(system, t, state.q, state.w)
         at.given.update(own, q=state.q.copy(), v=state.w.copy(), dt=h)
