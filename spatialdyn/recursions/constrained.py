@@ -233,8 +233,8 @@ def respond(
         small, tiny = 0.0, 0.0
         for k in range(m):
             inverse = G[k, k] * size[k]
-            small = small + kept[k] * exceeds(inverse, 1.0 / CLEAR)
-            tiny = tiny + (1.0 - kept[k]) + kept[k] * exceeds(inverse, 1.0 / TINY)
+            small = small + kept[k] * (1.0 - exceeds(1.0 / CLEAR - inverse, 0.0))
+            tiny = tiny + 1.0 - kept[k] * exceeds(1.0 / TINY - inverse, 0.0)
         unsure = exceeds(small * tiny, 0.0)
     else:
         for k in range(m):
