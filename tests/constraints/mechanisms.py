@@ -184,3 +184,21 @@ def _start(model: sd.Model, held: sd.Constraints, q: Array, rate: float) -> tupl
         q = q - np.linalg.pinv(J, rcond=1e-9) @ sd.constraint_error(model, held, q)
     free = np.linalg.svd(sd.constraint_jacobian(model, held, q))[2][-1]
     return q, rate * free / free[0]
+
+
+def slider_crank(theta: float = 0.6, rate: float = 3.0) -> tuple[sd.Model, sd.Constraints, Array, Array]:
+    """A crank and a rod of the same length, its end on a line through the crank's pivot: folded at 90 degrees.
+
+    There the slider is at the pivot, and the mechanism may go on in two ways: the slider moves through, x = 2 r cos θ,
+    or the rod turns with the crank.
+    """
+    made = sd.ModelBuilder("slider_crank")
+    made.add_body("crank", None, "revolute", (0, 0, 1), (0, 0, 0), rod(0.3))
+    made.add_body("rod", "crank", "revolute", (0, 0, 1), (0.3, 0, 0), rod(0.3))
+    made.add_body("slider", None, "prismatic", (1, 0, 0), (0, 0, 0), (0.4, (0, 0, 0), 1e-3 * np.eye(3)))
+    model = made.build(gravity=(0, 0, -G))
+    held = sd.Constraints(model, [sd.PointConstraint("rod", "slider", axes="xy", at_a=(0.3, 0, 0), name="pin")])
+    at = {"crank_joint": (theta, 1.0), "rod_joint": (-2.0 * theta, -2.0)}
+    at["slider_joint"] = 0.6 * math.cos(theta), -0.6 * math.sin(theta)
+    names = [j.name for j in model.joints[1:]]
+    return model, held, np.array([at[x][0] for x in names]), rate * np.array([at[x][1] for x in names])

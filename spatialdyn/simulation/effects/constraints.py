@@ -30,6 +30,7 @@ from ...constraints.dynamics import (
     constrained_motion,
     constraint_error,
     constraint_jacobian,
+    delassus,
     rate_terms,
     rows_to_keep,
 )
@@ -56,6 +57,7 @@ START = 1e-6  # largest |φ| [m | rad], and |J v| of its terms, of a state to st
 START_SOLVED = 1e-3  # the same of |J v| where steps find velocities with impulses: see ``impulse_step.meet``
 CONTRADICTS = 1e-4  # of the motion, what equations that depend on others miss at the beginning of a step
 LEFT = 0.1  # of what a projection closes, the most that it leaves open: it leaves the square
+BRANCHING = 1e-3  # of the largest eigenvalue of Delassus' matrix: the smallest, some .03 rad from a branch point
 LEAST_STEPS = 3.0  # of a time of stabilization; at 1 explicit methods diverge
 
 
@@ -303,9 +305,11 @@ def closed(
     settle  positions at the end with the multipliers so far
     add     adds to them what changes those positions by -φ, an impulse over a time of 1
 
-    Writes the status STALLED if φ stays. It raises ConstraintError.
+    Their slope is Delassus' matrix at q; where that does not lead there, as in a step over a branch point, the one
+    between J at the beginning and J at the end. Writes the status STALLED if φ stays. It raises ConstraintError, also
+    where it fails near a branch point.
     """
-    constraints, before, chosen = held.constraints, np.inf, held.rows(q)
+    constraints, before, chosen, exact = held.constraints, np.inf, held.rows(q), False
     for sweep in range(SWEEPS):
         ahead = settle()
         phi = constraint_error(model, constraints, ahead)
@@ -314,9 +318,28 @@ def closed(
             break
         if sweep == SWEEPS - 1:
             set_status(system, STALLED, t, size)
-        before = size
-        add(by_rows(constrained.RESPONSE, model, constraints, q, -phi, chosen)[1])
+        exact, before = exact or size >= 0.5 * before, size
+        if not exact:
+            add(by_rows(constrained.RESPONSE, model, constraints, q, -phi, chosen)[1])
+            continue
+        J, end = (constraint_jacobian(model, constraints, x)[chosen > 0.0] for x in (q, ahead))
+        impulse = np.zeros(constraints.nc)
+        impulse[chosen > 0.0] = -np.linalg.lstsq(end @ calls["minverse"](model, q) @ J.T, phi[chosen > 0.0])[0]
+        add(impulse)
+    if system.status[0] != OK:
+        _raise_if_branching(held, model, q, chosen)
     return ahead
+
+
+def _raise_if_branching(held: Constrained, model: Model, q: Array, chosen: Array) -> None:
+    """Raise ConstraintError if equations that are kept nearly depend on each other."""
+    G = delassus(model, held.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
+    values = np.linalg.eigvalsh(G)
+    if values[0] < BRANCHING * values[-1]:
+        raise ConstraintError(
+            f"{', '.join(x.label for x in held.constraints)} nearly lose rank, {int(chosen.sum())} at the beginning: "
+            "the step fails near a branch point, from which the mechanism may go several ways"
+        )
 
 
 def momentum_along(held: Constrained, model: Model, q: Array, p: Array) -> Array:
