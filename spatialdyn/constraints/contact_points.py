@@ -146,7 +146,19 @@ class Contacts:
     (('tip',), array([0.6]))
     """
 
-    __slots__ = ("_plans", "friction", "ground", "limits", "model", "names", "radii", "restitution", "sweeps", "table", "terrain")
+    __slots__ = (
+        "_plans",
+        "friction",
+        "ground",
+        "limits",
+        "model",
+        "names",
+        "radii",
+        "restitution",
+        "sweeps",
+        "table",
+        "terrain",
+    )
     model: Model
     names: tuple[str, ...]
     radii: tuple[float, ...]

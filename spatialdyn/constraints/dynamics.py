@@ -186,9 +186,7 @@ def response(
     return _parts(constrained.RESPONSE, model, constraints, out, q, rhs, check=check)
 
 
-def velocity_response(
-    model: Model, constraints: Constraints, q: ArrayLike, v: Array, rhs: Array
-) -> tuple[Any, ...]:
+def velocity_response(model: Model, constraints: Constraints, q: ArrayLike, v: Array, rhs: Array) -> tuple[Any, ...]:
     """``response`` to rhs = -(1 + e) J v, which no equations contradict but by rounding of the terms of J v."""
     change, impulse, residual, rank = response(model, constraints, q, rhs, check=False)
     if np.any(np.greater(residual, 0.0)):

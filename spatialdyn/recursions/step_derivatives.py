@@ -17,14 +17,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..algebra.euclidean import dot, neg
+from ..algebra.euclidean import add, cross, dot, neg, scale
 from ..algebra.lie import Tangent, turned_diagonal
 from ..algebra.scalars import Scalar, inline, no_inline, select
-from ..bodies.kinds import NV
-from .configuration import dintegrate, displacement_rate_derivatives, integrate, put_tangent, twist
+from ..algebra.spatial import Motion
+from ..bodies.kinds import NV, SE2, SE3
+from .configuration import (
+    dintegrate,
+    displacement_rate_derivatives,
+    integrate,
+    put_tangent,
+    put_twist,
+    twist,
+)
 from .derivatives import WORK, aba_derivatives_by_factor
 from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
-from .signatures import Array, Bodies, Config, Matrix, Vector, Work
+from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 Law = tuple[Vector, Vector, Vector, Vector]  # F_c, b, F_s and v_s of smooth friction, or None each
@@ -122,9 +130,13 @@ def semi_implicit_euler_derivatives(
     viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
     rows: Matrix, squares: Array, wide: Array,
 ) -> None:  # fmt: skip
-    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺)."""
+    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺), in joints that turn and travel as ``simulation.explicit.turn`` has it.
+
+    There x = v + h (a + ω × v) is the linear velocity in the axes of the beginning, q⁺ = q ∘ exp(h x) ∘ exp(h ω⁺), and
+    Rᵀ x the velocity after the step, R the rotation by h ω⁺.
+    """
     n, h = len(bodies) - 1, dt[0]
-    u, a, D, by_step, U = rows[0], rows[2], squares[0:3], squares[4:6], wide[0]
+    u, w, a, D, by_step, U = rows[0], rows[1], rows[2], squares[0:3], squares[4:6], wide[0]
     law = coulomb, viscous, static, stribeck
     acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, squares[3], rows[6:8])
     for i in range(n):
@@ -133,10 +145,73 @@ def semi_implicit_euler_derivatives(
             for k in range(3):
                 out[n + i, k * n + j] = h * D[k, i, j]
     _add_unit(1, out[n : 2 * n])
-    _scaled(h, out[n : 2 * n], U)
-    dintegrate(bodies, q, u, by_step)
-    _moved(bodies, by_step, U, out[:n])
+    turns = 0
+    for i in range(1, n + 1):
+        turns += 1 if travels(bodies[i]) else 0
+    if turns == 0:
+        _scaled(h, out[n : 2 * n], U)
+        dintegrate(bodies, q, u, by_step)
+        _moved(bodies, by_step, U, out[:n])
+        _put_turn(largest_turn(bodies, u, 0.0), n, out)
+        return
+    for i in range(n):
+        w[i] = v[i] + h * a[i]
+    first, moved, x, by_turn = rows[3], wide[1], wide[2], squares[6:8]
+    for i in range(n):
+        first[i] = 0.0
+    _scaled(0.0, out[n : 2 * n], U)
+    for i in range(1, n + 1):
+        b, r = bodies[i], i - 1
+        if travels(b):
+            m = twist(b, r, v)
+            put_twist(b, r, Motion(m.w, add(twist(b, r, w).v, scale(h, cross(m.w, m.v)))), D[0, 0])
+            put_tangent(
+                b, r, Tangent(turned_diagonal(0.0, scale(h, m.w)), turned_diagonal(0.0, scale(-h, m.v))), 0.0, D, 1
+            )
+            lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
+            for k in range(r, r + lengths):
+                w[k] = D[0, 0, k]
+                first[k], u[k] = h * w[k], 0.0
+                for l in range(r, r + NV[b.kind]):
+                    out[n + k, n + l] = out[n + k, n + l] + D[1, k, l]
+                for l in range(3 * n):
+                    U[k, l] = h * out[n + k, l]
+    dintegrate(bodies, q, first, by_step)
+    _moved(bodies, by_step, U, moved)  # of q ∘ exp(h x)
+    for i in range(n):
+        for l in range(3 * n):
+            x[i, l] = out[n + i, l]
+            U[i, l] = h * x[i, l] - U[i, l]  # of the rest of the displacement
+    dintegrate(bodies, q, u, by_turn)
+    _scaled(0.0, out[:n], out[:n])
+    _add_blocks(bodies, by_turn[0], moved, out[:n])
+    _add_blocks(bodies, by_turn[1], U, out[:n])
+    for i in range(1, n + 1):
+        b, r = bodies[i], i - 1
+        if travels(b):
+            lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
+            for k in range(r, r + NV[b.kind]):
+                D[0, 0, k] = 0.0
+                for l in range(r, r + lengths):
+                    D[0, 0, k] = D[0, 0, k] + by_turn[0, k, l] * w[l] if k < r + lengths else 0.0
+            after = turned_diagonal(0.0, twist(b, r, D[0, 0]).v)  # of Rᵀ x: by x, and by the angle
+            put_tangent(b, r, Tangent(after, after), 0.0, D, 1)
+            for k in range(r, r + lengths):
+                for l in range(3 * n):
+                    s = 0.0
+                    for m in range(r, r + lengths):
+                        s = s + by_turn[0, k, m] * x[m, l]
+                    for m in range(r + lengths, r + NV[b.kind]):
+                        for j in range(r + lengths, r + NV[b.kind]):
+                            s = s + D[1, k, m] * by_turn[1, m, j] * (h * x[j, l])
+                    out[n + k, l] = s
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def travels(b: Record) -> bool:
+    """Whether a joint turns and travels: it is floating or planar."""
+    return b.kind in SE3 or b.kind in SE2
 
 
 @inline

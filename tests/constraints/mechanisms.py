@@ -174,7 +174,12 @@ def double_parallelogram(rate: float = 2.0) -> tuple[sd.Model, sd.Constraints, A
     return model, held, *_start(model, held, sd.project_configuration(model, held, q), rate)
 
 
-REDUNDANT = {"bennett": bennett, "bricard": bricard, "three_cranks": three_cranks, "parallelogram": double_parallelogram}
+REDUNDANT = {
+    "bennett": bennett,
+    "bricard": bricard,
+    "three_cranks": three_cranks,
+    "parallelogram": double_parallelogram,
+}
 
 
 def _start(model: sd.Model, held: sd.Constraints, q: Array, rate: float) -> tuple[Array, Array]:

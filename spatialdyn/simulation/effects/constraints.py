@@ -244,7 +244,6 @@ class Constrained(Effect):
         for i in range(len(v)):
             v[i] = v[i] + lost
 
-
     def _check_closed(self, opened: Array, left: Array, chosen: Array) -> None:
         """Raise ConstraintError if equations stay open after a projection: |φ| before and after it."""
         least = max(START, LEFT * float(opened.max(initial=0.0)))
