@@ -215,16 +215,16 @@ class Contacts:
             for column, value in zip("xyz", axis, strict=True):
                 head["axes"][letter + column] = value
         head["height"] = flat.height
+        levels = None
         for record, row in zip(table[1:], [*rows, *stops], strict=True):
             for column, value in row.items():
                 record[column] = value
-        held["ground"] = None
         if isinstance(ground, Heightfield):
-            sizes = sorted({*held["radii"]})
-            levels = [dilated(ground.z, ground.spacing, r) for r in sizes] or [ground.z]
-            held["ground"] = heights_table(levels, ground.spacing, ground.origin)
-            table["heights"][1 : 1 + len(rows)] = [1 + sizes.index(r) * ground.z.size for r in held["radii"]]
-        for name, value in {**held, "table": StaticTable(table, SIZES), "_plans": {}}.items():
+            sizes = sorted({row["radius"] for row in rows})
+            layers = [dilated(ground.z, ground.spacing, r) for r in sizes] or [ground.z]
+            levels = heights_table(layers, ground.spacing, ground.origin)
+            table["heights"][1 : 1 + len(rows)] = [1 + sizes.index(row["radius"]) * ground.z.size for row in rows]
+        for name, value in {**held, "ground": levels, "table": StaticTable(table, SIZES), "_plans": {}}.items():
             object.__setattr__(self, name, value)
 
     def with_limits(self) -> Contacts:

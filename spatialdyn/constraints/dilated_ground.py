@@ -43,8 +43,8 @@ def dilated(z: Array, spacing: float, radius: float) -> Array:
     first, second = _slopes(z, spacing)
     g, H = first[:, at[0], at[1]], second[:, at[0], at[1]]
     grid = np.indices(z.shape)
-    start = spacing * (at - grid)  # d of the place chosen
-    e = np.zeros_like(start)
+    start: Array = np.asarray(spacing * (at - grid), np.float64)  # d of the place chosen
+    e: Array = np.zeros(start.shape)
     best = z[at[0], at[1]] + np.sqrt(radius**2 - (start**2).sum(axis=0))
     for _ in range(STEPS):
         d = start + e
@@ -59,8 +59,7 @@ def dilated(z: Array, spacing: float, radius: float) -> Array:
             -np.stack([c * slope[0] - b * slope[1], a * slope[1] - b * slope[0]]) / det,
             slope * spacing / np.maximum(np.sqrt((slope**2).sum(axis=0)), 1.0),
         )
-        e = np.clip(e + step, -0.5 * spacing, 0.5 * spacing)
-        e = _within(start, e, radius)
+        e = _within(start, np.asarray(np.clip(e + step, -0.5 * spacing, 0.5 * spacing), np.float64), radius)
     d = start + e
     level = z[at[0], at[1]] + (g * e).sum(axis=0) + 0.5 * (H[0] * e[0] ** 2 + 2 * H[1] * e[0] * e[1] + H[2] * e[1] ** 2)
     found = level + np.sqrt(np.maximum(radius**2 - (d**2).sum(axis=0), 0.0))

@@ -6,8 +6,8 @@ the rows before are taken out. It is compared with the trace of G over the const
 of axes or units changes: one equation of a planar loop may be nothing but rounding.
 
 Where a row may depend on others, and a pivot is not clear of 0, rows are to be chosen first (``independent_rows``), and
-given: the residual is then at least UNSURE. In a motion they are chosen at the beginning of a step and kept through its stages, which
-leave the constraints by the error of the step, so that no pivot is rounding there.
+given: the residual is then at least UNSURE. In a motion they are chosen at the beginning of a step and kept through its
+stages, which leave the constraints by the error of the step, so that no pivot is rounding there.
 """
 
 from __future__ import annotations

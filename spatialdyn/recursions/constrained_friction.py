@@ -21,8 +21,8 @@ from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 def held_bristle_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number, coulomb: Vector,
     viscous: Vector, static: Vector, stribeck: Vector, stiffness: Vector, damping: Vector, constraints: Record,
-    rate: Number, chosen: Vector, ahead: Vector, bristles: Vector, force: Vector, residual: Vector, rank: Vector, pivots: Vector,
-    L: Matrix, Y: Matrix, G: Matrix, gamma: Vector, error: Vector, size: Vector, kept: Vector,
+    rate: Number, chosen: Vector, ahead: Vector, bristles: Vector, force: Vector, residual: Vector, rank: Vector,
+    pivots: Vector, L: Matrix, Y: Matrix, G: Matrix, gamma: Vector, error: Vector, size: Vector, kept: Vector,
 ) -> None:  # fmt: skip
     """Velocities ahead (nv) and bristles (nv) after a step, λ = force (nc), residual (1) and rank (1).
 

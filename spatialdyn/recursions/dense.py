@@ -3,8 +3,8 @@
 A row that is a combination of the rows before leaves a pivot of 0, up to rounding. Its pivot is dropped: its unknown is
 0, and the solution of the other rows solves it too if the right side is consistent. In their given order this is sound
 where every pivot is either far from 0 or rounding: one that is small but kept may leave another row out in its place,
-and that row is met badly. ``choose_rows`` then says which rows to keep, the largest of those that remain each time. What
-is kept is positive definite, and no order harms its factor (``factor_chosen``).
+and that row is met badly. ``choose_rows`` then says which rows to keep, the largest of those that remain each time.
+What is kept is positive definite, and no order harms its factor (``factor_chosen``).
 """
 
 from __future__ import annotations

@@ -165,9 +165,8 @@ def semi_implicit_euler_derivatives(
         if travels(b):
             m = twist(b, r, v)
             put_twist(b, r, Motion(m.w, add(twist(b, r, w).v, scale(h, cross(m.w, m.v)))), D[0, 0])
-            put_tangent(
-                b, r, Tangent(turned_diagonal(0.0, scale(h, m.w)), turned_diagonal(0.0, scale(-h, m.v))), 0.0, D, 1
-            )
+            crossed = Tangent(turned_diagonal(0.0, scale(h, m.w)), turned_diagonal(0.0, scale(-h, m.v)))
+            put_tangent(b, r, crossed, 0.0, D, 1)
             lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
             for k in range(r, r + lengths):
                 w[k] = D[0, 0, k]
@@ -186,8 +185,8 @@ def semi_implicit_euler_derivatives(
     _scaled(0.0, out[:n], out[:n])
     _add_blocks(bodies, by_turn[0], moved, out[:n])
     _add_blocks(bodies, by_turn[1], U, out[:n])
-    for i in range(1, n + 1):
-        b, r = bodies[i], i - 1
+    for r in range(n):
+        b = bodies[r + 1]
         if travels(b):
             lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
             for k in range(r, r + NV[b.kind]):
@@ -199,11 +198,11 @@ def semi_implicit_euler_derivatives(
             for k in range(r, r + lengths):
                 for l in range(3 * n):
                     s = 0.0
-                    for m in range(r, r + lengths):
-                        s = s + by_turn[0, k, m] * x[m, l]
-                    for m in range(r + lengths, r + NV[b.kind]):
+                    for i in range(r, r + lengths):
+                        s = s + by_turn[0, k, i] * x[i, l]
+                    for i in range(r + lengths, r + NV[b.kind]):
                         for j in range(r + lengths, r + NV[b.kind]):
-                            s = s + D[1, k, m] * by_turn[1, m, j] * (h * x[j, l])
+                            s = s + D[1, k, i] * by_turn[1, i, j] * (h * x[j, l])
                     out[n + k, l] = s
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
 

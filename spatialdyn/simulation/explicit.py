@@ -3,7 +3,8 @@
 q moves on the joints' group, q ∘ exp(h v) in the body's frame, so quaternions keep their unit norm and no chart is
 needed. In semi-implicit steps a floating or planar joint's linear velocity is found in the axes that its body has at
 the beginning, moves it along a straight line, and is turned with the body after that: turned explicitly, by -h ω × v,
-it would grow by ½ h² ω² a step. None of the methods is symplectic once M depends on q; those of ``symplectic`` and ``variational`` are.
+it would grow by ½ h² ω² a step. None of the methods is symplectic once M depends on q; those of ``symplectic`` and
+``variational`` are.
 """
 
 from __future__ import annotations

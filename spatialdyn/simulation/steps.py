@@ -20,7 +20,7 @@ from ..calls.dynamics import calls
 from ..engines.programs.tracer import scratch
 from ..recursions import SPECS
 from ..recursions.aba import WORK, aba
-from ..recursions.configuration import integrate
+from ..recursions.configuration import integrate, twist
 from ..recursions.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
 from . import explicit
@@ -66,12 +66,12 @@ def advance(
                 forces[work.EXTERNAL.name] = external_torque(at, at.given["q"])
             return ahead, changed, forces
 
-        still, before = unturned(at, constrained, state), np.zeros(len(state.w), state.w.dtype)
+        still, nothing = unturned(at, constrained, state), np.zeros(len(state.w), state.w.dtype)
         state.w[:], after = carry_solved(solve, h, state.q, state.w, system.tau.copy(), own, whole)
         if still is None:
             explicit.move(system, t, times(h, state.w), state)
         else:
-            explicit.move_turned(system, t, h, before, state)
+            explicit.move_turned(system, t, h, nothing, state)
     elif own or law is not None:
         after = carry(method, system, t, h, state, own, whole)
     else:
@@ -121,7 +121,7 @@ def unturned(at: Arithmetic, constrained: Constrained | None, state: State) -> A
     made = np.zeros(len(state.w), state.w.dtype)
     for i in turning:
         b, r = at.rows[i], i - 1
-        m = explicit.twist(b, r, state.w)
+        m = twist(b, r, state.w)
         x = cross(m.w, m.v)
         for k, y in enumerate((x.x, x.y, x.z) if b.kind in SE3 else (x.x, x.y)):
             made = made + times(y, M[:, r + k])

@@ -19,6 +19,7 @@ from mechanisms import REDUNDANT, bennett, slider_crank, three_cranks
 
 ORDERS = {"explicit_euler": 1, "semi_implicit_euler": 1, "velocity_verlet": 2, "rk4": 4}
 SYMPLECTIC = ("stormer_verlet", "variational")
+Made = tuple[sd.Model, sd.Constraints, Array, Array]
 METHODS = (*ORDERS, *SYMPLECTIC)
 RANKS = {"bennett": 2, "bricard": 4, "three_cranks": 3, "parallelogram": 3}
 PAIRS = [(name, method) for name in REDUNDANT for method in METHODS]
@@ -31,9 +32,7 @@ ENERGY = {
 SYMPLECTIC_ENERGY = 5e-3  # [J] in steps of 4 ms: bounded, of order dt²
 
 
-def run_of(
-    made: tuple[sd.Model, sd.Constraints, Array, Array], time: float, dt: float, method: str, **more: Any
-) -> Any:
+def run_of(made: Made, time: float, dt: float, method: str, **more: Any) -> Any:
     model, held, q, v = made
     return sd.simulate(sd.Scene(model, constraints=held, **more), q, v, time, dt, method)
 
@@ -81,9 +80,7 @@ def accelerated(held: sd.Constraints, q: Array, v: Array) -> Array:
     return made
 
 
-def by_pseudo_inverse(
-    made: tuple[sd.Model, sd.Constraints, Array, Array], time: float, dt: float
-) -> tuple[Array, Array]:
+def by_pseudo_inverse(made: Made, time: float, dt: float) -> tuple[Array, Array]:
     """q and the energies of rk4 with that acceleration, projected in the same metric after each step."""
     model, held, q, v = made
 

@@ -140,14 +140,11 @@ class Constrained(Effect):
         a[:] = made["a"]
         return made["force"]
 
-    @property
-    def _time(self) -> float | None:
-        return None if self.rate is None else 1.0 / self.rate
-
     def _raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
         """Raise ConstraintError, with the names of equations that contradict others if a call finds them."""
-        held, given = self.constraints, (np.array(x, float) for x in (q, v, tau))
-        constrained_motion(held.model, held, *given, self._time, fext=_forces(at))
+        held, time = self.constraints, None if self.rate is None else 1.0 / self.rate
+        q, v, tau = (np.array(x, float) for x in (q, v, tau))
+        constrained_motion(held.model, held, q, v, tau, time, fext=_forces(at))
         raise ConstraintError(
             f"equations of {', '.join(x.label for x in held)} contradict each other by {residual:.2g} of the "
             "motion, expected fewer constraints, or a state that meets them"
