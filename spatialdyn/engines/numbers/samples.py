@@ -96,9 +96,9 @@ def _select(x: Samples, positive: Any, otherwise: Any) -> Samples:
     return Samples(np.where(x.x > 0.0, _array(positive), _array(otherwise)))
 
 
-def _bilinear(x: Any, y: Any, rows: Any) -> tuple[Samples, ...]:
+def _bilinear(x: Any, y: Any, rows: Any, first: int) -> tuple[Samples, ...]:
     x, y = np.broadcast_arrays(_array(x), _array(y))
-    found = np.array([heights.bilinear(*at, rows) for at in zip(x.tolist(), y.tolist(), strict=True)], F8)
+    found = np.array([heights.bilinear(*at, rows, first) for at in zip(x.tolist(), y.tolist(), strict=True)], F8)
     return tuple(map(Samples, found.T))
 
 
