@@ -3,6 +3,16 @@
 ``FORMS`` has a row for each operation and a column for each backend, which runs or prints programs by its column alone:
 a new operation is one row, a new backend one column. The functions that record operations are registered with
 ``algebra.scalars`` in ``tracer``.
+
+A region of ``algebra.regions`` is a part of the list between two lines that compute nothing. Each value that it carries
+is a line CARRIED before it, whose value NEXT lines at the end of the region replace:
+
+    CARRIED a        a value, at first a; what reads it later reads what it holds then
+    REPEAT a         run the lines up to AGAIN while the carried value a of any sample is above 0
+    NEXT a b         the carried value a is b from here on
+    AGAIN a          back to the line REPEAT a
+
+Where a is not above 0, all b are the values that the region found: selected, so a sample does not see the others.
 """
 
 from __future__ import annotations
@@ -14,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS, UFP = range(17)
+CARRIED, REPEAT, NEXT, AGAIN = range(17, 21)  # of regions
 
 
 class Operation(NamedTuple):
@@ -27,7 +38,7 @@ class Operation(NamedTuple):
 
 
 class Form(NamedTuple):
-    """The forms of an operation on a, b, c: all codes have a row but INPUT and CONST, which compute nothing.
+    """The forms of an operation on a, b, c: all codes have a row but those that compute nothing.
 
     name           in listings; an operator is written between its operands
     arity          number of operands
@@ -133,19 +144,24 @@ FORMS: dict[int, Form] = {
         "ufp", 1, ("ufp",), _first_place, "exp2(logb({a}))", "spacing(abs({a})) * 4503599627370496.0",
         lambda t, a: t.first_place(a), None, imports="spacing",
     ),
+    CARRIED: Form("carried", 1, (), lambda a: a, "{a}", "{a}", lambda t, a: a, None, signs=True),
+}  # fmt: skip
+
+
+ARITIES: Mapping[int, int] = {  # how many lines each operation reads
+    INPUT: 0, CONST: 0, REPEAT: 1, NEXT: 2, AGAIN: 1, **{code: form.arity for code, form in FORMS.items()}
 }  # fmt: skip
 
 
 def name_of(code: int) -> str:
     """The name of an operation."""
-    leaves: Mapping[int, str] = {INPUT: "input", CONST: "const"}
+    leaves: Mapping[int, str] = {INPUT: "input", CONST: "const", REPEAT: "repeat", NEXT: "next", AGAIN: "again"}
     return FORMS[code].name if code in FORMS else leaves[code]
 
 
 def signed(op: Operation) -> tuple[int, ...]:
     """The operands of a line, as written."""
-    form = FORMS.get(op.code)
-    return (op.a, op.b, op.c)[: form.arity] if form else ()
+    return (op.a, op.b, op.c)[: ARITIES[op.code]]
 
 
 def operands(op: Operation) -> Iterator[int]:
