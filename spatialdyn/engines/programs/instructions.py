@@ -19,7 +19,6 @@ from .kernel_layout import KernelLayout
 from .operations import (
     ADD,
     AGAIN,
-    ARITIES,
     CARRIED,
     CONST,
     COS,
@@ -33,6 +32,7 @@ from .operations import (
     REPEAT,
     SIN,
     SUB,
+    arities,
 )
 from .program import Program
 from .schedule import angles, late
@@ -92,11 +92,12 @@ def opcodes() -> dict[int, int]:
     FINITE  rejects the sample unless all three values are finite
     WITHIN  rejects it unless the first value's magnitude is at most the second
     ABOVE   rejects it unless the first value is more than the second
+    CARRIED the first value read
     REPEAT  if the first value is above 0 in no sample, goes forward by the second slot read, in instructions
     AGAIN   goes back by the first slot read, in instructions
     END     ends the program
     """
-    codes = dict.fromkeys((*ARITHMETIC, *FORMS, TURN, NEGATE, FINITE, WITHIN, ABOVE, REPEAT, AGAIN, END))
+    codes = dict.fromkeys((*ARITHMETIC, *FORMS, TURN, NEGATE, FINITE, WITHIN, ABOVE, CARRIED, REPEAT, AGAIN, END))
     return {code: k for k, code in enumerate(codes)}
 
 
@@ -196,8 +197,9 @@ class _Encoder:
         """The program's rows, sine and cosine of one angle together."""
         table = self.table
         work = np.flatnonzero((table[:, 0] != INPUT) & (table[:, 0] != CONST))
-        arity = np.zeros(max(ARITIES) + 1, np.int64)
-        arity[list(ARITIES)] = list(ARITIES.values())
+        arity_of = arities()
+        arity = np.zeros(max(arity_of) + 1, np.int64)
+        arity[list(arity_of)] = list(arity_of.values())
         operands = np.where(np.arange(3) < arity[table[work, 0], None], table[work, 1:], len(self.number) - 1)
         place = 4 * np.arange(len(work))
         signs: list[Row] = []

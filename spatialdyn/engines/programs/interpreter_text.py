@@ -12,7 +12,7 @@ from . import host_cpu
 from .instructions import ABOVE, ARITHMETIC, CODE_BITS, END, FINITE, NEGATE, SIGN, TURN, WITHIN, opcodes
 from .llvm_entry import DATA_OFFSET
 from .llvm_vectors import ZERO, Vectors
-from .operations import AGAIN, FORMS, REPEAT
+from .operations import AGAIN, CARRIED, FORMS, REPEAT
 
 # Words of a context, 8 bytes each. Addresses: instructions, slots of one sample, vectors of constants, and tables of
 # (first slot, columns) for each input and (slots, columns) for each output. Numbers: of constants, inputs and outputs.
@@ -125,6 +125,8 @@ class _Text(Vectors):
             return [self.fused(self.flipped(x, self.signs[0]), y, self.flipped(z, self.signs[1]))]
         if code in FORMS:
             return [FORMS[code].llvm(self, *given)]
+        if code == CARRIED:
+            return given
         if code == TURN:
             return list(self.sincos(given[0]))
         return [self.negative(given[0])] if code == NEGATE else []
@@ -162,7 +164,7 @@ def arity(code: int) -> int:
     return (
         FORMS[code].arity
         if code in FORMS
-        else {TURN: 1, NEGATE: 1, REPEAT: 1, AGAIN: 0, ANY: 3, FINITE: 3}.get(code, 2)
+        else {TURN: 1, NEGATE: 1, CARRIED: 1, REPEAT: 1, AGAIN: 0, ANY: 3, FINITE: 3}.get(code, 2)
     )
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS, UFP = range(17)
 CARRIED, REPEAT, NEXT, AGAIN = range(17, 21)  # of regions
+REGIONS = {CARRIED: 1, REPEAT: 1, NEXT: 2, AGAIN: 1}  # how many lines they read
 
 
 class Operation(NamedTuple):
@@ -38,7 +39,7 @@ class Operation(NamedTuple):
 
 
 class Form(NamedTuple):
-    """The forms of an operation on a, b, c: all codes have a row but those that compute nothing.
+    """The forms of an operation on a, b, c: all codes have a row but those that compute nothing: INPUT, CONST, REGIONS.
 
     name           in listings; an operator is written between its operands
     arity          number of operands
@@ -144,24 +145,26 @@ FORMS: dict[int, Form] = {
         "ufp", 1, ("ufp",), _first_place, "exp2(logb({a}))", "spacing(abs({a})) * 4503599627370496.0",
         lambda t, a: t.first_place(a), None, imports="spacing",
     ),
-    CARRIED: Form("carried", 1, (), lambda a: a, "{a}", "{a}", lambda t, a: a, None, signs=True),
 }  # fmt: skip
 
 
-ARITIES: Mapping[int, int] = {  # how many lines each operation reads
-    INPUT: 0, CONST: 0, REPEAT: 1, NEXT: 2, AGAIN: 1, **{code: form.arity for code, form in FORMS.items()}
-}  # fmt: skip
+def arities() -> dict[int, int]:
+    """How many lines each operation reads."""
+    return {INPUT: 0, CONST: 0, **REGIONS, **{code: form.arity for code, form in FORMS.items()}}
 
 
 def name_of(code: int) -> str:
     """The name of an operation."""
-    leaves: Mapping[int, str] = {INPUT: "input", CONST: "const", REPEAT: "repeat", NEXT: "next", AGAIN: "again"}
+    leaves: Mapping[int, str] = {
+        INPUT: "input", CONST: "const", CARRIED: "carried", REPEAT: "repeat", NEXT: "next", AGAIN: "again"
+    }  # fmt: skip
     return FORMS[code].name if code in FORMS else leaves[code]
 
 
 def signed(op: Operation) -> tuple[int, ...]:
     """The operands of a line, as written."""
-    return (op.a, op.b, op.c)[: ARITIES[op.code]]
+    form = FORMS.get(op.code)
+    return (op.a, op.b, op.c)[: form.arity if form else REGIONS.get(op.code, 0)]
 
 
 def operands(op: Operation) -> Iterator[int]:

@@ -15,7 +15,7 @@ from . import regions
 from .operations import (
     ADD,
     AGAIN,
-    ARITIES,
+    CARRIED,
     CONST,
     FMA,
     FMS,
@@ -27,6 +27,7 @@ from .operations import (
     REPEAT,
     SUB,
     Operation,
+    arities,
     operands,
     signed,
 )
@@ -109,6 +110,8 @@ class Program:
                 what = f"input[{op.a}]"
             elif op.code == CONST:
                 what = repr(op.value)
+            elif op.code == CARRIED:
+                what = f"carried({'x' if op.a >= 0 else '-x'}{op.a if op.a >= 0 else -op.a - 1})"
             elif op.code not in FORMS:
                 a, b = f"x{op.a}", f"x{op.b}"
                 text.append({REPEAT: f"x{k}: repeat while {a} > 0", NEXT: f"{a} = {b}", AGAIN: f"again {a}"}[op.code])
@@ -135,6 +138,8 @@ class Program:
                 op = self.lines[k]
                 if op.code in FORMS:
                     x[k] = FORMS[op.code].numpy(*map(at, signed(op)))
+                elif op.code == CARRIED:
+                    x[k] = at(op.a)
                 elif op.code == NEXT:
                     x[op.a] = x[op.b]
                 elif op.code == AGAIN:
@@ -157,7 +162,7 @@ def _eliminate_dead(
     fused = _fuse_products(lines, uses) if fuse else {}
     for _, product, _ in fused.values():
         uses[product] = 0
-    arities, number = ARITIES, [0] * len(uses)
+    arity_of, number = arities(), [0] * len(uses)
     kept: list[Operation] = []
     for k, used in enumerate(uses):
         if not used:
@@ -167,7 +172,7 @@ def _eliminate_dead(
         if k in fused:
             code, product, c = fused[k]
             _, a, b, _, _ = lines[product]
-        arity = arities[code]
+        arity = arity_of[code]
         if arity:
             a = number[a] if a >= 0 else -number[-a - 1] - 1
             if arity > 1:
@@ -181,13 +186,13 @@ def _eliminate_dead(
 def _uses(lines: Sequence[Line], roots: Sequence[int]) -> list[int]:
     """How often each line is read, by lines that the roots need and as a root."""
     count = max(roots, default=-1) + 1
-    arities, uses = ARITIES, [0] * count
+    arity_of, uses = arities(), [0] * count
     for k in roots:
         uses[k] += 1
     for k in range(count - 1, -1, -1):  # a line reads earlier ones: its readers come first here
         if uses[k]:
             code, a, b, c, _ = lines[k]
-            arity = arities[code]
+            arity = arity_of[code]
             if arity:
                 uses[a if a >= 0 else -a - 1] += 1
                 if arity > 1:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ...errors import SpatialDynError
-from .operations import AGAIN, ARITIES, CARRIED, CONST, INPUT, NEXT, REPEAT
+from .operations import AGAIN, CARRIED, CONST, INPUT, NEXT, REPEAT, arities
 
 
 class Region(NamedTuple):
@@ -48,7 +48,7 @@ def uses(lines: Lines, roots: Sequence[int]) -> list[int]:
 
     Raises SpatialDynError where what a region computes is read behind it, and not carried.
     """
-    region_of = _regions_of(lines)
+    region_of, arity_of = _regions_of(lines), arities()
     following = {a: k for k, (code, a, _, _, _) in enumerate(lines) if code == NEXT}
     ends = {region.head: region.end for region in find(lines)}
     found = [0] * len(lines)
@@ -60,7 +60,7 @@ def uses(lines: Lines, roots: Sequence[int]) -> list[int]:
     while waiting:
         k = waiting.pop()
         code, a, b, c, _ = lines[k]
-        read = [x if x >= 0 else -x - 1 for x in (a, b, c)[: ARITIES[code]]]
+        read = [x if x >= 0 else -x - 1 for x in (a, b, c)[: arity_of[code]]]
         for x in read:
             found[x] += 1
             _check(lines, region_of, x, region_of[k])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from .kernel_layout import KernelLayout
-from .operations import ARITIES, CONST, FORMS, INPUT, operands
+from .operations import CONST, FORMS, INPUT, arities, operands
 from .program import Program
 
 CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE: 1500 cost a step of rk4 8 %
@@ -119,11 +119,11 @@ def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]
     """The angles in the order in which ``depth_first`` meets their readers: it enters no line all of whose angles it
     has met, which saves four fifths of its time.
     """
-    lines = program.lines
+    lines, arity_of = program.lines, arities()
     bits: dict[int, int] = {}
     below: list[int] = []  # bits of the angles that a line depends on
     for code, a, b, c, _ in lines:
-        arity = ARITIES[code]
+        arity = arity_of[code]
         found = 0
         if arity:
             found = below[a if a >= 0 else -a - 1]

@@ -201,8 +201,13 @@ class _Writer:
                     if inside and held in slots:
                         t.store_vector(value(held), "%ws", slots[held])
                 continue
-            if op.code == CARRIED and k in self.carried:
-                t.store_vector(value(op.a), "%ws", self.carried[k])
+            if op.code == CARRIED:
+                if k in self.carried:
+                    t.store_vector(value(op.a), "%ws", self.carried[k])
+                    continue
+                values[k] = value(op.a)  # no pass changes it
+                if inside and k in slots:
+                    t.store_vector(values[k], "%ws", slots[k])
                 continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
             if form.angle and op.a not in angles:

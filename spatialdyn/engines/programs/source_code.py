@@ -117,9 +117,10 @@ class SourceText:
                 statement = language.loop.format(self._at(op.a))
             elif op.code == NEXT:
                 statement = language.replaced.format(f"x{op.a} = {self._at(op.b)}")
+            elif op.code == CARRIED:
+                statement = language.carried.format(f"x{k} = {self._at(op.a)}")
             else:
-                form = language.carried if op.code == CARRIED else language.value
-                statement = form.format(f"x{k} = {self._line(op)}")
+                statement = language.value.format(f"x{k} = {self._line(op)}")
             if statement:
                 made.append("    " * depth + statement)
             depth += op.code == REPEAT
